@@ -1,0 +1,187 @@
+"""Subcommands that find what to project: compensate, compare, demo."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from dataclasses import asdict
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from compensate.comparison import Comparison, compare_methods
+from compensate.master import METHODS, Figures, Solver, compensate_frame
+from compensate.solver.admm import ADMM
+from compensate.vision.csf import LowFrequencyFloor
+from compensate.weighting import PerceptualWeighting
+from domesim.cli import Frames, Json, Master, OutFolder, Quiet, Repair, SceneName, finish
+from domesim.console import Console, each_frame
+from domesim.errors import InputError
+from domesim.frames import Frame, read_frame, write_frame
+from domesim.scene import Scene, load_scene
+from domesim.sequences import find_frames
+
+Method = Annotated[
+    str, typer.Option(help=f"What to project: {', '.join(METHODS)}.", show_default=True)
+]
+Tolerance = Annotated[
+    float,
+    typer.Option(
+        help="Perceptual: certified distance from the least visible error at which to stop."
+    ),
+]
+LowFrequencyGain = Annotated[
+    float,
+    typer.Option(
+        help="Perceptual: how much coarse errors count, 0..1 of the most visible ones. Low values "
+        "give up the black level for detail, 1 comes close to subtraction."
+    ),
+]
+
+
+def compensate(
+    master: Master,
+    scene: SceneName,
+    out: OutFolder,
+    method: Method = "perceptual",
+    tolerance: Tolerance = 1e-3,
+    low_frequency_gain: LowFrequencyGain = 0.1,
+    frames: Frames = None,
+    repair: Repair = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Compute the frames to project, so that the audience sees the master as closely as can be."""
+    console = Console(quiet=quiet, json=json)
+    theatre = load_scene(scene)
+    weighting = _weighting(low_frequency_gain)
+    solver = _solver(method, tolerance)
+
+    def work(frame: Frame) -> tuple[Frame, dict[str, Any], str]:
+        outcome = compensate_frame(
+            frame, theatre, method=method, solver=solver, weighting=weighting
+        )
+        return outcome.frame, asdict(outcome.figures), _line(outcome.figures)
+
+    done, failed = each_frame(
+        find_frames(master, frames), out, work, console, what="compensating", repair=repair
+    )
+    finish(console, {"scene": theatre.name, "frames": done}, failed)
+
+
+def compare(
+    master: Master,
+    scene: SceneName,
+    out: Annotated[
+        Path, typer.Option("--out", help="The page to write, an .html file.", show_default=False)
+    ],
+    tolerance: Tolerance = 1e-3,
+    low_frequency_gain: LowFrequencyGain = 0.1,
+    size: Annotated[
+        int, typer.Option(help="Largest side of the pictures on the page, pixels.", min=16)
+    ] = 1024,
+    repair: Repair = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Write a page that compares the master with what is seen, uncompensated and compensated."""
+    console = Console(quiet=quiet, json=json)
+    theatre = load_scene(scene)
+    paths = find_frames(master)
+    if len(paths) > 1:
+        raise InputError(f"{master}: a page shows one frame, got {len(paths)}; name one of them")
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{out}: a page is an .html file; give it such a name")
+    frame = read_frame(paths[0], repair=repair)
+    comparison = _compared(frame, theatre, console, tolerance, low_frequency_gain)
+    comparison.write_page(out, size=size, command=_command_line())
+    console.say(f"Open {out.resolve()}")
+    console.figures({"scene": theatre.name, "page": str(out), "methods": comparison.figures()})
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("out/demo"),
+    scene: SceneName = "dome_imax",
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Run the main job on the bundled night scene: frames to project, what is seen, the page."""
+    console = Console(quiet=quiet, json=json)
+    theatre = load_scene(scene)
+    with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
+        frame = read_frame(path)
+    console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
+    comparison = _compared(frame, theatre, console, 1e-3, 0.1)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot make this folder: {error.strerror}") from None
+    files = []
+    for name, written in comparison.frames():
+        write_frame(written, out / f"{name}.exr")
+        files.append(str(out / f"{name}.exr"))
+    page = out / "compare.html"
+    comparison.write_page(page, size=1024, command=_command_line())
+    console.say(f"Frames: {', '.join(files)}\nOpen {page.resolve()}")
+    console.figures(
+        {
+            "scene": theatre.name,
+            "files": files,
+            "page": str(page),
+            "methods": comparison.figures(),
+        }
+    )
+
+
+def _compared(
+    frame: Frame, theatre: Scene, console: Console, tolerance: float, low_frequency_gain: float
+) -> Comparison:
+    with console.progress("solving", len(METHODS)) as start:
+        comparison = compare_methods(
+            frame,
+            theatre,
+            solver=ADMM(tolerance=_positive("tolerance", tolerance)),
+            weighting=_weighting(low_frequency_gain),
+            progress=start,
+        )
+    for figures in comparison.figures().values():
+        console.say(_line(Figures(**figures)))
+    return comparison
+
+
+def _solver(method: str, tolerance: float) -> Solver | None:
+    if method not in METHODS:
+        raise InputError(f"method {method!r} is not known; use one of {', '.join(METHODS)}")
+    _positive("tolerance", tolerance)
+    return ADMM(tolerance=tolerance) if method == "perceptual" else None
+
+
+def _weighting(low_frequency_gain: float) -> PerceptualWeighting:
+    return PerceptualWeighting(LowFrequencyFloor(low_frequency_gain))
+
+
+def _positive(name: str, value: float) -> float:
+    if not value > 0:
+        raise InputError(f"{name} must be above 0, got {value:g}")
+    return value
+
+
+def _line(f: Figures) -> str:
+    """What was done and how good it is, for a person."""
+    parts = [
+        f"{f.method}: visible error {f.error_before:.3g} -> {f.error_after:.3g} JND rms "
+        f"(subtractive {f.error_subtractive:.3g})",
+        f"{f.clipped:.1%} of the screen too dark for exact subtraction",
+    ]
+    if f.out_of_range:
+        parts.append(f"{f.out_of_range:.1%} out of the projector's range")
+    if f.gap is not None:
+        parts.append(f"within {f.gap:.1e} of the optimum after {f.iterations} iterations")
+    parts.append(f"{f.seconds:.1f} s. {f.status}")
+    return "; ".join(parts)
+
+
+def _command_line() -> str:
+    return shlex.join(["domesim", *sys.argv[1:]])

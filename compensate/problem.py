@@ -1,0 +1,139 @@
+"""The optimisation problem: what to project within the projector's bounds (eqs. 3, 5, 7).
+
+    min_x  1/2 ||lambda(psi(x) - seen)||² + 1/2 mu ||x - anchor||²,   lower <= x <= upper
+
+With an affine psi it is a convex quadratic with bound constraints, solved in *linear light*. The
+small mu keeps frequencies that the eye cannot see from filling with noise.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+from compensate.weighting import Weighting
+from domesim.light import Array, Light, namespace, require_light
+from domesim.observation.base import AdjointObservation
+from domesim.observation.frozen import Frozen
+
+Bound = Array | float
+
+
+@final
+class Problem:
+    """A bound-constrained least squares over projected light.
+
+    Parameters
+    ----------
+    observation
+        psi: what is seen of projected light.
+    weighting
+        lambda: how much a residual matters.
+    desired
+        (view, row, col, primary) light that should be *seen*: D times the master, without
+        pollution and ambient light.
+    bounds
+        Lower and upper bound of the projected light: numbers, or arrays that broadcast with it.
+        Where they are equal, a pixel is pinned.
+    anchor, regularisation
+        x_0 and mu of the regulariser. Without an anchor, mu must be 0.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree, or a lower bound is above its upper.
+    """
+
+    def __init__(
+        self,
+        observation: AdjointObservation,
+        weighting: Weighting,
+        desired: Light,
+        bounds: tuple[Bound, Bound] = (0.0, 1.0),
+        *,
+        anchor: Light | None = None,
+        regularisation: float = 0.0,
+    ) -> None:
+        require_light(desired, observation.shape, who="Problem's desired light")
+        if weighting.shape != observation.shape:
+            raise ValueError(
+                f"weighting takes {weighting.shape}, but the observation gives {observation.shape}"
+            )
+        if regularisation and anchor is None:
+            raise ValueError("a regularised problem needs an anchor, got none")
+        if anchor is not None:
+            require_light(anchor, observation.shape, who="Problem's anchor")
+        xp = namespace(desired)
+        self.observation = observation
+        self.weighting = weighting
+        self.desired = desired
+        self.lower, self.upper = (
+            xp.asarray(bound, dtype=desired.dtype, device=desired.device) for bound in bounds
+        )
+        self.anchor = anchor
+        self.regularisation = regularisation
+        if bool(xp.any(self.lower > self.upper)):
+            raise ValueError("a lower bound is above its upper bound")
+
+    @property
+    def ffts(self) -> int:
+        """FFTs of planes done so far on behalf of this problem."""
+        return self.weighting.fourier.count
+
+    def residual(self, light: Light) -> Light:
+        """psi(x) - seen."""
+        return self.observation.observe(light) - self.desired
+
+    def cost(self, light: Light) -> float:
+        """The objective at `light`."""
+        return 0.5 * self.weighting.energy(self.residual(light)) + self._penalty(light)
+
+    def gradient(self, light: Light) -> Light:
+        """Its gradient, (view, row, col, primary)."""
+        return self.quadratic(light)[1]
+
+    def quadratic(self, light: Light) -> tuple[float, Light]:
+        """The objective and its gradient, sharing their transforms."""
+        energy, weighted = self.weighting.quadratic(self.residual(light))
+        gradient = self.observation.adjoint(weighted)
+        if self.anchor is not None:
+            gradient = gradient + self.regularisation * (light - self.anchor)
+        return 0.5 * energy + self._penalty(light), gradient
+
+    def curvature(self, direction: Light) -> tuple[float, Light]:
+        """<d, H d> and H d of the (constant) Hessian H."""
+        energy, weighted = self.weighting.quadratic(self.observation.linear(direction))
+        product = self.observation.adjoint(weighted)
+        product = product + self.regularisation * direction
+        return energy + self.regularisation * _dot(direction, direction), product
+
+    def project(self, light: Light) -> Light:
+        """The nearest light within the bounds."""
+        xp = namespace(light)
+        return xp.minimum(xp.maximum(light, self.lower), self.upper)
+
+    def optimality(self, light: Light) -> float:
+        """Largest KKT residual |x - P(x - gradient)|; 0 exactly at the minimiser."""
+        xp = namespace(light)
+        return float(xp.max(xp.abs(light - self.project(light - self.gradient(light)))))
+
+    def frozen(self, at: Light) -> Problem:
+        """The same problem with the pollution of the light `at` (eq. 9)."""
+        return Problem(
+            Frozen(self.observation, at),
+            self.weighting,
+            self.desired,
+            (self.lower, self.upper),
+            anchor=self.anchor,
+            regularisation=self.regularisation,
+        )
+
+    def _penalty(self, light: Light) -> float:
+        if self.anchor is None:
+            return 0.0
+        change = light - self.anchor
+        return 0.5 * self.regularisation * _dot(change, change)
+
+
+def _dot(left: Light, right: Light) -> float:
+    xp = namespace(left, right)
+    return float(xp.sum(left * right, dtype=xp.float64))

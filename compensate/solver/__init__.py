@@ -1,0 +1,1 @@
+"""Solvers: one algorithm a file, all called as ``solver(problem, start) -> Result``."""

@@ -1,0 +1,137 @@
+"""Methods without vision models: nothing, exact clipped subtraction, a raised black level.
+
+*Subtraction* asks for the light whose observation is the master, clipped to what can be projected.
+Shown once, with the pollution of the unclipped picture, it subtracts too little light where the
+picture was clipped; the exact solution subtracts the pollution of the picture that is *shown*:
+
+    x = clip(D^-1 (seen - ambient - phi(x)))
+
+phi depends on x through a few sums s = core collect'x only, so this is a small equation
+F(s) = s - core collect' x(s) = 0 with piecewise linear F, solved exactly by Newton's method on its
+pieces (semismooth Newton) in a few O(n) steps. For one mode F rises with s: the root is unique.
+
+*A raised black level* compresses the master to [b, 1], with the smallest b for which subtraction
+needs no negative light: nothing is clipped, and contrast is lost everywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from compensate.problem import Problem
+from compensate.solver.result import Result, Status
+from domesim.light import Light
+from domesim.observation.lowrank import LowRankObservation
+
+
+@final
+@dataclass(frozen=True)
+class Untouched:
+    """Project the start as it is."""
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """The start, clipped to the bounds."""
+        return _result(problem, problem.project(start), 0)
+
+
+@final
+@dataclass(frozen=True)
+class Subtractive:
+    """Clipped subtraction with the pollution of the clipped picture.
+
+    Parameters
+    ----------
+    max_iterations
+        Newton steps; three to six are usual.
+    """
+
+    max_iterations: int = 50
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """The fixed point; the start is not used.
+
+        Raises
+        ------
+        ValueError
+            If the observation is not low-rank.
+        """
+        light, iterations = clipped_subtraction(problem, self.max_iterations)
+        return _result(problem, light, iterations)
+
+
+@final
+@dataclass(frozen=True)
+class RaisedBlack:
+    """Raise the black level until subtraction needs no negative light."""
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """Light that shows b + (1 - b) desired exactly; the start's off the screen."""
+        observation = _low_rank(problem)
+        screen = np.asarray(observation.screen)[None, :, :, None]
+        white = observation.direct(np.ones_like(problem.desired))
+        low = observation.invert(problem.desired)
+        high = observation.invert(white)
+        short = np.where(screen & (low < problem.lower), problem.lower - low, 0)
+        # x(b) = (1 - b) low + b high is linear: each pixel needs b >= short / (high - low)
+        needed = np.divide(short, high - low, out=np.zeros_like(short), where=short > 0)
+        black = min(float(needed.max()), 1.0)
+        light = np.where(screen, (1 - black) * low + black * high, start)
+        return _result(problem, problem.project(light.astype(start.dtype)), 1)
+
+
+def clipped_subtraction(problem: Problem, max_iterations: int = 50) -> tuple[Light, int]:
+    """Light that solves x = clip(D^-1 (seen - ambient - phi(x))), and the Newton steps taken."""
+    observation = _low_rank(problem)
+    desired = problem.desired
+    f = observation.factors_like(desired)
+    gain = f.direct_gain[..., None]
+    target = (desired - observation.observe(np.zeros_like(desired)))[0]
+    primaries = desired.shape[-1]
+    lower, upper = (
+        np.broadcast_to(bound, desired.shape)[0] for bound in (problem.lower, problem.upper)
+    )
+    light = np.empty_like(target)
+    steps = 0
+    for p in range(primaries):
+        s = np.zeros(len(f.spread))
+        for step in range(1, max_iterations + 1):
+            pollution = np.tensordot(s.astype(target.dtype), f.spread, 1)
+            free = (target[..., p] - pollution) / gain[..., 0]
+            light[..., p] = np.clip(free, lower[..., p], upper[..., p])
+            moving = (free > lower[..., p]) & (free < upper[..., p])
+            shown = f.core[p] @ _sums(f.collect, light[..., p])
+            slopes = np.array(
+                [[_total(c * m / gain[..., 0] * moving) for m in f.spread] for c in f.collect]
+            )
+            change = np.linalg.solve(np.eye(len(s)) + f.core[p] @ slopes, shown - s)
+            s = s + change
+            steps = max(steps, step)
+            if np.abs(change).max() <= 1e-7 * max(np.abs(s).max(), 1e-7):
+                break
+    return light[None], steps
+
+
+def _low_rank(problem: Problem) -> LowRankObservation:
+    if not isinstance(problem.observation, LowRankObservation):
+        raise ValueError(
+            f"this baseline takes a low-rank observation, got {type(problem.observation).__name__}"
+        )
+    return problem.observation
+
+
+def _result(problem: Problem, light: Light, iterations: int) -> Result:
+    before = problem.ffts
+    cost, gradient = problem.quadratic(light)
+    optimality = float(np.abs(light - problem.project(light - gradient)).max())
+    return Result(light, cost, optimality, Status.CLOSED_FORM, iterations, problem.ffts - before)
+
+
+def _sums(modes: Any, plane: Any) -> Any:
+    return np.array([_total(mode * plane) for mode in modes])
+
+
+def _total(values: Any) -> float:
+    return float(np.sum(values, dtype=np.float64))

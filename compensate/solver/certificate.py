@@ -1,0 +1,55 @@
+"""A certified upper bound on how far a feasible light is from the optimum.
+
+At a feasible w with gradient g and Hessian H, every feasible v has
+``f(v) >= f(w) + g'(v - w) + 1/2 (v - w)' H (v - w)``. Split g = g_B + g_F. On B the bounds limit
+how much can be won: ``g_i (v_i - w_i) >= -|g_i| dist_i`` with the distance to the bound that -g
+points to. On F the quadratic does. So, for any split,
+
+    f(w) - f* <= 1/2 g_F' H^-1 g_F + sum_B |g_i| dist_i
+
+H over the whole padded plane may stand for H over the picture: more freedom only lowers the
+minimum. The split takes a pixel to B where |g| dist is less than its own share g² / (2 h) of the
+quadratic, for a typical curvature h; any h from 0.03 to 3 gives the same bound to 10 %.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from compensate.solver.fourier_step import NormalInverse, PlaneModel
+
+Planes = Any
+
+_CURVATURE = 0.1  # h, with weights of peak 1
+
+
+def gap_bound(
+    model: PlaneModel,
+    inverse: NormalInverse,
+    planes: Planes,
+    gradient: Planes,
+    bounds: tuple[Planes, Planes],
+) -> float:
+    """Upper bound on f(w) - f*, with one FFT a primary.
+
+    Parameters
+    ----------
+    model
+        The problem on its padded plane.
+    inverse
+        H^-1 with a sigma that is at most the regulariser's true one.
+    planes, gradient
+        (primary, padded row, padded col) w, within its bounds, and the gradient there.
+    bounds
+        Lower and upper planes (or broadcastable).
+    """
+    lower, upper = bounds
+    distance = np.where(gradient > 0, planes - lower, upper - planes)
+    size = np.abs(gradient)
+    bound = distance * np.float32(2 * _CURVATURE) <= size
+    at_bounds = float(np.sum(size * distance, where=bound, dtype=np.float64))
+    spectrum = model.fourier.forward(np.where(bound, np.float32(0), gradient))
+    free = sum(model.fourier.dot(g, s) for g, s in zip(spectrum, inverse(spectrum), strict=True))
+    return 0.5 * free + at_bounds

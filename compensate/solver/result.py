@@ -1,0 +1,58 @@
+"""What every solver returns: the light, how good it is, and why the solver stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import final
+
+from domesim.light import Light
+
+
+@final
+class Status(Enum):
+    """Why a solver stopped; the value tells a person what it means and what to do."""
+
+    EXACT = "Nothing had to be clipped: the audience sees the master exactly."
+    CONVERGED = "The requested accuracy was reached."
+    CLOSED_FORM = "Computed directly; this method does not minimise the visible error."
+    STALLED = (
+        "Rounding errors stop further progress before the requested accuracy. "
+        "Accept the certified gap, or solve in float64."
+    )
+    EXHAUSTED = (
+        "The maximum number of iterations was reached. "
+        "Raise `max_iterations`, or accept the certified gap."
+    )
+
+
+@final
+@dataclass(frozen=True)
+class Result:
+    """The outcome of a solver.
+
+    Parameters
+    ----------
+    light
+        (view, row, col, primary) light to project, within the bounds.
+    cost
+        Objective at `light`.
+    optimality
+        Largest KKT residual at `light`.
+    status
+        Why the solver stopped.
+    iterations
+        Iterations done.
+    ffts
+        FFTs of planes done.
+    gap
+        Certified upper bound of (cost - minimum) / minimum; None where the solver has none.
+    """
+
+    light: Light
+    cost: float
+    optimality: float
+    status: Status
+    iterations: int
+    ffts: int
+    gap: float | None = None

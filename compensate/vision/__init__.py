@@ -1,0 +1,1 @@
+"""Models of human vision, each a file, each with its published source."""

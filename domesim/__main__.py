@@ -1,0 +1,5 @@
+"""``python -m domesim``."""
+
+from domesim.cli import main
+
+main()

@@ -1,0 +1,135 @@
+"""The ``domesim`` command, and those of its subcommands that only need to know what light does.
+
+Subcommands are found through the entry-point group ``domesim.commands``, so that the packages above
+add theirs without being imported here. Bad input is one line on standard error and exit code 2.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from domesim.console import Console, each_frame
+from domesim.errors import InputError
+from domesim.frames import Frame
+from domesim.scene import load_scene
+from domesim.screening import decoded, encoded
+from domesim.sequences import find_frames
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+Master = Annotated[
+    str,
+    typer.Argument(
+        help="The domemaster: an EXR, PNG, TIFF, DPX or JPEG file, or a numbered sequence such as "
+        "'show.####.png'.",
+        show_default=False,
+    ),
+]
+SceneName = Annotated[
+    str,
+    typer.Option(
+        "--scene",
+        help="The theatre: dome_hemisphere, dome_imax, dome_planetarium, or the path of a .toml "
+        "file.",
+        show_default=False,
+    ),
+]
+OutFolder = Annotated[
+    Path, typer.Option("--out", help="Folder for the results.", show_default=False)
+]
+Frames = Annotated[str | None, typer.Option(help="Frames of a sequence to do, such as '1-100x10'.")]
+Repair = Annotated[
+    bool,
+    typer.Option(help="Replace NaN and negative samples by black, infinite ones by the largest."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print figures to standard output as one JSON object.")
+]
+
+
+def observe(
+    master: Master,
+    scene: SceneName,
+    out: OutFolder,
+    frames: Frames = None,
+    repair: Repair = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Simulate what the audience sees of a frame or sequence, with all reflected light."""
+    console = Console(quiet=quiet, json=json)
+    theatre = load_scene(scene)
+
+    def work(frame: Frame) -> tuple[Frame, dict[str, Any], str]:
+        light = decoded(frame, theatre)
+        observation = theatre.observation(*light.shape[1:3])
+        seen = observation.observe(light)
+        screen = observation.screen
+        result, clipped = encoded(frame, seen, theatre, screen)
+        added = (seen - observation.direct(light))[0][screen].mean(axis=0)
+        weights = theatre.projector.luminance_weights
+        pollution = float(added @ weights) * theatre.projector.white
+        mean = float(light[0][screen].mean(axis=0) @ weights) * theatre.projector.white
+        line = f"mean {mean:.3g} cd/m² projected, {pollution:.3g} cd/m² reflected and stray light"
+        if clipped:
+            line += (
+                f"; {clipped:.1%} of the screen is brighter than the format's white and clipped "
+                f"(an EXR master is not)"
+            )
+        figures = {
+            "projected_cd_m2": mean,
+            "pollution_cd_m2": pollution,
+            "clipped_share": clipped,
+        }
+        return result, figures, line
+
+    done, failed = each_frame(
+        find_frames(master, frames), out, work, console, what="observing", repair=repair
+    )
+    finish(console, {"scene": theatre.name, "frames": done}, failed)
+
+
+def finish(console: Console, figures: dict[str, Any], failed: list[str]) -> None:
+    """Print the figures, and exit with 2 if frames failed."""
+    console.figures({**figures, "failed": failed})
+    if failed:
+        raise typer.Exit(BAD_INPUT)
+
+
+def build() -> typer.Typer:
+    """The command with all subcommands that the installed packages offer."""
+    app = typer.Typer(
+        name="domesim",
+        help="Simulate and compensate light pollution in dome theatres and 3D cinema.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+    for entry in sorted(entry_points(group="domesim.commands"), key=lambda entry: entry.name):
+        app.command(entry.name)(entry.load())
+    # With one command alone typer would drop its name.
+    app.callback()(lambda: None)
+    return app
+
+
+def main() -> None:
+    """Run the command; the process's exit code says whether all went well."""
+    try:
+        build()()
+    except InputError as error:
+        print(f"domesim: {error}", file=sys.stderr)
+        sys.exit(BAD_INPUT)
+    except MemoryError:
+        print("domesim: not enough memory for frames of this size", file=sys.stderr)
+        sys.exit(BAD_INPUT)
+    except KeyboardInterrupt:
+        print("domesim: interrupted; what was written is complete", file=sys.stderr)
+        sys.exit(INTERRUPTED)

@@ -1,0 +1,43 @@
+"""Light: the one array that travels through the house.
+
+``Light`` is an array of the `array API standard <https://data-apis.org/array-api/>`_ (NumPy,
+PyTorch, CuPy) in float32 or float64 with axes **(view, row, col, primary)**. It is linear, and 1.0
+is projector white. A dome has one view, a stereo pair has two: left, right. A primary is a
+projector primary (R, G, B).
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+from array_api_compat import array_namespace
+
+Array: TypeAlias = Any
+"""Any array of the array API standard: the standard has no static type yet."""
+
+Light: TypeAlias = Array
+"""(view, row, col, primary), linear, 1.0 = projector white."""
+
+AXES = ("view", "row", "col", "primary")
+
+
+def namespace(*arrays: Array) -> Any:
+    """The array API namespace (``xp``) of `arrays`."""
+    return array_namespace(*arrays)
+
+
+def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: str) -> None:
+    """Check that `light` is Light, and of `shape` if one is given.
+
+    Raises
+    ------
+    ValueError
+        If it is not a real floating array with four axes, or not of that shape.
+    """
+    found = tuple(getattr(light, "shape", ()))
+    if shape is not None and found != shape:
+        raise ValueError(f"{who} takes (view, row, col, primary) = {shape}, got {found}")
+    if len(found) != len(AXES):
+        raise ValueError(f"{who} takes axes (view, row, col, primary), got shape {found}")
+    if not namespace(light).isdtype(light.dtype, "real floating"):
+        raise ValueError(f"{who} takes float32 or float64 light, got {light.dtype}")

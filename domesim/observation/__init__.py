@@ -1,0 +1,1 @@
+"""From projected light to observed light, behind one abstraction (see ``base``)."""

@@ -1,0 +1,157 @@
+"""Pollution that a few numbers carry from all pixels of one view to all pixels: O(n).
+
+The closed-form dome has one such number a primary (its total flux), a tabulated theatre a few.
+
+    phi(x)[p] = sum_jk spread[j] core[p, j, k] <collect[k], x[p]>
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Any, final
+
+from domesim.light import Array, Light, namespace
+from domesim.observation.base import AdjointObservation
+
+
+@final
+@dataclass(frozen=True)
+class LowRank:
+    """The factors of ``psi(x) = D x + spread core collect' x + ambient`` for one view.
+
+    Parameters
+    ----------
+    direct_gain
+        (row, col): D.
+    spread
+        (rank, row, col): how each mode shows on the screen.
+    core
+        (primary, rank, rank): how the modes excite each other.
+    collect
+        (rank, row, col): how each pixel's light excites the modes.
+    ambient
+        (primary, row, col): light that is there without a picture.
+    """
+
+    direct_gain: Array
+    spread: Array
+    core: Array
+    collect: Array
+    ambient: Array
+
+    def like(self, light: Light) -> LowRank:
+        """These factors as arrays of `light`'s library, precision and device."""
+        xp = namespace(light)
+
+        def convert(array: Array, dtype: Any) -> Array:
+            return xp.asarray(array, dtype=dtype, device=light.device)
+
+        return LowRank(
+            convert(self.direct_gain, light.dtype),
+            convert(self.spread, light.dtype),
+            convert(self.core, xp.float64),
+            convert(self.collect, light.dtype),
+            convert(self.ambient, light.dtype),
+        )
+
+
+class LowRankObservation(AdjointObservation):
+    """An observation of one view made of `LowRank` factors, on any array library.
+
+    Sums over pixels run in float64: in float32 a 4096² frame would lose the adjoint's last digits.
+    """
+
+    @property
+    @abstractmethod
+    def factors(self) -> LowRank:
+        """The factors, as NumPy float64 arrays."""
+
+    @property
+    @abstractmethod
+    def screen(self) -> Array:
+        """(row, col) bool: pixels whose centre is on the screen; all others observe D x."""
+
+    @property
+    @abstractmethod
+    def _cache(self) -> dict[tuple[str, ...], LowRank]: ...
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """(1, row, col, primary)."""
+        rows, cols = self.factors.direct_gain.shape
+        return 1, rows, cols, self.factors.core.shape[0]
+
+    def factors_like(self, light: Light) -> LowRank:
+        """`factors` as arrays of `light`'s library, precision and device, kept for the next use."""
+        key = (namespace(light).__name__, str(light.dtype), str(light.device))
+        if key not in self._cache:
+            self._cache[key] = self.factors.like(light)
+        return self._cache[key]
+
+    def invert(self, seen: Light) -> Light:
+        """The light whose observation is `seen`; negative where no projector could do it.
+
+        By the Sherman-Morrison-Woodbury formula, O(n).
+        """
+        f = self.factors_like(self._guarded(seen, "inverts"))
+        xp = namespace(seen)
+        wanted = (seen - self._ambient(f)) / f.direct_gain[None, :, :, None]
+        modes = f.spread / f.direct_gain[None, :, :]
+        ranks = range(modes.shape[0])
+        overlap = xp.stack(
+            [xp.stack([_sum(f.collect[j, :, :] * modes[k, :, :]) for k in ranks]) for j in ranks]
+        )
+        identity = xp.eye(len(ranks), dtype=xp.float64, device=seen.device)
+        system = identity[None, :, :] + overlap[None, :, :] @ f.core
+        sums = xp.linalg.solve(system, _project(f.collect, wanted)[:, :, None])
+        return wanted - _expand(modes, (f.core @ sums)[:, :, 0])
+
+    def _observe(self, light: Light) -> Light:
+        return self._linear(light) + self._ambient(self.factors_like(light))
+
+    def _direct(self, light: Light) -> Light:
+        return light * self.factors_like(light).direct_gain[None, :, :, None]
+
+    def _linear(self, light: Light) -> Light:
+        f = self.factors_like(light)
+        sums = _project(f.collect, light)
+        return self._direct(light) + _expand(f.spread, (f.core @ sums[:, :, None])[:, :, 0])
+
+    def _adjoint(self, light: Light) -> Light:
+        f = self.factors_like(light)
+        sums = _project(f.spread, light)
+        turned = namespace(light).permute_dims(f.core, (0, 2, 1))
+        return self._direct(light) + _expand(f.collect, (turned @ sums[:, :, None])[:, :, 0])
+
+    def _direct_adjoint(self, light: Light) -> Light:
+        return self._direct(light)
+
+    def _ambient(self, f: LowRank) -> Light:
+        return namespace(f.ambient).permute_dims(f.ambient, (1, 2, 0))[None, :, :, :]
+
+
+def _project(modes: Array, light: Light) -> Array:
+    """(primary, rank): sums over the pixels of light times modes, in float64."""
+    xp = namespace(light)
+    return xp.stack(
+        [
+            xp.stack([_sum(modes[k, :, :] * light[0, :, :, p]) for k in range(modes.shape[0])])
+            for p in range(light.shape[-1])
+        ]
+    )
+
+
+def _expand(modes: Array, coefficients: Array) -> Light:
+    """(1, row, col, primary): sums of modes times (primary, rank) coefficients."""
+    xp = namespace(modes)
+    weights = xp.astype(coefficients, modes.dtype)
+    total = modes[0, :, :, None] * weights[:, 0]
+    for k in range(1, modes.shape[0]):
+        total = total + modes[k, :, :, None] * weights[:, k]
+    return total[None, ...]
+
+
+def _sum(values: Array) -> Array:
+    xp = namespace(values)
+    return xp.sum(values, dtype=xp.float64)

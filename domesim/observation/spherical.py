@@ -1,0 +1,121 @@
+"""The closed form of a Lambertian spherical cap: all bounces, O(n).
+
+Between any two points of a sphere of radius r the form factor cos cos / (pi d²) is the constant
+1 / (4 pi r²), so the indirect irradiance is the same everywhere. With direct flux
+Phi = sum a_i E_i, albedo rho and the area A_s of the *whole* screen (lit or not: all of it
+reflects), the bounces form a geometric series of ratio rho A_s / (4 pi r²):
+
+    phi(x) = rho (a . x) / (4 pi r² - rho A_s)
+
+This corrects eq. 15 of the paper: ``validation/notes/0001-eq15-corrected.md`` derives it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domesim.dome import Dome
+from domesim.errors import InputError
+from domesim.observation.lowrank import LowRank, LowRankObservation
+
+
+def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
+    """Indirect light per direct flux: rho / (4 pi r² - rho A_s), 1/m².
+
+    Parameters
+    ----------
+    albedo
+        Diffuse albedo rho of the screen, 0..1 (not its "gain").
+    radius
+        Radius r of the sphere, m.
+    screen_area
+        Area A_s of the whole screen, m².
+
+    Raises
+    ------
+    InputError
+        If a value is impossible, or a closed sphere never loses light (albedo 1).
+    """
+    sphere = 4 * np.pi * radius**2
+    if not (np.isfinite(radius) and radius > 0):
+        raise InputError(f"radius must be above 0 m, got {radius:g}")
+    if not 0 <= albedo <= 1:
+        raise InputError(f"albedo must lie in 0..1, got {albedo:g}")
+    if not 0 < screen_area <= sphere * (1 + 1e-12):
+        raise InputError(
+            f"screen area must be above 0 and at most the sphere's {sphere:g} m², "
+            f"got {screen_area:g}"
+        )
+    if albedo * screen_area >= sphere:
+        raise InputError("a closed sphere of albedo 1 never loses light; lower the albedo")
+    return float(albedo / (sphere - albedo * screen_area))
+
+
+@final
+class ClosedFormDome(LowRankObservation):
+    """A dome theatre that is nothing but its Lambertian screen (eq. 15, corrected).
+
+    Parameters
+    ----------
+    dome
+        The screen.
+    rows, cols
+        Size of the domemaster, pixels.
+    albedo
+        Diffuse albedo of the screen, one a primary (or one for all `primaries`).
+    lens_gain
+        (row, col) direct gain D of an uncorrected projector lens; 1 everywhere if absent.
+    ambient
+        Light on the screen without a picture (1.0 = projector white), one a primary.
+    primaries
+        How many primaries the light has.
+
+    Raises
+    ------
+    InputError
+        If an albedo is impossible or the picture is not square.
+    """
+
+    def __init__(
+        self,
+        dome: Dome,
+        rows: int,
+        cols: int,
+        *,
+        albedo: ArrayLike,
+        lens_gain: NDArray[np.floating] | None = None,
+        ambient: ArrayLike = 0.0,
+        primaries: int = 3,
+    ) -> None:
+        albedos = np.broadcast_to(np.asarray(albedo, np.float64), (primaries,))
+        areas = dome.pixel_areas(rows, cols)
+        self._screen = dome.inside(rows, cols)
+        # Outside the circle there is no screen: light there is left as it is.
+        gain = np.ones_like(areas) if lens_gain is None else np.where(self._screen, lens_gain, 1.0)
+        gains = [closed_form_gain(float(rho), dome.radius, dome.screen_area) for rho in albedos]
+        offset = np.broadcast_to(np.asarray(ambient, np.float64), (primaries,))
+        self._factors = LowRank(
+            direct_gain=gain,
+            spread=self._screen[None].astype(np.float64),
+            core=np.asarray(gains).reshape(-1, 1, 1),
+            collect=(areas * gain)[None],
+            ambient=offset[:, None, None] * self._screen,
+        )
+        self._converted: dict[tuple[str, ...], LowRank] = {}
+
+    @property
+    def factors(self) -> LowRank:
+        """Rank one: the screen, the gain, the pixels' areas times the direct gain."""
+        return self._factors
+
+    @property
+    def screen(self) -> NDArray[np.bool_]:
+        """(row, col) bool: pixels whose centre is on the screen."""
+        return self._screen
+
+    @property
+    def _cache(self) -> dict[tuple[str, ...], Any]:
+        return self._converted

@@ -1,0 +1,1 @@
+"""Path-traced light transport: the only importer of Mitsuba and Dr.Jit."""

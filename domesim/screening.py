@@ -1,0 +1,61 @@
+"""A frame on the screen: file -> Light -> what the audience sees -> file.
+
+Off the screen (outside a domemaster's circle) a frame's code values are never touched.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim import transfer
+from domesim.frames import Frame
+from domesim.light import Light
+from domesim.projector import require_primaries
+from domesim.scene import Scene
+
+
+def decoded(frame: Frame, scene: Scene) -> Light:
+    """Light (1, row, col, primary) of a frame, by its own encoding.
+
+    Raises
+    ------
+    InputError
+        If its transfer function or primaries are not known.
+    """
+    require_primaries(frame.colour.primaries)
+    curve = transfer.named(frame.colour.transfer, white=scene.projector.white)
+    return scene.projector.decode(frame.pixels, curve, frame.colour.primaries)
+
+
+def encoded(
+    frame: Frame, light: Light, scene: Scene, screen: NDArray[np.bool_]
+) -> tuple[Frame, float]:
+    """`frame` with the picture on the screen replaced by `light`, and the share that was clipped.
+
+    Integer formats hold no code values outside 0..1: light brighter than their white (what the
+    audience sees of a white master) is clipped there, and the share of such pixels returned.
+    """
+    curve = transfer.named(frame.colour.transfer, white=scene.projector.white)
+    pixels = scene.projector.encode(light, curve, frame.colour.primaries)
+    clipped = 0.0
+    if not frame.floating:
+        # Half a code of 16 bit: rounding, not clipping
+        slack = 0.5 / 65535
+        beyond = np.any((pixels < -slack) | (pixels > 1 + slack), axis=-1)
+        clipped = float(np.mean(beyond[screen]))
+        pixels = np.clip(pixels, 0, 1)
+    return frame.with_pixels(np.where(screen[..., None], pixels, frame.pixels)), clipped
+
+
+def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]:
+    """`light` clipped to 0..1 on the screen, and the share of its pixels that had to be.
+
+    Highlights of a high-dynamic-range master and colours outside the projector's gamut cannot be
+    shown at all; asking for them would only make the solver brighten their surroundings.
+    """
+    on = screen[None, :, :, None]
+    # Decoding rounds: a white of 1 + 1e-7 is no highlight.
+    slack = 8 * np.finfo(np.float32).eps
+    beyond = np.any((light < -slack) | (light > 1 + slack), axis=-1)[0]
+    return np.where(on, np.clip(light, 0, 1), light), float(np.mean(beyond[screen]))

@@ -1,0 +1,179 @@
+"""Sequences: which files a numbered pattern such as ``show.####.exr`` means, in order.
+
+A missing frame is an error, not a shorter film: a producer who rendered 5 000 frames wants to hear
+of the one that is not there before the night's run, and says `frames` when a part is meant.
+
+The number in a name may have any count of digits, so that ``show.9.png`` and ``show.10.png`` are
+one sequence, and so are ``show.9999.png`` and ``show.10000.png``.
+"""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import fileseq
+
+from domesim.errors import InputError
+
+
+def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, ...]:
+    """The files that `pattern` means, by frame number.
+
+    Parameters
+    ----------
+    pattern
+        An existing file, or a numbered pattern: ``show.####.exr``, ``show.%04d.exr``,
+        ``show.@.png``, ``show.$F4.exr``.
+    frames
+        Which frames, such as ``1-100x10`` (see `parse_frames`); all that there are if None.
+
+    Raises
+    ------
+    InputError
+        If `pattern` is a folder, there is no such file or no frame, two files have one number, or
+        frames are missing: in a gap if `frames` is None, else of those in `frames`.
+    """
+    path = Path(pattern)
+    if path.is_dir():
+        raise _is_a_folder(path)
+    sequence = _numbered(path)
+    if sequence is None or path.is_file():
+        return (_single(path, frames),)
+    found = _on_disk(path, sequence)
+    numbers = sorted(found)
+    frames = frames or sequence.frameRange()  # show.1-5####.exr names its frames itself
+    if frames:
+        numbers = sorted(parse_frames(frames))
+        missing = _ranges([number for number in numbers if number not in found])
+        wanted, way = frames, "choose from"
+    else:
+        missing = _gaps(numbers)
+        wanted, way = f"{numbers[0]}-{numbers[-1]}", "name those to use:"
+    if missing:
+        raise InputError(
+            f"{path}: wanted frames {wanted}, missing {missing}. "
+            f"Render what is missing, or {way} --frames {_ranges(sorted(found))}"
+        )
+    return tuple(found[number] for number in numbers)
+
+
+def parse_frames(text: str) -> fileseq.FrameSet:
+    """The frame numbers that `text` names: ``1-5``, ``1-100x10`` (every tenth), ``1-3,7``.
+
+    Raises
+    ------
+    InputError
+        If `text` names no frames.
+    """
+    # fileseq also knows frames such as 1.5, and reads "" as no frame.
+    try:
+        numbers = fileseq.FrameSet(text)
+    except ValueError:
+        numbers = ()
+    if not numbers or not all(isinstance(number, int) for number in numbers):
+        raise InputError(f"--frames: wanted frames such as 1-100, 1-100x10 or 1,4,7, got '{text}'.")
+    return numbers
+
+
+def output_path(source: Path, folder: Path, suffix: str | None = None) -> Path:
+    """Where in `folder` the result for `source` goes: under its name, with `suffix` if given.
+
+    Raises
+    ------
+    InputError
+        If that is `source` itself.
+    """
+    path = folder / (source.name if suffix is None else source.with_suffix(suffix).name)
+    # A link to the source is the source, too.
+    if path.resolve() == source.resolve():
+        raise InputError(
+            f"{path}: wanted a place for the result, got the input itself. Choose another folder."
+        )
+    return path
+
+
+def _single(path: Path, frames: str | None) -> Path:
+    if not path.is_file():
+        raise InputError(
+            f"{path}: wanted a file or a numbered pattern, there is no such file. "
+            "Check the path, or write the frame's number as #### (show.####.exr)."
+        )
+    if frames is not None:
+        raise InputError(
+            f"{path}: wanted a numbered pattern for --frames {frames}, got one file. "
+            "Leave --frames out, or write the frame's number as #### (show.####.exr)."
+        )
+    return path
+
+
+def _numbered(path: Path) -> fileseq.FileSequence | None:
+    """`path` taken apart around its padding; None if it has none."""
+    try:
+        sequence = fileseq.FileSequence(path.name)
+    except fileseq.FileSeqException:
+        return None
+    # fileseq makes a padding out of the number in a plain file name.
+    return sequence if sequence.padding() and sequence.padding() in path.name else None
+
+
+def _on_disk(path: Path, sequence: fileseq.FileSequence) -> dict[int, Path]:
+    """Each frame's file, by number."""
+    folder = path.parent
+    try:
+        files = sorted(folder.iterdir())
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(
+            f"{path}: wanted to look into {folder}, got '{reason}'. Check the path."
+        ) from error
+    name = re.compile(
+        f"{re.escape(sequence.basename())}(-?[0-9]+){re.escape(sequence.extension())}"
+    )
+    found: dict[int, Path] = {}
+    for file in files:
+        match = name.fullmatch(file.name)
+        if match is None or not file.is_file():
+            continue
+        number = int(match[1])
+        if number in found:
+            raise InputError(
+                f"{path}: wanted one file for frame {number}, got {found[number].name} and "
+                f"{file.name}. Move one of them elsewhere."
+            )
+        found[number] = file
+    if not found:
+        raise InputError(f"{path}: wanted numbered frames, none matches.{_suggestion(folder)}")
+    return found
+
+
+def _is_a_folder(folder: Path) -> InputError:
+    suggestion = _suggestion(folder) or f" Name a file or a pattern such as {folder}/name.####.png"
+    return InputError(f"{folder}: wanted a file or a numbered pattern, got a folder.{suggestion}")
+
+
+def _suggestion(folder: Path) -> str:
+    """The pattern to use, if `folder` holds exactly one sequence; else nothing."""
+    sequences = [
+        sequence for sequence in fileseq.findSequencesOnDisk(str(folder)) if len(sequence) > 1
+    ]
+    if len(sequences) != 1:
+        return ""
+    (only,) = sequences
+    name = f"{only.basename()}{'#' * only.zfill()}{only.extension()}"
+    return f" Did you mean {folder / name}?"
+
+
+def _gaps(numbers: list[int]) -> str:
+    """What is missing between sorted `numbers`; by ranges, for a gap may be of any size."""
+    return ",".join(
+        f"{before + 1}" if after - before == 2 else f"{before + 1}-{after - 1}"
+        for before, after in pairwise(numbers)
+        if after - before > 1
+    )
+
+
+def _ranges(numbers: list[int]) -> str:
+    """Sorted `numbers` as one text that `parse_frames` reads: 1-3,7."""
+    return str(fileseq.framesToFrameRange(numbers)) if numbers else ""

@@ -1,0 +1,1 @@
+"""Theatres as data: ``*.toml`` scenes, and small masters rendered by the project itself."""
