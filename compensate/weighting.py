@@ -83,7 +83,7 @@ class CsfWeighting(Weighting):
     ----------
     gains
         (channel, padded row, padded col // 2 + 1) Fourier weights Omega, 1 at the peak, even in
-        the row frequency.
+        the row frequency; or (1, ...), shared by all channels.
     opponent
         (channel, primary) T.
     support
@@ -103,7 +103,7 @@ class CsfWeighting(Weighting):
         peak: float = 1.0,
     ) -> None:
         expected = (len(opponent), padded[0], padded[1] // 2 + 1)
-        if gains.shape != expected:
+        if gains.shape not in (expected, (1, *expected[1:])):
             raise ValueError(f"CsfWeighting takes gains {expected}, got {gains.shape}")
         if support.shape[0] > padded[0] or support.shape[1] > padded[1]:
             raise ValueError(f"padded grid {padded} is smaller than the support {support.shape}")
@@ -258,9 +258,7 @@ class PerceptualWeighting:
         padded = (padded_size(rows, self.padding), padded_size(cols, self.padding))
         omega, peak = csf_gains(viewing, (rows, cols), padded, self.low_frequency)
         opponent = linear_ycbcr(luminance_weights)
-        return CsfWeighting(
-            np.broadcast_to(omega, (len(opponent), *omega.shape)), opponent, support, padded, peak
-        )
+        return CsfWeighting(omega[None], opponent, support, padded, peak)
 
 
 def csf_gains(

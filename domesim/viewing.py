@@ -66,7 +66,7 @@ def of_flat_screen(width: float, height: float, distance: float, adaptation: flo
     """A seat in front of a flat screen, all in m.
 
     The small-angle area (width / distance)(height / distance): the paper's screen, 2.5 m wide, 16:9
-    and 3 m away, has 1282.28 deg².
+    and 3 m away, has 1282.3 deg².
     """
     across = np.degrees(width / distance)
     return Viewing(

@@ -115,7 +115,7 @@ class ADMM:
     def _step(
         self, split: _Split, inverse: NormalInverse, rho: float, z: Planes, y: Planes
     ) -> tuple[Planes, Planes]:
-        weight = (rho * split.metric).astype(np.float32)[:, None, None]
+        weight = (rho * split.metric).astype(split.model.dtype)[:, None, None]
         right = split.model.fourier.forward(weight * (z - y))
         right += split.target
         w = split.model.fourier.inverse(inverse(right))
@@ -127,7 +127,7 @@ class ADMM:
 
 
 class _Split:
-    """The problem in w = D x, on padded planes (primary, row, col) of float32."""
+    """The problem in w = D x, on padded planes (primary, row, col)."""
 
     def __init__(self, problem: Problem, start: Light) -> None:
         observation, weighting = problem.observation, problem.weighting
@@ -141,8 +141,8 @@ class _Split:
         pinned = np.broadcast_to(problem.lower == problem.upper, start.shape)
         if bool(np.any(off & ~pinned)):
             raise ValueError("ADMM takes a problem whose pixels off the support are pinned")
-        self.model = PlaneModel(observation, weighting)
-        self._gain = observation.factors.direct_gain.astype(np.float32)
+        self.model = PlaneModel(observation, weighting, problem.desired.dtype)
+        self._gain = observation.factors.direct_gain.astype(self.model.dtype)
         self._off_light = np.where(off, start, 0)
         self.mu = problem.regularisation
         model = self.model
@@ -176,7 +176,7 @@ class _Split:
 
     def nearest(self, planes: Planes, weight: Planes) -> Planes:
         """The z-step: the regulariser's and the bounds' proximal map."""
-        mu = np.float32(self.mu) / self.gain**2
+        mu = self.mu / self.gain**2
         z = (weight * planes + mu * self.anchor) / (weight + mu)
         return np.clip(z, self.lower, self.upper)
 
@@ -188,7 +188,7 @@ class _Split:
         energy = sum(model.fourier.dot(r, s) for r, s in zip(residual, weighted, strict=True))
         change = (planes - self.anchor) / self.gain
         gradient = model.fourier.inverse(model.polluted_adjoint(weighted))
-        gradient += np.float32(self.mu) * change / self.gain
+        gradient += self.mu * change / self.gain
         return 0.5 * (energy + self.mu * float(np.sum(change**2, dtype=np.float64))), gradient
 
 

@@ -11,7 +11,8 @@ F(s) = s - core collect' x(s) = 0 with piecewise linear F, solved exactly by New
 pieces (semismooth Newton) in a few O(n) steps. For one mode F rises with s: the root is unique.
 
 *A raised black level* compresses the master to [b, 1], with the smallest b for which subtraction
-needs no negative light: nothing is clipped, and contrast is lost everywhere.
+needs no negative light: nothing is clipped, and contrast is lost everywhere. (Where an uneven lens
+leaves a corner so dim that even white cannot outshine the pollution, that corner still clips.)
 """
 
 from __future__ import annotations

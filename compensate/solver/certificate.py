@@ -48,8 +48,10 @@ def gap_bound(
     lower, upper = bounds
     distance = np.where(gradient > 0, planes - lower, upper - planes)
     size = np.abs(gradient)
-    bound = distance * np.float32(2 * _CURVATURE) <= size
+    bound = distance * (2 * _CURVATURE) <= size
     at_bounds = float(np.sum(size * distance, where=bound, dtype=np.float64))
-    spectrum = model.fourier.forward(np.where(bound, np.float32(0), gradient))
+    spectrum = model.fourier.forward(
+        np.where(bound, 0, gradient).astype(gradient.dtype, copy=False)
+    )
     free = sum(model.fourier.dot(g, s) for g, s in zip(spectrum, inverse(spectrum), strict=True))
     return 0.5 * free + at_bounds

@@ -32,12 +32,12 @@ from compensate.weighting import CsfWeighting
 from domesim.light import Array
 from domesim.observation.lowrank import LowRankObservation
 
-Spectrum = Array  # (primary, padded row, padded col // 2 + 1) complex64
+Spectrum = Array  # (primary, padded row, padded col // 2 + 1) complex
 
 
 @final
 class PlaneModel:
-    """A dome problem on its padded plane: planes (primary, padded row, padded col) in float32.
+    """A dome problem on its padded plane: planes (primary, padded row, padded col).
 
     Parameters
     ----------
@@ -45,6 +45,8 @@ class PlaneModel:
         A low-rank dome, whose pollution does not mix primaries.
     weighting
         Its support must lie on the observation's screen.
+    dtype
+        Precision of the planes: float32 or float64.
 
     Raises
     ------
@@ -52,10 +54,13 @@ class PlaneModel:
         If it does not.
     """
 
-    def __init__(self, observation: LowRankObservation, weighting: CsfWeighting) -> None:
+    def __init__(
+        self, observation: LowRankObservation, weighting: CsfWeighting, dtype: Any = np.float32
+    ) -> None:
         if bool(np.any(weighting.support & ~observation.screen)):
             raise ValueError("the weighting's support reaches outside the observation's screen")
         self.fourier: Fourier = weighting.fourier
+        self.dtype = np.dtype(dtype)
         self.support = weighting.support
         self.primaries = weighting.opponent.shape[1]
         self.core = observation.factors.core
@@ -65,7 +70,7 @@ class PlaneModel:
         # In w = D x, a pixel's light has passed D already.
         direct = factors.collect / factors.direct_gain
         self._collect = self.fourier.forward(self._padded(direct * self.support))
-        self.normal_blocks = _normal_blocks(weighting)
+        self.normal_blocks = _normal_blocks(weighting, self.dtype)
         self.overlap = _Overlaps(self, self._spread, self._collect)
 
     def padded(self, light: Array) -> Array:
@@ -104,7 +109,7 @@ class PlaneModel:
         return np.array([[self.fourier.dot(mode, plane) for mode in modes] for plane in spectrum])
 
     def _padded(self, planes: Array) -> Array:
-        result = np.zeros((len(planes), self.fourier.rows, self.fourier.cols), np.float32)
+        result = np.zeros((len(planes), self.fourier.rows, self.fourier.cols), self.dtype)
         rows, cols = self.support.shape
         result[:, :rows, :cols] = planes
         return result
@@ -127,7 +132,7 @@ class NormalInverse:
         self._sigma = np.asarray(sigma, np.float64)
         damped = [list(row) for row in model.normal_blocks]
         for p, value in enumerate(self._sigma):
-            damped[p][p] = damped[p][p] + np.float32(value)
+            damped[p][p] = damped[p][p] + model.dtype.type(value)
         self._inverse = _inverted(damped)
         self._small = np.linalg.inv(model.overlap.small_system(self._inverse, self._sigma))
 
@@ -152,7 +157,7 @@ class _Overlaps:
 
     def __init__(self, model: PlaneModel, spread: Spectrum, collect: Spectrum) -> None:
         self._core = model.core
-        half = np.full(model.fourier.cols // 2 + 1, 2.0, np.float32)
+        half = np.full(model.fourier.cols // 2 + 1, 2.0, model.dtype)
         half[0] = 1
         if model.fourier.cols % 2 == 0:
             half[-1] = 1
@@ -213,16 +218,19 @@ class _Overlaps:
         return result.reshape(primaries * modes, primaries * modes)
 
 
-def _normal_blocks(weighting: CsfWeighting) -> list[list[Array]]:
-    """W_pq(f) planes, (padded row, padded col // 2 + 1) float32; symmetric ones are shared."""
-    squares = [gain.astype(np.float32) ** 2 for gain in weighting.gains]
-    opponent = weighting.opponent.astype(np.float32)
+def _normal_blocks(weighting: CsfWeighting, dtype: Any) -> list[list[Array]]:
+    """W_pq(f) planes, (padded row, padded col // 2 + 1); symmetric ones are shared."""
+    squares = [gain.astype(dtype) ** 2 for gain in weighting.gains]
+    opponent = weighting.opponent.astype(dtype)
     primaries = opponent.shape[1]
     blocks: list[list[Array]] = [[None] * primaries for _ in range(primaries)]
     for p in range(primaries):
         for q in range(p, primaries):
             weights = opponent[:, p] * opponent[:, q]
-            block = sum(w * square for w, square in zip(weights, squares, strict=True))
+            if len(squares) == 1:
+                block = np.sum(weights) * squares[0]
+            else:
+                block = sum(w * square for w, square in zip(weights, squares, strict=True))
             blocks[p][q] = blocks[q][p] = block
     return blocks
 
@@ -239,7 +247,7 @@ def _blocks_times(blocks: list[list[Array]], spectrum: Spectrum) -> Spectrum:
 
 
 def _combined(modes: Spectrum, coefficients: Any) -> Spectrum:
-    weights = np.asarray(coefficients, np.float32)
+    weights = np.asarray(coefficients, modes.real.dtype)
     result = np.multiply.outer(weights[:, 0], modes[0])
     for k in range(1, len(modes)):
         result += np.multiply.outer(weights[:, k], modes[k])

@@ -1,0 +1,299 @@
+"""The compare page: one HTML file in which master and results are looked at, into the dark.
+
+An 8-bit picture has no steps left where light pollution does its harm: from black to 1/100 of
+white, sRGB has 25 codes. So the page carries linear light, in 16-bit codes
+
+    v = round(65535 (L / peak)^(1/3)),    peak: the brightest value of all views,
+
+which the browser turns into display codes under the exposure that the reader chooses. The cube
+root spends codes where the eye does: the relative error is 1.5 / v, that is under 5e-4 at 1e-4 of
+white, and under 1e-3 there as long as the peak is below 8 times white.
+
+Each view is three planes (R, G, B) of little-endian 16-bit codes, every row stored as differences
+between neighbours (modulo 65536), deflated (zlib) and written in base64. The page asks for nothing
+from outside: style and script are inlined, and its content security policy forbids all requests.
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from domesim.errors import InputError
+
+FloatArray: TypeAlias = NDArray[np.floating[Any]]
+Mask: TypeAlias = NDArray[np.bool_]
+
+KINDS = ("master", "seen", "projected")
+SCRIPTS = ("compare-light.js", "compare-plots.js", "compare.js")
+POWER = 3.0
+TOP_CODE = 65535
+ROUNDING = 1e-6  # of white: light this little below zero is a solver's rounding, not a mistake
+
+
+@dataclass(frozen=True)
+class View:
+    """One picture of the page.
+
+    Attributes
+    ----------
+    name : str
+        What the reader calls it; unique in a page.
+    light : (row, col, 3) float32 or float64
+        Linear, 1.0 = projector white, in the primaries of the display (BT.709).
+    note : str
+        One line below the name.
+    kind : "master" | "seen" | "projected"
+        What should be seen, what is seen, or what the projectors are sent.
+
+    """
+
+    name: str
+    light: FloatArray
+    note: str = ""
+    kind: str = "seen"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A row of the table of figures: one quantity, as text, for each view that has it."""
+
+    name: str
+    unit: str
+    values: Mapping[str, str]  # view name -> text
+    meaning: str = ""  # one plain sentence
+
+
+def write_page(
+    path: str | os.PathLike[str],
+    views: Sequence[View],
+    *,
+    title: str,
+    subtitle: str,
+    white: float,
+    figures: Sequence[Figure] = (),
+    facts: Mapping[str, str] = {},
+    size: int = 1024,
+    mask: Mask | None = None,
+    half_angle_deg: float | None = None,
+) -> None:
+    """Write the compare page of `views` to `path`, whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+        The HTML file; its folder exists.
+    views : sequence of View
+        All of one shape. The first of kind "master" is what the others are compared with.
+    title, subtitle : str
+        The page's heading.
+    white : float
+        Luminance of projector white, cd/m².
+    figures : sequence of Figure
+        Rows of the table of figures.
+    facts : mapping of str to str
+        How the page was made: scene, solver status, versions, command line.
+    size : int
+        The longest side in pixels; larger views are area-averaged in linear light.
+    mask : (row, col) bool, optional
+        True on the screen. What lies outside is neither shown nor averaged.
+    half_angle_deg : float, optional
+        The dome's half angle in degrees: the views are then equidistant domemasters with the front
+        at the bottom, and the probe also gives the direction in the dome.
+
+    Raises
+    ------
+    InputError
+        If the views cannot be shown together, or the file cannot be written.
+
+    """
+    _require_settings(white, size, half_angle_deg)
+    _require_views(views, mask)
+    _require_figures(figures, views)
+    rows, cols = views[0].light.shape[:2]
+    on_screen = np.ones((rows, cols), np.bool_) if mask is None else mask
+    shown = [_reduce(view.light, on_screen, size) for view in views]
+    light = [picture for picture, _ in shown]
+    small_mask = shown[0][1]
+    peak = max(float(picture.max()) for picture in light) or 1.0
+    data = {
+        "rows": small_mask.shape[0],
+        "cols": small_mask.shape[1],
+        "sourceRows": rows,
+        "sourceCols": cols,
+        "white": float(white),
+        "peak": peak,
+        "power": POWER,
+        "halfAngle": None if half_angle_deg is None else float(half_angle_deg),
+        "views": [{"name": v.name, "note": v.note, "kind": v.kind} for v in views],
+    }
+    html = _environment().from_string(_resource("compare.html.j2"))
+    _write(
+        Path(path),
+        html.render(
+            title=title,
+            subtitle=subtitle,
+            data=data,
+            reduced=small_mask.shape != (rows, cols),
+            figures=figures,
+            facts=facts,
+            style=_resource("compare.css"),
+            scripts=[_resource(name) for name in SCRIPTS],
+            payloads=[_pack(picture, peak) for picture in light],
+            mask_payload=_deflate(np.packbits(small_mask).tobytes()),
+        ),
+    )
+
+
+def _require_settings(white: float, size: int, half_angle_deg: float | None) -> None:
+    if not (np.isfinite(white) and white > 0):
+        raise InputError(f"the compare page takes projector white > 0 cd/m², got {white}")
+    if size < 16:
+        raise InputError(f"the compare page takes a size of at least 16 pixels, got {size}")
+    if half_angle_deg is not None and not 0 < half_angle_deg <= 180:
+        raise InputError(
+            f"the compare page takes a half angle above 0° and up to 180°, got {half_angle_deg}"
+        )
+
+
+def _require_views(views: Sequence[View], mask: Mask | None) -> None:
+    if not views:
+        raise InputError("the compare page needs at least one view, got none")
+    names = [view.name for view in views]
+    if len(set(names)) < len(names):
+        raise InputError(f"the compare page needs a different name for each view, got {names}")
+    first = views[0]
+    if first.light.ndim != 3 or first.light.shape[2] != 3 or first.light.size == 0:
+        raise InputError(
+            f"view {first.name!r} must have axes (row, col, 3), got shape {first.light.shape}"
+        )
+    if mask is not None and (mask.dtype != np.bool_ or mask.shape != first.light.shape[:2]):
+        raise InputError(
+            f"the mask must be bool {first.light.shape[:2]}, got {mask.dtype} {mask.shape}"
+        )
+    if mask is not None and not mask.any():
+        raise InputError("the mask must be True somewhere on the screen, got False everywhere")
+    for view in views:
+        _require_view(view, first.light.shape, mask)
+
+
+def _require_view(view: View, shape: tuple[int, ...], mask: Mask | None) -> None:
+    if view.kind not in KINDS:
+        raise InputError(f"view {view.name!r} must be of kind {' | '.join(KINDS)}, got {view.kind}")
+    if view.light.shape != shape:
+        raise InputError(
+            f"view {view.name!r} must have the first view's shape {shape}, got {view.light.shape}; "
+            "resample it first"
+        )
+    if not np.issubdtype(view.light.dtype, np.floating):
+        raise InputError(
+            f"view {view.name!r} must be float32 or float64 linear light, got {view.light.dtype}; "
+            "decode its code values first"
+        )
+    light = view.light if mask is None else view.light[mask]
+    if not np.isfinite(light).all():
+        raise InputError(f"view {view.name!r} must be finite on the screen, got NaN or infinity")
+    if light.min() < -ROUNDING:
+        raise InputError(f"view {view.name!r} must be light >= 0, got {light.min():.3g}")
+
+
+def _require_figures(figures: Sequence[Figure], views: Sequence[View]) -> None:
+    names = {view.name for view in views}
+    for figure in figures:
+        strangers = set(figure.values) - names
+        if strangers:
+            raise InputError(
+                f"figure {figure.name!r} must give values for views of the page, "
+                f"got {sorted(strangers)}"
+            )
+
+
+def _reduce(light: FloatArray, mask: Mask, size: int) -> tuple[NDArray[np.float32], Mask]:
+    """Average `light` over the area of larger pixels, `size` on the longest side.
+
+    Only what is on the screen counts, so that its rim does not darken; a pixel of the reduced
+    mask is one that lies on the screen by half or more.
+    """
+    lit = np.where(mask[:, :, None], np.maximum(light, 0), 0).astype(np.float32)
+    rows, cols = mask.shape
+    scale = size / max(rows, cols)
+    if scale >= 1:
+        return lit, mask
+    vertical = _averaging(rows, max(1, round(rows * scale)))
+    horizontal = _averaging(cols, max(1, round(cols * scale)))
+
+    def average(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+        reduced: NDArray[np.float32] = (horizontal @ (vertical @ plane).T).T
+        return reduced
+
+    coverage = average(mask.astype(np.float32))
+    # A dome that is thinner than a pixel everywhere would otherwise vanish.
+    small_mask: Mask = coverage >= min(0.5, float(coverage.max()))
+    total = np.stack([average(lit[:, :, primary]) for primary in range(3)], axis=-1)
+    reduced = np.where(small_mask[..., None], total / np.maximum(coverage, 1e-6)[..., None], 0)
+    return reduced.astype(np.float32), small_mask
+
+
+def _averaging(before: int, after: int) -> csr_array[Any, tuple[int, int]]:
+    """Return (after, before) weights: each new pixel's share of each old one, rows summing to 1."""
+    edges = np.linspace(0, before, after + 1)
+    first = np.floor(edges[:-1]).astype(int)
+    reach = int(np.ceil(before / after)) + 1
+    old = first[:, None] + np.arange(reach)
+    overlap = np.minimum(old + 1, edges[1:, None]) - np.maximum(old, edges[:-1, None])
+    weight = np.clip(overlap, 0, None) * (after / before)
+    new = np.broadcast_to(np.arange(after)[:, None], old.shape)
+    inside = weight > 0
+    inside &= old < before
+    return csr_array(
+        (weight[inside].astype(np.float32), (new[inside], old[inside])), shape=(after, before)
+    )
+
+
+def _pack(light: NDArray[np.float32], peak: float) -> str:
+    """Encode light as the page stores it (see the module's docstring)."""
+    codes = np.rint(TOP_CODE * (light.astype(np.float64) / peak) ** (1 / POWER)).astype("<u2")
+    planes = np.moveaxis(codes, -1, 0)
+    steps = np.diff(planes, axis=2, prepend=np.zeros_like(planes[:, :, :1]))
+    return _deflate(steps.astype("<u2").tobytes())
+
+
+def _deflate(data: bytes) -> str:
+    return base64.b64encode(zlib.compress(data, 6)).decode("ascii")
+
+
+def _environment() -> Environment:
+    return Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+
+
+def _resource(name: str) -> str:
+    return files("compensate").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _write(path: Path, text: str) -> None:
+    """Write `text` under a temporary name beside `path`, then rename it."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        try:
+            temporary.write_text(text, encoding="utf-8")
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot write the compare page to {path}: {error.strerror}; "
+            "name a file in a folder that exists and can be written"
+        ) from error

@@ -1,0 +1,119 @@
+"use strict";
+// The light of the compare page: payload -> 16-bit codes -> levels of halved size, and the colour
+// maps for differences. compare.js shows it.
+const domesimLight = (() => {
+  const page = JSON.parse(document.getElementById("page-data").textContent);
+  const { rows, cols } = page;
+  const brightest = page.white * page.peak; // cd/m² of the top code
+  const LUMA = [0.2126, 0.7152, 0.0722]; // BT.709
+
+  const nits = Float64Array.from({ length: 65536 }, (_, v) => brightest * (v / 65535) ** page.power);
+  const codeOf = (value) => Math.round(65535 * (value / brightest) ** (1 / page.power));
+
+  async function inflate(node) {
+    const text = atob(node.textContent.trim());
+    node.remove();
+    const bytes = new Uint8Array(text.length);
+    for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+    const plain = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+    return new Response(plain).arrayBuffer();
+  }
+
+  // Each row is stored as differences; Uint16Array wraps modulo 65536, as the writer did.
+  function integrate(codes) {
+    for (let start = 0; start < codes.length; start += cols)
+      for (let i = start + 1; i < start + cols; i++) codes[i] += codes[i - 1];
+    return codes;
+  }
+
+  const levels = []; // levels[view][k]: the view at 1/2^k of its size
+  async function read(progress) {
+    const packed = new Uint8Array(await inflate(document.querySelector("[data-payload=mask]")));
+    const alpha = new Uint8Array(rows * cols);
+    for (let i = 0; i < alpha.length; i++) alpha[i] = packed[i >> 3] & (128 >> (i & 7)) ? 255 : 0;
+    for (const node of document.querySelectorAll("[data-payload=view]")) {
+      progress(levels.length + 1);
+      const codes = integrate(new Uint16Array(await inflate(node)));
+      levels.push([{ rows, cols, codes, alpha }]);
+    }
+  }
+
+  // Halve a level by averaging light, not codes, over what is on the screen: averaged codes would
+  // dim every star.
+  function halve(from) {
+    const to = { rows: (from.rows + 1) >> 1, cols: (from.cols + 1) >> 1 };
+    const size = to.rows * to.cols;
+    to.codes = new Uint16Array(3 * size);
+    to.alpha = new Uint8Array(size);
+    const plane = from.rows * from.cols;
+    for (let row = 0, out = 0; row < to.rows; row++) {
+      for (let col = 0; col < to.cols; col++, out++) {
+        let weight = 0, r = 0, g = 0, b = 0;
+        for (let y = 2 * row; y < Math.min(2 * row + 2, from.rows); y++)
+          for (let x = 2 * col; x < Math.min(2 * col + 2, from.cols); x++) {
+            const i = y * from.cols + x, a = from.alpha[i];
+            weight += a;
+            r += a * nits[from.codes[i]];
+            g += a * nits[from.codes[plane + i]];
+            b += a * nits[from.codes[2 * plane + i]];
+          }
+        to.alpha[out] = Math.round(weight / 4);
+        if (!weight) continue;
+        to.codes[out] = codeOf(r / weight);
+        to.codes[size + out] = codeOf(g / weight);
+        to.codes[2 * size + out] = codeOf(b / weight);
+      }
+    }
+    return to;
+  }
+
+  function levelOf(view, k) {
+    while (levels[view].length <= k) levels[view].push(halve(levels[view].at(-1)));
+    return levels[view][k];
+  }
+
+  function luminance(level, i) {
+    const plane = level.rows * level.cols, { codes } = level;
+    return LUMA[0] * nits[codes[i]] + LUMA[1] * nits[codes[plane + i]] + LUMA[2] * nits[codes[2 * plane + i]];
+  }
+
+  // Both maps are perceptually uniform. Size: cividis, in d3-scale-chromatic's polynomial. Signed:
+  // from grey, OKLab lightness rises alike to both sides, blue for darker, orange for brighter.
+  function cividis(t) {
+    return [
+      -4.54 - t * (35.34 - t * (2381.73 - t * (6402.7 - t * (7024.72 - t * 2710.57)))),
+      32.49 + t * (170.73 + t * (52.82 - t * (131.46 - t * (176.58 - t * 67.37)))),
+      81.24 + t * (442.36 - t * (2482.43 - t * (6167.24 - t * (6614.94 - t * 2475.67)))),
+    ].map((value) => Math.min(255, Math.max(0, Math.round(value))));
+  }
+
+  function oklab(lightness, chroma, hue) {
+    const a = chroma * Math.cos(hue), b = chroma * Math.sin(hue);
+    const l = (lightness + 0.3963377774 * a + 0.2158037573 * b) ** 3;
+    const m = (lightness - 0.1055613458 * a - 0.0638541728 * b) ** 3;
+    const s = (lightness - 0.0894841775 * a - 1.291485548 * b) ** 3;
+    return [
+      4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s,
+      -1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s,
+      -0.0041960863 * l - 0.7034186147 * m + 1.707614701 * s,
+    ];
+  }
+
+  function signedColour(t) {
+    const lightness = 0.3 + 0.52 * Math.abs(t), hue = ((t < 0 ? 245 : 65) * Math.PI) / 180;
+    let chroma = 0.16 * Math.min(1, 2.5 * Math.abs(t)), rgb = oklab(lightness, chroma, hue);
+    while (chroma > 0 && rgb.some((v) => v < 0 || v > 1)) rgb = oklab(lightness, (chroma -= 0.004), hue);
+    return rgb.map((v) => {
+      const x = Math.min(1, Math.max(0, v));
+      return Math.round(255 * (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055));
+    });
+  }
+
+  const RAMP = 511; // odd: zero has an entry of its own
+  const ramps = {
+    signed: Array.from({ length: RAMP }, (_, i) => signedColour((2 * i) / (RAMP - 1) - 1)),
+    magnitude: Array.from({ length: RAMP }, (_, i) => cividis(i / (RAMP - 1))),
+  };
+
+  return { page, brightest, LUMA, nits, codeOf, levels, read, levelOf, luminance, RAMP, ramps };
+})();

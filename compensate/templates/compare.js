@@ -1,0 +1,703 @@
+"use strict";
+// The viewer of the compare page. The data's way: 16-bit codes (compare-light.js) -> exposure and display
+// encoding, one table of 65536 entries -> 8-bit canvas per view -> placed in cells on the picture.
+// Everything on screen follows from `state`; handlers change it and call `draw`.
+(() => {
+  const byId = (id) => document.getElementById(id);
+  const all = (selector) => [...document.querySelectorAll(selector)];
+  const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+
+  const { page, brightest, LUMA, nits, codeOf, levels, levelOf, luminance, RAMP, ramps } = domesimLight;
+  const { drawProfile, drawHistogram } = domesimPlots;
+  const { rows, cols, white, views } = page;
+  const NEUTRAL = { exposure: 0, gamma: "sRGB" };
+  const MAX_ZOOM = 64;
+  const HOLD_MS = 350; // a press longer than this was a look, not a flip
+
+  const master = views.findIndex((view) => view.kind === "master");
+  const seen = views.map((view, i) => (view.kind === "seen" ? i : -1)).filter((i) => i >= 0);
+  const state = {
+    mode: "split",
+    a: seen.length > 1 ? seen[0] : 0,
+    b: seen.length ? seen[seen.length - 1] : views.length - 1,
+    shown: 0, // in flip mode
+    split: 0.5, // of the picture's width
+    fit: true,
+    zoom: 1, // device pixels per picture pixel
+    centre: { row: rows / 2, col: cols / 2 },
+    ...NEUTRAL,
+    darkRoom: false,
+    area: 1,
+    probe: null, // { row, col }
+    pinned: false,
+    signed: true,
+    scaleStep: 0,
+    scaleAuto: true,
+    axis: "log",
+  };
+  state.shown = state.a;
+  const reference = () => (master >= 0 ? master : state.a);
+
+  // ---------------------------------------------------------------- from light to display codes
+
+  function encode(light) {
+    if (state.gamma !== "sRGB") return light ** (1 / Number(state.gamma));
+    return light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055;
+  }
+
+  const table = { key: "", codes: new Uint8Array(65536) };
+  function displayTable() {
+    const key = `${state.exposure} ${state.gamma}`;
+    if (table.key !== key) {
+      const gain = 2 ** state.exposure / white;
+      for (let v = 0; v < 65536; v++) table.codes[v] = Math.round(255 * encode(Math.min(1, gain * nits[v])));
+      table.key = key;
+    }
+    return table;
+  }
+
+  const painted = new Map(); // "view/level" -> { key, canvas }
+  function paint(name, key, level, fill) {
+    let entry = painted.get(name);
+    if (!entry) {
+      const canvas = document.createElement("canvas");
+      canvas.width = level.cols;
+      canvas.height = level.rows;
+      painted.set(name, (entry = { key: null, canvas }));
+    }
+    if (entry.key !== key) {
+      const context = entry.canvas.getContext("2d", { willReadFrequently: true });
+      const image = context.createImageData(level.cols, level.rows);
+      fill(image.data);
+      for (let i = 0; i < level.alpha.length; i++) image.data[4 * i + 3] = level.alpha[i];
+      context.putImageData(image, 0, 0);
+      entry.key = key;
+    }
+    return entry.canvas;
+  }
+
+  function paintView(view, k) {
+    const level = levelOf(view, k), { key, codes: display } = displayTable();
+    return paint(`${view}/${k}`, key, level, (pixels) => {
+      const size = level.rows * level.cols, { codes } = level;
+      for (let i = 0; i < size; i++) {
+        pixels[4 * i] = display[codes[i]];
+        pixels[4 * i + 1] = display[codes[size + i]];
+        pixels[4 * i + 2] = display[codes[2 * size + i]];
+      }
+    });
+  }
+
+  // ---------------------------------------------------------------- difference
+
+  const steps = []; // 1, 2, 5, 10, ... cd/m²
+  for (let e = Math.floor(Math.log10(white)) - 5; e < 5; e++)
+    for (const digit of [1, 2, 5]) if (digit * 10 ** e <= 2 * brightest) steps.push(Number(`${digit}e${e}`));
+
+  function differenceAt(level, other, i) {
+    return luminance(level, i) - luminance(other, i);
+  }
+
+  // The smallest step that holds 95 % of the picture; a quarter-size level is enough to tell.
+  let automatic = { key: "", step: 0 };
+  function automaticStep() {
+    const key = `${state.b} ${reference()}`;
+    if (automatic.key === key) return automatic.step;
+    const b = levelOf(state.b, 2), m = levelOf(reference(), 2), sizes = [];
+    for (let i = 0; i < b.alpha.length; i++) if (b.alpha[i]) sizes.push(Math.abs(differenceAt(b, m, i)));
+    const most = quantile(Float64Array.from(sizes), 0.95);
+    const step = steps.findIndex((value) => value >= most);
+    automatic = { key, step: step < 0 ? steps.length - 1 : step };
+    return automatic.step;
+  }
+
+  function quantile(values, share) {
+    return values.length ? values.sort()[Math.min(values.length - 1, Math.floor(share * values.length))] : 0;
+  }
+
+  function paintDifference(k) {
+    const level = levelOf(state.b, k), other = levelOf(reference(), k);
+    const { signed } = state, scale = steps[state.scaleStep];
+    const ramp = signed ? ramps.signed : ramps.magnitude;
+    return paint(`difference/${k}`, `${state.b} ${reference()} ${signed} ${scale}`, level, (pixels) => {
+      for (let i = 0; i < level.alpha.length; i++) {
+        const t = differenceAt(level, other, i) / scale;
+        const at = signed ? (t + 1) / 2 : Math.abs(t);
+        const colour = ramp[Math.round(clamp(at, 0, 1) * (RAMP - 1))];
+        pixels[4 * i] = colour[0];
+        pixels[4 * i + 1] = colour[1];
+        pixels[4 * i + 2] = colour[2];
+      }
+    });
+  }
+
+  // ---------------------------------------------------------------- where things are
+
+  const picture = byId("picture"), frame = byId("frame");
+  const context = picture.getContext("2d");
+  const ratio = () => window.devicePixelRatio || 1;
+  const GAP = 4, LABEL = 22; // CSS pixels of the grid
+
+  // Cells of the picture in device pixels; every mode but the grid has one.
+  function cells() {
+    const { width, height } = picture;
+    if (state.mode !== "grid") return [{ view: state.shown, x: 0, y: 0, w: width, h: height }];
+    const gap = Math.round(GAP * ratio()), label = Math.round(LABEL * ratio());
+    let best = null;
+    for (let across = 1; across <= views.length; across++) {
+      const down = Math.ceil(views.length / across);
+      const w = Math.floor((width - gap * (across - 1)) / across);
+      const room = Math.floor((height - gap * (down - 1)) / down);
+      const h = Math.min(room, Math.ceil((w * rows) / cols) + label); // no gap below the names
+      const scale = Math.min(w / cols, (h - label) / rows), top = Math.floor((room - h) * down / 2);
+      if (!best || scale > best.scale) best = { scale, across, w, h, top };
+    }
+    return views.map((_, view) => ({
+      view,
+      x: (view % best.across) * (best.w + gap),
+      y: best.top + Math.floor(view / best.across) * (best.h + gap) + label,
+      w: best.w,
+      h: best.h - label,
+    }));
+  }
+
+  const fitZoom = (cell) => Math.max(1 / 64, 0.985 * Math.min(cell.w / cols, cell.h / rows));
+
+  // The picture's top left corner on the canvas, on whole pixels: at 1:1 nothing is resampled.
+  function origin(cell) {
+    return {
+      x: Math.round(cell.x + cell.w / 2 - state.centre.col * state.zoom),
+      y: Math.round(cell.y + cell.h / 2 - state.centre.row * state.zoom),
+    };
+  }
+
+  function toDevice(event) {
+    const box = picture.getBoundingClientRect();
+    return { x: (event.clientX - box.left) * ratio(), y: (event.clientY - box.top) * ratio() };
+  }
+
+  function cellAt(point) {
+    const inside = (c) => point.x >= c.x && point.x < c.x + c.w && point.y >= c.y && point.y < c.y + c.h;
+    return cells().find(inside) || cells()[0];
+  }
+
+  function toPicture(point, cell = cellAt(point)) {
+    const { x, y } = origin(cell);
+    return { row: (point.y - y) / state.zoom, col: (point.x - x) / state.zoom };
+  }
+
+  function settleZoom() {
+    const cell = cells()[0];
+    if (state.fit) {
+      state.zoom = fitZoom(cell);
+      state.centre = { row: rows / 2, col: cols / 2 };
+    }
+    state.zoom = clamp(state.zoom, Math.min(1, fitZoom(cell)) / 2, MAX_ZOOM);
+    state.centre.row = clamp(state.centre.row, 0, rows);
+    state.centre.col = clamp(state.centre.col, 0, cols);
+  }
+
+  // Zoom so that the picture's point below `point` stays there.
+  function zoomTo(zoom, point = null) {
+    const cell = point ? cellAt(point) : cells()[0];
+    const at = point || { x: cell.x + cell.w / 2, y: cell.y + cell.h / 2 };
+    const held = toPicture(at, cell);
+    state.fit = false;
+    state.zoom = zoom;
+    settleZoom();
+    state.centre.col = held.col - (at.x - cell.x - cell.w / 2) / state.zoom;
+    state.centre.row = held.row - (at.y - cell.y - cell.h / 2) / state.zoom;
+    draw();
+  }
+
+  function fit() {
+    state.fit = true;
+    draw();
+  }
+
+  // ---------------------------------------------------------------- drawing
+
+  let pending = false;
+  function draw() {
+    if (pending || !levels.length) return;
+    pending = true;
+    requestAnimationFrame(() => {
+      pending = false;
+      drawNow();
+    });
+  }
+
+  function drawNow() {
+    if (levels.length < views.length) return;
+    settleZoom();
+    if (state.scaleAuto) state.scaleStep = automaticStep();
+    context.clearRect(0, 0, picture.width, picture.height);
+    const cut = Math.round(state.split * picture.width);
+    for (const cell of cells()) {
+      if (state.mode === "split") {
+        place(cell, { ...cell, w: cut }, (k) => paintView(state.a, k));
+        place(cell, { ...cell, x: cut, w: cell.w - cut }, (k) => paintView(state.b, k));
+      } else if (state.mode === "difference") place(cell, cell, paintDifference);
+      else place(cell, cell, (k) => paintView(cell.view, k));
+      markProbe(cell);
+    }
+    drawControls();
+    drawReadings();
+  }
+
+  // Put a painted view into `cell`, as far as it lies in `part`.
+  function place(cell, part, painter) {
+    const k = state.zoom < 1 ? Math.min(6, Math.floor(Math.log2(1 / state.zoom) + 1e-6)) : 0;
+    const canvas = painter(k), { x, y } = origin(cell), scale = state.zoom * 2 ** k;
+    context.save();
+    context.beginPath();
+    context.rect(part.x, part.y, part.w, part.h);
+    context.clip();
+    context.imageSmoothingEnabled = state.zoom < 2 && scale !== 1;
+    context.imageSmoothingQuality = "high";
+    context.drawImage(canvas, x, y, canvas.width * scale, canvas.height * scale);
+    context.restore();
+  }
+
+  function markProbe(cell) {
+    if (!state.probe || !(state.pinned || state.mode === "grid")) return;
+    const { x, y } = origin(cell), { row, col } = state.probe, unit = ratio();
+    const half = Math.max((state.area / 2) * state.zoom, 4 * unit);
+    const px = x + (col + 0.5) * state.zoom, py = y + (row + 0.5) * state.zoom;
+    context.save();
+    context.beginPath();
+    context.rect(cell.x, cell.y, cell.w, cell.h);
+    context.clip();
+    for (const [colour, width] of [["rgb(0 0 0 / .7)", 3], ["rgb(255 255 255 / .9)", 1]]) {
+      context.strokeStyle = colour;
+      context.lineWidth = width * unit;
+      context.strokeRect(px - half, py - half, 2 * half, 2 * half);
+    }
+    context.fillStyle = "rgb(255 255 255 / .22)"; // the row of the profile
+    if (state.pinned) {
+      const line = Math.round(py);
+      context.fillRect(cell.x, line, Math.max(0, px - half - cell.x), unit);
+      context.fillRect(px + half, line, Math.max(0, cell.x + cell.w - px - half), unit);
+    }
+    context.restore();
+  }
+
+  function make(element, className, text) {
+    return Object.assign(document.createElement(element), { className, textContent: text });
+  }
+
+  function label(view, tag = "") {
+    const node = make("span", "label", "");
+    if (tag) node.append(make("b", `tag-${tag.toLowerCase()}`, tag));
+    node.append(make("span", "number", view + 1), make("span", "name", views[view].name));
+    return node;
+  }
+  const tagOf = (view) => (view === state.a ? "A" : view === state.b ? "B" : "");
+
+  let labelled = "";
+  function drawLabels() {
+    const strip = byId("labels"), grid = [];
+    strip.style.setProperty("--split", `${100 * state.split}%`);
+    const key = JSON.stringify([state.mode, state.a, state.b, state.shown, cells()]);
+    if (key === labelled) return;
+    labelled = key;
+    strip.className = `strip top ${state.mode}`;
+    if (state.mode === "split") strip.replaceChildren(label(state.a, "A"), label(state.b, "B"));
+    else if (state.mode === "flip") strip.replaceChildren(label(state.shown, tagOf(state.shown)));
+    else if (state.mode === "difference") strip.replaceChildren(label(state.b, "B"), "minus", label(reference()));
+    else {
+      strip.replaceChildren("All views, one exposure and zoom");
+      for (const cell of cells()) {
+        const node = label(cell.view, tagOf(cell.view));
+        node.style.cssText = `left:${cell.x / ratio()}px;top:${cell.y / ratio() - LABEL}px;width:${cell.w / ratio()}px`;
+        grid.push(node);
+      }
+    }
+    byId("cell-labels").replaceChildren(...grid);
+  }
+
+  const stops = (value) => `${value > 0 ? "+" : value < 0 ? "−" : ""}${Math.abs(value).toFixed(1)}`;
+  function drawControls() {
+    drawLabels();
+    const split = byId("split"), difference = state.mode === "difference";
+    split.hidden = state.mode !== "split";
+    split.style.left = `${100 * state.split}%`;
+    split.setAttribute("aria-valuenow", Math.round(100 * state.split));
+    split.setAttribute("aria-valuetext", `${Math.round(100 * state.split)} % A`);
+    byId("zoom-value").textContent = `${Math.round(100 * state.zoom)} %`;
+    byId("zoom-fit").setAttribute("aria-pressed", state.fit);
+    byId("zoom-one").setAttribute("aria-pressed", state.zoom === 1);
+
+    for (const name of ["mode", "a", "b", "gamma", "area", "axis"])
+      for (const input of all(`input[name=${name}]`)) input.checked = input.value === String(state[name]);
+    const visible = { split: [state.a, state.b], flip: [state.shown], grid: [], difference: [] }[state.mode];
+    for (const button of all("[data-show]"))
+      button.classList.toggle("visible", visible.includes(Number(button.dataset.show)));
+
+    byId("exposure").value = state.exposure;
+    byId("exposure-value").textContent = `${stops(state.exposure)} stops`;
+    byId("dark-room").setAttribute("aria-pressed", state.darkRoom);
+    document.documentElement.classList.toggle("dark-room", state.darkRoom);
+    const changed = [];
+    if (state.exposure !== 0) changed.push(`${stops(state.exposure)} stops`);
+    if (state.gamma !== NEUTRAL.gamma) changed.push(`gamma ${state.gamma}`);
+    byId("badge").textContent = `Not neutral: ${changed.join(", ")}`;
+    byId("badge").hidden = difference || !changed.length;
+    byId("display-white").hidden = difference;
+    byId("display-white").textContent = `display white = ${format(white / 2 ** state.exposure)} cd/m²`;
+
+    byId("reference").textContent = views[reference()].name;
+    byId("scale").value = state.scaleStep;
+    byId("scale-value").textContent = `${state.signed ? "±" : ""}${steps[state.scaleStep]} cd/m²`;
+    byId("scale-auto").setAttribute("aria-pressed", state.scaleAuto);
+    byId("legend").hidden = !difference;
+    if (difference) drawLegend();
+  }
+
+  function drawLegend() {
+    const ramp = state.signed ? ramps.signed : ramps.magnitude, top = steps[state.scaleStep];
+    const colours = Array.from({ length: 33 }, (_, i) => `rgb(${ramp[Math.round((i * (RAMP - 1)) / 32)]})`);
+    byId("darker").hidden = !state.signed;
+    byId("brighter").textContent = state.signed ? "brighter, cd/m²" : "cd/m²";
+    byId("ramp").style.background = `linear-gradient(to right, ${colours.join(",")})`;
+    const amount = (share) => String(Number((share * top).toPrecision(3)));
+    const ticks = state.signed
+      ? [`−${amount(1)}`, `−${amount(0.5)}`, "0", `+${amount(0.5)}`, `+${amount(1)}`]
+      : ["0", amount(0.25), amount(0.5), amount(0.75), amount(1)];
+    byId("ticks").replaceChildren(...ticks.map((text, i) => {
+      const tick = Object.assign(document.createElement("span"), { textContent: text });
+      tick.style.left = `${25 * i}%`;
+      return tick;
+    }));
+  }
+
+  // ---------------------------------------------------------------- readings
+
+  function format(value) {
+    const size = Math.abs(value), sign = value < 0 ? "−" : "";
+    if (size === 0) return "0";
+    if (size < 1e-5) return `${sign}<0.00001`;
+    return sign + size.toFixed(size >= 100 ? 1 : size >= 10 ? 2 : size >= 1 ? 3 : size >= 0.1 ? 4 : 5);
+  }
+
+  // What every view holds at a pixel, in cd/m²: the mean over the on-screen part of a square.
+  function probeAt(row, col, area = state.area) {
+    const half = (area - 1) / 2, { alpha } = levels[0][0];
+    const onScreen = row >= 0 && col >= 0 && row < rows && col < cols && alpha[row * cols + col] > 0;
+    if (!onScreen) return { row, col, onScreen, direction: null, views: [] };
+    const inside = [];
+    for (let y = Math.max(0, row - half); y <= Math.min(rows - 1, row + half); y++)
+      for (let x = Math.max(0, col - half); x <= Math.min(cols - 1, col + half); x++)
+        if (alpha[y * cols + x]) inside.push(y * cols + x);
+    const values = views.map(({ name }, view) => {
+      const { codes } = levels[view][0];
+      const meanOf = (plane) => inside.reduce((sum, i) => sum + nits[codes[plane * rows * cols + i]], 0) / inside.length;
+      const [r, g, b] = [0, 1, 2].map(meanOf);
+      return { name, r, g, b, y: LUMA[0] * r + LUMA[1] * g + LUMA[2] * b };
+    });
+    return { row, col, onScreen, direction: directionOf(row, col), views: values };
+  }
+
+  // Equidistant domemaster, front at the bottom: degrees from the zenith, and from the front
+  // towards the right of the picture.
+  function directionOf(row, col) {
+    if (page.halfAngle === null) return null;
+    const radius = Math.min(rows, cols) / 2;
+    const right = (col + 0.5 - cols / 2) / radius, front = (row + 0.5 - rows / 2) / radius;
+    if (Math.hypot(right, front) > 1) return null;
+    const azimuth = (Math.atan2(right, front) * 180) / Math.PI;
+    return { zenith: Math.hypot(right, front) * page.halfAngle, azimuth: (azimuth + 360) % 360 };
+  }
+
+  function drawReadings() {
+    const reading = state.probe && probeAt(state.probe.row, state.probe.col);
+    byId("probe-state").textContent = state.pinned ? "pinned, Esc or a click releases" : "click to pin";
+    byId("where").textContent = !reading ? "Point at the picture."
+      : `row ${reading.row}, col ${reading.col}` + (!reading.onScreen ? ": outside the screen"
+        : reading.direction ? ` · zenith angle ${reading.direction.zenith.toFixed(1)}°, azimuth ${reading.direction.azimuth.toFixed(1)}°` : "");
+    const display = displayTable().codes;
+    all(".probe tbody tr").forEach((line, view) => {
+      const value = reading && reading.views[view], fields = line.querySelectorAll("td");
+      const texts = !value ? Array(5).fill("–")
+        : [value.r, value.g, value.b, value.y].map(format).concat(
+          master < 0 || view === master ? "–" : signedText(value.y - reading.views[master].y));
+      fields.forEach((field, i) => (field.textContent = texts[i]));
+      line.className = tagOf(view).toLowerCase();
+      const colour = value && [value.r, value.g, value.b].map((v) => display[codeOf(v)]);
+      line.querySelector(".swatch").style.background = colour ? `rgb(${colour})` : "";
+    });
+    const curves = [[state.a, "--a", []], [state.b, "--b", []]].filter(([view]) => view !== master);
+    if (master >= 0) curves.unshift([master, "--strong", [4, 3]]);
+    const inside = reading && reading.row >= 0 && reading.row < rows;
+    byId("profile-row").textContent = inside ? `row ${reading.row}` : "";
+    drawProfile(curves, inside ? reading : null, state.axis, steps);
+    drawHistogram(curves, nits[display.findIndex((code) => code > 0)], white / 2 ** state.exposure);
+  }
+  const signedText = (value) => (value > 0 ? "+" : "") + format(value);
+
+  // ---------------------------------------------------------------- what the reader does
+
+  function setMode(mode, shown = state.shown) {
+    Object.assign(state, { mode, shown });
+    draw();
+  }
+
+  function flip() {
+    setMode("flip", state.mode === "flip" && state.shown === state.b ? state.a : state.b);
+  }
+
+  // Flip on press; if the press was long, it was a look: flip back on release.
+  let pressed = null;
+  function press() {
+    if (pressed) return;
+    pressed = { at: performance.now(), mode: state.mode, shown: state.shown };
+    flip();
+  }
+  function release() {
+    if (pressed && performance.now() - pressed.at > HOLD_MS) setMode(pressed.mode, pressed.shown);
+    pressed = null;
+  }
+
+  function setExposure(value) {
+    state.exposure = clamp(Math.round(value * 10) / 10, -4, 10);
+    draw();
+  }
+
+  // Put the 95th percentile of the darker half of the master's lit pixels at mid-grey (18 %).
+  // Pixels of no light at all have nothing to show and would send every star field to +10.
+  function shadowExposure() {
+    const level = levels[reference()][0], lit = [];
+    for (let i = 0; i < level.alpha.length; i++) {
+      const value = level.alpha[i] ? luminance(level, i) : 0;
+      if (value > 0) lit.push(value);
+    }
+    const shadow = quantile(Float64Array.from(lit), 0.5 * 0.95);
+    return shadow > 0 ? Math.log2((0.18 * white) / shadow) : 10;
+  }
+
+  let beforeDark = 0;
+  function toggleDarkRoom() {
+    state.darkRoom = !state.darkRoom;
+    if (state.darkRoom) beforeDark = state.exposure;
+    setExposure(state.darkRoom ? shadowExposure() : beforeDark);
+  }
+
+  function reset() {
+    Object.assign(state, NEUTRAL, { darkRoom: false });
+    draw();
+  }
+
+  function movePin(down, right) {
+    const at = state.probe || { row: rows >> 1, col: cols >> 1 };
+    state.probe = { row: clamp(at.row + down, 0, rows - 1), col: clamp(at.col + right, 0, cols - 1) };
+    state.pinned = true;
+    draw();
+  }
+
+  function pixelAt(point) {
+    const { row, col } = toPicture(point);
+    return { row: Math.floor(row), col: Math.floor(col) };
+  }
+
+  function listenToPicture() {
+    const down = new Map(); // pointers on the picture
+    let travelled = 0;
+    picture.addEventListener("pointerdown", (event) => {
+      picture.setPointerCapture(event.pointerId);
+      if (!down.size) travelled = 0;
+      down.set(event.pointerId, toDevice(event));
+    });
+    picture.addEventListener("pointermove", (event) => {
+      const now = toDevice(event), before = down.get(event.pointerId);
+      if (!before) {
+        if (!state.pinned) {
+          state.probe = pixelAt(now);
+          draw();
+        }
+        return;
+      }
+      travelled += Math.hypot(now.x - before.x, now.y - before.y);
+      const others = [...down].filter(([id]) => id !== event.pointerId).map(([, point]) => point);
+      down.set(event.pointerId, now);
+      if (travelled < 4 * ratio()) return;
+      if (others.length) {
+        const spread = (p) => Math.max(1, Math.hypot(p.x - others[0].x, p.y - others[0].y));
+        const middle = { x: (now.x + others[0].x) / 2, y: (now.y + others[0].y) / 2 };
+        zoomTo((state.zoom * spread(now)) / spread(before), middle);
+      }
+      const share = 1 / down.size; // two fingers moving together pan once
+      state.centre.col -= (share * (now.x - before.x)) / state.zoom;
+      state.centre.row -= (share * (now.y - before.y)) / state.zoom;
+      state.fit = false;
+      draw();
+    });
+    const lift = (event) => {
+      const point = down.get(event.pointerId);
+      down.delete(event.pointerId);
+      if (!point || event.type === "pointercancel" || travelled >= 4 * ratio() || event.button > 0) return;
+      const pixel = pixelAt(point);
+      const apart = state.pinned ? Math.hypot(pixel.row - state.probe.row, pixel.col - state.probe.col) : Infinity;
+      const again = apart * state.zoom < 6 * ratio();
+      Object.assign(state, { probe: pixel, pinned: !again });
+      draw();
+    };
+    picture.addEventListener("pointerup", lift);
+    picture.addEventListener("pointercancel", lift);
+    picture.addEventListener("pointerleave", () => {
+      if (!state.pinned) state.probe = null;
+      draw();
+    });
+    picture.addEventListener("dblclick", (event) => {
+      if (state.fit) zoomTo(state.zoom < 1 ? 1 : 4, toDevice(event));
+      else fit();
+    });
+    picture.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      const lines = event.deltaMode === 1 ? 16 : 1;
+      zoomTo(state.zoom * Math.exp(-event.deltaY * lines * (event.ctrlKey ? 0.01 : 0.0015)), toDevice(event));
+    }, { passive: false });
+  }
+
+  function setSplit(share) {
+    state.split = clamp(share, 0, 1);
+    draw();
+  }
+
+  function listenToSplit() {
+    const split = byId("split");
+    split.addEventListener("pointerdown", (event) => split.setPointerCapture(event.pointerId));
+    split.addEventListener("pointermove", (event) => {
+      const box = picture.getBoundingClientRect();
+      if (split.hasPointerCapture(event.pointerId)) setSplit((event.clientX - box.left) / box.width);
+    });
+    split.addEventListener("keydown", (event) => {
+      const step = event.shiftKey ? 0.1 : 0.01;
+      const moves = { ArrowLeft: -step, ArrowDown: -step, ArrowRight: step, ArrowUp: step, Home: -1, End: 1 };
+      if (!(event.key in moves)) return;
+      event.preventDefault();
+      event.stopPropagation();
+      setSplit(state.split + moves[event.key]);
+    });
+  }
+
+  function listenToKeys() {
+    const keys = {
+      s: () => setMode("split"), f: () => setMode("flip"), g: () => setMode("grid"), d: () => setMode("difference"),
+      x: swap, k: toggleDarkRoom, r: reset, 0: fit, z: () => zoomTo(1),
+      "[": () => setExposure(state.exposure - 0.5), "]": () => setExposure(state.exposure + 0.5),
+      "+": () => zoomTo(state.zoom * 1.25), "=": () => zoomTo(state.zoom * 1.25), "-": () => zoomTo(state.zoom / 1.25),
+      "?": () => byId("help").showModal(),
+      Escape: () => { Object.assign(state, { pinned: false, probe: null }); draw(); },
+    };
+    const arrows = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] };
+    document.addEventListener("keydown", (event) => {
+      if (byId("help").open || event.ctrlKey || event.metaKey || event.altKey) return;
+      const ownKeys = event.target.closest("button, summary, input[type=radio]");
+      const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+      if (key === " " && !ownKeys) press();
+      else if (key in arrows && event.target === picture)
+        movePin(...arrows[key].map((n) => n * (event.shiftKey ? 10 : 1)));
+      else if (key >= "1" && key <= "9" && Number(key) <= views.length) setMode("flip", Number(key) - 1);
+      else if (key in keys) keys[key]();
+      else return;
+      event.preventDefault();
+    });
+    document.addEventListener("keyup", (event) => event.key === " " && release());
+    window.addEventListener("blur", release);
+  }
+
+  function swap() {
+    [state.a, state.b] = [state.b, state.a];
+    draw();
+  }
+
+  function listenToControls() {
+    const onClick = (id, action) => byId(id).addEventListener("click", action);
+    onClick("zoom-in", () => zoomTo(state.zoom * 1.25));
+    onClick("zoom-out", () => zoomTo(state.zoom / 1.25));
+    onClick("zoom-fit", fit);
+    onClick("zoom-one", () => zoomTo(1));
+    onClick("swap", swap);
+    onClick("dark-room", toggleDarkRoom);
+    onClick("reset", reset);
+    onClick("help-open", () => byId("help").showModal());
+    onClick("scale-auto", () => { state.scaleAuto = !state.scaleAuto; draw(); });
+    for (const button of all("[data-show]"))
+      button.addEventListener("click", () => setMode("flip", Number(button.dataset.show)));
+
+    const flipButton = byId("flip");
+    flipButton.addEventListener("pointerdown", press);
+    for (const name of ["pointerup", "pointercancel", "pointerleave"]) flipButton.addEventListener(name, release);
+    flipButton.addEventListener("click", (event) => event.detail === 0 && flip()); // by keyboard
+
+    const onChange = (name, action) =>
+      all(`input[name=${name}]`).forEach((input) =>
+        input.addEventListener("change", () => { action(input.value); draw(); }));
+    onChange("mode", (value) => setMode(value));
+    onChange("a", (value) => (state.a = Number(value)));
+    onChange("b", (value) => (state.b = Number(value)));
+    onChange("gamma", (value) => (state.gamma = value));
+    onChange("area", (value) => (state.area = Number(value)));
+    onChange("sign", (value) => (state.signed = value === "signed"));
+    onChange("axis", (value) => (state.axis = value));
+    byId("exposure").addEventListener("input", (event) => setExposure(Number(event.target.value)));
+    byId("scale").max = steps.length - 1;
+    byId("scale").addEventListener("input", (event) => {
+      Object.assign(state, { scaleStep: Number(event.target.value), scaleAuto: false });
+      draw();
+    });
+
+    // After a press with the mouse the keys belong to the picture again: Space flips.
+    let byPointer = false;
+    document.addEventListener("pointerdown", () => (byPointer = true), true);
+    document.addEventListener("keydown", () => (byPointer = false), true);
+    document.addEventListener("click", (event) => {
+      if (byPointer && event.target.closest(".panel button, .bar button, input[type=radio]") && !byId("help").open)
+        picture.focus({ preventScroll: true });
+    });
+  }
+
+  function resize() {
+    const box = frame.getBoundingClientRect();
+    const width = Math.max(1, Math.round(box.width * ratio())), height = Math.max(1, Math.round(box.height * ratio()));
+    if (picture.width === width && picture.height === height) return;
+    picture.width = width;
+    picture.height = height;
+    if (levels.length === views.length) drawNow(); // at once: a resized canvas is empty
+  }
+
+  async function start() {
+    if (typeof DecompressionStream === "undefined") {
+      byId("message").textContent = "This browser cannot unpack the pictures (it has no DecompressionStream). "
+        + "Please open the file in Chrome or Edge 80, Firefox 113, Safari 16.4 or newer.";
+      return;
+    }
+    resize();
+    await domesimLight.read((n) => (byId("message").textContent = `Unpacking ${n} of ${views.length}…`));
+    byId("message").hidden = true;
+    listenToPicture();
+    listenToSplit();
+    listenToKeys();
+    listenToControls();
+    new ResizeObserver(resize).observe(frame);
+    drawNow();
+  }
+
+  // For tests: what is shown, and where a picture pixel lies in the window (CSS pixels).
+  window.domesimViewer = {
+    ready: start().catch((error) => {
+      byId("message").textContent = `The pictures in this file could not be unpacked (${error.message}). `
+        + "Please fetch the file again.";
+      throw error;
+    }),
+    state: () => structuredClone(state),
+    probeAt,
+    toWindow(row, col, cell = 0) {
+      const { x, y } = origin(cells()[cell]), box = picture.getBoundingClientRect();
+      return {
+        x: box.left + (x + (col + 0.5) * state.zoom) / ratio(),
+        y: box.top + (y + (row + 0.5) * state.zoom) / ratio(),
+      };
+    },
+  };
+})();

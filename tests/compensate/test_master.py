@@ -1,0 +1,174 @@
+"""The engine's entry: a master in, the frame to project out, in its own encoding."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from theatres import DATA, needs_data
+
+from compensate.master import METHODS, compensate, compensate_frame, pose, pose_frame
+from compensate.solver.baselines import Subtractive
+from compensate.solver.result import Status
+from domesim.errors import InputError
+from domesim.frames import ColourTag, Frame, read_frame, write_frame
+from domesim.scene import load_scene
+from domesim.screening import decoded, encoded, within_range
+
+SRGB = ColourTag("srgb", "BT.709", "the test")
+
+
+def frame(size: int = 96, bits: int = 8, seed: int = 0) -> Frame:
+    """A dark sky with a bright building, and content in the corners off the screen."""
+    random = np.random.default_rng(seed)
+    pixels = 0.2 * random.random((size, size, 3), np.float32)
+    pixels[size // 2 : size * 3 // 4, size // 3 : size * 2 // 3] = 1.0
+    levels = 2**bits - 1
+    return Frame(
+        np.rint(pixels * levels) / np.float32(levels), Path("night.png"), SRGB, bits, False
+    )
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene("dome_imax")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_frame_stays_in_range_and_off_the_screen_as_it_was(scene, method):
+    master = frame()
+    outcome = compensate_frame(master, scene, method=method)
+    pixels, screen = outcome.frame.pixels, scene.dome.inside(96, 96)
+    assert pixels.min() >= 0
+    assert pixels.max() <= 1
+    assert (pixels[~screen] == master.pixels[~screen]).all()
+    changed = (pixels != master.pixels)[screen].any()
+    assert changed == (method != "none")
+
+
+def test_perception_decides(scene):
+    figures = {
+        method: compensate_frame(frame(), scene, method=method).figures for method in METHODS
+    }
+    best = figures["perceptual"]
+    assert best.gap <= 1e-3
+    assert best.error_after < best.error_subtractive < best.error_before
+    assert best.error_after < figures["raised-black"].error_after
+    assert figures["none"].error_after == pytest.approx(best.error_before, rel=1e-6)
+    assert figures["subtractive"].error_after == pytest.approx(best.error_subtractive, rel=1e-6)
+    assert 0.3 < best.clipped < 1
+    assert 0.2 < best.pollution < 2
+
+
+def test_what_is_projected_is_what_the_solver_found(scene):
+    """Encoding and decoding the result moves it by a code value's rounding, no more."""
+    outcome = compensate_frame(frame(bits=16), scene)
+    shown = decoded(outcome.frame, scene)
+    screen = scene.dome.inside(96, 96)
+    assert shown[0][screen] == pytest.approx(outcome.light[0][screen], abs=2e-5)
+
+
+def test_the_desired_light_is_seen_where_the_projector_can(scene):
+    light = np.full((1, 64, 64, 3), 0.5, np.float32)
+    result = compensate(light, scene)
+    assert result.status is Status.EXACT
+    observation = scene.observation(64, 64)
+    seen = observation.observe(result.light)[0][observation.screen]
+    assert seen == pytest.approx(0.5, abs=1e-6)
+
+
+def test_any_solver_may_be_given(scene):
+    light = decoded(frame(64), scene)
+    posed = pose(light, scene)
+    result = compensate(light, scene, solver=Subtractive())
+    assert result.light == pytest.approx(posed.subtractive, abs=1e-6)
+    assert compensate(light, scene).cost < result.cost
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.1, np.nan, np.inf])
+def test_light_out_of_range_is_refused_on_the_screen_only(scene, value):
+    light = np.full((1, 16, 16, 3), 0.5)
+    light[0, 8, 8, 1] = value
+    with pytest.raises(InputError, match=r"0..1 on the screen, got 1 values"):
+        compensate(light, scene)
+    light[0, 8, 8, 1] = 0.5
+    light[0, 0, 0, 1] = 2.0
+    assert compensate(light, scene).light[0, 0, 0, 1] == 2.0
+
+
+def test_highlights_are_clipped_and_counted(scene):
+    master = replace(
+        frame(64), floating=True, bits=32, colour=ColourTag("linear", "BT.709", "the test")
+    )
+    pixels = master.pixels.copy()
+    pixels[40:44, 30:34] = 300.0
+    outcome = compensate_frame(master.with_pixels(pixels), scene)
+    screen = scene.dome.inside(64, 64)
+    assert outcome.figures.out_of_range == pytest.approx(16 / screen.sum())
+    assert outcome.frame.pixels[screen].max() <= 1
+
+
+def test_within_range_counts_pixels_of_the_screen():
+    light = np.full((1, 8, 8, 3), 0.5)
+    light[0, 4, 4] = (2.0, -1.0, 0.5)
+    light[0, 0, 0] = 7.0
+    screen = load_scene("dome_hemisphere").dome.inside(8, 8)
+    clipped, share = within_range(light, screen)
+    assert share == pytest.approx(1 / screen.sum())
+    assert list(clipped[0, 4, 4]) == [1.0, 0.0, 0.5]
+    assert clipped[0, 0, 0, 0] == 7.0
+
+
+def test_an_observed_white_that_no_integer_format_holds_is_counted(scene):
+    master = frame(64)
+    observation = scene.observation(64, 64)
+    seen = observation.observe(decoded(master, scene))
+    result, clipped = encoded(master, seen, scene, observation.screen)
+    white = (master.pixels == 1).all(-1) & observation.screen
+    assert clipped == pytest.approx(white.sum() / observation.screen.sum())
+    assert result.pixels.max() == 1
+
+
+def test_an_unknown_method_is_refused(scene):
+    with pytest.raises(InputError, match="use one of perceptual"):
+        compensate_frame(frame(32), scene, method="magic")
+
+
+def test_the_frame_need_not_be_stereo_or_square(scene):
+    with pytest.raises(InputError, match="a domemaster is square, got 64 x 32"):
+        compensate_frame(
+            frame(64).__class__(frame(64).pixels[:32], Path("wide.png"), SRGB, 8, False), scene
+        )
+    with pytest.raises(ValueError, match="view, row, col, primary"):
+        compensate(np.zeros((16, 16, 3)), scene)
+
+
+@needs_data
+def test_a_2k_frame_within_3_gib_unchanged_off_the_screen(tmp_path):
+    """The issue's job: one process, its peak memory, its frame; PNG, as JPEG smears the rim."""
+    source = DATA / "dome" / "dm3d_fulldome_2K.jpg"
+    master = tmp_path / "fulldome.png"
+    write_frame(read_frame(source), master)
+    command = [sys.executable, "-m", "domesim", "compensate", str(master)]
+    command += ["--scene", "dome_imax", "--out", str(tmp_path / "out"), "--quiet"]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    subprocess.run(command, check=True, timeout=300)
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    assert max(peak, before) * 1024 < 3 * 2**30
+    was, now = (read_frame(path).pixels for path in (master, tmp_path / "out" / "fulldome.png"))
+    outside = ~load_scene("dome_imax").dome.inside(2048, 2048)
+    assert (was[outside] == now[outside]).all()
+    assert (was != now).any()
+    assert now.min() >= 0
+    assert now.max() <= 1
+
+
+def test_a_frame_is_posed_as_its_light_is(scene):
+    posed, out_of_range = pose_frame(frame(64), scene)
+    assert out_of_range == 0
+    assert posed.problem.desired == pytest.approx(decoded(frame(64), scene))

@@ -1,0 +1,565 @@
+"""The compare page: what is written, and what a reader finds in the browser."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import re
+import shutil
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from compensate.page import Figure, View, _reduce, write_page
+from domesim.errors import InputError
+
+ROWS, COLS, WHITE = 60, 84, 48.0  # not square: rows and columns cannot be mistaken
+LUMA = np.array([0.2126, 0.7152, 0.0722])
+
+
+def disc(rows: int = ROWS, cols: int = COLS) -> np.ndarray:
+    y, x = np.mgrid[:rows, :cols]
+    radius = min(rows, cols) / 2
+    return np.hypot(y + 0.5 - rows / 2, x + 0.5 - cols / 2) <= radius
+
+
+def make_views(rows: int = ROWS, cols: int = COLS) -> list[View]:
+    """A master over five decades of light, and two ways of seeing it."""
+    rng = np.random.default_rng(7)
+    master = (10 ** rng.uniform(-4, 0, (rows, cols, 3))).astype(np.float32)
+    return [
+        View("Master", master, "what should be seen", "master"),
+        View("Seen without", master + np.float32(0.05), "pollution on top"),
+        View("Seen, perceptual", 0.9 * master + np.float32(0.01), "compensated"),
+    ]
+
+
+def write(path: Path, views: list[View] | None = None, **settings: Any) -> str:
+    options = {"title": "A title", "subtitle": "A subtitle", "white": WHITE} | settings
+    write_page(path, make_views() if views is None else views, **options)
+    return path.read_text(encoding="utf-8")
+
+
+def page_data(html: str) -> dict[str, Any]:
+    found = re.search(r'<script type="application/json" id="page-data">(.*?)</script>', html, re.S)
+    assert found
+    data: dict[str, Any] = json.loads(found[1])
+    return data
+
+
+def unpack(html: str) -> tuple[np.ndarray, np.ndarray]:
+    """Read mask and views, in light, from the page as its script does."""
+    data = page_data(html)
+    shape = data["rows"], data["cols"]
+    blobs = re.findall(r'data-payload="(\w+)"[^>]*>([^<]*)</script>', html)
+    raw = [zlib.decompress(base64.b64decode(text)) for _, text in blobs]
+    assert [kind for kind, _ in blobs] == ["mask"] + ["view"] * len(data["views"])
+    mask = np.unpackbits(np.frombuffer(raw[0], np.uint8), count=shape[0] * shape[1])
+    steps = np.stack([np.frombuffer(view, "<u2").reshape(3, *shape) for view in raw[1:]])
+    codes = np.cumsum(steps.astype(np.uint64), axis=3) % 65536
+    light = data["peak"] * (codes / 65535) ** data["power"]
+    return mask.reshape(shape).astype(bool), np.moveaxis(light, 1, -1)
+
+
+# ------------------------------------------------------------------------------ what is written
+
+
+def test_the_payload_is_the_light_to_a_thousandth_down_to_a_ten_thousandth_of_white(
+    tmp_path: Path,
+) -> None:
+    views = make_views(5, 7)
+    mask = disc(5, 7)
+    found_mask, found = unpack(write(tmp_path / "page.html", views, mask=mask))
+    np.testing.assert_array_equal(found_mask, mask)
+    for view, light in zip(views, found, strict=True):
+        np.testing.assert_allclose(light[mask], view.light[mask], rtol=1e-3)
+        assert not light[~mask].any()
+
+
+def test_it_keeps_its_precision_with_highlights_of_eight_times_white(tmp_path: Path) -> None:
+    light = np.full((5, 7, 3), 1e-4, np.float32)
+    light[2, 3] = 8
+    _, found = unpack(write(tmp_path / "page.html", [View("A", light)]))
+    np.testing.assert_allclose(found[0], light, rtol=1e-3)
+
+
+def test_black_stays_black_also_in_a_page_without_any_light(tmp_path: Path) -> None:
+    _, found = unpack(write(tmp_path / "page.html", [View("Black", np.zeros((5, 7, 3)))]))
+    assert not found.any()
+
+
+@pytest.mark.parametrize("size", [30, 37, 59])
+def test_reduction_conserves_the_mean_luminance(size: int) -> None:
+    light = make_views()[0].light
+    small, _ = _reduce(light, np.ones((ROWS, COLS), np.bool_), size)
+    assert max(small.shape) == size
+    np.testing.assert_allclose(
+        (small @ LUMA).mean(dtype=float), (light @ LUMA).mean(dtype=float), rtol=1e-5
+    )
+
+
+def test_reduction_averages_areas_and_does_not_pick_points() -> None:
+    light = np.zeros((ROWS, COLS, 3), np.float32)
+    light[31, 41] = 1  # a star between the sampling points
+    small, _ = _reduce(light, np.ones((ROWS, COLS), np.bool_), 28)
+    np.testing.assert_allclose(small.sum(axis=(0, 1)), 1 / 9, rtol=1e-5)
+
+
+def test_reduction_does_not_darken_the_rim_of_the_screen() -> None:
+    mask = disc()
+    light = np.where(mask[..., None], [0.5, 0.5, 0.5], np.nan)  # what is off the screen has no say
+    small, small_mask = _reduce(light, mask, 31)
+    np.testing.assert_allclose(small[small_mask], 0.5, rtol=1e-5)
+    assert small_mask.mean() == pytest.approx(mask.mean(), rel=0.05)
+    assert not small[~small_mask].any()
+
+
+def test_the_page_says_that_it_is_reduced(tmp_path: Path) -> None:
+    whole = write(tmp_path / "whole.html")
+    small = write(tmp_path / "small.html", size=42)
+    assert "area-averaged in linear light" not in whole
+    assert "42 × 30 pixels, area-averaged in linear light from 84 × 60" in small
+
+
+def test_text_is_escaped(tmp_path: Path) -> None:
+    evil = "</script><img src=x onerror=alert(1)>\"'&"
+    light = make_views(5, 7)[0].light
+    html = write(
+        tmp_path / "page.html",
+        [View(evil, light, evil)],
+        title=evil,
+        subtitle=evil,
+        figures=[Figure(evil, evil, {evil: evil}, evil)],
+        facts={evil: evil},
+    )
+    assert "<img" not in html
+    assert page_data(html)["views"][0]["name"] == evil
+
+
+def test_the_page_asks_for_nothing_from_outside(tmp_path: Path) -> None:
+    html = write(tmp_path / "page.html")
+    assert "default-src 'none'" in html
+    assert not re.search(r"https?:|//[a-z]+\.|@import|url\(", html)
+    assert re.findall(r'(?:src|href)="([^"]*)"', html) == ["data:,"]
+
+
+def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
+    assert write(tmp_path / "a.html") == write(tmp_path / "b.html")
+
+
+def test_a_failed_write_leaves_the_old_page_and_no_rubbish(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "page.html"
+    before = write(path)
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", fail)
+    with pytest.raises(InputError, match=r"cannot write the compare page to .*No space left"):
+        write(path, title="Another")
+    assert path.read_text(encoding="utf-8") == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["page.html"]
+
+
+LIGHT = np.full((5, 7, 3), 0.5, np.float32)
+BAD: dict[str, tuple[list[View], dict[str, Any], str]] = {
+    "no views": ([], {}, "at least one view"),
+    "two sizes": ([View("A", LIGHT), View("B", LIGHT[1:])], {}, r"'B' .*\(5, 7, 3\).*\(4, 7, 3\)"),
+    "no primaries": ([View("A", LIGHT[..., 0])], {}, r"\(row, col, 3\)"),
+    "code values": ([View("A", LIGHT.astype(np.uint8))], {}, "linear light, got uint8"),
+    "NaN": ([View("A", np.where(LIGHT > 0, np.nan, LIGHT))], {}, "finite"),
+    "negative light": ([View("A", -LIGHT)], {}, ">= 0, got -0.5"),
+    "one name twice": ([View("A", LIGHT), View("A", LIGHT)], {}, "different name"),
+    "a strange kind": ([View("A", LIGHT, kind="felt")], {}, "got felt"),
+    "no white": ([View("A", LIGHT)], {"white": 0.0}, "white > 0"),
+    "no size": ([View("A", LIGHT)], {"size": 0}, "at least 16 pixels, got 0"),
+    "a half angle": ([View("A", LIGHT)], {"half_angle_deg": 200.0}, "got 200"),
+    "the mask's shape": ([View("A", LIGHT)], {"mask": disc(7, 5)}, r"bool \(5, 7\)"),
+    "an empty mask": ([View("A", LIGHT)], {"mask": np.zeros((5, 7), bool)}, "False everywhere"),
+    "a figure's view": (
+        [View("A", LIGHT)],
+        {"figures": [Figure("F", "1", {"B": "2"})]},
+        r"got \['B'\]",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_refused_in_one_line(case: str, tmp_path: Path) -> None:
+    views, settings, message = BAD[case]
+    with pytest.raises(InputError, match=message) as caught:
+        write(tmp_path / "page.html", views, **settings)
+    assert "\n" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("path", ["missing/page.html", "."])
+def test_an_unwritable_path_is_refused_in_one_line(path: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot write the compare page to") as caught:
+        write(tmp_path / path)
+    assert "\n" not in str(caught.value)
+
+
+# ------------------------------------------------------------------------------ in the browser
+
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
+)
+ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    if not CHROMIUM:
+        reason = "no chromium, chromium-browser or google-chrome on the PATH"
+        if os.environ.get("DOMESIM_REQUIRE_BROWSER") == "1":
+            pytest.fail(f"{reason}, and DOMESIM_REQUIRE_BROWSER=1")
+        pytest.skip(reason)
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - only where a browser is
+
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("page") / "page.html"
+    write(
+        path,
+        mask=disc(),
+        half_angle_deg=90.0,
+        figures=[Figure("Mean", "cd/m²", {"Master": "4.2"}, "The mean over the screen.")],
+        facts={"Solver": "converged"},
+    )
+    return path
+
+
+class Viewer:
+    """The page in a browser, with the few questions that the tests ask."""
+
+    def __init__(self, page: Any) -> None:
+        self.page = page
+        self.requests: list[str] = []
+        self.complaints: list[str] = []
+        page.route("**/*", self._take)
+        page.on("console", self._listen)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+
+    def _take(self, route: Any) -> None:
+        self.requests.append(route.request.url)
+        route.continue_() if route.request.url.startswith("file:") else route.abort()
+
+    def _listen(self, message: Any) -> None:
+        if "willReadFrequently" not in message.text:  # that is about the tests' own reading
+            self.complaints.append(message.text)
+
+    def open(self, path: Path) -> Viewer:
+        self.page.goto(path.as_uri())
+        self.page.evaluate("domesimViewer.ready")
+        return self
+
+    def find(self, name: str) -> Any:
+        return self.page.get_by_test_id(name)
+
+    def state(self) -> dict[str, Any]:
+        self.page.evaluate("new Promise(requestAnimationFrame)")
+        found: dict[str, Any] = self.page.evaluate("domesimViewer.state()")
+        return found
+
+    def point(self, row: int, col: int) -> tuple[float, float]:
+        """Where a pixel of the picture lies in the window."""
+        self.state()
+        at = self.page.evaluate("([row, col]) => domesimViewer.toWindow(row, col)", [row, col])
+        return at["x"], at["y"]
+
+    def colour(self, row: int, col: int) -> list[int]:
+        """The RGBA drawn for a pixel of the picture."""
+        x, y = self.point(row, col)
+        box = self.find("picture").bounding_box()
+        found: list[int] = self.page.evaluate(
+            """([x, y]) => {
+                const picture = document.getElementById("picture");
+                return [...picture.getContext("2d").getImageData(x, y, 1, 1).data];
+            }""",
+            [int(x - box["x"]), int(y - box["y"])],
+        )
+        return found
+
+
+@pytest.fixture
+def viewer(browser: Any, page_file: Path) -> Iterator[Viewer]:
+    page = browser.new_page(viewport={"width": 1440, "height": 900})
+    found = Viewer(page).open(page_file)
+    yield found
+    page.close()
+    assert found.complaints == []
+    assert [url for url in found.requests if not url.startswith("file:")] == []
+    assert len(found.requests) == 1
+
+
+def srgb(light: np.ndarray) -> np.ndarray:
+    low = np.clip(light, 0, 1)
+    return 255 * np.where(low <= 0.0031308, 12.92 * low, 1.055 * low ** (1 / 2.4) - 0.055)
+
+
+def assert_shown(viewer: Viewer, light: np.ndarray, row: int, col: int) -> None:
+    """The picture shows this light at its present exposure, to half a code and its rounding."""
+    predicted = srgb(light[row, col].astype(float) * 2 ** viewer.state()["exposure"])
+    np.testing.assert_allclose(viewer.colour(row, col)[:3], predicted, atol=0.6)
+
+
+def test_split_shows_a_on_the_left_and_b_on_the_right(viewer: Viewer) -> None:
+    _, without, perceptual = (view.light for view in make_views())
+    assert viewer.state()["mode"] == "split"
+    assert_shown(viewer, without, 20, 30)
+    assert_shown(viewer, perceptual, 20, 54)
+
+
+def test_the_split_is_dragged(viewer: Viewer) -> None:
+    handle, frame = viewer.find("split"), viewer.find("picture").bounding_box()
+    box = handle.bounding_box()
+    middle = box["x"] + box["width"] / 2, box["y"] + 100
+    viewer.page.mouse.move(*middle)
+    viewer.page.mouse.down()
+    viewer.page.mouse.move(frame["x"] + 0.75 * frame["width"], middle[1], steps=4)
+    viewer.page.mouse.up()
+    assert viewer.state()["split"] == pytest.approx(0.75, abs=0.005)
+    assert handle.get_attribute("aria-valuenow") == "75"
+    assert_shown(viewer, make_views()[1].light, 20, 54)
+
+
+def test_the_split_moves_by_keyboard(viewer: Viewer) -> None:
+    handle = viewer.find("split")
+    assert handle.get_attribute("role") == "slider"
+    for keys, share in (("ArrowLeft", 0.49), ("Shift+ArrowRight", 0.59), ("Home", 0), ("End", 1)):
+        handle.press(keys)
+        assert viewer.state()["split"] == pytest.approx(share)
+
+
+def test_number_keys_show_a_view_whole_and_space_flips(viewer: Viewer) -> None:
+    views = make_views()
+    for key, view in (("1", 0), ("3", 2), (" ", 1), (" ", 2), (" ", 1)):
+        viewer.page.keyboard.press(key)
+        assert viewer.state()["mode"] == "flip"
+        assert viewer.state()["shown"] == view
+        assert_shown(viewer, views[view].light, 20, 30)
+        assert_shown(viewer, views[view].light, 20, 54)
+
+
+def test_space_held_compares_and_comes_back(viewer: Viewer) -> None:
+    viewer.page.keyboard.press("2")
+    viewer.page.keyboard.down(" ")
+    assert viewer.state()["shown"] == 2
+    viewer.page.wait_for_timeout(450)
+    viewer.page.keyboard.up(" ")
+    assert viewer.state()["shown"] == 1
+
+
+def test_a_and_b_are_picked_and_swapped(viewer: Viewer) -> None:
+    viewer.find("a-1").click()
+    viewer.find("b-2").click()
+    assert (viewer.state()["a"], viewer.state()["b"]) == (0, 1)
+    viewer.page.keyboard.press("x")
+    assert (viewer.state()["a"], viewer.state()["b"]) == (1, 0)
+
+
+@pytest.mark.parametrize("area", [1, 5, 21])
+def test_the_probe_reads_every_view_in_candelas(viewer: Viewer, area: int) -> None:
+    views, mask, half = make_views(), disc(), area // 2
+    for row, col in ((30, 42), (5, 38), (50, 60)):
+        found = viewer.page.evaluate(f"domesimViewer.probeAt({row}, {col}, {area})")
+        window = np.s_[max(0, row - half) : row + half + 1, max(0, col - half) : col + half + 1]
+        for view, value in zip(views, found["views"], strict=True):
+            light = WHITE * view.light[window][mask[window]].astype(float).mean(axis=0)
+            np.testing.assert_allclose([value["r"], value["g"], value["b"]], light, rtol=1e-3)
+            assert value["y"] == pytest.approx(light @ LUMA, rel=1e-3)
+
+
+def test_the_probe_knows_the_direction_in_the_dome(viewer: Viewer) -> None:
+    probe = "([row, col]) => domesimViewer.probeAt(row, col).direction"
+    front = viewer.page.evaluate(probe, [59, 41])
+    right = viewer.page.evaluate(probe, [29, 71])
+    assert front["zenith"] == pytest.approx(90 * np.hypot(29.5, 0.5) / 30)
+    assert front["azimuth"] == pytest.approx(360 - np.degrees(np.arctan2(0.5, 29.5)))
+    assert right["azimuth"] == pytest.approx(90, abs=1)
+    assert viewer.page.evaluate("domesimViewer.probeAt(0, 0).onScreen") is False
+
+
+def test_a_click_pins_the_probe_and_the_table_tells_its_values(viewer: Viewer) -> None:
+    viewer.page.mouse.click(*viewer.point(20, 30))
+    viewer.page.mouse.move(*viewer.point(40, 50))
+    state = viewer.state()
+    assert state["pinned"]
+    assert state["probe"] == {"row": 20, "col": 30}
+    assert viewer.find("where").inner_text().startswith("row 20, col 30")
+    for number, view in enumerate(make_views(), 1):
+        shown = viewer.find(f"probe-{number}").locator("td").all_inner_texts()
+        light = WHITE * view.light[20, 30].astype(float)
+        expected = [*light, light @ LUMA]
+        np.testing.assert_allclose(
+            [float(text) for text in shown[:4]], expected, rtol=2e-3, atol=6e-6
+        )
+    viewer.page.keyboard.press("ArrowRight")
+    assert viewer.state()["probe"] == {"row": 20, "col": 31}
+    viewer.page.keyboard.press("Escape")
+    assert not viewer.state()["pinned"]
+
+
+def test_the_probe_says_when_it_is_outside_the_screen(viewer: Viewer) -> None:
+    viewer.page.mouse.move(*viewer.point(2, 3))
+    viewer.state()
+    assert "outside the screen" in viewer.find("where").inner_text()
+    assert viewer.colour(2, 3)[3] == 0
+
+
+def test_exposure_changes_what_is_shown_as_predicted(viewer: Viewer) -> None:
+    light = make_views()[0].light
+    viewer.page.keyboard.press("1")
+    assert viewer.find("badge").is_hidden()
+    for stops in (-2, 3, 6):
+        viewer.find("exposure").fill(str(stops))
+        assert_shown(viewer, light, 33, 47)
+        assert viewer.find("badge").is_visible()
+    viewer.page.keyboard.press("[")
+    assert viewer.state()["exposure"] == 5.5
+    viewer.find("reset").click()
+    assert_shown(viewer, light, 33, 47)
+    assert viewer.find("badge").is_hidden()
+
+
+def test_display_gamma_changes_what_is_shown_as_predicted(viewer: Viewer) -> None:
+    light = make_views()[0].light[33, 47].astype(float)
+    viewer.page.keyboard.press("1")
+    viewer.page.locator("label", has=viewer.find("gamma-2.4")).click()
+    predicted = 255 * np.clip(light, 0, 1) ** (1 / 2.4)
+    np.testing.assert_allclose(viewer.colour(33, 47)[:3], predicted, atol=0.6)
+    assert "gamma 2.4" in viewer.find("badge").inner_text()
+
+
+def test_the_dark_room_brings_the_masters_shadows_to_mid_grey(viewer: Viewer) -> None:
+    lit = np.sort((make_views()[0].light.astype(float) @ LUMA)[disc()])
+    shadow = lit[int(0.475 * lit.size)]
+    viewer.find("dark-room").click()
+    assert viewer.state()["exposure"] == pytest.approx(np.log2(0.18 / shadow), abs=0.06)
+    assert viewer.page.evaluate("document.documentElement.classList.contains('dark-room')")
+    viewer.find("dark-room").click()
+    assert viewer.state()["exposure"] == 0
+
+
+def test_the_wheel_zooms_to_the_pointer_and_drag_pans(viewer: Viewer) -> None:
+    before, at = viewer.state()["zoom"], viewer.point(20, 30)
+    viewer.page.mouse.move(*at)
+    viewer.page.mouse.wheel(0, -600)
+    viewer.page.wait_for_function(f"domesimViewer.state().zoom > {1.5 * before}")
+    np.testing.assert_allclose(viewer.point(20, 30), at, atol=1.5)
+    viewer.page.mouse.down()
+    viewer.page.mouse.move(at[0] + 60, at[1] - 40, steps=5)
+    viewer.page.mouse.up()
+    np.testing.assert_allclose(viewer.point(20, 30), (at[0] + 60, at[1] - 40), atol=1.5)
+    assert not viewer.state()["pinned"]  # a drag is no click
+    viewer.find("zoom-one").click()
+    assert viewer.state()["zoom"] == 1
+    viewer.find("zoom-fit").click()
+    assert viewer.state()["zoom"] == before
+
+
+def test_two_fingers_zoom_the_picture(browser: Any, page_file: Path) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844}, has_touch=True)
+    viewer = Viewer(page).open(page_file)
+    before, (x, y) = viewer.state()["zoom"], viewer.point(20, 30)
+    touch = page.context.new_cdp_session(page)
+    for kind, apart in (("Start", 20), ("Move", 30), ("Move", 40), ("End", None)):
+        fingers = [] if apart is None else [{"x": x + side * apart, "y": y} for side in (-1, 1)]
+        touch.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": fingers})
+    assert viewer.state()["zoom"] == pytest.approx(2 * before, rel=0.02)
+    np.testing.assert_allclose(viewer.point(20, 30), (x, y), atol=3)
+    assert not viewer.state()["pinned"]
+    page.close()
+
+
+def test_the_difference_is_coloured_by_its_sign(viewer: Viewer) -> None:
+    master, _, perceptual = (view.light.astype(float) @ LUMA for view in make_views())
+    difference = np.where(disc(), WHITE * (perceptual - master), 0)
+    viewer.page.keyboard.press("d")
+    brighter = np.unravel_index(difference.argmax(), difference.shape)
+    darker = np.unravel_index(difference.argmin(), difference.shape)
+    red, _, blue, _ = viewer.colour(*map(int, brighter))
+    assert red > blue + 20
+    red, _, blue, _ = viewer.colour(*map(int, darker))
+    assert blue > red + 20
+    assert "cd/m²" in viewer.find("legend").inner_text()
+    viewer.find("scale").fill("0")
+    assert not viewer.state()["scaleAuto"]
+
+
+def test_the_grid_shows_all_views_at_the_same_place(viewer: Viewer) -> None:
+    viewer.page.keyboard.press("g")
+    viewer.state()
+    box = viewer.find("picture").bounding_box()
+    for cell, view in enumerate(make_views()):
+        at = viewer.page.evaluate(f"domesimViewer.toWindow(20, 30, {cell})")
+        shown = viewer.page.evaluate(
+            "([x, y]) => [...document.getElementById('picture').getContext('2d')"
+            ".getImageData(x, y, 1, 1).data]",
+            [int(at["x"] - box["x"]), int(at["y"] - box["y"])],
+        )
+        np.testing.assert_allclose(shown[:3], srgb(view.light[20, 30].astype(float)), atol=0.6)
+
+
+def test_help_opens_and_closes_by_keyboard(viewer: Viewer) -> None:
+    viewer.page.keyboard.press("?")
+    assert viewer.find("help").is_visible()
+    viewer.page.keyboard.press("Escape")
+    assert viewer.find("help").is_hidden()
+
+
+def test_figures_and_facts_can_be_read(viewer: Viewer) -> None:
+    cells = viewer.find("figures").locator("tbody td").all_inner_texts()
+    assert cells == ["cd/m²", "4.2", "–", "–"]
+    viewer.page.get_by_text("How this was made").click()
+    assert "converged" in viewer.find("facts").inner_text()
+
+
+def test_a_phone_gets_the_whole_page_in_its_width(browser: Any, page_file: Path) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844}, has_touch=True)
+    viewer = Viewer(page).open(page_file)
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    page.touchscreen.tap(*viewer.point(20, 30))
+    assert viewer.state()["probe"] == {"row": 20, "col": 30}
+    page.close()
+    assert viewer.complaints == []
+
+
+def test_a_browser_that_cannot_unpack_is_told_so(browser: Any, page_file: Path) -> None:
+    page = browser.new_page()
+    page.add_init_script("delete window.DecompressionStream")
+    viewer = Viewer(page).open(page_file)
+    assert "no DecompressionStream" in viewer.find("message").inner_text()
+    page.close()
+    assert viewer.complaints == []
+
+
+def test_without_script_the_page_says_what_it_needs(browser: Any, page_file: Path) -> None:
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(page_file.as_uri())
+    assert "This page needs JavaScript" in page.locator("noscript p").inner_text()
+    assert page.get_by_text("The mean over the screen.").is_visible()
+    context.close()

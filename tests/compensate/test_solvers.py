@@ -1,0 +1,226 @@
+"""One table of solvers and problems, against solvers that we did not write.
+
+SciPy's BVLS (dense, active set) on tiny problems and L-BFGS-B on small ones; the certificate
+against the true gap; KKT conditions, not only answers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from laws.test_linear_maps import RankTwo
+from scipy.optimize import lsq_linear, minimize
+from theatres import closed_form, dense, picture, problem, unequal_weighting, weighting
+
+from compensate.problem import Problem
+from compensate.solver.admm import ADMM
+from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
+from compensate.solver.fourier_step import NormalInverse, PlaneModel
+from compensate.solver.gpcg import GPCG
+from compensate.solver.result import Status
+
+MINIMISERS = {
+    "admm": ADMM(tolerance=1e-13, max_iterations=20000),
+    "gpcg": GPCG(tolerance=1e-6, max_iterations=2000, max_cg_steps=60),
+}
+LARGEST_ERROR = {"admm": 1e-6, "gpcg": 3e-5}  # of the light; GPCG has no certificate to stop by
+PROBLEMS = {
+    "one primary": {"primaries": 1},
+    "rgb": {},
+    "corrected lens": {"falloff": False},
+    "all coarse errors count": {"gain": 1.0},
+    "pure Daly": {"gain": 0.0},
+    "weak regulariser": {"mu": 1e-4},
+}
+
+
+def bvls(posed: Problem) -> np.ndarray:
+    """The minimiser by SciPy's dense active-set method, as Light."""
+    matrix, offset, free = dense(posed)
+    lower, upper = (np.broadcast_to(b, free.shape)[free] for b in (posed.lower, posed.upper))
+    answer = lsq_linear(matrix, offset, (lower, upper), method="bvls", tol=1e-14, max_iter=2000)
+    light = np.broadcast_to(posed.lower, free.shape).copy()
+    light[free] = answer.x
+    return light
+
+
+def lbfgsb(posed: Problem, start: np.ndarray) -> float:
+    """The least cost by SciPy's L-BFGS-B, run to convergence."""
+    shape = start.shape
+
+    def both(v: np.ndarray) -> tuple[float, np.ndarray]:
+        cost, gradient = posed.quadratic(v.reshape(shape))
+        return cost, gradient.ravel()
+
+    bounds = [np.broadcast_to(b, shape).ravel() for b in (posed.lower, posed.upper)]
+    options = {"maxiter": 20000, "maxfun": 20000, "ftol": 1e-16, "gtol": 1e-12, "maxcor": 30}
+    found = minimize(
+        both,
+        start.ravel(),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=np.stack(bounds, 1),
+        options=options,
+    )
+    return float(found.fun)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("solver", MINIMISERS)
+def test_minimisers_agree_with_bvls(solver, name):
+    posed, start = problem(5, **PROBLEMS[name])
+    wanted = bvls(posed)
+    result = MINIMISERS[solver](posed, start)
+    assert result.status is Status.CONVERGED
+    assert np.abs(result.light - wanted).max() <= LARGEST_ERROR[solver]
+    assert result.cost == pytest.approx(posed.cost(wanted), rel=1e-6)
+    clipped = np.mean(wanted <= 1e-12)
+    assert 0.02 < clipped < 0.98  # or the bounds would not have been tested
+
+
+@pytest.mark.parametrize("solver", MINIMISERS)
+def test_minimisers_agree_with_lbfgsb(solver):
+    posed, start = problem(24, seed=3)
+    result = MINIMISERS[solver](posed, start)
+    assert result.cost == pytest.approx(lbfgsb(posed, start), rel=1e-6)
+
+
+def test_channels_with_a_sensitivity_each():
+    posed, start = problem(5)
+    lambda_ = unequal_weighting(posed.observation.screen)
+    posed = Problem(
+        posed.observation,
+        lambda_,
+        posed.desired,
+        (posed.lower, posed.upper),
+        anchor=start,
+        regularisation=1e-3,
+    )
+    wanted = bvls(posed)
+    assert np.abs(MINIMISERS["admm"](posed, start).light - wanted).max() <= 1e-6
+
+
+@pytest.mark.parametrize("primaries", [1, 3])
+def test_the_normal_inverse_inverts(primaries):
+    observation = RankTwo(7, primaries)
+    lambda_ = weighting(observation.screen, primaries)
+    model = PlaneModel(observation, lambda_, np.float64)
+    sigma = np.linspace(0.02, 0.05, primaries)
+    inverse = NormalInverse(model, sigma)
+    planes = np.random.default_rng(0).standard_normal(
+        (primaries, model.fourier.rows, model.fourier.cols)
+    )
+    spectrum = model.fourier.forward(planes)
+    there = model.polluted_adjoint(model.normal(model.polluted(spectrum)))
+    there += sigma[:, None, None] * spectrum
+    assert np.abs(inverse(there) - spectrum).max() <= 1e-9 * np.abs(spectrum).max()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_certificate_bounds_the_true_gap(seed):
+    gain = (0.0, 0.1, 0.3, 1.0)[seed % 4]
+    posed, start = problem(9, (1, 3)[seed % 2], seed=seed, gain=gain, mu=(1e-4, 1e-3)[seed % 2])
+    least = ADMM(tolerance=1e-10, max_iterations=5000)(posed, start).cost
+    for steps in (3, 6, 12):
+        early = ADMM(max_iterations=steps, first_check=steps)(posed, start)
+        assert early.status is Status.EXHAUSTED or early.gap <= 1e-3
+        true_gap = early.cost / least - 1
+        assert early.gap >= true_gap * (1 - 1e-9) - 1e-9
+        assert posed.project(early.light) == pytest.approx(early.light, abs=0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_answer_is_never_worse_than_subtraction(seed):
+    posed, start = problem(16, seed=seed, dtype=np.float32)
+    for iterations in (1, 2, 5, 400):
+        result = ADMM(max_iterations=iterations, first_check=1, check_every=1)(posed, start)
+        assert result.cost <= posed.cost(start) * (1 + 1e-6)
+    assert result.status is Status.CONVERGED
+    assert result.gap <= 1e-3
+    assert result.cost < 0.95 * posed.cost(start)
+
+
+def test_the_default_stops_at_a_thousandth():
+    assert ADMM().tolerance == 1e-3
+
+
+def test_single_precision_is_enough():
+    single, start = problem(24, seed=3, dtype=np.float32)
+    double, exact_start = problem(24, seed=3)
+    result = ADMM(tolerance=1e-5)(single, start)
+    assert result.light.dtype == np.float32
+    reference = ADMM(tolerance=1e-9, max_iterations=4000)(double, exact_start)
+    assert double.cost(result.light.astype(np.float64)) <= reference.cost * (1 + 1e-4)
+
+
+def test_optimality_is_zero_at_the_minimiser_only():
+    posed, start = problem(5)
+    wanted = bvls(posed)
+    assert posed.optimality(wanted) <= 1e-9
+    assert posed.optimality(start) > 1e-4
+    assert posed.optimality(posed.project(wanted + 1e-3)) > 1e-7
+
+
+def test_frozen_pollution_converges_elsewhere():
+    """The paper's eq. 9: a fixed point that is not the minimiser once pixels clip."""
+    posed, start = problem(15, seed=2)
+    exact = GPCG(tolerance=1e-9, max_iterations=2000, max_cg_steps=60)(posed, start)
+    frozen = GPCG(frozen=True, tolerance=1e-9, max_iterations=500, max_cg_steps=60)(posed, start)
+    assert frozen.status is Status.CONVERGED
+    again = GPCG(frozen=True, tolerance=1e-9, max_iterations=500, max_cg_steps=60)(
+        posed, frozen.light
+    )
+    assert np.abs(again.light - frozen.light).max() < 1e-5
+    assert frozen.cost > exact.cost * (1 + 1e-5)
+    assert frozen.cost <= posed.cost(start)
+
+
+def test_nothing_to_clip_needs_no_transform():
+    observation = closed_form(15, falloff=False)
+    screen = observation.screen
+    master = 0.7 + 0.3 * picture(15)
+    lambda_ = weighting(screen)
+    on = screen[None, :, :, None]
+    bounds = (np.where(on, 0, master), np.where(on, 1, master))
+    bare = Problem(observation, lambda_, observation.direct(master), bounds)
+    start = Subtractive()(bare, master).light
+    posed = Problem(observation, lambda_, bare.desired, bounds, anchor=start, regularisation=1e-3)
+    result = ADMM()(posed, start)
+    assert result.status is Status.EXACT
+    assert result.ffts == 0
+    assert result.gap == 0
+    seen = observation.observe(result.light)
+    assert np.abs((seen - posed.desired) * on).max() <= 1e-6
+
+
+def test_all_solvers_keep_the_bounds_and_the_pins():
+    posed, start = problem(15)
+    solvers = [*MINIMISERS.values(), Untouched(), Subtractive(), RaisedBlack(), GPCG(frozen=True)]
+    for solver in solvers:
+        light = solver(posed, start).light
+        assert (light >= posed.lower).all()
+        assert (light <= posed.upper).all()
+
+
+def test_admm_refuses_what_it_cannot_certify():
+    posed, start = problem(9)
+    free = Problem(posed.observation, posed.weighting, posed.desired)
+    with pytest.raises(ValueError, match="regularisation 0"):
+        ADMM()(free, start)
+    loose = Problem(
+        posed.observation, posed.weighting, posed.desired, anchor=start, regularisation=1e-3
+    )
+    with pytest.raises(ValueError, match="pinned"):
+        ADMM()(loose, start)
+
+
+def test_ffts_are_counted():
+    """A certificate costs three a primary, an iteration two; so do cost and gradient at the end."""
+    posed, start = problem(9)
+    setup = 2 + 3  # the modes' shapes and the target
+    few = ADMM(tolerance=1e-15, max_iterations=10, first_check=10)(posed, start).ffts
+    more = ADMM(tolerance=1e-15, max_iterations=14, first_check=10, check_every=9)(
+        posed, start
+    ).ffts
+    assert more - few == 4 * 2 * 3
+    assert few == setup + 2 * 9 + 10 * 2 * 3 + 2 * 3

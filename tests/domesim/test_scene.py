@@ -1,0 +1,123 @@
+"""Scenes: what is bundled loads and cites its figures; every mistake is named with its path."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+
+import pytest
+
+from domesim.errors import InputError
+from domesim.observation.spherical import closed_form_gain
+from domesim.scene import load_scene, scene_names
+
+GOOD = """
+name = "mine"
+[dome]
+radius_m = 8.0
+[screen]
+albedo = [0.4, 0.5, 0.6]
+perforation = 0.2
+[projector]
+white_cd_m2 = 10.0
+black_cd_m2 = 0.01
+[projector.lens]
+position_m = [0.0, 1.0, 0.0]
+corrected = false
+[ambient]
+luminance_cd_m2 = 0.02
+[viewing]
+adaptation_cd_m2 = 1.0
+"""
+
+
+def flat(table, path=""):
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}"
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_bundled_scenes_load_and_cite_every_figure(name):
+    scene = load_scene(name)
+    assert scene.name == name
+    assert scene.observation(8, 8).shape == (1, 8, 8, 3)
+    table = tomllib.loads(resources.files("scenes").joinpath(f"{name}.toml").read_text())
+    sources = table.pop("sources")
+    figures = {path for path in flat(table) if "." in path}
+    ideal = {"dome.half_angle_deg", "dome.tilt_deg", "projector.primaries", "projector.black_cd_m2"}
+    uncited = figures - set(sources)
+    assert uncited <= (ideal if name == "dome_hemisphere" else set())
+
+
+def test_the_three_theatres_are_there():
+    assert {"dome_hemisphere", "dome_imax", "dome_planetarium"} <= set(scene_names())
+
+
+def test_a_scene_becomes_its_objects(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD)
+    scene = load_scene(path)
+    assert scene.albedo == pytest.approx((0.32, 0.4, 0.48))
+    observation = scene.observation(16, 16)
+    expected = closed_form_gain(0.4, 8.0, scene.dome.screen_area)
+    assert observation.factors.core[1, 0, 0] == pytest.approx(expected)
+    assert observation.factors.direct_gain.max() > 1.1
+    assert observation.factors.ambient[0, 8, 8] == pytest.approx(0.003)
+    assert scene.viewing.extent == pytest.approx(180)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "message"),
+    [
+        ("radius_m = 8.0", "radius_m = 0", "dome.radius_m: .*greater than 0, got 0"),
+        ("radius_m = 8.0", "", "dome.radius_m: is missing"),
+        ("radius_m = 8.0", "radius_m = inf", "dome.radius_m: .*finite"),
+        ("radius_m = 8.0", "radius = 8.0\nradius_m = 8.0", "dome.radius: .*mean 'radius_m'"),
+        ("[ambient]", "[ambiant]", "ambiant: .*mean 'ambient'"),
+        ("albedo = [0.4, 0.5, 0.6]", "albedo = 1.2", "screen.albedo: .*equal to 1, got 1.2"),
+        ("albedo = [0.4, 0.5, 0.6]", "albedo = [0.4, 1.2, 0.6]", r"screen.albedo\[1\]: .*got 1.2"),
+        ("perforation = 0.2", "perforation = 1", "screen.perforation: .*less than 1"),
+        ("black_cd_m2 = 0.01", "black_cd_m2 = 11", "projector: .*below white"),
+        ("white_cd_m2", 'primaries = "sRGB"\nwhite_cd_m2', "primaries 'sRGB' are not known"),
+        ("[0.0, 1.0, 0.0]", "[0.0, 9.0, 0.0]", "projector.lens.position_m: .*inside the sphere"),
+        ('name = "mine"', "name = mine", "not valid TOML"),
+    ],
+)
+def test_a_mistake_is_named_in_one_line(tmp_path, good, bad, message):
+    path = tmp_path / "mine.toml"
+    assert good in GOOD
+    path.write_text(GOOD.replace(good, bad))
+    with pytest.raises(InputError, match=message) as error:
+        load_scene(path)
+    assert "\n" not in str(error.value)
+    assert str(error.value).startswith(str(path))
+
+
+def test_all_mistakes_are_listed_in_one_go(tmp_path):
+    path = tmp_path / "mine.toml"
+    text = GOOD.replace("radius_m = 8.0", "radius_m = -1").replace("albedo", "albdo")
+    path.write_text(text.replace("adaptation_cd_m2 = 1.0", 'adaptation_cd_m2 = "bright"'))
+    with pytest.raises(InputError) as error:
+        load_scene(path)
+    lines = str(error.value).splitlines()
+    assert "4 mistakes" in lines[0]
+    paths = {line.split(":")[0].strip() for line in lines[1:]}
+    assert paths == {"dome.radius_m", "screen.albdo", "screen.albedo", "viewing.adaptation_cd_m2"}
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("dome_imx", "did you mean 'dome_imax'"),
+        ("nowhere", "use one of dome_hemisphere"),
+        ("nowhere.toml", "No such file"),
+        ("some/folder", "No such file"),
+        (".", "Is a directory|not known"),
+    ],
+)
+def test_an_unknown_scene_is_refused(name, message):
+    with pytest.raises(InputError, match=message):
+        load_scene(name)

@@ -1,0 +1,31 @@
+"""What imports what: seen in fresh processes, where an `__init__` cannot hide it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+
+def loaded_by(statement: str, *modules: str) -> set[str]:
+    """Which of `modules` a fresh interpreter has loaded after `statement`."""
+    code = f"{statement}\nimport sys\nprint(*(m for m in {modules!r} if m in sys.modules))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return set(run.stdout.split())
+
+
+@pytest.mark.parametrize(
+    "module", ["compensate.problem", "compensate.master", "domesim.scene", "compensate.cli"]
+)
+def test_the_engine_does_not_load_mitsuba(module):
+    assert loaded_by(f"import {module}", "mitsuba", "drjit") == set()
+
+
+def test_slow_imports_wait_until_they_are_needed():
+    modules = ("colour", "torch", "matplotlib", "mitsuba", "cupy")
+    assert loaded_by("from domesim.cli import build; build()", *modules) == set()
+
+
+def test_the_probe_can_fail():
+    assert loaded_by("import json", "json", "mitsuba") == {"json"}

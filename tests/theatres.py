@@ -1,0 +1,112 @@
+"""Small theatres and problems that can fail a test: unequal areas, odd sizes, uneven albedos."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensate.problem import Problem
+from compensate.solver.baselines import clipped_subtraction
+from compensate.vision.csf import LowFrequencyFloor
+from compensate.weighting import CsfWeighting, PerceptualWeighting, csf_gains, linear_ycbcr
+from domesim.dome import Dome
+from domesim.observation.spherical import ClosedFormDome
+from domesim.viewing import Viewing
+
+DATA = Path(os.environ.get("DOMESIM_DATA", Path(__file__).parents[2] / "shared" / "data"))
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"no test data at {DATA}")
+
+ALBEDOS = (0.7, 0.3, 0.55, 0.1)
+BT709 = np.array([0.2126, 0.7152, 0.0722])
+
+
+def dome(half_angle_deg: float = 105.0) -> Dome:
+    return Dome(3.0, np.radians(half_angle_deg))
+
+
+def closed_form(size: int, primaries: int = 3, *, falloff: bool = True) -> ClosedFormDome:
+    cap = dome()
+    return ClosedFormDome(
+        cap,
+        size,
+        size,
+        albedo=ALBEDOS[:primaries],
+        lens_gain=cap.lens_gain(size, size, (0.6, -0.4, 0.9)) if falloff else None,
+        ambient=np.arange(1, primaries + 1) / 100,
+        primaries=primaries,
+    )
+
+
+def viewing() -> Viewing:
+    """Small pictures seen so large that they hold frequencies on both sides of the CSF's peak."""
+    return Viewing(extent=2.0, image_area=4.0, distance=3.0, adaptation=1.4)
+
+
+def weighting(support: np.ndarray, primaries: int = 3, gain: float = 0.1) -> CsfWeighting:
+    """Channels with unequal gains, for any number of primaries."""
+    if primaries == 3:
+        return PerceptualWeighting(LowFrequencyFloor(gain), padding=5)(viewing(), BT709, support)
+    padded = (support.shape[0] + 5, support.shape[1] + 4)
+    omega, peak = csf_gains(viewing(), support.shape, padded, LowFrequencyFloor(gain))
+    scales = np.linspace(1.0, 0.4, primaries)
+    opponent = np.eye(primaries) + 0.2 * np.tri(primaries)
+    return CsfWeighting(scales[:, None, None] * omega, opponent, support, padded, peak)
+
+
+def unequal_weighting(support: np.ndarray, gain: float = 0.1) -> CsfWeighting:
+    """Opponent channels with a sensitivity each: the general case of the Fourier step."""
+    padded = (support.shape[0] + 6, support.shape[1] + 6)
+    omega, peak = csf_gains(viewing(), support.shape, padded, LowFrequencyFloor(gain))
+    gains = np.stack([omega, 0.6 * omega**2, 0.3 * np.sqrt(omega)])
+    return CsfWeighting(gains, linear_ycbcr(BT709), support, padded, peak)
+
+
+def picture(size: int, primaries: int = 3, seed: int = 0, dtype: type = np.float64) -> np.ndarray:
+    """A dark picture with bright patches, so that subtraction clips."""
+    random = np.random.default_rng(seed)
+    light = 0.04 * random.random((1, size, size, primaries))
+    bright = random.random((1, size, size, 1)) > 0.8
+    return (light + bright * random.random((1, size, size, primaries))).clip(0, 1).astype(dtype)
+
+
+def problem(
+    size: int = 15,
+    primaries: int = 3,
+    *,
+    seed: int = 0,
+    gain: float = 0.1,
+    mu: float = 1e-3,
+    falloff: bool = True,
+    dtype: type = np.float64,
+) -> tuple[Problem, np.ndarray]:
+    """A regularised dome problem and its exact subtraction."""
+    observation = closed_form(size, primaries, falloff=falloff)
+    screen = observation.screen
+    master = picture(size, primaries, seed, dtype)
+    on = screen[None, :, :, None]
+    bounds = (np.where(on, 0, master), np.where(on, 1, master))
+    seen = observation.direct(master)
+    lambda_ = weighting(screen, primaries, gain)
+    start, _ = clipped_subtraction(Problem(observation, lambda_, seen, bounds))
+    posed = Problem(observation, lambda_, seen, bounds, anchor=start, regularisation=mu)
+    return posed, start
+
+
+def dense(posed: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The problem as 1/2 ||M v - b||² over its free values v, and which values are free."""
+    shape = posed.desired.shape
+    free = np.broadcast_to(posed.lower < posed.upper, shape)
+    fixed = np.where(free, 0, np.broadcast_to(posed.lower, shape))
+    columns = []
+    for index in np.argwhere(free):
+        unit = np.zeros(shape)
+        unit[tuple(index)] = 1
+        columns.append(posed.weighting.apply(posed.observation.linear(unit)).ravel())
+    weight = np.sqrt(posed.regularisation)
+    matrix = np.vstack([np.array(columns).T, weight * np.eye(len(columns))])
+    offset = -posed.weighting.apply(posed.residual(fixed)).ravel()
+    anchor = weight * posed.anchor[free] if posed.anchor is not None else np.zeros(len(columns))
+    return matrix, np.concatenate([offset, anchor]), free
