@@ -101,3 +101,31 @@ def test_ambient_light_is_on_the_screen_only():
 def test_impossible_theatres_are_refused(arguments, message):
     with pytest.raises(InputError, match=message):
         closed_form_gain(*arguments)
+
+
+def printed_eq15(rho, r, omega, projected):
+    """Eq. 15 as printed: rho pi r² / (4 - Omega rho pi r²) (a . x)."""
+    return rho * np.pi * r**2 / (4 - omega * rho * np.pi * r**2) * projected
+
+
+@pytest.mark.parametrize(
+    ("radius", "areas", "angles"), [(1.0, -1.682, -1.682), (10.0, -1.0, -0.16)]
+)
+def test_note_0001_eq15_as_printed(radius, areas, angles):
+    """A white hemisphere, rho 0.5: the readings of note 0001 and their figures."""
+    area = 2 * np.pi * radius**2
+    found = printed_eq15(0.5, radius, area, area)
+    assert found == pytest.approx(areas, abs=1e-3)
+    found = printed_eq15(0.5, radius, area / radius**2, area / radius**2)
+    assert found == pytest.approx(angles, abs=1e-3)
+    scaled = area / (np.pi * radius**2) ** 2
+    assert printed_eq15(0.5, radius, scaled, scaled) == pytest.approx(1 / 3, rel=1e-12)
+    meant = 0.5 / (np.pi * radius**2)
+    assert meant / (4 - area * meant) * area == pytest.approx(1 / 3, rel=1e-12)
+
+
+def test_note_0001_the_images_area_is_not_the_screens():
+    area = 2 * np.pi
+    wrong = closed_form_gain(0.5, 1.0, area / 2) * area / 2
+    right = closed_form_gain(0.5, 1.0, area) * area / 2
+    assert (wrong, right) == pytest.approx((0.1429, 0.1667), abs=1e-4)

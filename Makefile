@@ -1,0 +1,49 @@
+# Needs Python 3.11 or later with venv, and make. Everything else is installed into .venv.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint bench masters requirements clean
+
+help: ## List the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
+
+$(READY): pyproject.toml requirements/dev.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	    || { echo "domesim needs Python 3.11 or later; name one: make PYTHON=python3.12" >&2; exit 1; }
+	@echo "Setting up $(VENV) (once; a few minutes)"
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --upgrade pip
+	@$(BIN)/python -m pip install --quiet -r requirements/dev.txt
+	@$(BIN)/python -m pip install --quiet --no-deps --editable .
+	@touch $@
+
+demo: $(READY) ## Set up, compensate the bundled night scene, name the page to open
+	@$(BIN)/domesim demo --out out/demo
+
+test: $(READY) ## Set up and run all tests
+	@$(BIN)/python -m pytest
+
+lint: $(READY) ## Style, types and import contracts
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+
+bench: $(READY) ## Cost of the solvers: FFTs, iterations, certified gaps
+	@$(BIN)/domesim bench --out out/bench
+
+masters: $(READY) ## Render the bundled masters anew (minutes)
+	@$(BIN)/python -m domesim.pathtrace.night --out scenes/masters/night.exr
+
+requirements: $(READY) ## Compile the exact versions anew
+	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --no-header --no-annotate \
+	    --upgrade pyproject.toml -o requirements/run.txt
+	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --no-header --no-annotate \
+	    --upgrade --extra dev pyproject.toml -o requirements/dev.txt
+
+clean: ## Remove what the other targets made
+	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
