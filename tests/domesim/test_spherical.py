@@ -109,7 +109,7 @@ def printed_eq15(rho, r, omega, projected):
 
 
 @pytest.mark.parametrize(
-    ("radius", "areas", "angles"), [(1.0, -1.682, -1.682), (10.0, -1.0, -0.16)]
+    ("radius", "areas", "angles"), [(1.0, -1.682, -1.682), (10.0, -1.0, -1.004)]
 )
 def test_note_0001_eq15_as_printed(radius, areas, angles):
     """A white hemisphere, rho 0.5: the readings of note 0001 and their figures."""
