@@ -35,8 +35,8 @@ Tolerance = Annotated[
 LowFrequencyGain = Annotated[
     float,
     typer.Option(
-        help="Perceptual: how much coarse errors count, 0..1 of the most visible ones. Low values "
-        "give up the black level for detail, 1 comes close to subtraction."
+        help="Perceptual: how much coarse luminance errors count, 0..1 of the most visible ones. "
+        "Low values give up the black level for detail, 1 comes close to subtraction."
     ),
 ]
 

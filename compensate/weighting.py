@@ -238,13 +238,18 @@ class PerceptualWeighting:
     Parameters
     ----------
     low_frequency
-        The low-frequency policy, which decides the look of the result.
+        The low-frequency policy of luminance, which decides the look of the result.
+    chroma_low_frequency
+        That of the two chroma channels. Chromatic sensitivity does not fall towards low
+        frequencies (Mullen 1985, *J. Physiol.* 359, 381-400), so its floor is 1: Daly's fall there
+        would paint purple skies (``validation/notes/0003``).
     padding
         Least number of pixels of zero residual around the picture. 64 is within 5e-4 of the cost
         on an unbounded plane (``design.md`` section 5).
     """
 
     low_frequency: LowFrequencyFloor = field(default_factory=LowFrequencyFloor)
+    chroma_low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(1.0))
     padding: int = 64
 
     def __call__(
@@ -252,13 +257,18 @@ class PerceptualWeighting:
     ) -> CsfWeighting:
         """The weighting of pictures with that `support` (row, col) seen that way.
 
-        All opponent channels get Daly's achromatic sensitivity, as in the paper.
+        All channels get Daly's achromatic sensitivity, as in the paper, but for the policies at low
+        frequencies.
         """
         rows, cols = support.shape
         padded = (padded_size(rows, self.padding), padded_size(cols, self.padding))
-        omega, peak = csf_gains(viewing, (rows, cols), padded, self.low_frequency)
-        opponent = linear_ycbcr(luminance_weights)
-        return CsfWeighting(omega[None], opponent, support, padded, peak)
+        luma, peak = csf_gains(viewing, (rows, cols), padded, self.low_frequency)
+        if self.chroma_low_frequency == self.low_frequency:
+            gains = luma[None]
+        else:
+            chroma, _ = csf_gains(viewing, (rows, cols), padded, self.chroma_low_frequency)
+            gains = np.stack([luma, chroma, chroma])
+        return CsfWeighting(gains, linear_ycbcr(luminance_weights), support, padded, peak)
 
 
 def csf_gains(

@@ -72,14 +72,16 @@ class RaisedBlack:
         """Light that shows b + (1 - b) desired exactly; the start's off the screen."""
         observation = _low_rank(problem)
         screen = np.asarray(observation.screen)[None, :, :, None]
-        white = observation.direct(np.ones_like(problem.desired))
-        low = observation.invert(problem.desired)
-        high = observation.invert(white)
+        # Off the screen the start stays, and its light is part of what must be subtracted.
+        stays = observation.direct(start)
+        white = observation.direct(np.ones_like(start))
+        low = observation.invert(np.where(screen, problem.desired, stays))
+        high = observation.invert(np.where(screen, white, stays))
         short = np.where(screen & (low < problem.lower), problem.lower - low, 0)
         # x(b) = (1 - b) low + b high is linear: each pixel needs b >= short / (high - low)
         needed = np.divide(short, high - low, out=np.zeros_like(short), where=short > 0)
         black = min(float(needed.max()), 1.0)
-        light = np.where(screen, (1 - black) * low + black * high, start)
+        light = (1 - black) * low + black * high
         return _result(problem, problem.project(light.astype(start.dtype)), 1)
 
 

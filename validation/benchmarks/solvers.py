@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 from scipy.optimize import minimize
 
 from compensate.master import pose
@@ -24,6 +23,7 @@ from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
 from domesim.light import Light
 from domesim.scene import load_scene
+from validation.masters import night
 
 GAPS = (1e-2, 1e-3, 1e-4)
 
@@ -57,29 +57,17 @@ class Cost:
     transforms: float
 
 
-def master(size: int, seed: int = 0) -> Light:
-    """A generated night: dim texture, bright discs; (1, size, size, 3) in 0..1."""
-    random = np.random.default_rng(seed)
-    texture = gaussian_filter(random.standard_normal((size, size)), size / 120)
-    light = 0.02 * (1 + texture / np.abs(texture).max())
-    rows, cols = np.mgrid[:size, :size] / size
-    centres, radii = random.uniform(0.15, 0.85, (12, 2)), random.uniform(0.01, 0.06, 12)
-    for (row, col), radius in zip(centres, radii, strict=True):
-        light[np.hypot(rows - row, cols - col) < radius] = random.uniform(0.3, 1.0)
-    return (light[None, :, :, None] * np.array([1.0, 0.9, 0.75])).astype(np.float32)
-
-
 def costs(sizes: tuple[int, ...], scene: str) -> Iterator[Cost]:
     """The costs of every solver at every size, as they are measured."""
     for size in sizes:
         theatre = load_scene(scene)
-        posed = pose(master(size), theatre)
+        posed = pose(night(size), theatre)
         problem, start = posed.problem, posed.subtractive
         least = ADMM(tolerance=1e-7, max_iterations=600)(problem, start).cost
         pair = _transform_pair(problem)
         for name, solve in _SOLVERS.items():
             if name == _NEEDS_FLOAT64:
-                posed = pose(master(size).astype(np.float64), theatre)
+                posed = pose(night(size).astype(np.float64), theatre)
             trace = _Trace(posed.problem)
             begin = time.perf_counter()
             cost, certified = solve(trace, posed.subtractive)

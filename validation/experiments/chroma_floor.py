@@ -1,0 +1,72 @@
+"""Chroma needs another low-frequency policy than luminance.
+
+Rationale
+    The paper (section 3.1) weights Y, Cb and Cr with one contrast sensitivity, whose fall at low
+    frequencies lets coarse errors be. For colour the eye has no such fall (Mullen 1985): a coarse
+    shift of hue is seen.
+Expected
+    With one policy for all channels a blue night sky over a warm building turns purple: its hue
+    shifts by tens of degrees, as with subtraction. With a floor of 1 for chroma it shifts less.
+"""
+
+from __future__ import annotations
+
+from importlib import resources
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.master import pose_frame
+from compensate.solver.admm import ADMM
+from compensate.vision.csf import LowFrequencyFloor
+from compensate.weighting import PerceptualWeighting
+from domesim.frames import read_frame
+from domesim.projector import conversion
+from domesim.scene import load_scene
+
+
+def measure(scene: str = "dome_imax", step: int = 1) -> dict[str, float]:
+    """Mean shift of hue of the darker half of the bundled night, degrees, by what is projected.
+
+    Hue is the angle of u'v' (CIE 1976) around the projector's white.
+
+    `step` takes each step-th pixel of the master, for a quick look.
+    """
+    with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
+        frame = read_frame(path)
+    frame = type(frame)(
+        frame.pixels[::step, ::step], frame.path, frame.colour, frame.bits, frame.floating
+    )
+    theatre = load_scene(scene)
+    to_xyz = conversion(theatre.projector.primaries, "XYZ")
+    white = np.ones(3) @ to_xyz.T
+    errors = {}
+    for name, floor in (("one_policy", 0.1), ("chroma_floor_1", 1.0)):
+        weighting = PerceptualWeighting(chroma_low_frequency=LowFrequencyFloor(floor))
+        posed, _ = pose_frame(frame, theatre, weighting)
+        observe = posed.problem.observation.observe
+        wanted = posed.desired[0][posed.screen] @ to_xyz.T
+        lit = wanted[:, 1] > 1e-4
+        dark = lit & (wanted[:, 1] < np.median(wanted[:, 1]))
+        lights = {name: ADMM()(posed.problem, posed.subtractive).light}
+        if name == "one_policy":
+            lights |= {"nothing": posed.desired, "subtractive": posed.subtractive}
+        for what, light in lights.items():
+            seen = observe(light)[0][posed.screen] @ to_xyz.T
+            shift = np.angle(_hue(seen[dark], white) / _hue(wanted[dark], white), deg=True)
+            errors[what] = float(np.abs(shift).mean())
+    return errors
+
+
+def _hue(xyz: NDArray[np.floating], white: NDArray[np.floating]) -> NDArray[np.complexfloating]:
+    """Complex u' + i v' (CIE 15:2004, section 8.2.1) from `white`."""
+
+    def chromaticity(colour: NDArray[np.floating]) -> NDArray[np.complexfloating]:
+        x, y, z = np.moveaxis(colour, -1, 0)
+        return np.asarray((4 * x + 9j * y) / (x + 15 * y + 3 * z))
+
+    return chromaticity(xyz) - chromaticity(white)
+
+
+if __name__ == "__main__":
+    print(measure())

@@ -1,0 +1,20 @@
+"""Generated masters for experiments and benchmarks."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from domesim.light import Light
+
+
+def night(size: int, seed: int = 0) -> Light:
+    """A generated night: dim texture, bright warm discs; (1, size, size, 3) in 0..1, float32."""
+    random = np.random.default_rng(seed)
+    texture = gaussian_filter(random.standard_normal((size, size)), size / 120)
+    light = 0.02 * (1 + texture / np.abs(texture).max())
+    rows, cols = np.mgrid[:size, :size] / size
+    centres, radii = random.uniform(0.15, 0.85, (12, 2)), random.uniform(0.01, 0.06, 12)
+    for (row, col), radius in zip(centres, radii, strict=True):
+        light[np.hypot(rows - row, cols - col) < radius] = random.uniform(0.3, 1.0)
+    return (light[None, :, :, None] * np.array([1.0, 0.9, 0.75])).astype(np.float32)
