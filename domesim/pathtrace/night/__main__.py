@@ -8,11 +8,14 @@ import time
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.frames import ColourTag, Frame, write_frame
 from domesim.pathtrace.night.picture import Night, render
+
+BT709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+"""Chromaticities (x, y) of red, green, blue and white: Recommendation ITU-R BT.709-6, item 1.3."""
 
 
 def main() -> int:
@@ -29,15 +32,38 @@ def main() -> int:
     started = time.monotonic()
     try:
         night = Night(size=arguments.size, samples=arguments.samples, seed=arguments.seed)
-        pixels = rounded(render(night))
-        colour = ColourTag("linear", "BT.709", "made so")
-        frame = Frame(pixels, arguments.out, colour, bits=16, floating=True)
-        write_frame(frame, arguments.out, bits=16)
+        write(arguments.out, render(night), night)
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
     print(f"{arguments.out}: {time.monotonic() - started:.0f} s")
     return 0
+
+
+def write(path: Path, picture: NDArray[np.float32], night: Night) -> None:
+    """Write `picture` as half-float ZIP EXR that states its primaries, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    unfinished = path.with_name(f".{path.stem}.unfinished.exr")
+    output = oiio.ImageOutput.create(str(unfinished))
+    if path.suffix != ".exr" or output is None:
+        raise InputError(f"{path}: the picture is written as EXR, so its name must end in .exr")
+    rows, cols, _ = picture.shape
+    spec = oiio.ImageSpec(cols, rows, 3, oiio.HALF)
+    spec.channelnames = ("R", "G", "B")
+    spec.attribute("compression", "zip")
+    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), BT709)
+    made_with = f"domesim.pathtrace.night, seed {night.seed}, {night.samples} samples"
+    spec.attribute("ImageDescription", f"Equidistant domemaster, 180 degrees; {made_with}")
+    written = output.open(str(unfinished), spec) and output.write_image(rounded(picture))
+    if not (written and output.close()):
+        unfinished.unlink(missing_ok=True)
+        raise InputError(f"{path}: cannot be written ({output.geterror()})")
+    unfinished.replace(path)
 
 
 def rounded(picture: NDArray[np.float32], bits: int = 8) -> NDArray[np.float32]:

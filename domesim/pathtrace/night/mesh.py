@@ -39,8 +39,9 @@ def turned(solid: Triangles, azimuth: float) -> Triangles:
 
 def quad(a: ArrayLike, b: ArrayLike, c: ArrayLike, d: ArrayLike) -> Triangles:
     """The flat face a b c d, seen counter-clockwise."""
-    corners = np.array([a, b, c, d], dtype=np.float64)
-    return corners[np.array([[0, 1, 2], [0, 2, 3]])]
+    corners: Floats = np.array([a, b, c, d], dtype=np.float64)
+    faces: Triangles = corners[np.array([[0, 1, 2], [0, 2, 3]])]
+    return faces
 
 
 def box(low: ArrayLike, high: ArrayLike) -> Triangles:

@@ -33,17 +33,17 @@ def value_noise(points: ArrayLike, seed: int) -> Floats:
     corner = np.floor(points)
     part = points - corner
     weight = part * part * (3.0 - 2.0 * part)
-    lattice = corner.astype(np.int64)
+    x, y, z = np.moveaxis(corner.astype(np.int64), -1, 0)
+    a, b, c = np.moveaxis(weight, -1, 0)
     total = np.zeros(points.shape[:-1])
-    for offset in np.ndindex(2, 2, 2):
-        factor = np.where(offset, weight, 1.0 - weight).prod(axis=-1)
-        total += factor * _hash(lattice + np.array(offset), seed)
+    for i, j, k in np.ndindex(2, 2, 2):
+        factor = (a if i else 1.0 - a) * (b if j else 1.0 - b) * (c if k else 1.0 - c)
+        total += factor * _hash(x + i, y + j, z + k, seed)
     return total
 
 
-def _hash(lattice: NDArray[np.int64], seed: int) -> Floats:
-    x, y, z = np.moveaxis(lattice.astype(np.uint32), -1, 0)
-    mixed = x * np.uint32(73856093) ^ y * np.uint32(19349663) ^ z * np.uint32(83492791)
+def _hash(x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64], seed: int) -> Floats:
+    mixed = (x * 73856093 ^ y * 19349663 ^ z * 83492791).astype(np.uint32)
     mixed ^= np.uint32((seed * 2654435761) % 2**32)
     for multiplier in (2246822519, 3266489917):
         mixed ^= mixed >> np.uint32(15)

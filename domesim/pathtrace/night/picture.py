@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -46,17 +47,20 @@ class Night:
     shadow_rays
         To the lights, from what each path meets first: there are many lights, and few reach far.
     brightest
-        A path brighter than this counts as this bright: rare paths by way of the water to a lamp
-        would otherwise leave white dots.
+        Reflected light on a path counts as no brighter than this: the rare paths by way of the
+        water or a near wall to a lamp would otherwise leave white dots.
+    detail
+        Share of the leaves and blades of grass that grow.
     """
 
     size: int = 1024
-    samples: int = 64
+    samples: int = 256
     seed: int = 7
     tilt: float = 22.0
     bounces: int = 3
-    shadow_rays: int = 4
+    shadow_rays: int = 2
     brightest: float = 12.0
+    detail: float = 1.0
 
     def __post_init__(self) -> None:
         for name in ("size", "samples", "bounces"):
@@ -113,8 +117,8 @@ def _trace(night: Night, rows: NDArray[np.intp], cols: NDArray[np.intp]) -> tupl
     choice = choose_llvm()
     if choice.path is None:
         raise InputError(f"The night picture needs Mitsuba's LLVM variant: {choice.why}")
-    mi = load_mitsuba()
-    scene = build(mi, night.seed)
+    mi, dr = load_mitsuba(), import_module("drjit")
+    scene = build(mi, night.seed, night.detail)
     direct = mi.load_dict({"type": "direct", "emitter_samples": night.shadow_rays})
     later = mi.load_dict({"type": "path", "max_depth": night.bounces - 1, "hide_emitters": True})
 
@@ -143,16 +147,17 @@ def _trace(night: Night, rows: NDArray[np.intp], cols: NDArray[np.intp]) -> tupl
         )
         next_ray = surface.spawn_ray(surface.to_world(onward.wo))
         arriving, _, _ = later.sample(scene, sampler, mi.RayDifferential3f(next_ray), active=met)
-        seen = np.array(radiance + throughput * arriving).T * np.array(met)[:, None]
-        excess = np.maximum(1.0, seen.max(axis=1, keepdims=True) / night.brightest)
-        light[solid] += seen / excess
+        reflected = mi.Color3f(throughput * arriving)
+        reflected /= mi.Float(dr.maximum(1.0, dr.max(reflected) / night.brightest))
+        seen = dr.select(met, radiance + reflected, 0.0)
+        light[solid] += np.array(seen).T
         coverage[solid] += np.array(met)
     return light / night.samples, coverage / night.samples
 
 
 def _passes(mi: Any, samples: int, seed: int, pixels: int) -> Iterator[Any]:
     """A sampler that moves on to every pixel's next sample `samples` times."""
-    sampler = mi.load_dict({"type": "ldsampler", "sample_count": samples})
+    sampler = mi.load_dict({"type": "ldsampler", "sample_count": max(4, samples)})
     sampler.seed(seed, pixels)
     for _ in range(samples):
         yield sampler
@@ -196,7 +201,8 @@ def _star_light(night: Night) -> Floats:
 
     strength = flux.max(axis=1)
     width = 0.62 + 0.16 * np.log10(1.0 + 12.0 * strength)
-    peak = 4.0 * flux**0.88 / width[:, None] ** 2
+    # A point's light spreads over its pixel: four times as bright in one of half the width.
+    peak = 5.0 * (night.size / 1024) ** 2 * flux**0.88 / width[:, None] ** 2
     light = np.zeros((night.size + 8, night.size + 8, 3))
     top, left = np.floor(row).astype(int), np.floor(col).astype(int)
     for i, j in np.ndindex(8, 8):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from domesim.pathtrace.night import garden, sky
-from domesim.pathtrace.night.mesh import Triangles, box, join, quad
+from domesim.pathtrace.night.mesh import Triangles, box, join, moved, quad, turned
 from domesim.pathtrace.night.noise import Floats, fractal_noise, value_noise
 from domesim.pathtrace.night.observatory import (
     LAMP_HEIGHT,
@@ -28,9 +28,20 @@ _COOL = np.array([0.55, 0.78, 1.0])
 _MOON = np.array([0.78, 0.88, 1.0])
 
 
-def build(mi: Any, seed: int) -> Any:
-    """The scene without a sensor. `mi` is Mitsuba with an LLVM variant set.
+def build(mi: Any, seed: int, detail: float = 1.0) -> Any:
+    """The scene without a sensor.
 
+    Parameters
+    ----------
+    mi
+        Mitsuba with an LLVM variant set.
+    seed
+        Same seed, same scene.
+    detail
+        Share of the leaves and blades that grow.
+
+    Notes
+    -----
     The sampling weights of all lights are whole numbers with the sum 64: of every 64 evenly spread
     paths each light then gets its exact share, and the choice among lights adds no noise.
     """
@@ -42,30 +53,27 @@ def build(mi: Any, seed: int) -> Any:
     solids = observatory(rng)
     for material, triangles in furniture().items():
         solids[material] = join([solids[material], triangles]) if material in solids else triangles
-    solids |= _grounds(rng)
+    solids |= _grounds(rng, detail) | _trees(rng, detail)
     solids["hill"], solids["snow"] = garden.hills(seed)
     solids["house"], solids["far window"] = garden.village(rng)
     for material, triangles in solids.items():
         light = lights.get(material)
         bsdf = bsdfs["lamp body"] if light else bsdfs[material]
         scene[material] = _shape(mi, triangles, bsdf, light)
-    return mi.load_dict(scene | _trees(mi, rng, bsdfs), parallel=False)
+    return mi.load_dict(scene)
 
 
-def _grounds(rng: np.random.Generator) -> dict[str, Triangles]:
+def _grounds(rng: np.random.Generator, detail: float) -> dict[str, Triangles]:
     def flat(x0: float, x1: float, y0: float, y1: float, z: float = 0.0) -> Triangles:
         return quad([x0, y0, z], [x1, y0, z], [x1, y1, z], [x0, y1, z])
 
     lawns = [(9.0, 38.0, 1.0, 20.0), (-26.0, -9.0, 1.0, 18.5)]
-    hedges = []
-    for side in (-1, 1):
-        hedges.append(((8.7, 7.0, 0.0), (9.5, 20.0, 0.62), side))
-        hedges.append(((9.0, 24.3, 0.0), (31.0, 25.2, 0.72), side))
+    hedges = [(8.7, 9.5, 7.0, 20.0, 0.62), (-9.5, -8.7, 7.0, 20.0, 0.62),
+              (9.0, 31.0, 24.3, 25.2, 0.72), (-31.0, -9.0, 24.3, 25.2, 0.72)]  # fmt: skip
     clipped = [
-        garden.hedge(rng, np.array([min(side * a[0], side * b[0]), *a[1:]]),
-                     np.array([max(side * a[0], side * b[0]), *b[1:]]), 1500.0)
-        for a, b, side in hedges
-    ]  # fmt: skip
+        garden.hedge(rng, np.array([x0, y0, 0.0]), np.array([x1, y1, top]), 1500.0 * detail)
+        for x0, x1, y0, y1, top in hedges
+    ]
     return {
         "lawn": flat(-33.0, 175.0, -175.0, 175.0),
         "paving": join(
@@ -78,7 +86,7 @@ def _grounds(rng: np.random.Generator) -> dict[str, Triangles]:
         ),
         "basin": flat(-3.0, 3.0, 9.1, 18.5, 0.20),
         "lake": flat(-240.0, -33.0, -240.0, 240.0, -1.2),
-        "grass": garden.grass(rng, lawns, 260.0),
+        "grass": garden.grass(rng, lawns, 260.0 * detail),
         "hedge": join(clipped),
         "bench": join([_bench(9.9, 12.9), _bench(-10.6, 12.9), _bench(9.9, 17.6)]),
     }
@@ -90,25 +98,20 @@ def _bench(x: float, y: float) -> Triangles:
     return join(seat + legs)
 
 
-def _trees(mi: Any, rng: np.random.Generator, bsdfs: dict[str, Any]) -> dict[str, Any]:
-    """Every tree is an instance of one of a few, which saves memory and time."""
-    groups: dict[str, Any] = {}
-    for name in ("broadleaf 0", "broadleaf 1", "broadleaf 2"):
-        wood, leaves = garden.broadleaf(rng, 10.0, 42000)
-        groups[name] = {
-            "type": "shapegroup",
-            "wood": _shape(mi, wood, bsdfs["bark"]),
-            "leaves": _shape(mi, leaves, bsdfs["leaf"]),
-        }
-    foliage = garden.cypress(rng, 10.0, 30000)
-    groups["cypress"] = {"type": "shapegroup", "leaves": _shape(mi, foliage, bsdfs["needle"])}
-    scene: dict[str, Any] = dict(groups)
-    for number, (kind, x, y, height) in enumerate(_planting(rng)):
-        place = mi.ScalarTransform4f().translate([x, y, 0.0])
-        place = place.rotate([0, 0, 1], float(rng.uniform(0, 360))).scale(height / 10.0)
-        tree = {"type": "instance", "to_world": place, "group": {"type": "ref", "id": kind}}
-        scene[f"tree {number}"] = tree
-    return scene
+def _trees(rng: np.random.Generator, detail: float) -> dict[str, Triangles]:
+    """Wood and foliage of all trees: every one is one of a few, turned and scaled."""
+    kinds: dict[str, dict[str, Triangles]] = {}
+    for number in range(3):
+        wood, leaves = garden.broadleaf(rng, 10.0, int(32000 * detail))
+        kinds[f"broadleaf {number}"] = {"bark": wood, "leaf": leaves}
+    kinds["cypress"] = {"needle": garden.cypress(rng, 10.0, int(30000 * detail))}
+    parts: dict[str, list[Triangles]] = {"bark": [], "leaf": [], "needle": []}
+    for kind, x, y, height in _planting(rng):
+        azimuth = float(rng.uniform(0.0, 360.0))
+        for material, solid in kinds[kind].items():
+            tree = turned(solid * (height / 10.0), azimuth)
+            parts[material].append(moved(tree, [x, y, 0.0]))
+    return {material: join(solids) for material, solids in parts.items()}
 
 
 def _planting(rng: np.random.Generator) -> list[tuple[str, float, float, float]]:
@@ -214,10 +217,10 @@ def _small_lights(mi: Any) -> dict[str, Any]:
         lights[f"lamp {number}"] = {
             "type": "point",
             "position": [x, y, LAMP_HEIGHT],
-            "intensity": _rgb(22.0 * _LAMP),
+            "intensity": _rgb(27.0 * _LAMP),
             "sampling_weight": 1.0,
         }
-    intensity = {"wall": 62.0 * _WARM, "dome": 560.0 * _COOL, "cupola": 200.0 * _COOL}
+    intensity = {"wall": 78.0 * _WARM, "dome": 620.0 * _COOL, "cupola": 200.0 * _COOL}
     for number, light in enumerate(floodlights()):
         lights[f"floodlight {number}"] = {
             "type": "spot",
@@ -231,7 +234,7 @@ def _small_lights(mi: Any) -> dict[str, Any]:
 
 
 def _sky_light(mi: Any, seed: int, weight: float) -> dict[str, Any]:
-    rows, cols = 256, 512
+    rows, cols = 128, 256
     polar = (np.arange(rows)[:, None] + 0.5) / rows * np.pi
     azimuth = (np.arange(cols)[None, :] + 0.5) / cols * 2 * np.pi
     toward = np.stack(

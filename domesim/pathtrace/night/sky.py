@@ -82,13 +82,9 @@ def background(directions: Floats, seed: int) -> Floats:
     from_moon = np.arccos(np.clip(directions @ MOON, -1.0, 1.0))[..., None]
     halo = np.exp(-from_moon / 0.035) * 0.05 + np.exp(-from_moon / 0.20) * 0.012
     moonlit_air = halo * np.array([0.75, 0.88, 1.0])
-    return (
-        air
-        + airglow * (0.3 + 1.4 * patches)
-        + town_glow
-        + moonlit_air
-        + _milky_way(directions, seed) * (0.25 + 0.75 * np.clip(up / 0.4, 0.0, 1.0))
-    )
+    stars_beyond = _milky_way(directions, seed) * (0.25 + 0.75 * np.clip(up / 0.4, 0.0, 1.0))
+    light: Floats = air + airglow * (0.3 + 1.4 * patches) + town_glow + moonlit_air + stars_beyond
+    return light
 
 
 def moon(directions: Floats, seed: int) -> tuple[Floats, Floats]:
@@ -127,7 +123,7 @@ def _milky_way(directions: Floats, seed: int) -> Floats:
     mottled = glow * _step(0.20, 0.80, clouds) * (1.0 - 0.88 * rift)
     warm = toward_centre[..., None]
     tint = (1 - warm) * np.array([0.80, 0.92, 1.20]) + warm * np.array([1.10, 0.98, 0.86])
-    light: Floats = 0.13 * mottled[..., None] * tint
+    light: Floats = 0.15 * mottled[..., None] * tint
     return light
 
 
