@@ -6,6 +6,7 @@ add theirs without being imported here. Bad input is one line on standard error 
 
 from __future__ import annotations
 
+import io
 import sys
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from domesim.console import Console, each_frame
+from domesim.console import Console, complain, each_frame
 from domesim.errors import InputError
 from domesim.frames import Frame
 from domesim.scene import load_scene
@@ -80,8 +81,8 @@ def observe(
         line = f"mean {mean:.3g} cd/m² projected, {pollution:.3g} cd/m² reflected and stray light"
         if clipped:
             line += (
-                f"; {clipped:.1%} of the screen is brighter than the format's white and clipped "
-                f"(an EXR master is not)"
+                f"; {clipped:.1%} of the screen is brighter than the file's format can hold and "
+                f"clipped (a 32 bit EXR is not)"
             )
         figures = {
             "projected_cd_m2": mean,
@@ -122,14 +123,20 @@ def build() -> typer.Typer:
 
 def main() -> None:
     """Run the command; the process's exit code says whether all went well."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A name that the terminal cannot show is no reason to stop.
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         build()()
     except InputError as error:
-        print(f"domesim: {error}", file=sys.stderr)
+        complain(error)
         sys.exit(BAD_INPUT)
     except MemoryError:
-        print("domesim: not enough memory for frames of this size", file=sys.stderr)
+        complain("not enough memory for frames of this size")
         sys.exit(BAD_INPUT)
-    except KeyboardInterrupt:
-        print("domesim: interrupted; what was written is complete", file=sys.stderr)
+    except (KeyboardInterrupt, SystemExit) as end:
+        # typer turns Ctrl-C into an exit, and says nothing.
+        if isinstance(end, SystemExit) and end.code != INTERRUPTED:
+            raise
+        complain("interrupted; what was written is complete")
         sys.exit(INTERRUPTED)

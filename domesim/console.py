@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +22,7 @@ from rich.progress import (
 
 from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, write_frame
+from domesim.frames.messages import reason
 from domesim.sequences import output_path
 
 
@@ -45,16 +47,12 @@ class Console:
     def say(self, text: str) -> None:
         """A line for a person, on standard output."""
         if self._text:
-            print(text, flush=True)
+            _print(text)
 
     def figures(self, figures: dict[str, Any]) -> None:
         """The command's figures, for a program."""
         if self._json:
-            print(json.dumps(figures, indent=1, allow_nan=False))
-
-    def complain(self, error: InputError) -> None:
-        """A mistake, on standard error; the command goes on."""
-        print(f"domesim: {error}", file=sys.stderr, flush=True)
+            _print(json.dumps(figures, indent=1, allow_nan=False))
 
     @contextmanager
     def progress(self, what: str, total: int) -> Iterator[Callable[[str], None]]:
@@ -77,6 +75,31 @@ class Console:
 
             yield start
             bar.update(task, completed=started)
+
+
+def complain(message: object) -> None:
+    """A mistake, on standard error."""
+    # File names may hold line breaks and terminal codes. A message's own further lines are
+    # indented.
+    text = "\n  ".join(_printable(line) for line in str(message).split("\n  "))
+    print(f"domesim: {text}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def about(path: Path) -> Iterator[None]:
+    """Whatever mistake is found inside is one of `path`: its message names the file.
+
+    Raises
+    ------
+    InputError
+        The one that was raised inside, with the path in front unless the name is there already.
+    """
+    try:
+        yield
+    except InputError as error:
+        if path.name in str(error):
+            raise
+        raise InputError(f"{path}: {error}") from error
 
 
 def each_frame(
@@ -103,24 +126,22 @@ def each_frame(
     Raises
     ------
     InputError
-        If the folder cannot be made, or an output would replace its input.
+        If the folder cannot be made or written to, or an output would replace its input.
     """
     outputs = [output_path(path, folder) for path in paths]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot make this folder: {error.strerror}") from None
+    _prepare(folder)
     done, failed = [], []
     with console.progress(what, len(paths)) as start:
         for path, output in zip(paths, outputs, strict=True):
             start(path.name)
             try:
-                frame = read_frame(path, repair=repair)
-                result, figures, line = work(frame)
-                write_frame(result, output)
+                with about(path):
+                    frame = read_frame(path, repair=repair)
+                    result, figures, line = work(frame)
+                    write_frame(result, output)
             except InputError as error:
-                failed.append(_about(path, error))
-                console.complain(InputError(failed[-1]))
+                failed.append(str(error))
+                complain(error)
                 continue
             done.append({"input": str(path), "output": str(output), **figures})
             if frame.repaired:
@@ -130,7 +151,29 @@ def each_frame(
     return done, failed
 
 
-def _about(path: Path, error: InputError) -> str:
-    """The error's message, with the file's name in front if it isn't there already."""
-    message = str(error)
-    return message if path.name in message else f"{path}: {message}"
+def _prepare(folder: Path) -> None:
+    """Make `folder`, and see that files can be made in it, before hours of work on them."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"{folder}: wanted a folder for the results, got '{reason(error)}'. "
+            "Choose one that can be made and written to."
+        ) from error
+
+
+def _printable(line: str) -> str:
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
+
+
+def _print(text: str) -> None:
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        raise  # whoever reads has had enough: typer ends the command quietly
+    except OSError as error:
+        raise InputError(
+            f"standard output: wanted to write to it, got '{reason(error)}'. Send it elsewhere."
+        ) from error

@@ -7,6 +7,9 @@ each with its path.
 from __future__ import annotations
 
 import difflib
+import json
+import re
+import reprlib
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -20,28 +23,33 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    StrictBool,
     Tag,
     ValidationError,
+    field_validator,
     model_validator,
 )
 
 from domesim import viewing
 from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.observation.spherical import ClosedFormDome
+from domesim.observation.spherical import ClosedFormDome, closed_form_gain
 from domesim.projector import Projector
 from domesim.viewing import Viewing
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0, le=1)]
+# Strict: neither true nor "0.5" is a number.
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Share = Annotated[Number, Field(ge=0, le=1)]
+# Beyond these, figures are in another unit, or arithmetic overflows.
+Luminance = Annotated[Number, Field(ge=1e-6, le=1e6)]
+NoLuminance = Annotated[Number, Field(ge=0, le=1e6)]
+
+_TAGS = ("one number", "a number a primary")
 PerPrimary = Annotated[
-    Annotated[Share, Tag("one number")]
-    | Annotated[tuple[Share, Share, Share], Tag("a number a primary")],
-    Discriminator(lambda value: "a number a primary" if isinstance(value, list) else "one number"),
+    Annotated[Share, Tag(_TAGS[0])] | Annotated[tuple[Share, Share, Share], Tag(_TAGS[1])],
+    Discriminator(lambda value: _TAGS[isinstance(value, list)]),
 ]
-"""One number for all primaries, or one for each. (Tags, unlike keys, are no identifiers.)"""
+"""One number for all primaries, or one for each."""
 
 
 class _Section(BaseModel):
@@ -51,31 +59,38 @@ class _Section(BaseModel):
 class DomeSection(_Section):
     """The shape of the screen: a spherical cap."""
 
-    radius_m: Positive
-    half_angle_deg: Annotated[float, Field(gt=0, le=180)] = 90.0
-    tilt_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    radius_m: Annotated[Number, Field(gt=0, le=1000)]
+    half_angle_deg: Annotated[Number, Field(ge=1, le=180)] = 90.0
+    tilt_deg: Annotated[Number, Field(ge=-90, le=90)] = 0.0
+
+    @field_validator("radius_m")
+    @classmethod
+    def _measurable(cls, radius: float) -> float:
+        if radius < 0.01:
+            raise ValueError(f"must be at least 0.01, got {radius:g}")
+        return radius
 
 
 class ScreenSection(_Section):
     """What the screen is made of."""
 
     albedo: PerPrimary
-    perforation: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    perforation: Annotated[Number, Field(ge=0, lt=1)] = 0.0
 
 
 class LensSection(_Section):
     """Where the projector's lens is, in the dome's frame (x right, y front, z zenith)."""
 
-    position_m: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
-    corrected: bool = True
+    position_m: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    corrected: StrictBool = True
 
 
 class ProjectorSection(_Section):
     """The projector, as measured on the screen."""
 
     primaries: str = "BT.709"
-    white_cd_m2: Positive
-    black_cd_m2: NotNegative = 0.0
+    white_cd_m2: Luminance
+    black_cd_m2: NoLuminance = 0.0
     lens: LensSection = LensSection()
 
     @model_validator(mode="after")
@@ -87,13 +102,13 @@ class ProjectorSection(_Section):
 class AmbientSection(_Section):
     """Light on the screen without any projector, by luminance."""
 
-    luminance_cd_m2: NotNegative = 0.0
+    luminance_cd_m2: NoLuminance = 0.0
 
 
 class ViewingSection(_Section):
     """The audience."""
 
-    adaptation_cd_m2: Positive
+    adaptation_cd_m2: Luminance
 
 
 class SceneFile(_Section):
@@ -182,14 +197,17 @@ def load_scene(name_or_path: str | Path) -> Scene:
         If there is no such scene, or with all mistakes of its file, each with its path.
     """
     path = Path(name_or_path)
-    if path.suffix != ".toml" and len(path.parts) == 1:
+    if path.suffix != ".toml" and len(path.parts) <= 1:
         return _scene(_bundled(str(name_or_path)), str(name_or_path))
     try:
         text = path.read_bytes().decode()
     except UnicodeDecodeError:
         raise InputError(f"{path}: a scene is a TOML text file in UTF-8, this is not") from None
     except OSError as error:
-        raise InputError(f"{path}: cannot read the scene: {error.strerror}") from None
+        raise InputError(
+            f"{path}: wanted a scene's .toml file, got '{error.strerror}'. "
+            f"Check the path, or use one of {', '.join(scene_names())}"
+        ) from error
     return _scene(text, str(path))
 
 
@@ -213,12 +231,15 @@ def _bundled(name: str) -> str:
 
 def _scene(text: str, where: str) -> Scene:
     try:
-        file = SceneFile.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a ValueError also for a number too long
         raise InputError(f"{where}: not valid TOML: {error}") from None
+    try:
+        return _built(SceneFile.model_validate(content))
     except ValidationError as error:
         raise InputError(_all_mistakes(error, where)) from None
-    return _built(file)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def _built(file: SceneFile) -> Scene:
@@ -226,6 +247,9 @@ def _built(file: SceneFile) -> Scene:
         file.dome.radius_m, np.radians(file.dome.half_angle_deg), np.radians(file.dome.tilt_deg)
     )
     albedo = np.broadcast_to(file.screen.albedo, 3) * (1 - file.screen.perforation)
+    for rho in albedo:
+        # Refuses what no frame can change: a sphere that keeps all its light.
+        closed_form_gain(float(rho), dome.radius, dome.screen_area)
     lens = file.projector.lens
     return Scene(
         name=file.name,
@@ -261,17 +285,24 @@ def _mistake(item: Any) -> str:
         case "value_error":
             message = str(item["ctx"]["error"])
             return f"{path}: {message}" if path else message
-    return f"{path}: {item['msg'][0].lower()}{item['msg'][1:]}, got {item['input']!r}"
+        case "model_type":
+            wanted = f"a section [{path}]"
+        case "too_long":
+            wanted = f"{item['ctx']['max_length']} values"
+        case _:
+            wanted = item["msg"].removeprefix("Input should be ")
+    return f"{path}: must be {wanted}, got {reprlib.repr(item['input'])}"
 
 
 def _key_path(location: Iterable[int | str]) -> str:
-    """``screen.albedo[1]``, without the tags of unions, which are no keys."""
+    """``screen.albedo[1]``, without the tags of the union, which are no keys."""
     path = ""
     for part in location:
         if isinstance(part, int):
             path += f"[{part}]"
-        elif part.isidentifier():
-            path += f".{part}" if path else part
+        elif part not in _TAGS:
+            key = part if re.fullmatch(r"[\w-]+", part, re.ASCII) else json.dumps(part)
+            path += f".{key}" if path else key
     return path
 
 

@@ -9,10 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim import transfer
+from domesim.errors import InputError
 from domesim.frames import Frame
 from domesim.light import Light
 from domesim.projector import require_primaries
 from domesim.scene import Scene
+
+BRIGHTEST = 1e9
+"""Projector white = 1: the sun's disc is 1e8 of an IMAX dome's. Beyond it is damage, and float32
+overflows when light is summed and squared."""
 
 
 def decoded(frame: Frame, scene: Scene) -> Light:
@@ -21,11 +26,18 @@ def decoded(frame: Frame, scene: Scene) -> Light:
     Raises
     ------
     InputError
-        If its transfer function or primaries are not known.
+        If its transfer function or primaries are not known, or it is brighter than `BRIGHTEST`.
     """
     require_primaries(frame.colour.primaries)
     curve = transfer.named(frame.colour.transfer, white=scene.projector.white)
-    return scene.projector.decode(frame.pixels, curve, frame.colour.primaries)
+    with np.errstate(over="ignore", invalid="ignore"):
+        light = scene.projector.decode(frame.pixels, curve, frame.colour.primaries)
+    if not light.max() <= BRIGHTEST:
+        raise InputError(
+            f"{frame.path}: wanted light up to {BRIGHTEST:g} (projector white is 1), got "
+            f"{light.max():g}. Render it again, or clamp it (oiiotool IN --clamp:max=100 -o OUT)."
+        )
+    return light
 
 
 def encoded(
@@ -33,18 +45,18 @@ def encoded(
 ) -> tuple[Frame, float]:
     """`frame` with the picture on the screen replaced by `light`, and the share that was clipped.
 
-    Integer formats hold no code values outside 0..1: light brighter than their white (what the
-    audience sees of a white master) is clipped there, and the share of such pixels returned.
+    No format holds all code values: light brighter than the white of an integer format (what the
+    audience sees of a white master) or the largest half is clipped there, and the share of such
+    pixels returned.
     """
     curve = transfer.named(frame.colour.transfer, white=scene.projector.white)
     pixels = scene.projector.encode(light, curve, frame.colour.primaries)
-    clipped = 0.0
-    if not frame.floating:
-        # Half a code of 16 bit: rounding, not clipping
-        slack = 0.5 / 65535
-        beyond = np.any((pixels < -slack) | (pixels > 1 + slack), axis=-1)
-        clipped = float(np.mean(beyond[screen]))
-        pixels = np.clip(pixels, 0, 1)
+    least, largest = frame.code_range
+    # Half a code of 16 bit: rounding, not clipping
+    slack = 0.5 / 65535
+    beyond = np.any((pixels < least - slack) | (pixels > largest + slack), axis=-1)
+    clipped = float(np.mean(beyond[screen]))
+    pixels = np.clip(pixels, least, largest)
     return frame.with_pixels(np.where(screen[..., None], pixels, frame.pixels)), clipped
 
 

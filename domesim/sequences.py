@@ -10,12 +10,15 @@ one sequence, and so are ``show.9999.png`` and ``show.10000.png``.
 from __future__ import annotations
 
 import re
+import stat
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import fileseq
 
 from domesim.errors import InputError
+from domesim.frames.messages import reason
 
 
 def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, ...]:
@@ -36,11 +39,12 @@ def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, .
         frames are missing: in a gap if `frames` is None, else of those in `frames`.
     """
     path = Path(pattern)
-    if path.is_dir():
+    kind = _kind(path)
+    if kind == "folder":
         raise _is_a_folder(path)
     sequence = _numbered(path)
-    if sequence is None or path.is_file():
-        return (_single(path, frames),)
+    if sequence is None or kind == "file":
+        return (_single(path, kind, frames),)
     found = _on_disk(path, sequence)
     numbers = sorted(found)
     frames = frames or sequence.frameRange()  # show.1-5####.exr names its frames itself
@@ -94,11 +98,33 @@ def output_path(source: Path, folder: Path, suffix: str | None = None) -> Path:
     return path
 
 
-def _single(path: Path, frames: str | None) -> Path:
-    if not path.is_file():
+_Kind = Literal["file", "folder", "nothing", "device or pipe"]
+
+
+def _kind(path: Path) -> _Kind:
+    """What there is at `path`."""
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return "nothing"
+    except OSError as error:
+        raise InputError(
+            f"{path}: wanted to read it, got '{reason(error)}'. Check its path and permissions."
+        ) from error
+    if stat.S_ISREG(mode):
+        return "file"
+    return "folder" if stat.S_ISDIR(mode) else "device or pipe"
+
+
+def _single(path: Path, kind: _Kind, frames: str | None) -> Path:
+    if kind == "nothing":
         raise InputError(
             f"{path}: wanted a file or a numbered pattern, there is no such file. "
             "Check the path, or write the frame's number as #### (show.####.exr)."
+        )
+    if kind != "file":
+        raise InputError(
+            f"{path}: wanted a file or a numbered pattern, got a {kind}. Save it as a file first."
         )
     if frames is not None:
         raise InputError(
@@ -124,9 +150,8 @@ def _on_disk(path: Path, sequence: fileseq.FileSequence) -> dict[int, Path]:
     try:
         files = sorted(folder.iterdir())
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
         raise InputError(
-            f"{path}: wanted to look into {folder}, got '{reason}'. Check the path."
+            f"{path}: wanted to look into {folder}, got '{reason(error)}'. Check the path."
         ) from error
     name = re.compile(
         f"{re.escape(sequence.basename())}(-?[0-9]+){re.escape(sequence.extension())}"

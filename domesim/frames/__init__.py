@@ -1,0 +1,19 @@
+"""Frames: image files <-> code values and their colour.
+
+`read_frame` takes an image file to R, G, B code values, a `ColourTag` that says what they mean,
+and a header that keeps everything else the file holds; `write_frame` takes them back. What a user
+did not ask to change survives: bit depth, metadata, channel order, alpha and other channels.
+
+Two promises shape the code. A damaged file is an error, never a picture with a black or grey part
+(``integrity.py``, ``reading.py``). And an output is whole or not there (``writing.py``).
+
+Code values are as stored: nothing here linearises, premultiplies or rotates (an ``Orientation`` is
+carried along). An EXR is read over its display window.
+"""
+
+from domesim.frames.colour import ColourTag
+from domesim.frames.frame import LARGEST_SIDE, Frame, Pixels
+from domesim.frames.reading import read_frame
+from domesim.frames.writing import write_frame
+
+__all__ = ["LARGEST_SIDE", "ColourTag", "Frame", "Pixels", "read_frame", "write_frame"]

@@ -1,0 +1,308 @@
+"""Colour tags <-> what files say of their colour.
+
+A file says it by a Color Interop identifier, ITU-T H.273 code points (cICP), an ICC profile's name,
+chromaticities, a PNG's or a DPX's own fields; or nothing, and then what is usual for its format
+counts. Every tag says which of these it is from.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
+
+from domesim.errors import InputError
+from domesim.frames.formats import FLOATING, label
+from domesim.frames.messages import one_line
+from domesim.frames.png import chunk, chunks_of
+
+
+@dataclass(frozen=True)
+class ColourTag:
+    """What code values mean, and where that is known from.
+
+    Attributes
+    ----------
+    transfer
+        "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084" or "dcdm".
+    primaries
+        "BT.709", "P3-D65", "P3-DCI", "BT.2020", "XYZ", "ACES AP0" or "ACES AP1".
+    source
+        For a person: "file: chromaticities", "assumed for JPEG", ...
+    """
+
+    transfer: str
+    primaries: str
+    source: str
+
+    def means_the_same_as(self, other: ColourTag) -> bool:
+        """Whether transfer and primaries agree, wherever they are known from."""
+        return (self.transfer, self.primaries) == (other.transfer, other.primaries)
+
+
+def colour_of(path: Path, spec: Any, name: str, chunks: bytes) -> ColourTag:
+    """What the file says of its colour, or else what is usual for its format."""
+    if name == "openexr":
+        by_format = _colour_of_exr(path, spec)
+    elif name == "dpx":
+        by_format = _colour_of_dpx(path, spec)
+    elif name == "png":
+        by_format = _colour_of_png(path, spec, chunks)
+    else:
+        by_format = _colour_of_others(path, spec, name)
+    return _colour_of_cicp(path, spec) or _colour_of_profile(spec) or by_format
+
+
+def state_colour(colour: ColourTag, name: str, spec: Any) -> None:
+    """Name the encoding, where the format can and would otherwise be taken for another."""
+    if name == "openexr":
+        if colour.transfer != "linear":
+            spec.attribute("colorInteropID", _interop_identifier(colour))
+        if colour.primaries != "BT.709":
+            kind, value = oiio.TypeDesc("float[8]"), _CHROMATICITIES[colour.primaries]
+            spec.attribute("chromaticities", kind, value)
+    if name == "dpx":
+        names = {"linear": "Linear", "bt1886": "ITU-R 709-4"}
+        spec.attribute("dpx:Transfer", names.get(colour.transfer, "User defined"))
+    # JPEG and TIFF can only say "sRGB" (Exif); to others they can merely not say it.
+    if name in ("jpeg", "tiff") and _is_srgb(colour) and not colour.source.startswith("assumed"):
+        spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
+
+
+def colour_chunks(colour: ColourTag) -> bytes:
+    """What a PNG says of its colour."""
+    if _is_srgb(colour):
+        known = not colour.source.startswith("assumed")
+        return chunk(b"sRGB", b"\0") if known else b""
+    transfers = {name: code for code, name in reversed(_CICP_TRANSFERS.items())}
+    primaries = {name: code for code, name in _CICP_PRIMARIES.items()}
+    chunks = b""
+    if colour.transfer in transfers and colour.primaries in primaries:
+        code_points = (primaries[colour.primaries], transfers[colour.transfer], 0, 1)
+        chunks += chunk(b"cICP", bytes(code_points))
+    exponents = {"linear": 1.0, "gamma2.2": 2.2, "gamma2.4": 2.4, "gamma2.6": 2.6, "dcdm": 2.6}
+    if colour.transfer in exponents:
+        chunks += chunk(b"gAMA", struct.pack(">I", round(100000 / exponents[colour.transfer])))
+    xy = _CHROMATICITIES[colour.primaries]
+    if min(xy) >= 0:  # cHRM has no sign, and so not AP0
+        white_first = [round(100000 * value) for value in (*xy[6:], *xy[:6])]
+        chunks += chunk(b"cHRM", struct.pack(">8I", *white_first))
+    return chunks
+
+
+# What there is to know of colour.
+
+TRANSFER_NAMES = {
+    "srgb": "sRGB",
+    "gamma2.2": "gamma 2.2",
+    "gamma2.4": "gamma 2.4",
+    "gamma2.6": "gamma 2.6",
+    "bt1886": "BT.1886",
+    "st2084": "ST 2084",
+    "dcdm": "DCDM",
+}
+
+# x, y of red, green, blue and white: ITU-R BT.709-6 and BT.2020-2, SMPTE RP 431-2 (DCI white and
+# D65), SMPTE ST 2065-1 (AP0), ACES TB-2014-004 via AMPAS S-2014-004 (AP1); XYZ with white E.
+_CHROMATICITIES = {
+    "BT.709": (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290),
+    "P3-D65": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
+    "P3-DCI": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3140, 0.3510),
+    "BT.2020": (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
+    "XYZ": (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3),
+    "ACES AP0": (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.0770, 0.32168, 0.33767),
+    "ACES AP1": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767),
+}
+
+# Identifiers of the Color Interop Forum, which OpenImageIO and EXR's colorInteropID use:
+# transfer_primaries_state, such as "g24_rec709_display".
+_INTEROP = re.compile(r"(lin|srgbe?|g\d\d|pq|hlg)_(\w+)_(scene|display)")
+_INTEROP_TRANSFERS = {
+    "lin": "linear",
+    "srgb": "srgb",
+    "g22": "gamma2.2",
+    "g24": "gamma2.4",
+    "g26": "gamma2.6",
+    "pq": "st2084",
+}
+_INTEROP_PRIMARIES = {
+    "rec709": "BT.709",
+    "p3d65": "P3-D65",
+    "rec2020": "BT.2020",
+    "ciexyzd65": "XYZ",
+    "xyzd65": "XYZ",
+    "ap0": "ACES AP0",
+    "ap1": "ACES AP1",
+}
+
+# ITU-T H.273 code points. 1, 6, 14 and 15 are one camera curve, which displays decode by BT.1886.
+_CICP_TRANSFERS = {
+    1: "bt1886",
+    4: "gamma2.2",
+    6: "bt1886",
+    8: "linear",
+    13: "srgb",
+    14: "bt1886",
+    15: "bt1886",
+    16: "st2084",
+    17: "dcdm",
+}
+_CICP_PRIMARIES = {1: "BT.709", 9: "BT.2020", 10: "XYZ", 11: "P3-DCI", 12: "P3-D65"}
+
+# SMPTE ST 268-1, transfer characteristic, by OpenImageIO's names. Video is decoded as a monitor
+# does; nothing more than sRGB can be assumed of the rest; film densities are not light at all.
+_DPX_TRANSFERS = {
+    "Linear": "linear",
+    "SMPTE 274M": "bt1886",
+    "ITU-R 709-4": "bt1886",
+    "ITU-R 601-5 system B or G": "bt1886",
+    "ITU-R 601-5 system M": "bt1886",
+    "User defined": None,
+    "Unspecified video": None,
+    "Undefined": None,
+}
+
+
+# From a file.
+
+
+def _colour_of_cicp(path: Path, spec: Any) -> ColourTag | None:
+    code_points = spec.getattribute("CICP")
+    if code_points is None:
+        return None
+    primaries, transfer, _, full_range = code_points
+    if transfer not in _CICP_TRANSFERS:
+        raise _unsupported_encoding(path, f"transfer {transfer} of ITU-T H.273")
+    if not full_range:
+        raise _unsupported_encoding(path, "narrow-range video codes")
+    if primaries not in _CICP_PRIMARIES:
+        source = f"file: cICP; primaries assumed, {primaries} is not known"
+        return ColourTag(_CICP_TRANSFERS[transfer], "BT.709", source)
+    return ColourTag(_CICP_TRANSFERS[transfer], _CICP_PRIMARIES[primaries], "file: cICP")
+
+
+def _colour_of_profile(spec: Any) -> ColourTag | None:
+    if spec.getattribute("ICCProfile") is None:
+        return None
+    # By name only: an ICC profile can be any function, and these two are what is found in masters.
+    description = one_line(spec.get_string_attribute("ICCProfile:profile_description"))
+    if "srgb" in description.lower():
+        return ColourTag("srgb", "BT.709", f"file: ICC profile '{description}'")
+    if "display p3" in description.lower():
+        return ColourTag("srgb", "P3-D65", f"file: ICC profile '{description}'")
+    return ColourTag("srgb", "BT.709", f"assumed: ICC profile '{description}' is not known")
+
+
+def _colour_of_exr(path: Path, spec: Any) -> ColourTag:
+    stated = spec.get_string_attribute("colorInteropID")
+    stated = stated or spec.get_string_attribute("oiio:ColorSpace")
+    transfer, primaries, source = "linear", "BT.709", "assumed for EXR"
+    known = _interop(path, stated)
+    if known:
+        (transfer, primaries), source = known, f"file: {stated}"
+    chromaticities = spec.getattribute("chromaticities")
+    if chromaticities is None:
+        return ColourTag(transfer, primaries, source)
+    named = _primaries(chromaticities)
+    if named is None:
+        source = f"{source}; primaries assumed, the file's chromaticities are not known ones"
+        return ColourTag(transfer, primaries, source)
+    return ColourTag(transfer, named, "file: chromaticities")
+
+
+def _colour_of_dpx(path: Path, spec: Any) -> ColourTag:
+    stated = spec.get_string_attribute("dpx:Transfer") or "Undefined"
+    if stated not in _DPX_TRANSFERS:
+        raise _unsupported_encoding(path, stated)
+    transfer = _DPX_TRANSFERS[stated]
+    if transfer is None:
+        return ColourTag("srgb", "BT.709", f"assumed for DPX with transfer '{stated}'")
+    return ColourTag(transfer, "BT.709", f"file: transfer '{stated}'")
+
+
+def _colour_of_png(path: Path, spec: Any, chunks: bytes) -> ColourTag:
+    found = dict(chunks_of(b"\x89PNG\r\n\x1a\n" + chunks))
+    if b"sRGB" in found:  # overrides gAMA and cHRM (PNG specification, third edition, 4.3)
+        return ColourTag("srgb", "BT.709", "file: sRGB")
+    gamma = spec.get_string_attribute("oiio:ColorSpace")
+    known = _interop(path, gamma) if b"gAMA" in found else None
+    transfer = known[0] if known else "srgb"
+    sources = ["gAMA"] if known else []
+    primaries = "BT.709"
+    if b"cHRM" in found:
+        white_first = [value / 100000 for value in struct.unpack_from(">8I", found[b"cHRM"], 8)]
+        named = _primaries(white_first[2:] + white_first[:2])
+        if named is None:
+            sources.append("primaries assumed, its chromaticities are not known ones")
+        else:
+            primaries = named
+            sources.append("cHRM")
+    source = f"file: {', '.join(sources)}" if sources else "assumed for PNG"
+    return ColourTag(transfer, primaries, source)
+
+
+def _colour_of_others(path: Path, spec: Any, name: str) -> ColourTag:
+    if spec.get_int_attribute("Exif:ColorSpace") == 1:
+        return ColourTag("srgb", "BT.709", "file: Exif")
+    stated = spec.get_string_attribute("oiio:ColorSpace")
+    known = _interop(path, stated)
+    if known and known[0] != "srgb":  # sRGB is OpenImageIO's own guess
+        return ColourTag(*known, f"file: {stated}")
+    if str(spec.format) in FLOATING:
+        return ColourTag("linear", "BT.709", f"assumed for floating {label(name)}")
+    return ColourTag("srgb", "BT.709", f"assumed for {label(name)}")
+
+
+def _interop(path: Path, identifier: str) -> tuple[str, str] | None:
+    """(transfer, primaries) of a Color Interop identifier; None if it is none."""
+    match = _INTEROP.fullmatch(identifier)
+    if match is None:
+        return None
+    curve, gamut, state = match.groups()
+    primaries = _INTEROP_PRIMARIES.get(gamut)
+    if curve not in _INTEROP_TRANSFERS or primaries is None:
+        raise _unsupported_encoding(path, identifier)
+    if (curve, primaries) == ("g26", "XYZ"):
+        return "dcdm", primaries
+    if (curve, state) == ("g24", "display"):
+        return "bt1886", primaries
+    return _INTEROP_TRANSFERS[curve], primaries
+
+
+def _primaries(chromaticities: Sequence[float]) -> str | None:
+    """The known primaries within 0.001 of x, y of red, green, blue and white."""
+    for name, known in _CHROMATICITIES.items():
+        if np.allclose(chromaticities, known, rtol=0, atol=1e-3):
+            return name
+    return None
+
+
+def _unsupported_encoding(path: Path, got: str) -> InputError:
+    wanted = ", ".join(TRANSFER_NAMES.values())
+    return InputError(
+        f"{path}: wanted code values that are linear, {wanted}, got {got}. "
+        "Convert it first (oiiotool IN --colorconvert FROM TO -o OUT)."
+    )
+
+
+# To a file.
+
+
+def _is_srgb(colour: ColourTag) -> bool:
+    return (colour.transfer, colour.primaries) == ("srgb", "BT.709")
+
+
+def _interop_identifier(colour: ColourTag) -> str:
+    curve = {"bt1886": "g24", "dcdm": "g26"}.get(colour.transfer)
+    curves = {transfer: name for name, transfer in _INTEROP_TRANSFERS.items()}
+    gamuts = {primaries: name for name, primaries in _INTEROP_PRIMARIES.items()}
+    # P3-DCI has no identifier; the chromaticities name its white.
+    gamut = gamuts.get(colour.primaries, "p3d65")
+    shown = colour.transfer in ("bt1886", "dcdm", "st2084")
+    return f"{curve or curves[colour.transfer]}_{gamut}_{'display' if shown else 'scene'}"

@@ -1,0 +1,59 @@
+"""What there is to know of image formats, by the names that OpenImageIO has for them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+LABELS = {
+    "openexr": "EXR",
+    "png": "PNG",
+    "tiff": "TIFF",
+    "dpx": "DPX",
+    "jpeg": "JPEG",
+    # Read only. Each of these was seen to notice truncation; OpenImageIO also has formats that
+    # do not (and one, "null", that makes images up), hence a list.
+    "bmp": "BMP",
+    "hdr": "HDR",
+    "iff": "IFF",
+    "jpeg2000": "JPEG 2000",
+    "jpegxl": "JPEG XL",
+    "pnm": "PNM",
+    "rla": "RLA",
+    "sgi": "SGI",
+    "targa": "TGA",
+    "webp": "WebP",
+}
+SUFFIXES = {
+    ".exr": "openexr",
+    ".png": "png",
+    ".tif": "tiff",
+    ".tiff": "tiff",
+    ".dpx": "dpx",
+    ".jpg": "jpeg",
+    ".jpeg": "jpeg",
+    ".jpe": "jpeg",
+}
+DEPTHS = {
+    "openexr": (16, 32),
+    "png": (8, 16),
+    "tiff": (8, 10, 12, 16, 32),
+    "dpx": (8, 10, 12, 16),
+    "jpeg": (8,),
+}
+INTEGER = {"uint8": 8, "uint16": 16}
+FLOATING = {"half": 16, "float": 32}
+_LARGEST_HALF = 65504.0
+_LARGEST_FLOAT = float(np.finfo(np.float32).max)
+
+
+def label(name: str) -> str:
+    """What people call the format."""
+    return LABELS.get(name, name)
+
+
+def code_range(bits: int, *, floating: bool) -> tuple[float, float]:
+    """The least and the largest code value that a sample of this depth can hold."""
+    if not floating:
+        return 0.0, 1.0
+    largest = _LARGEST_HALF if bits == 16 else _LARGEST_FLOAT
+    return -largest, largest

@@ -1,0 +1,92 @@
+"""A frame: code values, what they mean, and all else that its file holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domesim.frames.colour import TRANSFER_NAMES, ColourTag
+from domesim.frames.formats import code_range, label
+
+Pixels: TypeAlias = NDArray[np.float32]
+"""(row, col, 3) float32: R, G, B code values; 1.0 is the largest code of an integer format."""
+
+LARGEST_SIDE = 32768
+"""Pixels; a header that claims more is taken for damaged, before memory is asked for."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a file holds besides R, G, B; plain Python, so that a frame can be pickled."""
+
+    format: str = ""  # as OpenImageIO calls it; "" for a frame that came from no file
+    attributes: tuple[tuple[str, str, Any], ...] = ()  # name, type, value
+    channels: tuple[str, ...] = ("R", "G", "B")
+    kinds: tuple[str, ...] = ("float", "float", "float")  # each channel's type in the file
+    rgb: tuple[int, int, int] = (0, 1, 2)  # which channels R, G, B are
+    extra: tuple[NDArray[Any], ...] = ()  # (row, col) as stored, one for each other channel
+    origin: tuple[int, int] = (0, 0)  # of the display window: col, row
+    colour: ColourTag | None = None  # as read
+    colour_chunks: bytes = b""  # PNG: see png.py
+    big_endian: bool = True  # DPX
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One image: its code values, what they mean, and all else its file holds.
+
+    Attributes
+    ----------
+    pixels
+        (row, col, 3) float32, R, G, B code values. Integer formats are scaled so that 1.0 is the
+        largest code; floating formats are as stored.
+    path
+        Where it was read.
+    colour
+        What the code values mean.
+    bits
+        Of a sample in the file: 8, 10, 12, 16 or 32.
+    floating
+        Whether the format is floating: not quantised, values outside 0..1 possible.
+    repaired
+        How many samples were NaN, infinite or negative and were replaced.
+    """
+
+    pixels: Pixels
+    path: Path
+    colour: ColourTag
+    bits: int
+    floating: bool
+    repaired: int = 0
+    header: Header = field(default_factory=Header, repr=False)
+
+    def with_pixels(self, pixels: ArrayLike) -> Frame:
+        """The same file with other R, G, B.
+
+        Raises
+        ------
+        ValueError
+            If `pixels` has not this frame's shape.
+        """
+        new = np.asarray(pixels, dtype=np.float32)
+        if new.shape != self.pixels.shape:
+            raise ValueError(f"Frame.with_pixels takes {self.pixels.shape}, got {new.shape}")
+        return replace(self, pixels=new)
+
+    @property
+    def code_range(self) -> tuple[float, float]:
+        """The least and the largest code value that its format can hold at its depth."""
+        return code_range(self.bits, floating=self.floating)
+
+    def described(self) -> str:
+        """One phrase for a person: ``2048 x 2048 JPEG, 8 bit, sRGB (assumed for JPEG)``."""
+        rows, cols = self.pixels.shape[:2]
+        kind = f"{self.bits} bit float" if self.floating else f"{self.bits} bit"
+        transfer = TRANSFER_NAMES.get(self.colour.transfer, self.colour.transfer)
+        primaries = "" if self.colour.primaries == "BT.709" else f" {self.colour.primaries}"
+        name = label(self.header.format) or "frame"
+        return f"{cols} x {rows} {name}, {kind}, {transfer}{primaries} ({self.colour.source})"

@@ -1,0 +1,129 @@
+"""Is a file all there? What OpenImageIO would not notice, or not say in one line."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from domesim.errors import InputError
+from domesim.frames.messages import reason
+from domesim.frames.png import COLOUR_CHUNKS, chunks_of
+
+
+@dataclass(frozen=True)
+class Container:
+    """What the examination of a file's bytes found, for OpenImageIO does not tell it."""
+
+    colour_chunks: bytes = b""
+    big_endian: bool = True
+
+
+def examine(path: Path) -> Container:
+    """Check that `path` is a file and, as far as OpenImageIO would not, that it is complete."""
+    try:
+        if path.is_dir():
+            raise InputError(f"{path}: wanted an image file, got a folder. Name a file in it.")
+        if not path.exists():
+            raise InputError(f"{path}: wanted an image file, there is none. Check the path.")
+        if not path.is_file():
+            raise InputError(f"{path}: wanted an image file, got a device or pipe. Name a file.")
+        with path.open("rb") as file:
+            return _examine_bytes(path, file)
+    except OSError as error:
+        raise InputError(
+            f"{path}: wanted to read it, got '{reason(error)}'. Check its path and permissions."
+        ) from error
+
+
+def damaged(path: Path, label: str, got: str) -> InputError:
+    """The error for a file of which a part is missing or wrong."""
+    return InputError(f"{path}: wanted a complete {label}, got {got}. Copy or render it again.")
+
+
+def _examine_bytes(path: Path, file: BinaryIO) -> Container:
+    size = os.fstat(file.fileno()).st_size
+    if size == 0:
+        raise InputError(f"{path}: wanted an image, got an empty file. Copy or render it again.")
+    start = file.read(20)
+    if start.startswith(b"\x89PNG\r\n\x1a\n"):
+        return Container(colour_chunks=_examine_png(path, start + file.read()))
+    if start[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
+        _examine_tiff(path, file, size, start)
+    if start[:4] in (b"SDPX", b"XPDS"):
+        return Container(big_endian=_examine_dpx(path, size, start))
+    return Container()
+
+
+def _examine_png(path: Path, png: bytes) -> bytes:
+    """Check all checksums up to IEND, and return the chunks that speak of colour.
+
+    libpng would notice most damage, too, but it prints to stderr, does not miss an IEND, and only
+    skips a damaged colour chunk.
+    """
+    colour = b""
+    for kind, chunk in chunks_of(png):
+        if zlib.crc32(chunk[4:-4]) != int.from_bytes(chunk[-4:]):
+            name = kind.decode("ascii", "replace")
+            raise damaged(path, "PNG", f"a wrong checksum in chunk {name!r}")
+        if kind in COLOUR_CHUNKS:
+            colour += chunk
+        if kind == b"IEND":
+            return colour
+    raise damaged(path, "PNG", "one that ends early")
+
+
+_TIFF_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
+_TIFF_EXIF = 34665
+
+
+def _examine_tiff(path: Path, file: BinaryIO, size: int, start: bytes) -> None:
+    """Check that all tags lie within the file.
+
+    libtiff notices missing pixels, but drops a tag (an ICC profile at the end, say) in silence.
+    """
+    order = "<" if start[:2] == b"II" else ">"
+    big = start[2:4] in (b"+\0", b"\0+")
+    count_format, entry_format = ("Q", "HHQQ") if big else ("H", "HHII")
+    word = struct.Struct(order + ("Q" if big else "I"))
+    counter, entry = struct.Struct(order + count_format), struct.Struct(order + entry_format)
+
+    def read(position: int, wanted: int) -> bytes:
+        if position + wanted > size:
+            raise damaged(path, "TIFF", f"one that ends early, at {size} bytes")
+        file.seek(position)
+        return file.read(wanted)
+
+    directories = list(word.unpack(read(8 if big else 4, word.size)))
+    seen: set[int] = set()
+    while directories:
+        position = directories.pop()
+        if position == 0 or position in seen:
+            continue
+        seen.add(position)
+        (count,) = counter.unpack(read(position, counter.size))
+        position += counter.size
+        table = read(position, count * entry.size)
+        for tag, kind, values, offset in entry.iter_unpack(table):
+            if values * _TIFF_SIZES.get(kind, 0) > word.size:
+                read(offset + values * _TIFF_SIZES[kind] - 1, 1)
+            elif tag == _TIFF_EXIF:
+                directories.append(offset)
+        directories += word.unpack(read(position + count * entry.size, word.size))
+
+
+def _examine_dpx(path: Path, size: int, start: bytes) -> bool:
+    """Check the size that a DPX header states, and return whether it is big-endian.
+
+    The pixels need no check (OpenImageIO misses them), but what follows them does.
+    """
+    order = ">" if start[:4] == b"SDPX" else "<"
+    if len(start) < 20:
+        raise damaged(path, "DPX", "one that ends early")
+    (stated,) = struct.unpack_from(order + "I", start, 16)
+    if size < stated != 0xFFFFFFFF:  # all ones: not stated
+        raise damaged(path, "DPX", f"one that ends early, at {size} of {stated} bytes")
+    return order == ">"

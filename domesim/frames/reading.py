@@ -1,0 +1,332 @@
+"""Image file -> frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.frames.colour import colour_of
+from domesim.frames.formats import FLOATING, INTEGER, LABELS, label
+from domesim.frames.frame import LARGEST_SIDE, Frame, Header, Pixels
+from domesim.frames.integrity import damaged, examine
+from domesim.frames.messages import one_line, problem_of
+
+
+def read_frame(path: str | Path, *, repair: bool = False) -> Frame:
+    """Read an image file: EXR, PNG, TIFF, DPX, JPEG, and what else is in `LABELS`.
+
+    Parameters
+    ----------
+    path
+        The file. Its content decides what it is, not its suffix.
+    repair
+        Replace NaN and negative samples by 0 and +Inf by the channel's largest finite value,
+        instead of refusing them.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or truncated, not an image, of several images, not RGB,
+        encoded in a way that is not supported, larger than its display window (overscan), or
+        holds NaN, Inf or negative samples and `repair` is off.
+    """
+    path = Path(path)
+    container = examine(path)
+    reader = _open(path)
+    try:
+        layout = _layout(path, reader)
+        colour = colour_of(path, reader.spec(), layout.format, container.colour_chunks)
+        rgb, extra = _read_channels(path, reader, layout)
+        _refuse_several_images(path, reader)
+    finally:
+        reader.close()
+
+    pixels = _code_values(rgb, layout.bits)
+    repaired = 0
+    if layout.floating:
+        pixels, repaired = _without_impossible_samples(path, pixels, repair=repair)
+    header = Header(
+        format=layout.format,
+        attributes=layout.attributes,
+        channels=layout.channels,
+        kinds=layout.kinds,
+        rgb=layout.rgb,
+        extra=tuple(_over_display_window(plane, layout) for plane in extra),
+        origin=layout.display[:2],
+        colour=colour,
+        colour_chunks=container.colour_chunks,
+        big_endian=container.big_endian,
+    )
+    return Frame(
+        pixels=_over_display_window(pixels, layout),
+        path=path,
+        colour=colour,
+        bits=layout.bits,
+        floating=layout.floating,
+        repaired=repaired,
+        header=header,
+    )
+
+
+def _open(path: Path) -> Any:
+    try:
+        name = str(path).encode().decode()
+    except UnicodeEncodeError:
+        raise InputError(
+            f"{path}: wanted a path in UTF-8, got other bytes. Rename the file or its folder."
+        ) from None
+    # Without UnassociatedAlpha, R, G, B of PNG and TIFF come multiplied by alpha.
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    reader = oiio.ImageInput.open(name, config)
+    # An error that is not fetched is printed when the process ends.
+    problem = problem_of(oiio)
+    if reader is None:
+        raise InputError(
+            f"{path}: wanted an image, got something that does not open as one "
+            f"({problem}). Copy or render it again, or convert it to EXR or PNG."
+        )
+    return reader
+
+
+# The header: where the samples are.
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """What a header says of where the samples are."""
+
+    format: str
+    channels: tuple[str, ...]
+    kinds: tuple[str, ...]
+    rgb: tuple[int, int, int]
+    bits: int
+    floating: bool
+    data: tuple[int, int, int, int]  # window: left, top, cols, rows
+    display: tuple[int, int, int, int]
+    attributes: tuple[tuple[str, str, Any], ...]
+
+
+def _layout(path: Path, reader: Any) -> _Layout:
+    spec = reader.spec()
+    name = reader.format_name()
+    if name not in LABELS:
+        raise InputError(
+            f"{path}: wanted {', '.join(LABELS.values())}, got {name}. Convert it to EXR or PNG."
+        )
+    if spec.deep:
+        raise InputError(f"{path}: wanted a flat image, got deep samples. Flatten it first.")
+    channels = tuple(spec.channelnames)
+    kinds = tuple(str(kind) for kind in spec.channelformats) or (str(spec.format),) * len(channels)
+    data, display = _windows(path, spec, name)
+    _refuse_implausible_size(path, spec, name, data, display)
+    rgb = _find_rgb(path, spec, channels)
+    bits, floating = _depth(path, spec, {kinds[channel] for channel in rgb})
+    attributes = tuple(
+        (attribute.name, str(attribute.type), attribute.value) for attribute in spec.extra_attribs
+    )
+    return _Layout(name, channels, kinds, rgb, bits, floating, data, display, attributes)
+
+
+def _windows(
+    path: Path, spec: Any, name: str
+) -> tuple[tuple[int, int, int, int], tuple[int, int, int, int]]:
+    """The data and the display window: left, top, cols, rows."""
+    data = (spec.x, spec.y, spec.width, spec.height)
+    # Only EXR means it: what PNG (oFFs) and TIFF (XPosition) tell is a place on a sheet of paper.
+    if name != "openexr":
+        return (0, 0, *data[2:]), (0, 0, *data[2:])
+    display = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
+    inside = all(
+        display[axis] <= data[axis]
+        and data[axis] + data[axis + 2] <= display[axis] + display[axis + 2]
+        for axis in (0, 1)
+    )
+    if not inside:
+        # Light from beyond the edge of the screen is on no screen, and cutting it off unasked
+        # would break the promise that a file keeps what it holds.
+        raise InputError(
+            f"{path}: wanted pixels within the display window {_window(display)}, got overscan "
+            f"{_window(data)}. Crop it first (oiiotool IN --crop {_window(display)} -o OUT)."
+        )
+    return data, display
+
+
+def _window(window: tuple[int, int, int, int]) -> str:
+    left, top, cols, rows = window
+    return f"{cols}x{rows}{left:+d}{top:+d}"
+
+
+# Decoded bytes a byte of file. zlib reaches 1032; flat JPEGs stay below it; PIZ and DWA know no
+# useful limit, and of DPX OpenImageIO checks it itself.
+_LARGEST_RATIO = {"openexr": 1100.0, "png": 1100.0, "tiff": 1100.0, "jpeg": 1100.0}
+_UNLIMITED_COMPRESSION = ("piz", "dwaa", "dwab", "htj2k")
+
+
+def _refuse_implausible_size(
+    path: Path,
+    spec: Any,
+    name: str,
+    data: tuple[int, int, int, int],
+    display: tuple[int, int, int, int],
+) -> None:
+    for cols, rows in (data[2:], display[2:]):
+        if not (0 < cols <= LARGEST_SIDE and 0 < rows <= LARGEST_SIDE):
+            raise InputError(
+                f"{path}: wanted 1 to {LARGEST_SIDE} px a side, got {cols} x {rows}. "
+                "The header is probably damaged: copy or render it again."
+            )
+    if spec.depth > 1:
+        raise InputError(f"{path}: wanted an image, got a volume of depth {spec.depth}. Slice it.")
+    if spec.get_string_attribute("compression") in _UNLIMITED_COMPRESSION:
+        return
+    decoded, stored = spec.image_bytes(True), path.stat().st_size
+    if decoded > _LARGEST_RATIO.get(name, np.inf) * stored:
+        raise InputError(
+            f"{path}: wanted a whole {label(name)}, got {stored} bytes for {data[2]} x {data[3]} "
+            f"px of {spec.nchannels} channels. It is probably damaged: copy or render it again."
+        )
+
+
+def _find_rgb(path: Path, spec: Any, channels: tuple[str, ...]) -> tuple[int, int, int]:
+    """Which channels are R, G, B."""
+    # OpenImageIO turns these into an RGB of its own making.
+    for attribute in ("jpeg:ColorSpace", "tiff:ColorSpace"):
+        model = spec.get_string_attribute(attribute)
+        if model not in ("", "RGB", "YCbCr", "palette"):
+            raise InputError(f"{path}: wanted channels R, G, B, got {model}. Convert it to RGB.")
+    found = [[k for k, name in enumerate(channels) if name.lower() == wanted] for wanted in "rgb"]
+    if all(len(matches) == 1 for matches in found):
+        red, green, blue = (matches[0] for matches in found)
+        return red, green, blue
+    grey = next((name for name in channels if name.upper() in ("Y", "L", "I")), None)
+    way = "R=Y,G=Y,B=Y".replace("Y", grey) if grey else "R=...,G=...,B=..."
+    names = one_line(", ".join(channels[:8])) + (", ..." if len(channels) > 8 else "")
+    raise InputError(
+        f"{path}: wanted one each of channels R, G, B, got {names}. "
+        f"Convert it to RGB first (oiiotool IN --ch {way} -o OUT)."
+    )
+
+
+def _depth(path: Path, spec: Any, kinds: set[str]) -> tuple[int, bool]:
+    """Bits of a sample of R, G, B, and whether they are floating."""
+    if kinds <= set(FLOATING):
+        return max(FLOATING[kind] for kind in kinds), True
+    kind = min(kinds)
+    if len(kinds) > 1 or kind not in INTEGER:
+        raise InputError(
+            f"{path}: wanted R, G, B of 8 to 16 bit integers or 16 or 32 bit floats, "
+            f"got {', '.join(sorted(kinds))}. Convert it (oiiotool IN -d float -o OUT)."
+        )
+    stated = spec.get_int_attribute("oiio:BitsPerSample")
+    return (stated if kind == "uint16" and stated in (10, 12) else INTEGER[kind]), False
+
+
+# The samples.
+
+
+def _read_channels(
+    path: Path, reader: Any, layout: _Layout
+) -> tuple[NDArray[Any], list[NDArray[Any]]]:
+    """(row, col, 3) R, G, B and (row, col) others, as they are stored (R, G, B may be widened)."""
+    others = [k for k in range(len(layout.channels)) if k not in layout.rgb]
+    if len(set(layout.kinds)) == 1:
+        # One pass, in the file's own type: OpenImageIO converts half to float 4 times slower
+        # than NumPy does.
+        samples = _read(path, reader, layout, range(len(layout.channels)), layout.kinds[0])
+        plain = layout.rgb == (0, 1, 2) and not others
+        rgb = samples if plain else samples[..., list(layout.rgb)]
+        return rgb, [np.ascontiguousarray(samples[..., k]) for k in others]
+    span = range(min(layout.rgb), max(layout.rgb) + 1)
+    rgb = _read(path, reader, layout, span, "float")[..., [span.index(k) for k in layout.rgb]]
+    extra = []
+    for k in others:
+        plane = _read(path, reader, layout, range(k, k + 1), layout.kinds[k])[..., 0]
+        _refuse_large_integers(path, layout, k, plane)
+        extra.append(plane)
+    return rgb, extra
+
+
+def _read(path: Path, reader: Any, layout: _Layout, channels: range, kind: str) -> NDArray[Any]:
+    try:
+        samples = reader.read_image(0, 0, channels.start, channels.stop, kind)
+    except MemoryError as error:
+        raise InputError(
+            f"{path}: wanted memory for {_window(layout.data)} px, got none. Use a smaller image."
+        ) from error
+    problem = problem_of(reader)
+    if samples is None or problem:
+        got = f"one that does not decode ({problem})"
+        raise damaged(path, label(layout.format), got)
+    result: NDArray[Any] = samples
+    return result
+
+
+def _refuse_large_integers(path: Path, layout: _Layout, channel: int, plane: NDArray[Any]) -> None:
+    # Channels of several types can only be written through float32, which scales integers to
+    # 0..1: below 2^22 each comes back exactly (tried), above it does not.
+    if layout.kinds[channel] == "uint" and plane.max() >= 2**22:
+        raise InputError(
+            f"{path}: wanted integers below {2**22} in channel {layout.channels[channel]}, got "
+            f"{plane.max()}. Remove the channel (oiiotool IN --ch R,G,B -o OUT)."
+        )
+
+
+def _refuse_several_images(path: Path, reader: Any) -> None:
+    """Last, for a reader may not find its way back from a second image."""
+    several = bool(reader.seek_subimage(1, 0))
+    problem_of(reader)
+    if several:
+        raise InputError(
+            f"{path}: wanted one image, got a file of several parts or pages. "
+            "Split it first (oiiotool IN --sisplit -o OUT)."
+        )
+
+
+def _code_values(samples: NDArray[Any], bits: int) -> Pixels:
+    """(row, col, 3) float32, integers scaled so that 1.0 is the largest code."""
+    if not np.issubdtype(samples.dtype, np.integer):
+        return samples.astype(np.float32, copy=False)
+    # OpenImageIO widens 10 and 12 bits to 16 by repeating the upper bits below.
+    unused = 8 * samples.dtype.itemsize - bits
+    codes = samples >> unused if unused else samples
+    pixels = codes.astype(np.float32)
+    pixels /= np.float32(2**bits - 1)
+    return pixels
+
+
+def _over_display_window(samples: NDArray[Any], layout: _Layout) -> NDArray[Any]:
+    """`samples` of the data window, with 0 around them up to the display window."""
+    if layout.data == layout.display:
+        return samples
+    (left, top, cols, rows), (display_left, display_top, *size) = layout.data, layout.display
+    whole = np.zeros((size[1], size[0], *samples.shape[2:]), samples.dtype)
+    row, col = top - display_top, left - display_left
+    whole[row : row + rows, col : col + cols] = samples
+    return whole
+
+
+def _without_impossible_samples(path: Path, pixels: Pixels, *, repair: bool) -> tuple[Pixels, int]:
+    """`pixels` without NaN, Inf and negative samples, and how many of them were replaced."""
+    # NaN makes a minimum NaN, and so fails the first comparison.
+    if pixels.min() >= 0 and pixels.max() < np.inf:
+        return pixels, 0
+    nan, infinite, negative = np.isnan(pixels), np.isposinf(pixels), pixels < 0
+    bad = nan | infinite | negative
+    if not repair:
+        kinds = {"NaN": nan, "Inf": infinite, "negative": negative}
+        counts = ", ".join(f"{mask.sum()} {kind}" for kind, mask in kinds.items() if mask.any())
+        row, col, channel = np.unravel_index(bad.argmax(), bad.shape)
+        raise InputError(
+            f"{path}: wanted finite samples >= 0, got {counts}, the first at row {row}, col {col}, "
+            f"channel {'RGB'[channel]}. Add --repair to replace them."
+        )
+    largest = np.where(bad, np.float32(0), pixels).max(axis=(0, 1))
+    repaired = np.where(infinite, largest, np.where(bad, np.float32(0), pixels))
+    return repaired, int(bad.sum())

@@ -1,0 +1,350 @@
+"""Frame -> image file, whole or not at all.
+
+It is encoded in memory, because some encoders of OpenImageIO end the whole process on a full disk
+(JPEG) or report success (PNG); Python then writes the bytes under a temporary name and renames the
+file.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.frames.colour import colour_chunks, state_colour
+from domesim.frames.formats import DEPTHS, LABELS, SUFFIXES, code_range, label
+from domesim.frames.frame import LARGEST_SIDE, Frame, Pixels
+from domesim.frames.messages import problem_of, reason
+from domesim.frames.png import with_colour_chunks
+
+
+def write_frame(frame: Frame, path: str | Path, *, bits: int | None = None) -> None:
+    """Write `frame` to `path`, whole or not at all.
+
+    The suffix names the format. The format that the frame came from keeps its bit depth, metadata
+    and all channels. Another format gets the least depth that holds every code value, the metadata
+    that it knows, alpha unless it is DPX or JPEG, and other channels if it is EXR. The pixels are
+    written as they are: for another encoding, give `frame` other pixels *and* another `colour`.
+
+    JPEG is written at quality 100 without chroma subsampling. Re-encoding what was decoded from a
+    JPEG then moves no sample by more than 4 codes, and 97 % (noise) to 99.8 % (a domemaster) of
+    them by at most one; at quality 98 it was 10 codes and 74 % to 99.5 %.
+
+    Parameters
+    ----------
+    frame
+        Integer formats need its pixels finite and in 0..1; they are rounded to the nearest code,
+        ties to even.
+    path
+        ``.exr``, ``.png``, ``.tif``, ``.tiff``, ``.dpx``, ``.jpg``, ``.jpeg``.
+    bits
+        Of a sample: EXR 16 or 32 (float), PNG 8 or 16, TIFF 8 or 16 (integer) or 32 (float), DPX
+        8, 10, 12 or 16, JPEG 8.
+
+    Raises
+    ------
+    InputError
+        If the suffix or `bits` is not one of these, or `path` cannot be written (no such folder,
+        not writable, disk full, ...). A file that was there before is then still there, unchanged.
+    ValueError
+        If pixels are not finite, or not what the format can hold.
+    """
+    path = Path(path)
+    target = _target(frame, path, bits)
+    spec, samples = _specification(frame, target), _samples(frame, target)
+    encoded = _encode(path, target.format, spec, samples)
+    if target.format == "png":
+        encoded = with_colour_chunks(encoded, _png_colour(frame, target))
+    if target.format == "dpx":
+        encoded = _with_dpx_name(encoded, path.name)
+    _replace(path, encoded)
+
+
+# Which file, of which samples.
+
+
+@dataclass(frozen=True)
+class _Target:
+    """What is to be written: the format, its depth, and its channels in order."""
+
+    format: str
+    bits: int
+    floating: bool
+    channels: tuple[str, ...]
+    kinds: tuple[str, ...]
+    sources: tuple[int, ...]  # 0, 1, 2: R, G, B; 3 + k: extra channel k
+    same_format: bool
+
+
+def _target(frame: Frame, path: Path, bits: int | None) -> _Target:
+    name = SUFFIXES.get(path.suffix.lower())
+    if name is None:
+        raise InputError(
+            f"{path}: wanted a name that ends in {', '.join(SUFFIXES)}, "
+            f"got '{path.suffix}'. Choose one of these."
+        )
+    if bits is not None and bits not in DEPTHS[name]:
+        depths = ", ".join(str(depth) for depth in DEPTHS[name])
+        raise InputError(f"{path}: wanted {depths} bits for {label(name)}, got {bits}. Choose one.")
+    same = name == frame.header.format
+    kept = same and (bits is None or bits == frame.bits)
+    if kept:
+        bits, floating = frame.bits, frame.floating
+    else:
+        bits = bits or _fitting_depth(name, frame)
+        floating = name == "openexr" or (name == "tiff" and bits == 32)
+    channels, kinds, sources = _channels(frame, name, _kind(bits, floating), kept=kept)
+    return _Target(name, bits, floating, channels, kinds, sources, same)
+
+
+def _fitting_depth(name: str, frame: Frame) -> int:
+    """The least depth that holds every code value, or else the largest there is."""
+    if name == "openexr":
+        # Half has 11 significant bits.
+        return frame.bits if frame.floating else 16 if frame.bits <= 10 else 32
+    if frame.floating:
+        return 32 if name == "tiff" else DEPTHS[name][-1]
+    # Few programs read TIFFs of 10 and 12 bits.
+    depths = [depth for depth in DEPTHS[name] if name != "tiff" or depth in (8, 16)]
+    return next((depth for depth in depths if depth >= frame.bits), depths[-1])
+
+
+def _kind(bits: int, floating: bool) -> str:
+    if floating:
+        return "half" if bits == 16 else "float"
+    return "uint8" if bits == 8 else "uint16"
+
+
+def _channels(
+    frame: Frame, name: str, kind: str, *, kept: bool
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[int, ...]]:
+    """Names, types and sources of the channels that are written."""
+    header = frame.header
+    place = {channel: k for k, channel in enumerate(header.rgb)}
+    others = iter(range(3, 3 + len(header.extra)))
+    sources = [place[k] if k in place else next(others) for k in range(len(header.channels))]
+    alpha = [channel.upper() == "A" for channel in header.channels]
+    chosen = [
+        (channel, header.kinds[k] if kept or (name == "openexr" and source >= 3) else kind, source)
+        for k, (channel, source) in enumerate(zip(header.channels, sources, strict=True))
+        if source < 3
+        or name in (header.format, "openexr")
+        or (alpha[k] and name in ("png", "tiff"))
+    ]
+    if name == "openexr" and header.format != name:
+        # EXR has no integers of 8 or 16 bits.
+        chosen = [(channel, kind, source) for channel, _, source in chosen]
+    channels, kinds, order = zip(*chosen, strict=True)
+    return channels, kinds, order
+
+
+# The samples.
+
+
+def _samples(frame: Frame, target: _Target) -> NDArray[Any]:
+    """(row, col, channel) in the type that the encoder takes."""
+    rgb = _encoded_rgb(frame.pixels, target)
+    if target.sources == (0, 1, 2):
+        return rgb
+    mixed = len(set(target.kinds)) > 1
+    kind = np.dtype(np.float32) if mixed else _dtype(target.kinds[0])
+    samples = np.empty((*rgb.shape[:2], len(target.sources)), kind)
+    for channel, source in enumerate(target.sources):
+        plane = rgb[..., source] if source < 3 else frame.header.extra[source - 3]
+        samples[..., channel] = plane if plane.dtype == kind else _rescaled(plane, kind)
+    return samples
+
+
+def _encoded_rgb(pixels: Pixels, target: _Target) -> NDArray[Any]:
+    rows, cols, *last = pixels.shape
+    if last != [3] or not (0 < rows <= LARGEST_SIDE and 0 < cols <= LARGEST_SIDE):
+        # libjpeg ends the process above 65500.
+        raise ValueError(
+            f"write_frame takes (row, col, 3) with sides of 1 to {LARGEST_SIDE} px, "
+            f"got {pixels.shape}"
+        )
+    low, high = float(pixels.min()), float(pixels.max())
+    least, largest = code_range(target.bits, floating=target.floating)
+    if not (least <= low and high <= largest):
+        raise ValueError(
+            f"write_frame takes pixels in {least:g}..{largest:g} for a {target.bits} bit "
+            f"{label(target.format)}, got {low:g}..{high:g}. Clip them first."
+        )
+    if target.floating:
+        return pixels.astype(_dtype(_kind(target.bits, floating=True)), copy=False)
+    scaled = pixels * np.float32(2**target.bits - 1)
+    kind = _dtype(_kind(target.bits, floating=False))
+    codes: NDArray[Any] = np.rint(scaled, out=scaled).astype(kind)
+    if target.bits in (10, 12):
+        # Repeated below, the upper bits are exact whether OpenImageIO cuts (it does) or rounds.
+        codes = codes << (16 - target.bits) | codes >> (2 * target.bits - 16)
+    return codes
+
+
+def _rescaled(plane: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
+    """`plane` as `kind`, integers standing for 0..1."""
+    values = plane.astype(np.float64)
+    if np.issubdtype(plane.dtype, np.integer):
+        values /= np.iinfo(plane.dtype).max
+    if np.issubdtype(kind, np.integer):
+        values = np.rint(np.clip(np.nan_to_num(values), 0, 1) * np.iinfo(kind).max)
+    elif kind == np.float16:
+        values = np.clip(values, *code_range(16, floating=True))
+    return values.astype(kind)
+
+
+def _dtype(kind: str) -> np.dtype[Any]:
+    return np.dtype({"half": "float16", "float": "float32", "uint": "uint32"}.get(kind, kind))
+
+
+# The header.
+
+# What a format says of how it is stored, not of the image; it is said anew.
+_STORAGE = re.compile(
+    r"oiio:.*|tiff:.*|ICCProfile:.*|compression|planarconfig|openexr:lineOrder|jpeg:subsampling",
+    re.IGNORECASE,
+)
+_COLOUR_ATTRIBUTES = ("ICCProfile", "CICP", "chromaticities", "colorInteropID", "Exif:ColorSpace")
+_FORMAT_PREFIXES = tuple(f"{name}:" for name in LABELS)
+
+# OpenImageIO does not write integer vectors by the names that it reads them by.
+_WRITABLE_TYPES = {"vector2i": "int[2]", "vectori": "int[3]", "vector2i[2]": "box2i"}
+
+
+def _specification(frame: Frame, target: _Target) -> Any:
+    rows, cols = frame.pixels.shape[:2]
+    spec = oiio.ImageSpec(cols, rows, len(target.channels), target.kinds[0])
+    spec.channelnames = target.channels
+    if len(set(target.kinds)) > 1:
+        spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in target.kinds)
+    upper = [name.upper() for name in target.channels]
+    spec.alpha_channel = upper.index("A") if "A" in upper else -1
+    spec.x, spec.y = spec.full_x, spec.full_y = frame.header.origin
+    # OpenImageIO would fill in the present time: the same input would give another output.
+    spec.attribute("DateTime", "")
+    for name, kind, value in frame.header.attributes:
+        if _survives(frame, target, name):
+            _set(spec, name, kind, value)
+    _state_storage(frame, target, spec)
+    if not (target.same_format and _keeps_colour(frame)):
+        state_colour(frame.colour, target.format, spec)
+    return spec
+
+
+def _set(spec: Any, name: str, kind: str, value: Any) -> None:
+    if kind == "string":
+        # Old files hold Latin-1 as well, which OpenImageIO gives as surrogates but does not take.
+        spec.attribute(name, value.encode("utf-8", "surrogateescape"))
+    else:
+        spec.attribute(name, oiio.TypeDesc(_WRITABLE_TYPES.get(kind, kind)), value)
+
+
+def _survives(frame: Frame, target: _Target, name: str) -> bool:
+    if name == "oiio:subimagename":
+        return True
+    if _STORAGE.fullmatch(name) or (name in _COLOUR_ATTRIBUTES and not _keeps_colour(frame)):
+        return False
+    return target.same_format or not name.startswith((*_FORMAT_PREFIXES, "openexr:"))
+
+
+def _keeps_colour(frame: Frame) -> bool:
+    read = frame.header.colour
+    return read is not None and frame.colour.means_the_same_as(read)
+
+
+def _stated(frame: Frame, name: str) -> Any:
+    return next((value for key, _, value in frame.header.attributes if key == name), None)
+
+
+def _state_storage(frame: Frame, target: _Target, spec: Any) -> None:
+    """Compression and the like."""
+    compression = _stated(frame, "compression") if target.same_format else None
+    if target.format == "openexr":
+        # Other compressions do not notice damage (zlib has a checksum), or lose precision.
+        spec.attribute("compression", compression if compression == "zips" else "zip")
+    if target.format == "tiff":
+        lossless = compression in ("none", "lzw", "packbits", "zip")
+        spec.attribute("compression", compression if lossless else "zip")
+        if target.kinds[0] == "half":
+            spec.attribute("tiff:half", 1)
+    if target.format == "jpeg":
+        spec.attribute("Compression", "jpeg:100")
+        spec.attribute("jpeg:subsampling", "4:4:4")
+    if target.format == "dpx":
+        spec.attribute("oiio:Endian", "big" if frame.header.big_endian else "little")
+    if target.bits in (10, 12):
+        spec.attribute("oiio:BitsPerSample", target.bits)
+    # As it was read: no encoder may divide R, G, B by alpha.
+    if target.format == "png" or _stated(frame, "oiio:UnassociatedAlpha"):
+        spec.attribute("oiio:UnassociatedAlpha", 1)
+
+
+# The bytes.
+
+
+def _png_colour(frame: Frame, target: _Target) -> bytes:
+    """The colour chunks that the frame was read with, if they still hold."""
+    if _keeps_colour(frame) and (target.same_format or _stated(frame, "ICCProfile") is not None):
+        return frame.header.colour_chunks
+    return colour_chunks(frame.colour)
+
+
+def _with_dpx_name(dpx: bytes, name: str) -> bytes:
+    """`dpx` with the file's name in its header (100 bytes at 36) instead of the encoder's."""
+    padded = os.fsencode(name)[:99].ljust(100, b"\0")
+    return dpx[:36] + padded + dpx[136:]
+
+
+def _encode(path: Path, name: str, spec: Any, samples: NDArray[Any]) -> bytes:
+    """The file's bytes."""
+    with os.fdopen(os.memfd_create("frame"), "rb+") as memory:
+        place = f"/proc/self/fd/{memory.fileno()}"
+        writer: Any = oiio.ImageOutput.create(name)
+        written = (
+            writer.open(place, spec)
+            and writer.write_image(np.ascontiguousarray(samples))
+            # A close that succeeds may still leave an error here: TIFF complains of empty Exif.
+            and not writer.has_error
+        )
+        problem = problem_of(writer)
+        closed = writer.close()
+        problem = problem or problem_of(writer)
+        if not (written and closed):
+            raise InputError(
+                f"{path}: wanted to encode a {label(name)}, got '{problem}'. Write another format."
+            )
+        memory.seek(0)
+        return memory.read()
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Put `content` at `path`, whole or not at all."""
+    temporary = path.with_name(f".{path.stem}.tmp-{os.getpid()}{path.suffix}")
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except BaseException as error:
+        with suppress(OSError):
+            temporary.unlink()
+        if not isinstance(error, OSError):
+            raise
+        ways = {
+            errno.ENOSPC: "Free some space, or write elsewhere",
+            errno.EDQUOT: "Free some space, or write elsewhere",
+            errno.ENOENT: "Create the folder first",
+            errno.EISDIR: "Name a file",
+        }
+        way = ways.get(error.errno or 0, "Choose a folder that can be written to")
+        raise InputError(f"{path}: wanted to write it, got '{reason(error)}'. {way}.") from error
