@@ -16,8 +16,19 @@ from compensate.master import METHODS, Figures, Solver, compensate_frame
 from compensate.solver.admm import ADMM
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
-from domesim.cli import Frames, Json, Master, OutFolder, Quiet, Repair, SceneName, finish
-from domesim.console import Console, each_frame
+from domesim.cli import (
+    Format,
+    Frames,
+    Json,
+    Master,
+    OutFolder,
+    Quiet,
+    Repair,
+    SceneName,
+    finish,
+    suffix_of,
+)
+from domesim.console import Console, about, each_frame, prepare
 from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, write_frame
 from domesim.scene import Scene, load_scene
@@ -49,6 +60,7 @@ def compensate(
     tolerance: Tolerance = 1e-3,
     low_frequency_gain: LowFrequencyGain = 0.1,
     frames: Frames = None,
+    file_format: Format = None,
     repair: Repair = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -66,7 +78,13 @@ def compensate(
         return outcome.frame, asdict(outcome.figures), _line(outcome.figures)
 
     done, failed = each_frame(
-        find_frames(master, frames), out, work, console, what="compensating", repair=repair
+        find_frames(master, frames),
+        out,
+        work,
+        console,
+        what="compensating",
+        repair=repair,
+        suffix=suffix_of(file_format),
     )
     finish(console, {"scene": theatre.name, "frames": done}, failed)
 
@@ -94,8 +112,11 @@ def compare(
         raise InputError(f"{master}: a page shows one frame, got {len(paths)}; name one of them")
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{out}: a page is an .html file; give it such a name")
-    frame = read_frame(paths[0], repair=repair)
-    comparison = _compared(frame, theatre, console, tolerance, low_frequency_gain)
+    solver, weighting = _solver("perceptual", tolerance), _weighting(low_frequency_gain)
+    prepare(out.parent)
+    with about(paths[0]):
+        frame = read_frame(paths[0], repair=repair)
+        comparison = _compared(frame, theatre, console, solver, weighting)
     comparison.write_page(out, size=size, command=_command_line())
     console.say(f"Open {out.resolve()}")
     console.figures({"scene": theatre.name, "page": str(out), "methods": comparison.figures()})
@@ -113,11 +134,8 @@ def demo(
     with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
         frame = read_frame(path)
     console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
-    comparison = _compared(frame, theatre, console, 1e-3, 0.1)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot make this folder: {error.strerror}") from None
+    prepare(out)
+    comparison = _compared(frame, theatre, console, ADMM(), PerceptualWeighting())
     files = []
     for name, written in comparison.frames():
         write_frame(written, out / f"{name}.exr")
@@ -136,14 +154,18 @@ def demo(
 
 
 def _compared(
-    frame: Frame, theatre: Scene, console: Console, tolerance: float, low_frequency_gain: float
+    frame: Frame,
+    theatre: Scene,
+    console: Console,
+    solver: Solver | None,
+    weighting: PerceptualWeighting,
 ) -> Comparison:
     with console.progress("solving", len(METHODS)) as start:
         comparison = compare_methods(
             frame,
             theatre,
-            solver=ADMM(tolerance=_positive("tolerance", tolerance)),
-            weighting=_weighting(low_frequency_gain),
+            solver=solver,
+            weighting=weighting,
             progress=start,
         )
     for figures in comparison.figures().values():
@@ -154,18 +176,13 @@ def _compared(
 def _solver(method: str, tolerance: float) -> Solver | None:
     if method not in METHODS:
         raise InputError(f"method {method!r} is not known; use one of {', '.join(METHODS)}")
-    _positive("tolerance", tolerance)
+    if not 0 < tolerance < 1:
+        raise InputError(f"tolerance must lie between 0 and 1, got {tolerance:g}")
     return ADMM(tolerance=tolerance) if method == "perceptual" else None
 
 
 def _weighting(low_frequency_gain: float) -> PerceptualWeighting:
     return PerceptualWeighting(LowFrequencyFloor(low_frequency_gain))
-
-
-def _positive(name: str, value: float) -> float:
-    if not value > 0:
-        raise InputError(f"{name} must be above 0, got {value:g}")
-    return value
 
 
 def _line(f: Figures) -> str:

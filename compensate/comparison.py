@@ -136,7 +136,7 @@ def compare_methods(
     frame: Frame,
     scene: Scene,
     *,
-    solver: Solver,
+    solver: Solver | None,
     weighting: PerceptualWeighting,
     progress: Callable[[str], None] = lambda name: None,
 ) -> Comparison:

@@ -1,5 +1,17 @@
-"""``python -m domesim``."""
+"""``domesim``, and ``python -m domesim``."""
 
-from domesim.cli import main
+import sys
 
-main()
+
+def main() -> None:
+    """Run the command. Ctrl-C while it still loads is no traceback either."""
+    try:
+        from domesim.cli import run  # noqa: PLC0415
+    except KeyboardInterrupt:
+        print("domesim: interrupted", file=sys.stderr)
+        sys.exit(130)
+    run()
+
+
+if __name__ == "__main__":
+    main()

@@ -17,6 +17,7 @@ import typer
 from domesim.console import Console, complain, each_frame
 from domesim.errors import InputError
 from domesim.frames import Frame
+from domesim.frames.formats import SUFFIXES
 from domesim.scene import load_scene
 from domesim.screening import decoded, encoded
 from domesim.sequences import find_frames
@@ -49,6 +50,14 @@ Repair = Annotated[
     bool,
     typer.Option(help="Replace NaN and negative samples by black, infinite ones by the largest."),
 ]
+Format = Annotated[
+    str | None,
+    typer.Option(
+        "--format",
+        help="Write exr, png, tif, dpx or jpg instead of the master's format.",
+        show_default=False,
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Json = Annotated[
     bool, typer.Option("--json", help="Print figures to standard output as one JSON object.")
@@ -60,6 +69,7 @@ def observe(
     scene: SceneName,
     out: OutFolder,
     frames: Frames = None,
+    file_format: Format = None,
     repair: Repair = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -92,9 +102,31 @@ def observe(
         return result, figures, line
 
     done, failed = each_frame(
-        find_frames(master, frames), out, work, console, what="observing", repair=repair
+        find_frames(master, frames),
+        out,
+        work,
+        console,
+        what="observing",
+        repair=repair,
+        suffix=suffix_of(file_format),
     )
     finish(console, {"scene": theatre.name, "frames": done}, failed)
+
+
+def suffix_of(file_format: str | None) -> str | None:
+    """The suffix of files in that format, for `each_frame`.
+
+    Raises
+    ------
+    InputError
+        If frames cannot be written in it.
+    """
+    if file_format is None:
+        return None
+    suffix = f".{file_format.lower().removeprefix('.')}"
+    if suffix not in SUFFIXES:
+        raise InputError(f"--format {file_format!r} is not known; use exr, png, tif, dpx or jpg")
+    return suffix
 
 
 def finish(console: Console, figures: dict[str, Any], failed: list[str]) -> None:
@@ -121,7 +153,7 @@ def build() -> typer.Typer:
     return app
 
 
-def main() -> None:
+def run() -> None:
     """Run the command; the process's exit code says whether all went well."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A name that the terminal cannot show is no reason to stop.

@@ -110,8 +110,11 @@ def each_frame(
     *,
     what: str,
     repair: bool = False,
+    suffix: str | None = None,
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Read each frame, do `work` on it, write its result to `folder` under the same name.
+
+    With a `suffix`, such as ``.png``, results are written in that format.
 
     `work` returns the new frame, its figures and a line for a person. A frame that fails is named
     and leaves nothing behind; the others go on.
@@ -128,8 +131,8 @@ def each_frame(
     InputError
         If the folder cannot be made or written to, or an output would replace its input.
     """
-    outputs = [output_path(path, folder) for path in paths]
-    _prepare(folder)
+    outputs = [output_path(path, folder, suffix) for path in paths]
+    prepare(folder)
     done, failed = [], []
     with console.progress(what, len(paths)) as start:
         for path, output in zip(paths, outputs, strict=True):
@@ -151,8 +154,14 @@ def each_frame(
     return done, failed
 
 
-def _prepare(folder: Path) -> None:
-    """Make `folder`, and see that files can be made in it, before hours of work on them."""
+def prepare(folder: Path) -> None:
+    """Make `folder`, and see that files can be made in it, before hours of work on them.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made or written to.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

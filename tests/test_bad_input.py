@@ -64,7 +64,7 @@ def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> R
         capfd.readouterr()
         code: object = 0
         try:
-            cli.main()
+            cli.run()
         except SystemExit as end:
             code = end.code or 0
         assert isinstance(code, int)
@@ -216,15 +216,12 @@ def test_a_bad_master_is_named_in_one_line(
     assert written(out) == []
 
 
-_NAMES_NO_FILE = pytest.mark.xfail(reason="compensate/cli.py: compare does not name the master")
-
-
 @pytest.mark.parametrize(
     ("command", "case"),
     [
         *((command, case) for command in ("compensate", "observe") for case in UNSUITABLE),
-        pytest.param("compare", "not square", marks=_NAMES_NO_FILE),
-        pytest.param("compare", "one pixel", marks=_NAMES_NO_FILE),
+        ("compare", "not square"),
+        ("compare", "one pixel"),
         ("compare", "too bright"),
     ],
 )
@@ -556,8 +553,8 @@ def test_a_full_disk(
     [
         ("page.txt", ("page.txt", ".html")),
         ("page", ("page", ".html")),
-        ("m.exr/page.html", ("m.exr/page.html", "ot a directory")),
-        ("/proc/page.html", ("/proc/page.html", "o such file")),
+        ("m.exr/page.html", ("m.exr: wanted a folder", "file exists")),
+        ("/proc/page.html", ("/proc: wanted a folder", "o such file")),
     ],
 )
 def test_a_page_that_cannot_be_written(
@@ -568,13 +565,31 @@ def test_a_page_that_cannot_be_written(
     assert written(tmp_path) == ["m.exr"]
 
 
+def test_a_page_makes_its_folder(run: Run, tmp_path: Path) -> None:
+    master = store(tmp_path / "m.exr")
+    page = tmp_path / "new" / "page.html"
+    assert run("compare", master, "--scene", SCENE, "--out", page).code == 0
+    assert page.is_file()
+
+
+@pytest.mark.parametrize("command", ["compensate", "observe"])
+def test_another_format(run: Run, tmp_path: Path, command: str) -> None:
+    master, out = store(tmp_path / "m.exr"), tmp_path / "out"
+    run(command, master, "--scene", SCENE, "--out", out, "--format", "gif").is_refused(
+        "gif", "use exr, png, tif, dpx or jpg"
+    )
+    assert run(command, master, "--scene", SCENE, "--out", out, "--format", "png").code == 0
+    assert read_frame(out / "m.png").bits == 16
+
+
 # Options.
 
 
 SETTINGS = [
-    (["--tolerance", "0"], ("tolerance", "above 0", "got 0")),
-    (["--tolerance", "-1"], ("tolerance", "above 0", "got -1")),
-    (["--tolerance", "nan"], ("tolerance", "above 0", "got nan")),
+    (["--tolerance", "0"], ("tolerance", "between 0 and 1", "got 0")),
+    (["--tolerance", "-1"], ("tolerance", "between 0 and 1", "got -1")),
+    (["--tolerance", "inf"], ("tolerance", "between 0 and 1", "got inf")),
+    (["--tolerance", "nan"], ("tolerance", "between 0 and 1", "got nan")),
     (["--low-frequency-gain", "2"], ("gain", "0..1", "got 2")),
     (["--low-frequency-gain", "-0.1"], ("gain", "0..1", "got -0.1")),
     (["--low-frequency-gain", "nan"], ("gain", "0..1", "got nan")),

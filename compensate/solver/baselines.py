@@ -79,8 +79,9 @@ class RaisedBlack:
         high = observation.invert(np.where(screen, white, stays))
         short = np.where(screen & (low < problem.lower), problem.lower - low, 0)
         # x(b) = (1 - b) low + b high is linear: each pixel needs b >= short / (high - low)
-        needed = np.divide(short, high - low, out=np.zeros_like(short), where=short > 0)
-        black = min(float(needed.max()), 1.0)
+        rise = np.maximum(high - low, short)  # where even white falls short: b = 1
+        needed = np.divide(short, rise, out=np.zeros_like(short), where=short > 0)
+        black = float(needed.max())
         light = (1 - black) * low + black * high
         return _result(problem, problem.project(light.astype(start.dtype)), 1)
 

@@ -57,7 +57,7 @@ def test_perception_decides(scene):
     }
     best = figures["perceptual"]
     assert best.gap <= 1e-3
-    assert best.error_after < best.error_subtractive < best.error_before
+    assert best.error_after < 0.9 * min(best.error_subtractive, best.error_before)
     assert best.error_after < figures["raised-black"].error_after
     assert figures["none"].error_after == pytest.approx(best.error_before, rel=1e-6)
     assert figures["subtractive"].error_after == pytest.approx(best.error_subtractive, rel=1e-6)
