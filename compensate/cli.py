@@ -69,7 +69,7 @@ def compensate(
     console = Console(quiet=quiet, json=json)
     theatre = load_scene(scene)
     weighting = _weighting(low_frequency_gain)
-    solver = _solver(method, tolerance)
+    solver = _solver(method, tolerance, console)
 
     def work(frame: Frame) -> tuple[Frame, dict[str, Any], str]:
         outcome = compensate_frame(
@@ -112,7 +112,8 @@ def compare(
         raise InputError(f"{master}: a page shows one frame, got {len(paths)}; name one of them")
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{out}: a page is an .html file; give it such a name")
-    solver, weighting = _solver("perceptual", tolerance), _weighting(low_frequency_gain)
+    solver = _solver("perceptual", tolerance, console)
+    weighting = _weighting(low_frequency_gain)
     prepare(out.parent)
     with about(paths[0]):
         frame = read_frame(paths[0], repair=repair)
@@ -173,12 +174,18 @@ def _compared(
     return comparison
 
 
-def _solver(method: str, tolerance: float) -> Solver | None:
+def _solver(method: str, tolerance: float, console: Console) -> Solver | None:
     if method not in METHODS:
         raise InputError(f"method {method!r} is not known; use one of {', '.join(METHODS)}")
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance must lie between 0 and 1, got {tolerance:g}")
-    return ADMM(tolerance=tolerance) if method == "perceptual" else None
+    if method != "perceptual":
+        return None
+
+    def note(iteration: int, gap: float) -> None:
+        console.note(f"iteration {iteration}, within {gap:.1e} of the optimum")
+
+    return ADMM(tolerance=tolerance, progress=note)
 
 
 def _weighting(low_frequency_gain: float) -> PerceptualWeighting:

@@ -43,6 +43,7 @@ class Console:
         self._json = json
         self._bars = RichConsole(stderr=True)
         self._shows_bars = self._text and self._bars.is_terminal
+        self._describe: Callable[[str], None] = lambda text: None
 
     def say(self, text: str) -> None:
         """A line for a person, on standard output."""
@@ -53,6 +54,10 @@ class Console:
         """The command's figures, for a program."""
         if self._json:
             _print(json.dumps(figures, indent=1, allow_nan=False))
+
+    def note(self, text: str) -> None:
+        """How the piece of work under way gets on, beside the progress bar."""
+        self._describe(text)
 
     @contextmanager
     def progress(self, what: str, total: int) -> Iterator[Callable[[str], None]]:
@@ -66,14 +71,19 @@ class Console:
         )
         with Progress(*columns, console=self._bars, disable=not self._shows_bars) as bar:
             task = bar.add_task(what, total=total)
-            started = 0
+            started, current = 0, ""
 
             def start(name: str) -> None:
-                nonlocal started
-                bar.update(task, completed=started, description=f"{what} {name}")
+                nonlocal started, current
+                current = f"{what} {name}"
+                bar.update(task, completed=started, description=current)
                 started += 1
 
-            yield start
+            self._describe = lambda text: bar.update(task, description=f"{current}, {text}")
+            try:
+                yield start
+            finally:
+                self._describe = lambda text: None
             bar.update(task, completed=started)
 
 

@@ -214,6 +214,24 @@ def test_admm_refuses_what_it_cannot_certify():
         ADMM()(loose, start)
 
 
+def test_conjugate_gradients_end_where_no_bound_is_met():
+    """On a quadratic without active bounds the first face is the last, and CG solves it exactly."""
+    posed, start = problem(9)
+    on = posed.observation.screen[None, :, :, None]
+    bounds = (np.where(on, -10, start), np.where(on, 10, start))
+    wide = Problem(
+        posed.observation,
+        posed.weighting,
+        posed.desired,
+        bounds,
+        anchor=start,
+        regularisation=posed.regularisation,
+    )
+    result = GPCG(tolerance=1e-6, max_cg_steps=400, cg_progress=0.0)(wide, start)
+    assert result.status is Status.CONVERGED
+    assert result.iterations <= 2
+
+
 def test_ffts_are_counted():
     """A certificate costs three a primary, an iteration two; so do cost and gradient at the end."""
     posed, start = problem(9)
