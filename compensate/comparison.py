@@ -89,11 +89,13 @@ class Comparison:
     def _table(self) -> list[Figure]:
         screen, projector = self.posed.screen, self.posed.scene.projector
         weights = projector.luminance_weights * projector.white
-        darkest = {
-            method: float(np.percentile(seen[0][screen] @ weights, 1))
-            for method, seen in self._seen()
-        }
         names = {method: SEEN[method][0] for method in self.outcomes}
+        pictures = {"Master": self.posed.problem.desired}
+        pictures |= {names[method]: seen for method, seen in self._seen()}
+        darkest = {
+            name: float(np.percentile(seen[0][screen] @ weights, 1))
+            for name, seen in pictures.items()
+        }
         return [
             Figure(
                 "Visible error",
@@ -105,7 +107,7 @@ class Comparison:
             Figure(
                 "Darkest 1 %",
                 "cd/m²",
-                {names[m]: f"{value:.3g}" for m, value in darkest.items()},
+                {name: f"{value:.3g}" for name, value in darkest.items()},
                 "Luminance below which the darkest hundredth of the screen lies.",
             ),
         ]

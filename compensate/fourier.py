@@ -14,7 +14,7 @@ from typing import Any, final
 import numpy as np
 import scipy.fft
 
-from domesim.light import Array, namespace
+from domesim.light import Array, namespace, total
 
 
 @final
@@ -57,10 +57,10 @@ class Fourier:
         """<l, r> of the real planes whose spectra these are (Parseval), summed in float64."""
         xp = namespace(left, right)
         # rfft keeps half of the columns: all but the first (and Nyquist's) stand for two
-        total = 2 * _sum(xp.real(xp.vecdot(left, right)))
+        result = 2 * total(xp.real(xp.vecdot(left, right)))
         for col in (0, -1) if self.cols % 2 == 0 else (0,):
-            total -= _sum(xp.real(xp.conj(left[..., col]) * right[..., col]))
-        return total / (self.rows * self.cols)
+            result -= total(xp.real(xp.conj(left[..., col]) * right[..., col]))
+        return float(result) / (self.rows * self.cols)
 
     def frequencies(self, samples_per_unit: float) -> tuple[Any, Any]:
         """Row and column frequencies (row, 1) and (1, col // 2 + 1), cycles per unit."""
@@ -72,8 +72,3 @@ class Fourier:
 def padded_size(size: int, padding: int) -> int:
     """The next size with fast transforms that leaves at least `padding` pixels."""
     return int(scipy.fft.next_fast_len(size + padding, real=True))
-
-
-def _sum(values: Array) -> float:
-    xp = namespace(values)
-    return float(xp.sum(values, dtype=xp.float64))

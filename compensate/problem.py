@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import final
 
 from compensate.weighting import Weighting
-from domesim.light import Array, Light, namespace, require_light
+from domesim.light import Array, Light, dot, namespace, require_light
 from domesim.observation.base import AdjointObservation
 from domesim.observation.frozen import Frozen
 
@@ -104,7 +104,7 @@ class Problem:
         energy, weighted = self.weighting.quadratic(self.observation.linear(direction))
         product = self.observation.adjoint(weighted)
         product = product + self.regularisation * direction
-        return energy + self.regularisation * _dot(direction, direction), product
+        return energy + self.regularisation * dot(direction, direction), product
 
     def project(self, light: Light) -> Light:
         """The nearest light within the bounds."""
@@ -131,9 +131,4 @@ class Problem:
         if self.anchor is None:
             return 0.0
         change = light - self.anchor
-        return 0.5 * self.regularisation * _dot(change, change)
-
-
-def _dot(left: Light, right: Light) -> float:
-    xp = namespace(left, right)
-    return float(xp.sum(left * right, dtype=xp.float64))
+        return 0.5 * self.regularisation * dot(change, change)

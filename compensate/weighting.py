@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from compensate.fourier import Fourier, padded_size
 from compensate.vision.csf import LowFrequencyFloor, daly
-from domesim.light import Array, Light, namespace, require_light
+from domesim.light import Array, Light, dot, kind, namespace, require_light
 from domesim.viewing import Viewing
 
 
@@ -65,14 +65,12 @@ class Weighting(ABC):
     def energy(self, residual: Light) -> float:
         """||lambda(r)||²."""
         weighted = self.apply(residual)
-        xp = namespace(weighted)
-        return float(xp.sum(weighted * weighted, dtype=xp.float64))
+        return dot(weighted, weighted)
 
     def quadratic(self, residual: Light) -> tuple[float, Light]:
         """||lambda(r)||² and lambda'(lambda(r)), sharing their transforms."""
         weighted = self.apply(residual)
-        xp = namespace(weighted)
-        return float(xp.sum(weighted * weighted, dtype=xp.float64)), self._adjoint(weighted)
+        return dot(weighted, weighted), self._adjoint(weighted)
 
 
 @final
@@ -175,8 +173,7 @@ class CsfWeighting(Weighting):
         return (channels @ opponent) * support[None, :, :, None]
 
     def _like(self, light: Light) -> tuple[Array, Array, Array]:
-        xp = namespace(light)
-        key = (xp.__name__, str(light.dtype), str(light.device))
+        xp, key = namespace(light), kind(light)
         if key not in self._converted:
             self._converted[key] = tuple(
                 xp.asarray(array, dtype=light.dtype, device=light.device)

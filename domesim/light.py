@@ -41,3 +41,22 @@ def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: st
         raise ValueError(f"{who} takes axes (view, row, col, primary), got shape {found}")
     if not namespace(light).isdtype(light.dtype, "real floating"):
         raise ValueError(f"{who} takes float32 or float64 light, got {light.dtype}")
+
+
+def kind(array: Array) -> tuple[str, str, str]:
+    """Library, precision and device of `array`, to keep converted copies of constants by."""
+    return namespace(array).__name__, str(array.dtype), str(array.device)
+
+
+def total(values: Array) -> Array:
+    """Sum of all values in float64: in float32 a 4096² frame would lose the adjoint's last digits.
+
+    Returns a 0-dimensional array, which stays on its device.
+    """
+    xp = namespace(values)
+    return xp.sum(values, dtype=xp.float64)
+
+
+def dot(left: Array, right: Array) -> float:
+    """<left, right>, summed in float64."""
+    return float(total(left * right))

@@ -33,7 +33,7 @@ from compensate.solver.certificate import gap_bound
 from compensate.solver.fourier_step import NormalInverse, PlaneModel
 from compensate.solver.result import Result, Status
 from compensate.weighting import CsfWeighting
-from domesim.light import Light
+from domesim.light import Light, dot
 from domesim.observation.lowrank import LowRankObservation
 
 Planes = Any
@@ -189,7 +189,7 @@ class _Split:
         change = (planes - self.anchor) / self.gain
         gradient = model.fourier.inverse(model.polluted_adjoint(weighted))
         gradient += self.mu * change / self.gain
-        return 0.5 * (energy + self.mu * float(np.sum(change**2, dtype=np.float64))), gradient
+        return 0.5 * (energy + self.mu * dot(change, change)), gradient
 
 
 class _Best:

@@ -24,7 +24,7 @@ import numpy as np
 
 from compensate.problem import Problem
 from compensate.solver.result import Result, Status
-from domesim.light import Light
+from domesim.light import Light, dot
 from domesim.observation.lowrank import LowRankObservation
 
 
@@ -108,7 +108,7 @@ def clipped_subtraction(problem: Problem, max_iterations: int = 50) -> tuple[Lig
             moving = (free > lower[..., p]) & (free < upper[..., p])
             shown = f.core[p] @ _sums(f.collect, light[..., p])
             slopes = np.array(
-                [[_total(c * m / gain[..., 0] * moving) for m in f.spread] for c in f.collect]
+                [[dot(c * m / gain[..., 0], moving) for m in f.spread] for c in f.collect]
             )
             change = np.linalg.solve(np.eye(len(s)) + f.core[p] @ slopes, shown - s)
             s = s + change
@@ -134,8 +134,4 @@ def _result(problem: Problem, light: Light, iterations: int) -> Result:
 
 
 def _sums(modes: Any, plane: Any) -> Any:
-    return np.array([_total(mode * plane) for mode in modes])
-
-
-def _total(values: Any) -> float:
-    return float(np.sum(values, dtype=np.float64))
+    return np.array([dot(mode, plane) for mode in modes])

@@ -31,7 +31,7 @@ import numpy as np
 
 from compensate.problem import Problem
 from compensate.solver.result import Result, Status
-from domesim.light import Light
+from domesim.light import Light, dot
 
 
 @final
@@ -95,7 +95,7 @@ class GPCG:
         x, cost, gradient = self._gradient_projection(q, x)
         while True:
             direction = self._conjugate_gradients(q, x, gradient)
-            slope = _dot(gradient, direction)
+            slope = dot(gradient, direction)
             if slope >= 0:
                 break
             moved = self._search(q, x, cost, gradient, direction, 1.0)
@@ -115,7 +115,7 @@ class GPCG:
             curvature, _product = q.curvature(descent)
             if curvature <= 0:
                 break
-            step = _dot(descent, descent) / curvature
+            step = dot(descent, descent) / curvature
             moved = self._search(q, x, cost, gradient, -gradient, step)
             if moved is None:
                 break
@@ -132,7 +132,7 @@ class GPCG:
         free = _free(q, x)
         d = np.zeros_like(x)
         r = np.where(free, -gradient, 0)
-        p, squared, best = r, _dot(r, r), 0.0
+        p, squared, best = r, dot(r, r), 0.0
         for _ in range(self.max_cg_steps):
             if squared == 0:
                 break
@@ -144,7 +144,7 @@ class GPCG:
             if gained <= self.cg_progress * best:
                 break
             best = max(best, gained)
-            previous, squared = squared, _dot(r, r)
+            previous, squared = squared, dot(r, r)
             p = r + (squared / previous) * p
         return d.astype(x.dtype)
 
@@ -155,7 +155,7 @@ class GPCG:
         for _ in range(20):
             new = q.project(x + np.asarray(step, x.dtype) * direction)
             new_cost, new_gradient = q.quadratic(new)
-            if new_cost <= cost + self.decrease * _dot(gradient, new - x):
+            if new_cost <= cost + self.decrease * dot(gradient, new - x):
                 return new, new_cost, new_gradient
             step /= 2
         return None
@@ -183,9 +183,5 @@ def _small_step(cost: float, slope: float) -> bool:
     return -slope <= 1e-7 * abs(cost)
 
 
-def _dot(left: Light, right: Light) -> float:
-    return float(np.sum(left * right, dtype=np.float64))
-
-
 def _norm(light: Light) -> float:
-    return float(np.sqrt(_dot(light, light)))
+    return float(np.sqrt(dot(light, light)))

@@ -11,7 +11,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, final
 
-from domesim.light import Array, Light, namespace
+from domesim.light import Array, Light, kind, namespace, total
 from domesim.observation.base import AdjointObservation
 
 
@@ -57,10 +57,7 @@ class LowRank:
 
 
 class LowRankObservation(AdjointObservation):
-    """An observation of one view made of `LowRank` factors, on any array library.
-
-    Sums over pixels run in float64: in float32 a 4096² frame would lose the adjoint's last digits.
-    """
+    """An observation of one view made of `LowRank` factors, on any array library."""
 
     @property
     @abstractmethod
@@ -84,7 +81,7 @@ class LowRankObservation(AdjointObservation):
 
     def factors_like(self, light: Light) -> LowRank:
         """`factors` as arrays of `light`'s library, precision and device, kept for the next use."""
-        key = (namespace(light).__name__, str(light.dtype), str(light.device))
+        key = kind(light)
         if key not in self._cache:
             self._cache[key] = self.factors.like(light)
         return self._cache[key]
@@ -100,7 +97,7 @@ class LowRankObservation(AdjointObservation):
         modes = f.spread / f.direct_gain[None, :, :]
         ranks = range(modes.shape[0])
         overlap = xp.stack(
-            [xp.stack([_sum(f.collect[j, :, :] * modes[k, :, :]) for k in ranks]) for j in ranks]
+            [xp.stack([total(f.collect[j, :, :] * modes[k, :, :]) for k in ranks]) for j in ranks]
         )
         identity = xp.eye(len(ranks), dtype=xp.float64, device=seen.device)
         system = identity[None, :, :] + overlap[None, :, :] @ f.core
@@ -136,7 +133,7 @@ def _project(modes: Array, light: Light) -> Array:
     xp = namespace(light)
     return xp.stack(
         [
-            xp.stack([_sum(modes[k, :, :] * light[0, :, :, p]) for k in range(modes.shape[0])])
+            xp.stack([total(modes[k, :, :] * light[0, :, :, p]) for k in range(modes.shape[0])])
             for p in range(light.shape[-1])
         ]
     )
@@ -150,8 +147,3 @@ def _expand(modes: Array, coefficients: Array) -> Light:
     for k in range(1, modes.shape[0]):
         total = total + modes[k, :, :, None] * weights[:, k]
     return total[None, ...]
-
-
-def _sum(values: Array) -> Array:
-    xp = namespace(values)
-    return xp.sum(values, dtype=xp.float64)
