@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Callable
 from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
@@ -17,6 +18,7 @@ from compensate.solver.admm import ADMM
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 from domesim.cli import (
+    Bits,
     Format,
     Frames,
     Json,
@@ -61,6 +63,7 @@ def compensate(
     low_frequency_gain: LowFrequencyGain = 0.1,
     frames: Frames = None,
     file_format: Format = None,
+    bits: Bits = None,
     repair: Repair = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -71,11 +74,18 @@ def compensate(
     weighting = _weighting(low_frequency_gain)
     solver = _solver(method, tolerance, console)
 
-    def work(frame: Frame) -> tuple[Frame, dict[str, Any], str]:
+    def work(frame: Frame, write: Callable[[Frame], Frame]) -> tuple[dict[str, Any], str]:
         outcome = compensate_frame(
             frame, theatre, method=method, solver=solver, weighting=weighting
         )
-        return outcome.frame, asdict(outcome.figures), _line(outcome.figures)
+        written = write(outcome.frame)
+        stored = outcome.stored_error(written)
+        line = f"{_line(outcome.figures)} As stored: {stored:.3g} JND rms"
+        if stored > 1.1 * outcome.figures.error_after:
+            line += (
+                f" (rounding to {written.bits} bit {written.path.suffix} shows: --format, --bits)"
+            )
+        return {**asdict(outcome.figures), "error_stored": stored}, line
 
     done, failed = each_frame(
         find_frames(master, frames),
@@ -85,6 +95,7 @@ def compensate(
         what="compensating",
         repair=repair,
         suffix=suffix_of(file_format),
+        bits=bits,
     )
     finish(console, {"scene": theatre.name, "frames": done}, failed)
 
@@ -201,6 +212,8 @@ def _line(f: Figures) -> str:
     ]
     if f.out_of_range:
         parts.append(f"{f.out_of_range:.1%} out of the projector's range")
+    if f.file_clipped:
+        parts.append(f"{f.file_clipped:.1%} out of the file's colour range and clipped")
     if f.gap is not None:
         parts.append(f"within {f.gap:.1e} of the optimum after {f.iterations} iterations")
     parts.append(f"{f.seconds:.1f} s. {f.status}")

@@ -20,12 +20,12 @@ from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched, clipped_subtraction
 from compensate.solver.result import Result
-from compensate.weighting import PerceptualWeighting
+from compensate.weighting import PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Frame
 from domesim.light import Light, require_light
 from domesim.scene import Scene
-from domesim.screening import decoded, encoded, within_range
+from domesim.screening import decoded, encoded, mean_luminance, within_range
 
 Solver: TypeAlias = Callable[[Problem, Light], Result]
 
@@ -38,8 +38,12 @@ METHODS: Mapping[str, Callable[[], Solver]] = {
 """What may be projected: name -> solver with its default settings."""
 
 REGULARISATION = 1e-4
-"""Default mu, of the weighting's peak squared: keeps invisible frequencies from filling with noise
-(``design.md`` section 5)."""
+"""Default mu, of the peak squared: keeps invisible frequencies from filling with noise."""
+
+NEGLIGIBLE = 0.001
+"""Visible error, JND rms, for which no solver need go on."""
+
+_INVISIBLE_LIGHT = 1e-5  # of white: far below a 16 bit code of any transfer function's shadows
 
 
 @final
@@ -59,7 +63,10 @@ class Figures:
         Mean luminance of the pollution of the untouched frame on the screen, cd/m².
     error_before, error_subtractive, error_after
         Root-mean-square of the weighted residual over the screen, in just-noticeable differences
-        (multiples of Daly's threshold contrast at the adaptation luminance).
+        (multiples of Daly's threshold contrast at the adaptation luminance), before rounding to
+        the file's code values.
+    file_clipped
+        Share of the screen's pixels whose colour the file's encoding cannot hold.
     status
         What the solver's outcome means.
     gap
@@ -77,21 +84,12 @@ class Figures:
     error_before: float
     error_subtractive: float
     error_after: float
+    file_clipped: float
     status: str
     gap: float | None
     iterations: int
     ffts: int
     seconds: float
-
-
-@final
-@dataclass(frozen=True)
-class Outcome:
-    """A compensated frame: to project, as Light, and the figures."""
-
-    frame: Frame
-    light: Light
-    figures: Figures
 
 
 @final
@@ -121,15 +119,15 @@ class Posed:
 
     @property
     def clipped(self) -> float:
-        """Share of the screen's pixels that exact subtraction clips to black in some primary."""
-        return float(np.mean(np.any(self.subtractive[0][self.screen] <= 0, axis=-1)))
+        """Share of the screen's pixels where subtraction needs less light than none."""
+        too_bright = self.problem.residual(self.subtractive)[0][self.screen] > _INVISIBLE_LIGHT
+        return float(np.mean(np.any(too_bright, axis=-1)))
 
     @property
     def pollution(self) -> float:
         """Mean luminance that pollution and ambient light add to the untouched master, cd/m²."""
-        observation, projector = self.problem.observation, self.scene.projector
-        added = (observation.observe(self.desired) - self.problem.desired)[0][self.screen]
-        return float(added.mean(axis=0) @ projector.luminance_weights) * projector.white
+        seen = self.problem.observation.observe(self.desired)
+        return mean_luminance(seen - self.problem.desired, self.scene)
 
     def visible_error(self, light: Light) -> float:
         """Root-mean-square weighted residual over the screen, in just-noticeable differences.
@@ -137,15 +135,24 @@ class Posed:
         A weighted residual is in light (1.0 = white) at the eye's most sensitive frequency; over
         the adaptation luminance it is a contrast, times the CSF's peak a multiple of the threshold.
         """
-        contrast = self.scene.projector.white / self.scene.viewing.adaptation
         energy = self.problem.weighting.energy(self.problem.residual(light))
         mean_square = energy / np.count_nonzero(self.screen)
-        return float(np.sqrt(mean_square) * contrast * self.peak)
+        return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
 
-    @property
-    def peak(self) -> float:
-        """Sensitivity at the CSF's peak."""
-        return self.problem.weighting.peak
+
+@final
+@dataclass(frozen=True)
+class Outcome:
+    """A compensated frame: to project, as Light, and the figures."""
+
+    frame: Frame
+    light: Light
+    figures: Figures
+    posed: Posed
+
+    def stored_error(self, stored: Frame) -> float:
+        """Visible error (JND rms) of `frame` as a file holds it, with its rounding."""
+        return self.posed.visible_error(decoded(stored, self.posed.scene))
 
 
 def compensate(
@@ -197,10 +204,22 @@ def pose(desired: Light, scene: Scene, weighting: PerceptualWeighting | None = N
     bounds = (np.where(on, 0, desired), np.where(on, 1, desired))
     seen = observation.direct(desired)
     subtractive, _ = clipped_subtraction(Problem(observation, lambda_, seen, bounds))
+    negligible = np.count_nonzero(screen) * (NEGLIGIBLE / _differences(scene, lambda_)) ** 2 / 2
     problem = Problem(
-        observation, lambda_, seen, bounds, anchor=subtractive, regularisation=REGULARISATION
+        observation,
+        lambda_,
+        seen,
+        bounds,
+        anchor=subtractive,
+        regularisation=REGULARISATION,
+        negligible=float(negligible),
     )
     return Posed(scene, desired, problem, subtractive, screen)
+
+
+def _differences(scene: Scene, weighting: Weighting) -> float:
+    """Just-noticeable differences in a weighted residual of 1.0 (white)."""
+    return scene.projector.white / scene.viewing.adaptation * weighting.peak
 
 
 def compensate_frame(
@@ -254,6 +273,9 @@ def solve_frame(
     begin = time.perf_counter()
     start = posed.desired if method == "none" else posed.subtractive
     result = (solver or METHODS[method]())(posed.problem, start)
+    stored, file_clipped = frame, 0.0
+    if method != "none":
+        stored, file_clipped = encoded(frame, result.light, posed.scene, posed.screen)
     figures = Figures(
         method=method,
         clipped=posed.clipped,
@@ -262,14 +284,11 @@ def solve_frame(
         error_before=posed.visible_error(posed.desired),
         error_subtractive=posed.visible_error(posed.subtractive),
         error_after=posed.visible_error(result.light),
+        file_clipped=file_clipped,
         status=result.status.value,
         gap=result.gap,
         iterations=result.iterations,
         ffts=result.ffts,
         seconds=time.perf_counter() - begin,
     )
-    if method == "none":
-        return Outcome(frame, result.light, figures)
-    return Outcome(
-        encoded(frame, result.light, posed.scene, posed.screen)[0], result.light, figures
-    )
+    return Outcome(stored, result.light, figures, posed)

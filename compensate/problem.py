@@ -36,6 +36,8 @@ class Problem:
         Where they are equal, a pixel is pinned.
     anchor, regularisation
         x_0 and mu of the regulariser. Without an anchor, mu must be 0.
+    negligible
+        A difference in cost that nobody can see: solvers need not go on for less.
 
     Raises
     ------
@@ -52,6 +54,7 @@ class Problem:
         *,
         anchor: Light | None = None,
         regularisation: float = 0.0,
+        negligible: float = 0.0,
     ) -> None:
         require_light(desired, observation.shape, who="Problem's desired light")
         if weighting.shape != observation.shape:
@@ -71,6 +74,7 @@ class Problem:
         )
         self.anchor = anchor
         self.regularisation = regularisation
+        self.negligible = negligible
         if bool(xp.any(self.lower > self.upper)):
             raise ValueError("a lower bound is above its upper bound")
 
@@ -85,7 +89,7 @@ class Problem:
 
     def cost(self, light: Light) -> float:
         """The objective at `light`."""
-        return 0.5 * self.weighting.energy(self.residual(light)) + self._penalty(light)
+        return 0.5 * self.weighting.energy(self.residual(light)) + self.penalty(light)
 
     def gradient(self, light: Light) -> Light:
         """Its gradient, (view, row, col, primary)."""
@@ -97,7 +101,7 @@ class Problem:
         gradient = self.observation.adjoint(weighted)
         if self.anchor is not None:
             gradient = gradient + self.regularisation * (light - self.anchor)
-        return 0.5 * energy + self._penalty(light), gradient
+        return 0.5 * energy + self.penalty(light), gradient
 
     def curvature(self, direction: Light) -> tuple[float, Light]:
         """<d, H d> and H d of the (constant) Hessian H."""
@@ -113,8 +117,12 @@ class Problem:
 
     def optimality(self, light: Light) -> float:
         """Largest KKT residual |x - P(x - gradient)|; 0 exactly at the minimiser."""
+        return self.kkt_residual(light, self.gradient(light))
+
+    def kkt_residual(self, light: Light, gradient: Light) -> float:
+        """`optimality` of a light whose gradient is known."""
         xp = namespace(light)
-        return float(xp.max(xp.abs(light - self.project(light - self.gradient(light)))))
+        return float(xp.max(xp.abs(light - self.project(light - gradient))))
 
     def frozen(self, at: Light) -> Problem:
         """The same problem with the pollution of the light `at` (eq. 9)."""
@@ -125,9 +133,11 @@ class Problem:
             (self.lower, self.upper),
             anchor=self.anchor,
             regularisation=self.regularisation,
+            negligible=self.negligible,
         )
 
-    def _penalty(self, light: Light) -> float:
+    def penalty(self, light: Light) -> float:
+        """The regulariser's part of the cost."""
         if self.anchor is None:
             return 0.0
         change = light - self.anchor

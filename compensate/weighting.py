@@ -5,7 +5,10 @@
 T is a *linear-light* opponent transform, A_l the contrast sensitivity (diagonal in Fourier, eq. 4)
 and A_n an optional spatial mask. Residuals are Light (view, row, col, primary); weighted residuals
 are planes (view, channel, padded row, padded col). Outside the screen the residual is 0, on a
-padded grid, so that nothing wraps around (a periodic or mirrored picture would be 12-34 % worse).
+padded grid, so that nothing wraps around.
+
+A domemaster's pixels count equally, as in the paper. They are larger towards the rim of the screen
+(by theta / sin(theta), 1.57 at a hemisphere's), so an error there counts less than its area.
 """
 
 from __future__ import annotations
@@ -241,8 +244,8 @@ class PerceptualWeighting:
         frequencies (Mullen 1985, *J. Physiol.* 359, 381-400), so its floor is 1: Daly's fall there
         would paint purple skies (``validation/notes/0003``).
     padding
-        Least number of pixels of zero residual around the picture. 64 is within 5e-4 of the cost
-        on an unbounded plane (``design.md`` section 5).
+        Least number of pixels of zero residual around the picture. At 64 the energy is within
+        2e-3 of an unbounded plane's (``tests/compensate/test_vision.py``).
     """
 
     low_frequency: LowFrequencyFloor = field(default_factory=LowFrequencyFloor)

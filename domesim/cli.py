@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Callable
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,7 +20,7 @@ from domesim.errors import InputError
 from domesim.frames import Frame
 from domesim.frames.formats import SUFFIXES
 from domesim.scene import load_scene
-from domesim.screening import decoded, encoded
+from domesim.screening import decoded, encoded, mean_luminance
 from domesim.sequences import find_frames
 
 BAD_INPUT = 2
@@ -58,6 +59,12 @@ Format = Annotated[
         show_default=False,
     ),
 ]
+Bits = Annotated[
+    int | None,
+    typer.Option(
+        help="Bits a sample instead of the master's, as the format allows.", show_default=False
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Json = Annotated[
     bool, typer.Option("--json", help="Print figures to standard output as one JSON object.")
@@ -70,6 +77,7 @@ def observe(
     out: OutFolder,
     frames: Frames = None,
     file_format: Format = None,
+    bits: Bits = None,
     repair: Repair = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -78,28 +86,28 @@ def observe(
     console = Console(quiet=quiet, json=json)
     theatre = load_scene(scene)
 
-    def work(frame: Frame) -> tuple[Frame, dict[str, Any], str]:
+    def work(frame: Frame, write: Callable[[Frame], Frame]) -> tuple[dict[str, Any], str]:
         light = decoded(frame, theatre)
         observation = theatre.observation(*light.shape[1:3])
         seen = observation.observe(light)
         screen = observation.screen
         result, clipped = encoded(frame, seen, theatre, screen)
-        added = (seen - observation.direct(light))[0][screen].mean(axis=0)
-        weights = theatre.projector.luminance_weights
-        pollution = float(added @ weights) * theatre.projector.white
-        mean = float(light[0][screen].mean(axis=0) @ weights) * theatre.projector.white
-        line = f"mean {mean:.3g} cd/m² projected, {pollution:.3g} cd/m² reflected and stray light"
+        direct = observation.direct(light)
+        pollution = mean_luminance(seen - direct, theatre)
+        mean = mean_luminance(direct, theatre)
+        line = f"mean {mean:.3g} cd/m² direct, {pollution:.3g} cd/m² reflected and stray light"
         if clipped:
             line += (
                 f"; {clipped:.1%} of the screen is brighter than the file's format can hold and "
                 f"clipped (a 32 bit EXR is not)"
             )
         figures = {
-            "projected_cd_m2": mean,
+            "direct_cd_m2": mean,
             "pollution_cd_m2": pollution,
             "clipped_share": clipped,
         }
-        return result, figures, line
+        write(result)
+        return figures, line
 
     done, failed = each_frame(
         find_frames(master, frames),
@@ -109,6 +117,7 @@ def observe(
         what="observing",
         repair=repair,
         suffix=suffix_of(file_format),
+        bits=bits,
     )
     finish(console, {"scene": theatre.name, "frames": done}, failed)
 

@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 
@@ -115,19 +116,21 @@ def about(path: Path) -> Iterator[None]:
 def each_frame(
     paths: Sequence[Path],
     folder: Path,
-    work: Callable[[Frame], tuple[Frame, dict[str, Any], str]],
+    work: Callable[[Frame, Callable[[Frame], Frame]], tuple[dict[str, Any], str]],
     console: Console,
     *,
     what: str,
     repair: bool = False,
     suffix: str | None = None,
+    bits: int | None = None,
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Read each frame, do `work` on it, write its result to `folder` under the same name.
 
-    With a `suffix`, such as ``.png``, results are written in that format.
+    With a `suffix`, such as ``.png``, or `bits` a sample, results are written so.
 
-    `work` returns the new frame, its figures and a line for a person. A frame that fails is named
-    and leaves nothing behind; the others go on.
+    `work` takes a frame and a function that writes its result and gives it back as it was stored;
+    it returns figures and a line for a person. A frame that fails is named and leaves nothing
+    behind; the others go on.
 
     Returns
     -------
@@ -150,8 +153,7 @@ def each_frame(
             try:
                 with about(path):
                     frame = read_frame(path, repair=repair)
-                    result, figures, line = work(frame)
-                    write_frame(result, output)
+                    figures, line = work(frame, partial(_stored, path=output, bits=bits))
             except InputError as error:
                 failed.append(str(error))
                 complain(error)
@@ -164,6 +166,12 @@ def each_frame(
     return done, failed
 
 
+def _stored(frame: Frame, path: Path, bits: int | None) -> Frame:
+    """Write `frame`, and read it as others will."""
+    write_frame(frame, path, bits=bits)
+    return read_frame(path, repair=True)
+
+
 def prepare(folder: Path) -> None:
     """Make `folder`, and see that files can be made in it, before hours of work on them.
 
@@ -172,6 +180,10 @@ def prepare(folder: Path) -> None:
     InputError
         If it cannot be made or written to.
     """
+    try:
+        str(folder).encode()
+    except UnicodeEncodeError:  # OpenImageIO could write there, but not read
+        raise InputError(f"{folder}: wanted a folder named in UTF-8. Choose another.") from None
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -107,6 +107,24 @@ class Dome:
         reached = _nearest_distance(grid) < 1
         return np.where(reached, np.maximum(solid_angle, 0.0), 0.0) * self.radius**2
 
+    def screen_areas(self, rows: int, cols: int) -> NDArray[np.float64]:
+        """(row, col): `pixel_areas`, held by the pixels whose centre is on the screen.
+
+        A pixel that the rim cuts and whose centre is off the screen gives its area to its neighbour
+        towards the zenith: what lies outside the circle must not influence what is inside.
+        """
+        areas, inside = self.pixel_areas(rows, cols), self.inside(rows, cols)
+        result = np.where(inside, areas, 0.0)
+        row, col = np.nonzero((areas > 0) & ~inside)
+        down, right = 2 * row + 1 - rows, 2 * col + 1 - cols  # signed distances from the centre
+        straight = np.where(np.abs(down) > np.abs(right), np.sign(down), 0)
+        across = np.where(np.abs(right) > np.abs(down), np.sign(right), 0)
+        blocked = (straight == 0) & (across == 0) | ~inside[row - straight, col - across]
+        straight = np.where(blocked, np.sign(down), straight)
+        across = np.where(blocked, np.sign(right), across)
+        np.add.at(result, (row - straight, col - across), areas[row, col])
+        return result
+
     def lens_gain(
         self, rows: int, cols: int, lens: tuple[float, float, float]
     ) -> NDArray[np.float64]:

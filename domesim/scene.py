@@ -57,7 +57,10 @@ class _Section(BaseModel):
 
 
 class DomeSection(_Section):
-    """The shape of the screen: a spherical cap."""
+    """The shape of the screen: a spherical cap.
+
+    Its tilt is recorded for the picture's sake: a bare dome's reflections do not depend on it.
+    """
 
     radius_m: Annotated[Number, Field(gt=0, le=1000)]
     half_angle_deg: Annotated[Number, Field(ge=1, le=180)] = 90.0
@@ -86,7 +89,11 @@ class LensSection(_Section):
 
 
 class ProjectorSection(_Section):
-    """The projector, as measured on the screen."""
+    """The projector, on the screen.
+
+    White is direct light alone, as a small white patch shows it: a full white frame is brighter
+    by its own cross-reflection. Black is a full black frame, as it is seen.
+    """
 
     primaries: str = "BT.709"
     white_cd_m2: Luminance

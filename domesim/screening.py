@@ -60,6 +60,13 @@ def encoded(
     return frame.with_pixels(np.where(screen[..., None], pixels, frame.pixels)), clipped
 
 
+def mean_luminance(light: Light, scene: Scene) -> float:
+    """Mean luminance over the screen's area of light on the screen, cd/m²."""
+    areas = scene.dome.screen_areas(*light.shape[1:3])
+    mean = np.einsum("ij,ijp->p", areas, light[0]) / areas.sum()
+    return float(mean @ scene.projector.luminance_weights) * scene.projector.white
+
+
 def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]:
     """`light` clipped to 0..1 on the screen, and the share of its pixels that had to be.
 

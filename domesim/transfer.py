@@ -33,8 +33,9 @@ class Transfer(ABC):
     def decode(self, code: Floats) -> Floats:
         """Linear light (1.0 = white) of code values, in the type of `code`.
 
-        Float formats may hold code values outside 0..1: curves go on above 1, and are odd below 0,
-        so that nothing is clamped behind the caller's back.
+        Float formats may hold code values outside 0..1. Below 0 curves are odd. Above 1 power
+        curves go on, so that nothing is clamped behind the caller's back; ST 2084 and measured
+        tables end there, at 10 000 cd/m² and at what was measured.
         """
         return _odd(self._decode, code)
 
@@ -116,7 +117,7 @@ class ST2084(Transfer):
 
     def _decode(self, code: Floats) -> Floats:
         m1, m2, c1, c2, c3 = _ST2084
-        root = np.power(code, 1 / m2)
+        root = np.power(np.minimum(code, 1), 1 / m2)
         return np.power(np.maximum(root - c1, 0) / (c2 - c3 * root), 1 / m1) * (10_000 / self.white)
 
     def _encode(self, light: Floats) -> Floats:

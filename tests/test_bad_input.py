@@ -671,13 +671,19 @@ def test_standard_output_that_is_full(tmp_path: Path, out: Path) -> None:
 
 
 def test_standard_output_that_knows_ascii_only(tmp_path: Path) -> None:
-    out = tmp_path / os.fsdecode(b"\xff")
+    out = tmp_path / "naïf"
     master = store(tmp_path / "m.exr")
     ascii_only = {**os.environ, "PYTHONIOENCODING": "ascii"}
     outcome = run_for_real("observe", master, "--scene", SCENE, "--out", out, env=ascii_only)
     assert (outcome.code, outcome.err) == (0, "")
-    assert r"\udcff/m.exr" in outcome.out
+    assert r"na\xeff/m.exr" in outcome.out
     assert written(out) == ["m.exr"]
+
+
+def test_a_folder_that_is_not_utf_8(run: Run, tmp_path: Path) -> None:
+    out, master = tmp_path / os.fsdecode(b"\xff"), store(tmp_path / "m.exr")
+    run("observe", master, "--scene", SCENE, "--out", out).is_refused("UTF-8")
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("command", ["compensate", "observe"])

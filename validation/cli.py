@@ -10,8 +10,9 @@ from typing import Annotated
 import typer
 
 from domesim.cli import Json, Quiet, SceneName
-from domesim.console import Console
+from domesim.console import Console, prepare
 from domesim.errors import InputError
+from domesim.scene import load_scene
 from validation.benchmarks.solvers import GAPS, Cost, costs
 
 
@@ -28,6 +29,10 @@ def bench(
         wanted = tuple(int(size) for size in sizes.split(","))
     except ValueError:
         raise InputError(f"--sizes takes numbers such as 128,256, got {sizes!r}") from None
+    if min(wanted) < 16:
+        raise InputError(f"--sizes takes numbers of at least 16, got {min(wanted)}")
+    load_scene(scene)
+    prepare(out)
     header = " ".join(f"{gap:>8.0e}" for gap in GAPS)
     console.say(
         f"FFTs of planes to a true relative gap of, and time in FFT pairs of one plane\n"
@@ -38,7 +43,6 @@ def bench(
         found.append(asdict(cost))
         console.say(_row(cost))
     try:
-        out.mkdir(parents=True, exist_ok=True)
         (out / "bench.json").write_text(json_module.dumps(found, indent=1))
     except OSError as error:
         raise InputError(f"{out}: cannot write bench.json: {error.strerror}") from None

@@ -54,6 +54,8 @@ class ADMM:
         alpha.
     penalty, penalty_floor, penalty_decay, penalty_hold
         rho at the start and at the end; its factor an iteration after `penalty_hold` iterations.
+    stop_when_invisible
+        Also stop when what could still be gained is less than the problem's `negligible`.
     first_check, check_every
         When to compute the certificate (three FFTs a plane).
     progress
@@ -67,6 +69,7 @@ class ADMM:
     penalty_floor: float = 0.005
     penalty_decay: float = 0.8
     penalty_hold: int = 6
+    stop_when_invisible: bool = True
     first_check: int = 10
     check_every: int = 3
     progress: Callable[[int, float], None] | None = None
@@ -80,28 +83,30 @@ class ADMM:
             If the problem is not one dome view under a `CsfWeighting`, has no regulariser, or its
             pixels are not pinned where the weighting has no support.
         """
+        if not isinstance(start, np.ndarray):
+            raise ValueError(f"ADMM takes NumPy light, got {type(start).__name__}")
         before = problem.ffts
+        start = problem.project(start)
         if _nothing_to_do(problem, start):
             return Result(start, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
         split = _Split(problem, start)
-        best = _Best(problem, split, start)
+        best = _Best(split, start, problem.negligible if self.stop_when_invisible else 0.0)
         state = split.planes(start)
         dual = np.zeros_like(state)
         rho = self.penalty
         inverse = NormalInverse(split.model, rho * split.metric)
-        status, iteration = Status.EXHAUSTED, 0
-        for iteration in range(1, self.max_iterations + 1):
+        iteration, status = 0, best.verdict(self.tolerance)
+        while status is None and iteration < self.max_iterations:
+            iteration += 1
             state, dual = self._step(split, inverse, rho, state, dual)
             if (
                 iteration >= self.first_check
                 and (iteration - self.first_check) % self.check_every == 0
             ):
-                gap = best.offer(state)
+                best.offer(state)
+                status = best.verdict(self.tolerance)
                 if self.progress:
-                    self.progress(iteration, gap)
-                if gap <= self.tolerance:
-                    status = Status.CONVERGED
-                    break
+                    self.progress(iteration, best.gap)
             if iteration >= self.penalty_hold and rho > self.penalty_floor:
                 lowered = max(self.penalty_floor, rho * self.penalty_decay)
                 dual *= rho / lowered
@@ -109,8 +114,17 @@ class ADMM:
                 inverse = NormalInverse(split.model, rho * split.metric)
         light = split.light(best.planes)
         cost, gradient = problem.quadratic(light)
-        optimality = float(np.abs(light - problem.project(light - gradient)).max())
-        return Result(light, cost, optimality, status, iteration, problem.ffts - before, best.gap)
+        optimality = problem.kkt_residual(light, gradient)
+        gap = best.gap if np.isfinite(best.gap) else None
+        return Result(
+            light,
+            cost,
+            optimality,
+            status or Status.EXHAUSTED,
+            iteration,
+            problem.ffts - before,
+            gap,
+        )
 
     def _step(
         self, split: _Split, inverse: NormalInverse, rho: float, z: Planes, y: Planes
@@ -195,36 +209,56 @@ class _Split:
 class _Best:
     """The best feasible planes so far, and the best lower bound of the minimum."""
 
-    def __init__(self, problem: Problem, split: _Split, start: Light) -> None:
+    def __init__(self, split: _Split, start: Light, negligible: float) -> None:
         self._split = split
-        self.planes = split.planes(start)
+        self._negligible = negligible
+        # Costs and bounds are sums of rounded numbers: a bound is only as good as they are.
+        self._rounding = 64 * float(np.finfo(split.model.dtype).eps)
         self._lower_bound = 0.0
+        self._last_progress, self._idle = np.inf, 0
+        self.planes = split.planes(start)
         self.cost = np.inf
         self.offer(self.planes)
 
-    def offer(self, planes: Planes) -> float:
-        """Keep `planes` if they are better; the certified gap of the best."""
+    def offer(self, planes: Planes) -> None:
+        """Keep `planes` if they are better, and what they tell of the minimum."""
         split = self._split
         cost, gradient = split.quadratic(planes)
         bound = gap_bound(
             split.model, split.certifying, planes, gradient, (split.lower, split.upper)
         )
-        self._lower_bound = max(self._lower_bound, cost - bound)
+        self._lower_bound = max(self._lower_bound, cost * (1 - self._rounding) - bound)
         if cost < self.cost:
             self.cost, self.planes = cost, planes.copy()
-        return self.gap
+        if self.gap < 0.9 * self._last_progress:
+            self._last_progress, self._idle = self.gap, 0
+        else:
+            self._idle += 1
 
     @property
     def gap(self) -> float:
-        """Certified (cost - minimum) / minimum."""
+        """Certified (cost - minimum) / minimum; infinite as long as nothing is certified."""
         if self._lower_bound <= 0:
             return np.inf
         return (self.cost - self._lower_bound) / self._lower_bound
 
+    def verdict(self, tolerance: float) -> Status | None:
+        """Why to stop now, if there is a reason."""
+        if self.gap <= tolerance:
+            return Status.CONVERGED
+        if self.cost - self._lower_bound <= self._negligible:
+            return Status.INVISIBLE
+        if self._idle >= _PATIENCE and np.isfinite(self.gap):
+            return Status.STALLED
+        return None
+
+
+_PATIENCE = 12  # checks in which the certified gap does not fall by a tenth
+
 
 def _nothing_to_do(problem: Problem, start: Light) -> bool:
     """Whether the start shows the desired light to rounding, and is what the regulariser wants."""
-    if problem.anchor is not None and problem.anchor is not start:
+    if problem.penalty(start) > 0:
         return False
     weighting = problem.weighting
     if not isinstance(weighting, CsfWeighting):

@@ -59,8 +59,9 @@ class Subtractive:
         ValueError
             If the observation is not low-rank.
         """
-        light, iterations = clipped_subtraction(problem, self.max_iterations)
-        return _result(problem, light, iterations)
+        light, steps = clipped_subtraction(problem, self.max_iterations)
+        status = Status.CLOSED_FORM if steps < self.max_iterations else Status.EXHAUSTED
+        return _result(problem, light, steps, status)
 
 
 @final
@@ -87,7 +88,10 @@ class RaisedBlack:
 
 
 def clipped_subtraction(problem: Problem, max_iterations: int = 50) -> tuple[Light, int]:
-    """Light that solves x = clip(D^-1 (seen - ambient - phi(x))), and the Newton steps taken."""
+    """Light that solves x = clip(D^-1 (seen - ambient - phi(x))), and the Newton steps taken.
+
+    If those are `max_iterations`, it has not been reached.
+    """
     observation = _low_rank(problem)
     desired = problem.desired
     f = observation.factors_like(desired)
@@ -126,11 +130,13 @@ def _low_rank(problem: Problem) -> LowRankObservation:
     return problem.observation
 
 
-def _result(problem: Problem, light: Light, iterations: int) -> Result:
+def _result(
+    problem: Problem, light: Light, iterations: int, status: Status = Status.CLOSED_FORM
+) -> Result:
     before = problem.ffts
     cost, gradient = problem.quadratic(light)
-    optimality = float(np.abs(light - problem.project(light - gradient)).max())
-    return Result(light, cost, optimality, Status.CLOSED_FORM, iterations, problem.ffts - before)
+    optimality = problem.kkt_residual(light, gradient)
+    return Result(light, cost, optimality, status, iterations, problem.ffts - before)
 
 
 def _sums(modes: Any, plane: Any) -> Any:

@@ -9,7 +9,7 @@ points to. On F the quadratic does. So, for any split,
 
 H over the whole padded plane may stand for H over the picture: more freedom only lowers the
 minimum. The split takes a pixel to B where |g| dist is less than its own share g² / (2 h) of the
-quadratic, for a typical curvature h; any h from 0.03 to 3 gives the same bound to 10 %.
+quadratic, for a typical curvature h. (The choice matters little: any split is valid.)
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ class GPCG:
                 status = Status.CONVERGED if finished else Status.STALLED
                 break
         cost, gradient = problem.quadratic(x)
-        optimality = float(np.abs(x - problem.project(x - gradient)).max())
+        optimality = problem.kkt_residual(x, gradient)
         return Result(x, cost, optimality, status, iteration, problem.ffts - before)
 
     def _iterate(self, q: Problem, x: Light) -> tuple[Light, float, Light]:

@@ -14,15 +14,16 @@ class Status(Enum):
     """Why a solver stopped; the value tells a person what it means and what to do."""
 
     EXACT = "Nothing had to be clipped: the audience sees the master exactly."
+    INVISIBLE = "What a better solution could still gain is far below what the eye can see."
     CONVERGED = "The requested accuracy was reached."
     CLOSED_FORM = "Computed directly; this method does not minimise the visible error."
     STALLED = (
-        "Rounding errors stop further progress before the requested accuracy. "
-        "Accept the certified gap, or solve in float64."
+        "Rounding errors stopped further progress before the requested accuracy. "
+        "Allow a larger tolerance, or solve in float64."
     )
     EXHAUSTED = (
-        "The maximum number of iterations was reached. "
-        "Raise `max_iterations`, or accept the certified gap."
+        "The maximum number of iterations was reached before the requested accuracy. "
+        "Allow more iterations or a larger tolerance."
     )
 
 
@@ -46,7 +47,7 @@ class Result:
     ffts
         FFTs of planes done.
     gap
-        Certified upper bound of (cost - minimum) / minimum; None where the solver has none.
+        Certified upper bound of (cost - minimum) / minimum; None where nothing is certified.
     """
 
     light: Light

@@ -98,8 +98,8 @@ class LowFrequencyFloor:
     Parameters
     ----------
     gain
-        Least weight below the peak, 0..1 of the peak. The default 0.1 looks like the paper's
-        figures (``design.md`` section 5; to be earned by an independent judge).
+        Least weight below the peak, 0..1 of the peak. The default 0.1 is chosen for the paper's
+        look, and not yet earned by an independent judge.
 
     Raises
     ------

@@ -91,8 +91,10 @@ class ClosedFormDome(LowRankObservation):
         primaries: int = 3,
     ) -> None:
         albedos = np.broadcast_to(np.asarray(albedo, np.float64), (primaries,))
-        areas = dome.pixel_areas(rows, cols)
+        areas = dome.screen_areas(rows, cols)
         self._screen = dome.inside(rows, cols)
+        if lens_gain is not None and not bool(np.all(lens_gain[self._screen] > 0)):
+            raise InputError("lens gain must be above 0 everywhere on the screen")
         # Outside the circle there is no screen: light there is left as it is.
         gain = np.ones_like(areas) if lens_gain is None else np.where(self._screen, lens_gain, 1.0)
         gains = [closed_form_gain(float(rho), dome.radius, dome.screen_area) for rho in albedos]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import resource
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,12 @@ import pytest
 from theatres import DATA, needs_data
 
 from compensate.master import METHODS, compensate, compensate_frame, pose, pose_frame
+from compensate.solver.admm import ADMM
 from compensate.solver.baselines import Subtractive
 from compensate.solver.result import Status
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
+from domesim.projector import Projector
 from domesim.scene import load_scene
 from domesim.screening import decoded, encoded, within_range
 
@@ -172,3 +175,44 @@ def test_a_frame_is_posed_as_its_light_is(scene):
     posed, out_of_range = pose_frame(frame(64), scene)
     assert out_of_range == 0
     assert posed.problem.desired == pytest.approx(decoded(frame(64), scene))
+
+
+def test_what_a_file_cannot_hold_is_told(scene):
+    """A projector of a wide gamut may need colours that the master's encoding has not."""
+    wide = replace(scene, projector=Projector("P3-D65", 13.7, 0.007))
+    outcome = compensate_frame(frame(64), wide)
+    assert outcome.figures.file_clipped > 0.05
+    assert outcome.stored_error(outcome.frame) > 1.1 * outcome.figures.error_after
+    assert compensate_frame(frame(64), scene).figures.file_clipped == 0
+
+
+@pytest.mark.parametrize(("bits", "worse"), [(8, True), (16, False)])
+def test_the_error_of_the_stored_file_is_told(scene, tmp_path, bits, worse):
+    outcome = compensate_frame(frame(96, bits), scene)
+    path = tmp_path / "out.png"
+    write_frame(outcome.frame, path, bits=bits)
+    stored = outcome.stored_error(read_frame(path))
+    assert stored >= outcome.figures.error_after * (1 - 1e-3)
+    assert (stored > outcome.figures.error_after * (1 + 1e-3)) == worse
+
+
+def test_a_jpeg_changes_off_the_screen_by_its_own_rounding_only(scene, tmp_path):
+    source, target = tmp_path / "m.jpg", tmp_path / "out.jpg"
+    write_frame(replace(frame(256), path=source), source)
+    master = read_frame(source)
+    outcome = compensate_frame(master, scene, method="subtractive")
+    write_frame(outcome.frame, target)
+    off = ~scene.dome.inside(256, 256)
+    assert (outcome.frame.pixels[off] == master.pixels[off]).all()
+    change = np.abs(read_frame(target).pixels - master.pixels)[off] * 255
+    assert change.max() <= 5
+
+
+def test_nothing_certified_is_no_figure():
+    """A closed, very bright sphere, given too few iterations: no gap, and valid JSON."""
+    bright = load_scene("dome_hemisphere")
+    bright = replace(bright, dome=replace(bright.dome, half_angle=3.0), albedo=(0.95, 0.95, 0.95))
+    solver = ADMM(max_iterations=3)
+    figures = compensate_frame(frame(64), bright, solver=solver).figures
+    assert figures.gap is None
+    json.dumps(asdict(figures), allow_nan=False)

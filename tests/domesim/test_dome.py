@@ -76,8 +76,13 @@ def test_a_lens_in_the_centre_lights_evenly_and_a_near_wall_more():
     assert dome.lens_gain(9, 9, (0, 0, 2.0))[4, 4] == pytest.approx(9)
 
 
-def test_tilt_does_not_change_the_screen():
-    assert Dome(3.0, 1.0, 0.4).pixel_areas(8, 8) == pytest.approx(Dome(3.0, 1.0).pixel_areas(8, 8))
+@pytest.mark.parametrize("size", [2, 3, 4, 5, 8, 31, 64, 257])
+def test_the_screens_pixels_hold_all_of_its_area(size):
+    dome = Dome(3.0, 1.7)
+    areas, inside = dome.screen_areas(size, size), dome.inside(size, size)
+    assert areas.sum() == pytest.approx(dome.screen_area, rel=1e-12)
+    assert (areas[~inside] == 0).all()
+    assert (areas[inside] >= dome.pixel_areas(size, size)[inside]).all()
 
 
 @pytest.mark.parametrize(

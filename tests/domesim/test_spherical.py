@@ -26,14 +26,23 @@ def test_the_gain_itself():
 
 
 def test_all_bounces_of_patches_between_which_light_is_exchanged():
-    """B = E + rho F B with F_ij = a_j / (4 pi r²), solved densely, channel by channel."""
+    """B = E + rho F B with F_ij = a_j cos cos / (pi d²), solved densely, channel by channel."""
     size = 9
     observation = closed_form(size)
     dome = Dome(3.0, np.radians(105))
-    areas = dome.pixel_areas(size, size).ravel()
+    areas = dome.screen_areas(size, size).ravel()
     light = picture(size, seed=4)
     direct = observation.direct(light)[0].reshape(-1, 3)
-    form_factors = np.tile(areas / (4 * np.pi * dome.radius**2), (len(areas), 1))
+    normal = dome.directions(size, size).reshape(-1, 3)
+    apart = dome.radius * (normal[:, None] - normal[None, :])
+    distance = np.linalg.norm(apart, axis=-1)
+    np.fill_diagonal(distance, 1.0)
+    there = np.sum(apart * normal[:, None], -1) / distance
+    back = -np.sum(apart * normal[None, :], -1) / distance
+    kernel = there * back / (np.pi * distance**2)
+    # A patch lights itself, too: it is hollow. The limit is its neighbours' value.
+    np.fill_diagonal(kernel, kernel[0, 1])
+    form_factors = kernel * areas[None, :]
     for p, rho in enumerate(ALBEDOS[:3]):
         radiosity = np.linalg.solve(np.eye(len(areas)) - rho * form_factors, direct[:, p])
         seen = observation.observe(light)[0, :, :, p].ravel() - (p + 1) / 100
@@ -47,7 +56,7 @@ def test_bounces_are_a_geometric_series_and_energy_is_conserved():
     rho = 0.6
     observation = ClosedFormDome(dome, 32, 32, albedo=rho)
     light = picture(32, seed=1)
-    areas = dome.pixel_areas(32, 32)[..., None]
+    areas = dome.screen_areas(32, 32)[..., None]
     flux = (areas * light[0]).sum((0, 1))
     indirect = (observation.observe(light) - light)[0][16, 16]
     incident = flux + indirect * dome.screen_area
@@ -75,7 +84,7 @@ def test_nothing_happens_off_the_screen():
     off = ~observation.screen
     assert (observation.observe(light)[0][off] == light[0][off]).all()
     beyond = light.copy()
-    beyond[0, 0, 0] = 1e6  # a corner that doesn't touch the circle
+    beyond[0, off] = 1e6
     assert (observation.observe(beyond)[0][~off] == observation.observe(light)[0][~off]).all()
 
 

@@ -68,6 +68,10 @@ def test_values_outside_the_range_are_not_clamped():
     assert Gamma(2.0).encode(Gamma(2.0).decode(values)) == pytest.approx(values)
 
 
+def test_absolute_curves_end_at_their_peak():
+    assert ST2084(100.0).decode(np.array([1.0, 3.0])) == pytest.approx([100.0, 100.0])
+
+
 @pytest.mark.parametrize(
     ("light", "message"),
     [

@@ -6,7 +6,9 @@ import json
 
 import pytest
 
+from domesim.errors import InputError
 from validation.benchmarks.solvers import GAPS, costs
+from validation.cli import bench
 from validation.experiments import channels_alone, chroma_floor, frozen_pollution, gamma_coded
 
 
@@ -52,10 +54,20 @@ def test_the_products_solver_needs_the_fewest_ffts(cost_table):
             assert ffts is None or ffts > 2 * admm.ffts[GAPS.index(1e-3)]
 
 
-def test_bench_writes_its_figures(tmp_path, capsys, monkeypatch):
-    from validation import cli  # noqa: PLC0415
+def test_bench_writes_its_figures(tmp_path, capsys):
+    bench(out=tmp_path / "b", scene="dome_imax", sizes="24", quiet=False, json=True)
+    printed = json.loads(capsys.readouterr().out)["costs"]
+    assert printed == json.loads((tmp_path / "b" / "bench.json").read_text())
+    assert {cost["size"] for cost in printed} == {24}
+    assert len(printed) == 4
 
-    monkeypatch.setattr(cli, "costs", lambda sizes, scene: iter(()))
-    cli.bench(out=tmp_path / "b", scene="dome_imax", sizes="32", quiet=False, json=True)
-    assert json.loads(capsys.readouterr().out) == {"scene": "dome_imax", "costs": []}
-    assert json.loads((tmp_path / "b" / "bench.json").read_text()) == []
+
+def test_bench_speaks_to_people_too(tmp_path, capsys):
+    bench(out=tmp_path, scene="dome_imax", sizes="16", quiet=False, json=False)
+    assert "GPCG, frozen pollution (the paper's)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("sizes", ["0", "-5", "3", "64,x", ""])
+def test_bench_refuses_impossible_sizes(tmp_path, sizes):
+    with pytest.raises(InputError, match="--sizes"):
+        bench(out=tmp_path, scene="dome_imax", sizes=sizes, quiet=False, json=False)

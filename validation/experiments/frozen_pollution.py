@@ -10,6 +10,8 @@ Expected
 
 from __future__ import annotations
 
+import numpy as np
+
 from compensate.master import pose
 from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
@@ -19,9 +21,9 @@ from validation.masters import night
 
 def measure(size: int = 256, scene: str = "dome_imax") -> dict[str, float]:
     """Relative excess cost of GPCG with frozen and exact pollution over the certified minimum."""
-    posed = pose(night(size), load_scene(scene))
+    posed = pose(night(size).astype(np.float64), load_scene(scene))
     problem, start = posed.problem, posed.subtractive
-    least = ADMM(tolerance=1e-7, max_iterations=600)(problem, start).cost
+    least = ADMM(tolerance=1e-7, max_iterations=600, stop_when_invisible=False)(problem, start).cost
     frozen = GPCG(frozen=True, tolerance=1e-5, max_iterations=60)(problem, start)
     exact = GPCG(tolerance=1e-5, max_iterations=60)(problem, start)
     return {

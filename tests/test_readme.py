@@ -1,0 +1,71 @@
+"""The README's commands, code and figures, as they stand there."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def blocks(language: str) -> list[str]:
+    """The README's fenced blocks in `language`; every second part between fences is one."""
+    parts = re.split(r"^```", README, flags=re.MULTILINE)[1::2]
+    return [body for head, _, body in (part.partition("\n") for part in parts) if head == language]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Looks like the repository to the commands, but takes their outputs."""
+    path = tmp_path_factory.mktemp("readme")
+    (path / "scenes").symlink_to(ROOT / "scenes")
+    (path / "mine.toml").write_text(blocks("toml")[0])
+    return path
+
+
+def run(folder: Path, *arguments: str) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "domesim", *arguments]
+    return subprocess.run(
+        command, cwd=folder, env=environment, check=True, capture_output=True, text=True
+    ).stdout
+
+
+COMMANDS = [line for block in blocks("") for line in block.splitlines() if "domesim " in line]
+
+
+def test_there_are_commands():
+    assert len(COMMANDS) >= 4
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands(folder, command):
+    arguments = shlex.split(command)[1:]
+    run(folder, *arguments)
+    assert (folder / arguments[arguments.index("--out") + 1]).exists()
+
+
+def test_figures(folder):
+    found = json.loads(run(folder, "demo", "--out", "out/demo", "--json"))["methods"]
+    rows = re.findall(r"^\| (.+?) \| \**([0-9.]+)\** \|", README, re.MULTILINE)
+    assert [float(error) for _, error in rows] == pytest.approx(
+        [found[m]["error_after"] for m in ("none", "subtractive", "raised-black", "perceptual")],
+        abs=0.006,
+    )
+    share = float(re.search(r"subtraction on (\d+) % of the screen", README)[1])
+    assert share == pytest.approx(100 * found["none"]["clipped"], abs=0.6)
+
+
+def test_python():
+    names = {"desired": np.full((1, 32, 32, 3), 0.3, np.float32)}
+    exec(blocks("python")[0], names)
+    assert names["seen"].shape == (1, 32, 32, 3)
