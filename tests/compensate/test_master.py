@@ -182,7 +182,7 @@ def test_what_a_file_cannot_hold_is_told(scene):
     wide = replace(scene, projector=Projector("P3-D65", 13.7, 0.007))
     outcome = compensate_frame(frame(64), wide)
     assert outcome.figures.file_clipped > 0.05
-    assert outcome.stored_error(outcome.frame) > 1.1 * outcome.figures.error_after
+    assert outcome.stored_error(outcome.frame) > 1.02 * outcome.figures.error_after
     assert compensate_frame(frame(64), scene).figures.file_clipped == 0
 
 
