@@ -54,6 +54,8 @@ class ADMM:
         alpha.
     penalty, penalty_floor, penalty_decay, penalty_hold
         rho at the start and at the end; its factor an iteration after `penalty_hold` iterations.
+        In a theatre with strong pollution both are raised, by ||C||^1.5: found by trial, and tested
+        from a cap of 60 degrees and albedo 0.3 to 170 degrees and 0.95.
     stop_when_invisible
         Also stop when what could still be gained is less than the problem's `negligible`.
     first_check, check_every
@@ -93,7 +95,8 @@ class ADMM:
         best = _Best(split, start, problem.negligible if self.stop_when_invisible else 0.0)
         state = split.planes(start)
         dual = np.zeros_like(state)
-        rho = self.penalty
+        floor = self.penalty_floor * split.model.strength**1.5
+        rho = max(self.penalty, 2 * floor)
         inverse = NormalInverse(split.model, rho * split.metric)
         iteration, status = 0, best.verdict(self.tolerance)
         while status is None and iteration < self.max_iterations:
@@ -107,8 +110,8 @@ class ADMM:
                 status = best.verdict(self.tolerance)
                 if self.progress:
                     self.progress(iteration, best.gap)
-            if iteration >= self.penalty_hold and rho > self.penalty_floor:
-                lowered = max(self.penalty_floor, rho * self.penalty_decay)
+            if iteration >= self.penalty_hold and rho > floor:
+                lowered = max(floor, rho * self.penalty_decay)
                 dual *= rho / lowered
                 rho = lowered
                 inverse = NormalInverse(split.model, rho * split.metric)

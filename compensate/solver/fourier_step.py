@@ -73,6 +73,11 @@ class PlaneModel:
         self.normal_blocks = _normal_blocks(weighting, self.dtype)
         self.overlap = _Overlaps(self, self._spread, self._collect)
 
+    @property
+    def strength(self) -> float:
+        """Bound 1 + ||U V'|| of how much C amplifies; 1 without pollution."""
+        return 1 + self.overlap.pollution_norm
+
     def padded(self, light: Array) -> Array:
         """Planes of Light (1, row, col, primary), 0 off the support."""
         return self._padded(np.moveaxis(light[0] * self.support[..., None], -1, 0))
@@ -175,6 +180,7 @@ class _Overlaps:
             for p in range(model.primaries)
         ]
         self._vu_plain = self._between(identity, self._vu) @ self._core_matrix()
+        self._vv_plain = self._between(identity, self._vv)
         uu = self._core_matrix().T @ self._between(identity, self._uu) @ self._core_matrix()
         self._uu_plain = uu
         self._uwu = (
@@ -182,6 +188,11 @@ class _Overlaps:
             @ self._between(model.normal_blocks, self._uu)
             @ self._core_matrix()
         )
+
+    @property
+    def pollution_norm(self) -> float:
+        """||U V'||: the root of the largest eigenvalue of U'U V'V."""
+        return float(np.sqrt(np.abs(np.linalg.eigvals(self._uu_plain @ self._vv_plain)).max()))
 
     def small_system(self, inverse: list[list[Array]], sigma: Any) -> Any:
         """M^-1 + Z' B^-1 Z, with M^-1 = [[0, I], [I, -U'WU]]; rows and columns (primary, mode)."""

@@ -22,6 +22,7 @@ from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.projector import Projector
 from domesim.scene import load_scene
 from domesim.screening import decoded, encoded, within_range
+from validation.masters import night
 
 SRGB = ColourTag("srgb", "BT.709", "the test")
 
@@ -206,6 +207,18 @@ def test_a_jpeg_changes_off_the_screen_by_its_own_rounding_only(scene, tmp_path)
     assert (outcome.frame.pixels[off] == master.pixels[off]).all()
     change = np.abs(read_frame(target).pixels - master.pixels)[off] * 255
     assert change.max() <= 5
+
+
+@pytest.mark.parametrize(
+    ("half_angle", "albedo"), [(60, 0.3), (90, 0.5), (90, 0.9), (120, 0.8), (150, 0.9), (170, 0.95)]
+)
+def test_every_dome_is_certified_within_a_hundred_iterations(half_angle, albedo):
+    scene = load_scene("dome_hemisphere")
+    dome = replace(scene.dome, half_angle=np.radians(half_angle))
+    scene = replace(scene, dome=dome, albedo=(albedo,) * 3)
+    result = compensate(night(96), scene, solver=ADMM(stop_when_invisible=False))
+    assert result.status is Status.CONVERGED
+    assert result.iterations <= 100
 
 
 def test_nothing_certified_is_no_figure():
