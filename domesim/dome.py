@@ -6,18 +6,27 @@ zenith. The front of the audience is at the bottom of the picture, their right i
 mapping is symmetric about the vertical.
 
 The dome's frame has x to the right, y to the front and z to the zenith of the cap; its origin is
-the centre of the sphere.
+the centre of the sphere. The room's frame has z up instead: the zenith leans to the front by the
+tilt. An ellipsoidal dome is a sphere stretched or flattened along its zenith; its domemaster is
+mapped by directions from the centre as well. A truncated dome ends at a horizontal plane of the
+room, and the pixels below are off the screen.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, final
+from functools import cached_property
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import quad
+from scipy.ndimage import distance_transform_edt
 
 from domesim.errors import InputError
+
+Angles: TypeAlias = NDArray[np.floating[Any]]
 
 _GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(6)
 
@@ -35,11 +44,17 @@ class Dome:
         Angle from the cap's zenith to its rim, radians, in (0, pi]; a hemisphere has pi / 2.
     tilt
         How far the zenith of the cap leans towards the front, radians.
+    height_ratio
+        Semi-axis towards the zenith over `radius`; 1 for a sphere.
+    truncated_below
+        Height in the room's frame below which there is no screen, m; None for a whole cap.
     """
 
     radius: float
     half_angle: float
     tilt: float = 0.0
+    height_ratio: float = 1.0
+    truncated_below: float | None = None
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.radius) and self.radius > 0):
@@ -49,21 +64,132 @@ class Dome:
                 f"dome half-angle must be above 0 and at most 180 degrees, "
                 f"got {np.degrees(self.half_angle):g}"
             )
+        if not (np.isfinite(self.height_ratio) and self.height_ratio > 0):
+            raise InputError(f"dome height ratio must be above 0, got {self.height_ratio:g}")
+        if self.screen_area <= 0:
+            raise InputError(
+                f"dome truncated below {self.truncated_below:g} m: no screen is left above"
+            )
 
-    @property
+    @cached_property
     def screen_area(self) -> float:
         """Area of the whole screen A_s, m²."""
-        return float(2 * np.pi * self.radius**2 * (1 - np.cos(self.half_angle)))
+        if self.height_ratio == 1 and self.truncated_below is None:
+            return float(2 * np.pi * self.radius**2 * (1 - np.cos(self.half_angle)))
+        return self._integrated(self._area_density)
 
-    @property
+    @cached_property
     def solid_angle(self) -> float:
         """Solid angle of the screen seen from the centre of the sphere, sr."""
-        return self.screen_area / self.radius**2
+        if self.truncated_below is None:
+            return float(2 * np.pi * (1 - np.cos(self.half_angle)))
+        return self._integrated(np.ones_like)
+
+    @property
+    def lowest(self) -> float:
+        """Height of the screen's lowest point in the room's frame, m."""
+        around = np.linspace(0, 2 * np.pi, 721)
+        points = self.surface(*np.meshgrid(np.linspace(0, self.half_angle, 181), around))
+        lowest = float((points @ self.to_room.T)[..., 2].min())
+        return lowest if self.truncated_below is None else max(lowest, self.truncated_below)
+
+    @property
+    def widest(self) -> float:
+        """Largest horizontal distance of the screen from the room's axis, m."""
+        around = np.linspace(0, 2 * np.pi, 721)
+        points = self.surface(*np.meshgrid(np.linspace(0, self.half_angle, 181), around))
+        points = points @ self.to_room.T
+        kept = points[..., 2] >= (-np.inf if self.truncated_below is None else self.truncated_below)
+        return float(np.hypot(points[..., 0], points[..., 1])[kept].max())
+
+    @property
+    def to_room(self) -> NDArray[np.float64]:
+        """(3, 3) rotation from the dome's frame to the room's."""
+        c, s = np.cos(self.tilt), np.sin(self.tilt)
+        return np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
+
+    def surface(self, theta: Angles, azimuth: Angles) -> NDArray[np.float64]:
+        """(..., xyz): points of the screen's surface in the dome's frame, m.
+
+        Parameters
+        ----------
+        theta
+            Angle from the zenith, radians.
+        azimuth
+            From x (right) to y (front), radians.
+        """
+        ring = np.sin(theta)
+        directions = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), np.cos(theta)], -1)
+        return directions * self.distance(directions)[..., None]
+
+    def distance(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(...): distance from the centre to the screen along unit vectors (..., xyz), m."""
+        across = directions[..., 0] ** 2 + directions[..., 1] ** 2
+        along = (directions[..., 2] / self.height_ratio) ** 2
+        return np.asarray(self.radius / np.sqrt(across + along))
+
+    def normals(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(..., xyz): outward unit normals of the screen along unit vectors (..., xyz)."""
+        stretched = directions / np.array([1, 1, self.height_ratio**2])
+        return np.asarray(stretched / np.linalg.norm(stretched, axis=-1, keepdims=True))
 
     def inside(self, rows: int, cols: int) -> NDArray[np.bool_]:
         """(row, col): whether the centre of the domemaster pixel lies on the screen."""
         u, v = _pixel_centres(rows, cols)
-        return u**2 + v**2 <= 1
+        inside = np.asarray(u**2 + v**2 <= 1)
+        if self.truncated_below is None:
+            return inside
+        return inside & (self._room_height(u, v) >= self.truncated_below)
+
+    def pixel_of(
+        self, directions: NDArray[np.float64], size: int
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Row and column of the domemaster pixels that unit vectors (..., xyz) point at.
+
+        Clipped to the picture; `directions` inverts it at the pixels' centres.
+        """
+        theta = np.arccos(np.clip(directions[..., 2], -1, 1))
+        ring = np.hypot(directions[..., 0], directions[..., 1])
+        scale = theta / self.half_angle / np.maximum(ring, np.finfo(np.float64).tiny)
+        place = (directions[..., :2] * scale[..., None] + 1) * (size / 2)
+        index = np.clip(place, 0, size - 1).astype(np.int64)
+        return index[..., 1], index[..., 0]
+
+    def _room_height(self, u: Angles, v: Angles) -> NDArray[np.float64]:
+        """Height in the room of the screen at points (u, v) of the domemaster, m."""
+        points = self.surface(np.hypot(u, v) * self.half_angle, np.arctan2(v, u))
+        return np.asarray(points @ self.to_room[2])
+
+    def _area_density(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Area per solid angle, m²: d² over the cosine between direction and normal."""
+        directions = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], -1)
+        cosine = np.sum(directions * self.normals(directions), -1)
+        return np.asarray(self.distance(directions) ** 2 / cosine)
+
+    def _integrated(self, density: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> float:
+        """Integral over the screen of a density per solid angle that depends on theta only."""
+
+        def ring(theta: float) -> float:
+            angle = np.array([theta])
+            return float(density(angle)[0] * np.sin(theta) * self._kept_azimuth(theta))
+
+        value, _ = quad(ring, 0, self.half_angle, limit=400, epsabs=0, epsrel=1e-9)
+        return float(value)
+
+    def _kept_azimuth(self, theta: float) -> float:
+        """Azimuth range of the ring at `theta` that the truncation leaves, radians."""
+        if self.truncated_below is None:
+            return 2 * np.pi
+        distance = float(self._ring_distance(theta))
+        # z = d (cos tilt cos theta - sin tilt sin theta sin azimuth) in the room
+        level = np.cos(self.tilt) * np.cos(theta) - self.truncated_below / distance
+        swing = abs(np.sin(self.tilt) * np.sin(theta))
+        if swing <= abs(level):
+            return 2 * np.pi if level >= 0 else 0.0
+        return float(2 * np.pi - 2 * np.arccos(level / swing))
+
+    def _ring_distance(self, theta: float) -> NDArray[np.float64]:
+        return self.distance(np.array([np.sin(theta), 0.0, np.cos(theta)]))
 
     def directions(self, rows: int, cols: int) -> NDArray[np.float64]:
         """(row, col, xyz): unit vectors from the centre of the sphere to the pixels' centres.
@@ -105,7 +231,31 @@ class Dome:
         arc = 2 * np.pi * pole - around_angle
         solid_angle = around_cap + (1 - np.cos(self.half_angle)) * arc
         reached = _nearest_distance(grid) < 1
-        return np.where(reached, np.maximum(solid_angle, 0.0), 0.0) * self.radius**2
+        solid_angle = np.where(reached, np.maximum(solid_angle, 0.0), 0.0)
+        if self.height_ratio == 1 and self.truncated_below is None:
+            return solid_angle * self.radius**2
+        u, v = _pixel_centres(rows, cols)
+        theta = np.minimum(np.hypot(u, v), 1.0) * self.half_angle
+        areas = solid_angle * self._area_density(theta)
+        if self.truncated_below is not None:
+            areas = areas * self._share_above(grid, self.truncated_below)
+        # The density at the pixels' centres is right to second order; the sum is exact.
+        return np.asarray(areas * (self.screen_area / areas.sum()))
+
+    def _share_above(
+        self, grid: NDArray[np.float64], lowest: float, finer: int = 8
+    ) -> NDArray[np.float64]:
+        """(row, col): share of each pixel that lies above `lowest` in the room, m."""
+        centres = (grid[1:] + grid[:-1]) / 2
+        height = self._room_height(centres[None, :], centres[:, None])
+        share = (height >= lowest).astype(np.float64)
+        reach = 4 * self.half_angle * self.radius * max(1.0, self.height_ratio) / len(centres)
+        row, col = np.nonzero(np.abs(height - lowest) < reach)
+        step = (np.arange(finer) + 0.5) / finer * (grid[1] - grid[0])
+        u = grid[col][:, None, None] + step[None, None, :]
+        v = grid[row][:, None, None] + step[None, :, None]
+        share[row, col] = np.mean(self._room_height(u, v) >= lowest, axis=(1, 2))
+        return share
 
     def screen_areas(self, rows: int, cols: int) -> NDArray[np.float64]:
         """(row, col): `pixel_areas`, held by the pixels whose centre is on the screen.
@@ -116,6 +266,10 @@ class Dome:
         areas, inside = self.pixel_areas(rows, cols), self.inside(rows, cols)
         result = np.where(inside, areas, 0.0)
         row, col = np.nonzero((areas > 0) & ~inside)
+        if self.truncated_below is not None:
+            nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
+            np.add.at(result, (nearest[0][row, col], nearest[1][row, col]), areas[row, col])
+            return result
         down, right = 2 * row + 1 - rows, 2 * col + 1 - cols  # signed distances from the centre
         straight = np.where(np.abs(down) > np.abs(right), np.sign(down), 0)
         across = np.where(np.abs(right) > np.abs(down), np.sign(right), 0)
@@ -146,8 +300,9 @@ class Dome:
                 f"projector lens must be inside the sphere of radius {self.radius:g} m, "
                 f"got {np.linalg.norm(position):g} m from its centre"
             )
-        normal = self.directions(rows, cols)
-        ray = self.radius * normal - position
+        directions = self.directions(rows, cols)
+        normal = self.normals(directions)
+        ray = directions * self.distance(directions)[..., None] - position
         distance = np.linalg.norm(ray, axis=-1)
         cosine = np.sum(ray * normal, -1) / distance
         return np.asarray(self.radius**2 * cosine / distance**2)
