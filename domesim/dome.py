@@ -76,7 +76,7 @@ class Dome:
         """Area of the whole screen A_s, m²."""
         if self.height_ratio == 1 and self.truncated_below is None:
             return float(2 * np.pi * self.radius**2 * (1 - np.cos(self.half_angle)))
-        return self._integrated(self._area_density)
+        return self._integrated(self.area_density)
 
     @cached_property
     def solid_angle(self) -> float:
@@ -160,7 +160,7 @@ class Dome:
         points = self.surface(np.hypot(u, v) * self.half_angle, np.arctan2(v, u))
         return np.asarray(points @ self.to_room[2])
 
-    def _area_density(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def area_density(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Area per solid angle, m²: d² over the cosine between direction and normal."""
         directions = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], -1)
         cosine = np.sum(directions * self.normals(directions), -1)
@@ -171,25 +171,32 @@ class Dome:
 
         def ring(theta: float) -> float:
             angle = np.array([theta])
-            return float(density(angle)[0] * np.sin(theta) * self._kept_azimuth(theta))
+            return float(density(angle)[0] * np.sin(theta) * self.kept_azimuth(angle)[1][0])
 
         value, _ = quad(ring, 0, self.half_angle, limit=400, epsabs=0, epsrel=1e-9)
         return float(value)
 
-    def _kept_azimuth(self, theta: float) -> float:
-        """Azimuth range of the ring at `theta` that the truncation leaves, radians."""
+    def kept_azimuth(self, theta: NDArray[np.float64]) -> tuple[Any, Any]:
+        """Where the truncated ring at `theta` (any shape) starts, and how far it goes, radians."""
+        whole = np.full_like(theta, 2 * np.pi)
         if self.truncated_below is None:
-            return 2 * np.pi
-        distance = float(self._ring_distance(theta))
+            return np.zeros_like(theta), whole
         # z = d (cos tilt cos theta - sin tilt sin theta sin azimuth) in the room
-        level = np.cos(self.tilt) * np.cos(theta) - self.truncated_below / distance
-        swing = abs(np.sin(self.tilt) * np.sin(theta))
-        if swing <= abs(level):
-            return 2 * np.pi if level >= 0 else 0.0
-        return float(2 * np.pi - 2 * np.arccos(level / swing))
+        level = np.cos(self.tilt) * np.cos(theta)
+        level = level - self.truncated_below / self._ring_distance(theta)
+        swing = np.sin(self.tilt) * np.sin(theta)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            half = np.where(
+                np.abs(swing) > np.abs(level),
+                np.pi - np.arccos(np.clip(level / np.abs(swing), -1, 1)),
+                np.where(level >= 0, np.pi, 0.0),
+            )
+        # It is the front (azimuth pi / 2) that dips when the zenith leans to it.
+        highest = -np.pi / 2 if self.tilt >= 0 else np.pi / 2
+        return highest - half, 2 * half
 
-    def _ring_distance(self, theta: float) -> NDArray[np.float64]:
-        return self.distance(np.array([np.sin(theta), 0.0, np.cos(theta)]))
+    def _ring_distance(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self.distance(np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], -1))
 
     def directions(self, rows: int, cols: int) -> NDArray[np.float64]:
         """(row, col, xyz): unit vectors from the centre of the sphere to the pixels' centres.
@@ -236,7 +243,7 @@ class Dome:
             return solid_angle * self.radius**2
         u, v = _pixel_centres(rows, cols)
         theta = np.minimum(np.hypot(u, v), 1.0) * self.half_angle
-        areas = solid_angle * self._area_density(theta)
+        areas = solid_angle * self.area_density(theta)
         if self.truncated_below is not None:
             areas = areas * self._share_above(grid, self.truncated_below)
         # The density at the pixels' centres is right to second order; the sum is exact.

@@ -438,7 +438,7 @@ def test_all_mistakes_of_a_scene_file_in_one_go(
         "  dome.titl_deg: is not a key of a scene (did you mean 'tilt_deg'?)",
         "  screen.albedo[1]: must be less than or equal to 1, got 1.2",
         "  screen.albedo[2]: must be greater than or equal to 0, got -1",
-        "  projector.white_cd_m2: is missing",
+        "  projector.lumens: is missing, and so is white_cd_m2: one of the two says how bright",
         "  projector.whit_cd_m2: is not a key of a scene (did you mean 'white_cd_m2'?)",
         "  viewing.adaptation_cd_m2: must be a valid number, got 'bright'",
     ]

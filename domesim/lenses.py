@@ -1,0 +1,108 @@
+"""Which light each projector of a theatre puts on its screen.
+
+Fields that overlap are blended: each projector is dimmed towards the edge of its field by a smooth
+step, and all are divided by their sum. Falloff is that of a lens of equal intensity in all
+directions (equidistant), or of one that lights a flat screen evenly (perspective, intensity
+proportional to 1 / cos³ of the angle to its axis).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.theatre import Lens, Theatre
+
+Floats = NDArray[np.float64]
+
+_DARK = 1e-3
+"""Share of the dome's picture that may stay dark before it is a mistake (rim pixels)."""
+
+
+def lens_gains(theatre: Theatre, rows: int, cols: int) -> Floats:
+    """(lens, row, col): irradiance of the screen by each projector, for a white picture.
+
+    1 is that of the one ideal projector in the sphere's centre. Where the projection system evens
+    out falloff they sum to 1; off the screen they are 0, or 1 for the first.
+
+    Raises
+    ------
+    InputError
+        If the projectors leave a part of the screen dark.
+    """
+    dome = theatre.dome
+    screen = dome.inside(rows, cols)
+    if not theatre.lenses:
+        return np.ones((1, rows, cols))
+    directions = dome.directions(rows, cols)
+    points = directions * dome.distance(directions)[..., None] @ dome.to_room.T
+    weights = np.stack([field_weight(lens, points) for lens in theatre.lenses])
+    total = weights.sum(0)
+    dark = screen & (total <= 0)
+    if dark.sum() > _DARK * screen.sum():
+        raise InputError(
+            f"projectors leave {dark.sum() / screen.sum():.1%} of the screen dark; widen their "
+            f"fields, aim them elsewhere or add projectors"
+        )
+    weights[:, dark] = 1 / len(weights)
+    gains = weights / np.where(dark, 1, np.where(total > 0, total, 1))
+    if not theatre.corrected:
+        gains = gains * np.stack(
+            [_falloff(theatre, lens, points, rows, cols) for lens in theatre.lenses]
+        )
+    gains[:, ~screen] = 0
+    gains[0, ~screen] = 1
+    return np.asarray(gains)
+
+
+def field_weight(lens: Lens, points: Floats) -> Floats:
+    """(...): how much of its light a projector sends to points (..., xyz) of the room, 0..1."""
+    right, up, forward = lens_frame(lens)
+    ray = points - np.asarray(lens.position)
+    ray = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
+    ahead = ray @ forward
+    if lens.kind == "equidistant":
+        angle = np.arccos(np.clip(ahead, -1, 1))
+        if lens.field >= 2 * np.pi:
+            return np.ones_like(angle)
+        return _smooth_step(lens.field / 2 - angle, lens.blend)
+    half = lens.field / 2
+    half_high = np.arctan(np.tan(half) / lens.aspect)
+    across = np.arctan2(np.abs(ray @ right), ahead)
+    high = np.arctan2(np.abs(ray @ up), ahead)
+    edges = _smooth_step(half - across, lens.blend) * _smooth_step(half_high - high, lens.blend)
+    return np.asarray(np.where(ahead > 0, edges, 0.0))
+
+
+def lens_frame(lens: Lens) -> tuple[Floats, Floats, Floats]:
+    """Unit vectors to the right, up and forward of a projector, in the room's frame."""
+    forward = np.subtract(lens.look_at, lens.position)
+    length = np.linalg.norm(forward)
+    if length == 0:
+        raise InputError(f"projector {lens.name!r} is aimed at its own position; move look_at")
+    forward = forward / length
+    reference = np.array([0.0, 0, 1]) if abs(forward[2]) < 0.999 else np.array([0.0, -1, 0])
+    right = np.cross(forward, reference)
+    right /= np.linalg.norm(right)
+    up = np.cross(right, forward)
+    c, s = np.cos(lens.roll), np.sin(lens.roll)
+    return c * right + s * up, c * up - s * right, forward
+
+
+def _smooth_step(inside: Floats, width: float) -> Floats:
+    """0 outside a field, 1 further than `width` inside it, 3 t² - 2 t³ between."""
+    if width <= 0:
+        return np.asarray((inside >= 0).astype(np.float64))
+    t = np.clip(inside / width, 0, 1)
+    return np.asarray(t * t * (3 - 2 * t))
+
+
+def _falloff(theatre: Theatre, lens: Lens, points: Floats, rows: int, cols: int) -> Floats:
+    x, y, z = np.asarray(lens.position) @ theatre.dome.to_room
+    gain = theatre.dome.lens_gain(rows, cols, (float(x), float(y), float(z)))
+    if lens.kind == "perspective":
+        ray = points - np.asarray(lens.position)
+        ahead = (ray @ lens_frame(lens)[2]) / np.linalg.norm(ray, axis=-1)
+        gain = gain / np.maximum(ahead, 0.05) ** 3
+    return gain

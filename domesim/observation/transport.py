@@ -1,0 +1,456 @@
+"""A theatre's light transport as stored: smooth modes and how they excite each other.
+
+Indirect light on a dome screen is smooth, so a few functions m_i on the screen carry it:
+
+    phi(x)[p] = sum_ij m_i core[p, i, j] (integral of m_j D x[p] dA) / A_s
+
+whatever the room: tabulated by the path tracer, computed by radiosity, or measured. The first mode
+is 1 everywhere; a bare Lambertian cap is core[p, 0, 0] = rho A_s / (4 pi r² - rho A_s) and nothing
+else. Modes are stored as samples on a coarse even grid of the domemaster, and pictures of any size
+meet them through cubic interpolation, which is separable: two thin matrix products whose transposes
+collect light. So a picture of n pixels costs O(n), and its adjoint is exact at any size.
+
+File format (``.npz``, NumPy's zip of arrays, no pickles; version 1): ``format`` (text),
+``dome`` (radius m, half-angle, tilt, height ratio, truncation m or NaN), ``modes`` (rank, node,
+node), ``core`` and ``core_error`` (primary, rank, rank), ``ambient`` (primary, node, node; 1.0 =
+projector white, light that is there without a picture, but for projector black), ``provenance``
+(JSON text) and ``sha256`` (of all the others' bytes in that order).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.dome import Dome
+from domesim.errors import InputError
+from domesim.light import Array, Light, kind, namespace
+from domesim.observation.base import AdjointObservation
+from domesim.observation.basis import disc_quadrature
+from domesim.observation.lowrank import LowRank, LowRankObservation
+
+Floats = NDArray[np.float64]
+
+FORMAT = "domesim transport 1"
+NODES = 97
+"""Nodes a side of the coarse grid; it reaches `MARGIN` intervals beyond the picture."""
+MARGIN = 2
+
+
+@final
+@dataclass(frozen=True)
+class Transport:
+    """The indirect light of one theatre.
+
+    Attributes
+    ----------
+    dome
+        The screen.
+    modes
+        (rank, node, node) functions on `node_places`, the first of them 1.
+    core
+        (primary, rank, rank) dimensionless.
+    core_error
+        (primary, rank, rank) standard errors of `core`.
+    ambient
+        (primary, node, node) light that is there without a picture, 1.0 = projector white.
+    provenance
+        How it came about: scene, method, seed, samples, versions, figures.
+    """
+
+    dome: Dome
+    modes: Floats
+    core: Floats
+    core_error: Floats
+    ambient: Floats
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        rank, nodes = len(self.modes), self.modes.shape[-1]
+        wanted = {
+            "modes": (rank, nodes, nodes),
+            "core": (3, rank, rank),
+            "core_error": (3, rank, rank),
+            "ambient": (3, nodes, nodes),
+        }
+        for name, shape in wanted.items():
+            found = getattr(self, name)
+            if found.shape != shape:
+                raise InputError(f"transport {name} must be {shape}, got {found.shape}")
+            if not np.all(np.isfinite(found)):
+                raise InputError(f"transport {name} has values that are not finite")
+
+    @property
+    def rank(self) -> int:
+        """How many modes there are."""
+        return len(self.modes)
+
+    def mean_gain(self) -> Floats:
+        """(primary,) mean indirect light of a white picture."""
+        means = self._means()
+        return np.asarray(np.einsum("i,pij,j->p", means, self.core, means))
+
+    def relative_error(self) -> float:
+        """Rms standard error of a white picture's indirect light, relative to its mean."""
+        means = self._means()
+        weight = self._gram().diagonal()
+        variance = np.einsum("i,pij,j->p", weight, self.core_error**2, means**2)
+        return float(np.max(np.sqrt(variance) / np.maximum(self.mean_gain(), 1e-30)))
+
+    def reduced(self, tolerance: float = 1e-4, highest: int | None = None) -> Transport:
+        """The fewest modes that carry this transport within a tolerance.
+
+        By the singular values of all primaries' cores together, in the inner product of the
+        screen's area (the best approximation there is of its rank).
+
+        Parameters
+        ----------
+        tolerance
+            Root of the dropped share of the squared singular values.
+        highest
+            Keep at most so many modes.
+        """
+        lower = np.linalg.cholesky(self._gram() + 1e-14 * np.eye(self.rank))
+        normal = lower.T @ self.core @ lower  # in orthonormal modes
+        stacked = np.concatenate([*normal, *normal.transpose(0, 2, 1)], axis=1)
+        vectors, values, _ = np.linalg.svd(stacked, full_matrices=False)
+        left = np.sqrt(np.maximum(np.cumsum(values[::-1] ** 2)[::-1], 0) / np.sum(values**2))
+        keep = max(1, int(np.sum(left > tolerance)))
+        keep = keep if highest is None else min(keep, highest)
+        turned = vectors[:, :keep]
+        modes = np.einsum("ik,ij,jab->kab", turned, np.linalg.inv(lower), self.modes)
+        spread = lower.T  # errors add in squares
+        error = np.einsum(
+            "ak,pab,bl->pkl", (spread.T @ turned) ** 2, self.core_error**2, (spread.T @ turned) ** 2
+        )
+        return replace(
+            self,
+            modes=modes,
+            core=np.asarray(turned.T @ normal @ turned),
+            core_error=np.sqrt(error),
+        )
+
+    def observation(
+        self,
+        rows: int,
+        cols: int,
+        *,
+        lens_gain: Floats | None = None,
+        seen_gain: Floats | None = None,
+        ambient: float = 0.0,
+    ) -> TabulatedDome:
+        """What the audience sees of a domemaster of that size.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of the domemaster.
+        lens_gain
+            (row, col) irradiance that projectors give the screen; 1 everywhere if absent.
+        seen_gain
+            (row, col) direct light as it is seen; `lens_gain` if absent (a Lambertian screen).
+        ambient
+            Luminance of a black picture by the projectors themselves, 1.0 = projector white.
+        """
+        return TabulatedDome(self, rows, cols, lens_gain, seen_gain, ambient)
+
+    def save(self, path: Path) -> None:
+        """Write the file, whole or not at all.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written.
+        """
+        arrays = self._arrays()
+        temporary = path.with_name(f".{path.name}.unfinished.npz")
+        try:
+            np.savez_compressed(temporary, allow_pickle=False, **arrays, sha256=_digest(arrays))
+            temporary.replace(path)
+        except OSError as error:
+            raise InputError(f"{path}: wanted to write it, got '{error.strerror}'") from error
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    def _arrays(self) -> dict[str, Any]:
+        dome = self.dome
+        cut = np.nan if dome.truncated_below is None else dome.truncated_below
+        return {
+            "format": np.array(FORMAT),
+            "dome": np.array([dome.radius, dome.half_angle, dome.tilt, dome.height_ratio, cut]),
+            "modes": self.modes,
+            "core": self.core,
+            "core_error": self.core_error,
+            "ambient": self.ambient,
+            "provenance": np.array(json.dumps(dict(self.provenance), sort_keys=True)),
+        }
+
+    def _gram(self) -> Floats:
+        """(rank, rank) means over the screen of products of modes."""
+        u, v, weight = disc_quadrature(self.dome, 48)
+        sampled = sample_nodes(self.modes, u, v)
+        return np.asarray((sampled * weight) @ sampled.T / weight.sum())
+
+    def _means(self) -> Floats:
+        u, v, weight = disc_quadrature(self.dome, 48)
+        return np.asarray(sample_nodes(self.modes, u, v) @ weight / weight.sum())
+
+
+def load_transport(path: Path) -> Transport:
+    """Read a file that `Transport.save` wrote.
+
+    Raises
+    ------
+    InputError
+        If it is no such file, or damaged.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        digest = str(arrays.pop("sha256"))
+        if str(arrays["format"]) != FORMAT:
+            raise InputError(f"{path}: wanted format {FORMAT!r}, got {arrays['format']!s:.40}")
+        if digest != _digest(arrays):
+            raise InputError(f"{path}: is damaged (its checksum does not fit); tabulate it again")
+        radius, half_angle, tilt, ratio, cut = (float(value) for value in arrays["dome"])
+        dome = Dome(radius, half_angle, tilt, ratio, None if np.isnan(cut) else cut)
+        provenance = json.loads(str(arrays["provenance"]))
+        fields = {name: arrays[name] for name in ("modes", "core", "core_error", "ambient")}
+    except OSError as error:
+        reason = error.strerror or "not a .npz file"
+        raise InputError(f"{path}: wanted a stored transport, got '{reason}'") from error
+    except (KeyError, ValueError, zipfile.BadZipFile, EOFError) as error:
+        raise InputError(
+            f"{path}: wanted a transport stored by 'domesim tabulate', this is none or damaged"
+        ) from error
+    return Transport(dome, **fields, provenance=provenance)
+
+
+def node_places(nodes: int = NODES) -> Floats:
+    """(node,): places of the coarse grid along a side, in the domemaster's -1..1 and beyond."""
+    step = 2 / (nodes - 1 - 2 * MARGIN)
+    return np.asarray((np.arange(nodes) - MARGIN) * step - 1)
+
+
+def interpolation(places: NDArray[np.floating[Any]], nodes: int) -> Floats:
+    """(node, place): cubic (4-point Lagrange) weights of the nodes at places in -1..1."""
+    cell, weights = _lagrange(places, nodes)
+    matrix = np.zeros((nodes, len(places)))
+    for offset, weight in zip((-1, 0, 1, 2), weights, strict=True):
+        matrix[cell + offset, np.arange(len(places))] += weight
+    return matrix
+
+
+def sample_nodes(tables: Floats, u: Floats, v: Floats) -> Floats:
+    """(table, point): functions (table, node, node) at points of the domemaster."""
+    nodes = tables.shape[-1]
+    result = np.zeros((len(tables), len(u)))
+    (down, down_weights), (across, across_weights) = _lagrange(v, nodes), _lagrange(u, nodes)
+    for a in range(4):
+        for b in range(4):
+            values = tables[:, down + a - 1, across + b - 1]
+            result += values * (down_weights[a] * across_weights[b])
+    return result
+
+
+def _lagrange(
+    places: NDArray[np.floating[Any]], nodes: int
+) -> tuple[NDArray[np.int64], tuple[Floats, ...]]:
+    """The second of the four nodes round each place, and the weights of the four."""
+    step = 2 / (nodes - 1 - 2 * MARGIN)
+    position = (places + 1) / step + MARGIN
+    cell = np.clip(np.floor(position), 1, nodes - 3).astype(np.int64)
+    t = position - cell
+    return cell, (
+        -t * (t - 1) * (t - 2) / 6,
+        (t + 1) * (t - 1) * (t - 2) / 2,
+        -(t + 1) * t * (t - 2) / 2,
+        (t + 1) * t * (t - 1) / 6,
+    )
+
+
+@final
+class TabulatedDome(AdjointObservation):
+    """A theatre whose indirect light is stored as a `Transport`; made by it."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        rows: int,
+        cols: int,
+        lens_gain: Floats | None,
+        seen_gain: Floats | None,
+        ambient: float,
+    ) -> None:
+        dome = transport.dome
+        self._screen = dome.inside(rows, cols)
+        gain = np.ones((rows, cols)) if lens_gain is None else lens_gain
+        seen = gain if seen_gain is None else seen_gain
+        if not bool(np.all(seen[self._screen] > 0) and np.all(gain[self._screen] > 0)):
+            raise InputError("lens gain must be above 0 everywhere on the screen")
+        self.transport = transport
+        self._direct_gain = np.where(self._screen, seen, 1.0)
+        areas = dome.screen_areas(rows, cols)
+        self._flux = areas * gain / areas.sum()
+        nodes = transport.modes.shape[-1]
+        places = (np.arange(rows) + 0.5) * (2 / rows) - 1
+        self._weights = interpolation(places, nodes)
+        self._strips = _strips(self._weights)
+        grid = np.einsum("ai,pab,bj->pij", self._weights, transport.ambient, self._weights)
+        self._ambient = (grid + ambient) * self._screen
+        self._kept: dict[tuple[str, ...], _Factors] = {}
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """(1, row, col, primary)."""
+        rows, cols = self._screen.shape
+        return 1, rows, cols, self.transport.core.shape[0]
+
+    @property
+    def screen(self) -> NDArray[np.bool_]:
+        """(row, col) bool: pixels whose centre is on the screen."""
+        return self._screen
+
+    def low_rank(self, tolerance: float = 1e-3, highest: int = 12) -> LowRankDome:
+        """The same with few modes, each an array of the picture's size: what a solver needs."""
+        return LowRankDome(self, self.transport.reduced(tolerance, highest))
+
+    def _observe(self, light: Light) -> Light:
+        return self._linear(light) + self._like(light).ambient
+
+    def _direct(self, light: Light) -> Light:
+        return light * namespace(light).reshape(self._like(light).direct, self.shape)
+
+    def _linear(self, light: Light) -> Light:
+        k = self._like(light)
+        return self._carried(light, k.flux, k.core, k.screen)
+
+    def _adjoint(self, light: Light) -> Light:
+        k = self._like(light)
+        return self._carried(
+            light, k.screen, namespace(light).permute_dims(k.core, (0, 2, 1)), k.flux
+        )
+
+    def _carried(self, light: Light, enter: Array, core: Array, leave: Array) -> Light:
+        """D light + leave modes core modes' (enter light), in strips that fit a cache."""
+        xp, k = namespace(light), self._like(light)
+        rows, cols, primaries = light.shape[1:]
+        nodes = k.weights.shape[0]
+        flat = xp.reshape(light, (rows, cols * primaries))
+        down = xp.zeros((nodes, cols * primaries), dtype=light.dtype, device=light.device)
+        for first, last, low, high in self._strips:
+            strip = flat[first:last, :] * enter[first:last, :]
+            down[low:high, :] += k.weights[low:high, first:last] @ strip
+        down = xp.permute_dims(xp.reshape(down, (nodes, cols, primaries)), (2, 0, 1))
+        across = xp.permute_dims(k.weights, (1, 0))
+        sums = xp.astype(xp.reshape(down @ across, (primaries, nodes * nodes)), xp.float64)
+        excited = (core @ (sums @ xp.permute_dims(k.modes, (1, 0)))[:, :, None])[:, :, 0]
+        grids = xp.reshape(xp.astype(excited @ k.modes, light.dtype), (primaries, nodes, nodes))
+        wide = xp.reshape(xp.permute_dims(grids @ k.weights, (1, 2, 0)), (nodes, cols * primaries))
+        result = xp.empty_like(flat)
+        for first, last, low, high in self._strips:
+            part = xp.permute_dims(k.weights[low:high, first:last], (1, 0)) @ wide[low:high, :]
+            part *= leave[first:last, :]
+            part += flat[first:last, :] * k.direct[first:last, :]
+            result[first:last, :] = part
+        return xp.reshape(result, self.shape)
+
+    def _direct_adjoint(self, light: Light) -> Light:
+        return self._direct(light)
+
+    def _like(self, light: Light) -> _Factors:
+        key = kind(light)
+        if key not in self._kept:
+            xp = namespace(light)
+            t = self.transport
+
+            def convert(array: Any, dtype: Any) -> Array:
+                return xp.asarray(np.ascontiguousarray(array), dtype=dtype, device=light.device)
+
+            def plane(array: Any) -> Array:
+                # Broadcasting along an axis of three is slow: (row, col primary) instead.
+                narrow = np.asarray(array, np.float32 if "32" in key[1] else np.float64)
+                return convert(np.repeat(narrow, self.shape[-1], axis=1), light.dtype)
+
+            self._kept[key] = _Factors(
+                direct=plane(self._direct_gain),
+                flux=plane(self._flux),
+                screen=plane(self._screen),
+                weights=convert(self._weights, light.dtype),
+                ambient=convert(np.moveaxis(self._ambient, 0, -1)[None], light.dtype),
+                modes=convert(t.modes.reshape(t.rank, -1), xp.float64),
+                core=convert(t.core, xp.float64),
+            )
+        return self._kept[key]
+
+
+@final
+@dataclass(frozen=True)
+class _Factors:
+    """What a `TabulatedDome` multiplies by, as arrays of one library."""
+
+    direct: Array
+    flux: Array
+    screen: Array
+    weights: Array
+    ambient: Array
+    modes: Array
+    core: Array
+
+
+@final
+class LowRankDome(LowRankObservation):
+    """A `TabulatedDome` with a few modes; made by its `low_rank`."""
+
+    def __init__(self, dome: TabulatedDome, transport: Transport) -> None:
+        self._screen = dome.screen
+        weights = dome._weights
+        modes = np.einsum("ai,kab,bj->kij", weights, transport.modes, weights, optimize=True)
+        modes *= self._screen
+        self._factors = LowRank(
+            direct_gain=dome._direct_gain,
+            spread=modes,
+            core=transport.core,
+            collect=modes * dome._flux,
+            ambient=dome._ambient,
+        )
+        self._converted: dict[tuple[str, ...], LowRank] = {}
+
+    @property
+    def factors(self) -> LowRank:
+        """The modes, how they excite each other, and the modes times flux."""
+        return self._factors
+
+    @property
+    def screen(self) -> NDArray[np.bool_]:
+        """(row, col) bool: pixels whose centre is on the screen."""
+        return self._screen
+
+    @property
+    def _cache(self) -> dict[tuple[str, ...], Any]:
+        return self._converted
+
+
+def _strips(weights: Floats, height: int = 32) -> list[tuple[int, int, int, int]]:
+    """Strips of picture rows, and the nodes that reach them: (first, last, low, high)."""
+    strips = []
+    for first in range(0, weights.shape[1], height):
+        last = min(first + height, weights.shape[1])
+        reached = np.flatnonzero(weights[:, first:last].any(axis=1))
+        strips.append((first, last, int(reached[0]), int(reached[-1]) + 1))
+    return strips
+
+
+def _digest(arrays: Mapping[str, Any]) -> str:
+    digest = hashlib.sha256()
+    for name in ("format", "dome", "modes", "core", "core_error", "ambient", "provenance"):
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()

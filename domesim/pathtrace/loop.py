@@ -1,0 +1,288 @@
+"""The bounce loop: light that leaves a point of the theatre, by random walks.
+
+Values are radiances in units of what projector white shows on the screen by direct light alone. The
+value of a Lambertian point is its direct value plus its albedo times the mean of the values that it
+sees in cosine-distributed directions, so a walk that multiplies by the albedo at each bounce and
+adds up direct values is unbiased [1, section 14.4]. Directions are chosen by the surface alone
+("BSDF sampling"): the screen surrounds everything, so aiming at lights could gain nothing, and
+analytic intersections make a step cheap. A lane that ends a walk starts the next in the same step,
+which keeps all lanes of a vector busy.
+
+[1] M. Pharr, W. Jakob, G. Humphreys, *Physically Based Rendering*, 3rd ed., Elsevier 2017.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from domesim.errors import InputError
+from domesim.pathtrace.machine import Lanes, Machine, Vector
+from domesim.pathtrace.room import (
+    BACK,
+    BLACK,
+    FLOOR,
+    NOTHING,
+    SCREEN,
+    SHELL,
+    SOLID,
+    WALL,
+    Hit,
+    Room,
+    chosen,
+    dot,
+    scaled,
+)
+
+Colour = tuple[Lanes, Lanes, Lanes]
+"""One number a primary."""
+
+ROULETTE_AFTER = 4
+"""Bounces before a walk may be ended at random (unbiased: survivors count for the others)."""
+
+Start = Callable[[Any], tuple[Hit, Vector]]
+"""randomness -> the first points of walks, and the unit directions from there to the eye."""
+
+
+class Source(ABC):
+    """Light that walks collect."""
+
+    @abstractmethod
+    def value(self, room: Room, hit: Hit, to_eye: Vector, active: Lanes, rng: Any) -> Colour:
+        """Direct value of points in the direction `to_eye` (unit vectors)."""
+
+
+class Scatter(ABC):
+    """How the screen scatters light if it is not Lambertian."""
+
+    @abstractmethod
+    def sample(
+        self, normal: Vector, to_eye: Vector, rng: Any, active: Lanes
+    ) -> tuple[Vector, Lanes]:
+        """A direction to continue in, and the weight of the walk without the albedo."""
+
+
+@final
+@dataclass(frozen=True)
+class Tally:
+    """Sums over walks.
+
+    Attributes
+    ----------
+    total, square
+        (primary) sums and sums of squares of the walks' values, one a lane.
+    bounces
+        (primary) tables of (bounce, lane) sums, flattened, if asked for.
+    steps
+        Segments traced, one a lane.
+    """
+
+    total: Colour
+    square: Colour
+    bounces: Colour | None
+    steps: Lanes
+
+
+def walks(
+    room: Room,
+    start: Start,
+    source: Source,
+    *,
+    count: int,
+    lanes: int,
+    seed: int,
+    bounces: int,
+    first: int,
+    scatter: Scatter | None = None,
+    per_bounce: bool = False,
+) -> Tally:
+    """Follow `count` walks in each lane.
+
+    Parameters
+    ----------
+    room, source, scatter
+        The theatre, the light in it, and its screen (Lambertian if absent).
+    start
+        Where walks begin.
+    count, lanes
+        Walks a lane, and lanes.
+    seed
+        Of the random numbers.
+    bounces
+        Number of bounces after which walks end.
+    first
+        The first bounce that counts: 1 leaves out the direct value of the start.
+    per_bounce
+        Keep sums by bounce as well.
+    """
+    m = room.machine
+    rng = m.randomness(seed, lanes)
+    lane = m.lanes(np.arange(lanes))
+    wanted = m.parameter(count)
+    table = None
+    if per_bounce:
+        table = tuple(m.full(0.0, (bounces + 1) * lanes) for _ in range(3))
+    none = (m.full(0.0, lanes),) * 3
+
+    def begin(rng: Any, active: Lanes) -> tuple[Hit, Vector, Colour]:
+        hit, to_eye = start(rng)
+        alive = active & (hit.surface != NOTHING)
+        value = source.value(room, hit, to_eye, alive, rng) if first == 0 else none
+        if table is not None and first == 0:
+            for column, part in zip(table, value, strict=True):
+                m.add_at(column, lane, part, alive)
+        return hit, to_eye, value
+
+    hit, to_eye, value = begin(rng, lane >= 0)
+    state = {
+        "rng": rng,
+        "surface": hit.surface,
+        "position": hit.position,
+        "normal": hit.normal,
+        "to_eye": to_eye,
+        "weight": (m.full(1.0, lanes),) * 3,
+        "value": value,
+        "total": none,
+        "square": none,
+        "bounce": m.whole(0, lanes),
+        "done": m.whole(0, lanes),
+        "steps": m.whole(0, lanes),
+    }
+
+    def step(state: dict[str, Any]) -> dict[str, Any]:
+        rng, surface = state["rng"], state["surface"]
+        active = state["done"] < wanted
+        here = Hit(surface, state["position"], state["normal"])
+        direction, weight, leaving = scattered(
+            room, here, state["to_eye"], state["weight"], rng, scatter, active
+        )
+        bounce = state["bounce"] + 1
+        found = room.hit(here.position, direction, leaving, active)
+        back = scaled(direction, -1)
+        alive = active & (found.surface != NOTHING) & (surface != NOTHING)
+        light = source.value(room, found, back, alive & (found.surface != BLACK), rng)
+        parts = tuple(w * part for w, part in zip(weight, light, strict=True))
+        value = tuple(
+            v + m.where(alive, part, 0.0) for v, part in zip(state["value"], parts, strict=True)
+        )
+        if table is not None:
+            for column, part in zip(table, parts, strict=True):
+                m.add_at(column, bounce * lanes + lane, part, alive)
+        ends = ~alive | (bounce >= bounces) | (found.surface == BLACK)
+        ends, weight = roulette(m, rng, weight, bounce, ends)
+        over = ends & active
+        fresh, towards, first_value = begin(rng, over)
+        renewed = tuple(m.where(over, 1.0, w) for w in weight)
+        return {
+            "rng": rng,
+            "surface": m.where(over, fresh.surface, found.surface),
+            "position": chosen(m, over, fresh.position, found.position),
+            "normal": chosen(m, over, fresh.normal, found.normal),
+            "to_eye": chosen(m, over, towards, back),
+            "weight": renewed,
+            "value": tuple(m.where(over, f, v) for f, v in zip(first_value, value, strict=True)),
+            "total": tuple(
+                t + m.where(over, v, 0.0) for t, v in zip(state["total"], value, strict=True)
+            ),
+            "square": tuple(
+                q + m.where(over, v * v, 0.0) for q, v in zip(state["square"], value, strict=True)
+            ),
+            "bounce": m.where(over, 0, bounce),
+            "done": state["done"] + m.where(over, 1, 0),
+            "steps": state["steps"] + m.where(active, 1, 0),
+        }
+
+    end = m.loop(state, lambda state: state["done"] < wanted, step)
+    return Tally(end["total"], end["square"], table, end["steps"])
+
+
+def cosine_direction(machine: Machine, normal: Vector, rng: Any) -> Vector:
+    """Directions with the density cos / pi about `normal`: a point of the sphere that touches."""
+    z = 1 - 2 * machine.uniform(rng)
+    ring = machine.sqrt(machine.maximum(1 - z * z, 0.0))
+    azimuth = machine.uniform(rng) * (2 * np.pi)
+    point = (ring * machine.cos(azimuth), ring * machine.sin(azimuth), z)
+    total = (point[0] + normal[0], point[1] + normal[1], point[2] + normal[2])
+    return scaled(total, 1 / machine.sqrt(machine.maximum(dot(total, total), 1e-12)))
+
+
+def bounce_limit(room: Room, tolerance: float) -> int:
+    """Bounces after which less than `tolerance` of the indirect light is left.
+
+    For a bare dome the ratio of successive bounces is rho A_s / (4 pi r²) (design section 3); in a
+    room it is at most the largest albedo.
+    """
+    largest = max(max(albedo) for albedo in room.albedos.values())
+    dome = room.theatre.dome
+    ratio = largest
+    if room.only_screen and dome.height_ratio == 1:
+        ratio = largest * dome.screen_area / (4 * np.pi * dome.radius**2)
+    if ratio >= 1:
+        raise InputError("surfaces of albedo 1 never end a path; lower the albedo below 1")
+    if ratio <= 0:
+        return 1
+    return max(2, int(np.ceil(np.log(tolerance) / np.log(ratio))) + 1)
+
+
+def scattered(
+    room: Room,
+    here: Hit,
+    to_eye: Vector,
+    weight: Colour,
+    rng: Any,
+    scatter: Scatter | None,
+    active: Lanes,
+) -> tuple[Vector, Colour, Lanes]:
+    """Where walks go on from `here`: direction, weight, and the surface that they leave."""
+    m = room.machine
+    direction = cosine_direction(m, here.normal, rng)
+    result, leaving = _albedo_times(room, here.surface, weight), here.surface
+    if scatter is not None:
+        on_screen = here.surface == SCREEN
+        glossy, share = scatter.sample(here.normal, to_eye, rng, active & on_screen)
+        direction = chosen(m, on_screen, glossy, direction)
+        result = scaled(result, m.where(on_screen, share, 1.0))
+    if room.has_cavity:
+        # A hole: straight on, to the other side
+        screen = (here.surface == SCREEN) | (here.surface == BACK)
+        passes = screen & (m.uniform(rng) < room.theatre.perforation)
+        direction = chosen(m, passes, scaled(to_eye, -1), direction)
+        result = chosen(m, passes, weight, result)
+        leaving = m.where(passes, m.where(here.surface == SCREEN, BACK, SCREEN), here.surface)
+    return direction, result, leaving
+
+
+def _albedo_times(room: Room, surface: Lanes, weight: Colour) -> Colour:
+    m, albedos = room.machine, room.albedos
+    result = []
+    for p in range(3):
+        rho: Any = albedos[SCREEN][p]
+        for kind in (FLOOR, WALL, BACK, SHELL):
+            if kind in albedos:
+                rho = m.where(surface == kind, albedos[kind][p], rho)
+        for k, solid in enumerate(room.theatre.solids):
+            rho = m.where(surface == SOLID + k, solid.albedo[p], rho)
+        result.append(weight[p] * rho)
+    return result[0], result[1], result[2]
+
+
+def roulette(
+    m: Machine, rng: Any, weight: Colour, bounce: Lanes, ends: Lanes
+) -> tuple[Lanes, Colour]:
+    """End long walks of little weight at random; those that go on count for them."""
+    largest = m.maximum(m.maximum(weight[0], weight[1]), weight[2])
+    survival = m.where(bounce < ROULETTE_AFTER, 1.0, m.minimum(largest * 4, 0.98))
+    survival = m.maximum(survival, 1e-3)
+    ends = ends | (m.uniform(rng) >= survival)
+    return ends, (weight[0] / survival, weight[1] / survival, weight[2] / survival)
+
+
+def eye_directions(room: Room, position: Vector, eye: tuple[float, float, float]) -> Vector:
+    """Unit vectors from points of the room to an eye (in units of the radius)."""
+    away = tuple(e - p for e, p in zip(eye, position, strict=True))
+    vector = (away[0], away[1], away[2])
+    return scaled(vector, 1 / room.machine.sqrt(room.machine.maximum(dot(vector, vector), 1e-12)))

@@ -1,0 +1,166 @@
+"""The path tracer as an observation: what the audience sees in a theatre, with its uncertainty.
+
+It has no adjoint (it is noisy); `domesim.pathtrace.tabulate` brings it to the solver.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.light import Light, require_light
+from domesim.observation.base import Observation
+from domesim.pathtrace.tracer import CENTRE, Progress, Settings, Traced, Tracer
+from domesim.theatre import Theatre
+
+
+@final
+@dataclass(frozen=True)
+class Observed:
+    """Parts of what is seen, each (1, row, col, primary); 1.0 = projector white.
+
+    Attributes
+    ----------
+    direct
+        Computed, not traced: exact.
+    indirect
+        Light that has bounced, with standard errors.
+    ambient
+        Light that is there without a picture, with standard errors; None if there is none.
+    black
+        Luminance of a black picture by the projectors themselves.
+    """
+
+    direct: Light
+    indirect: Traced
+    ambient: Traced | None
+    black: float
+
+    @property
+    def mean(self) -> Light:
+        """Everything together."""
+        total = self.direct + self.indirect.mean[None]
+        if self.ambient is not None:
+            total = total + self.ambient.mean[None]
+        return total
+
+    @property
+    def standard_error(self) -> Light:
+        """Of `mean`."""
+        square = self.indirect.standard_error[None] ** 2
+        if self.ambient is not None:
+            square = square + self.ambient.standard_error[None] ** 2
+        return np.sqrt(square)
+
+
+@final
+class PathTracedDome(Observation):
+    """What an eye in a theatre sees of a domemaster, by path tracing.
+
+    Direct light is computed analytically (lenses, blending, falloff, shadows, the screen's lobe);
+    indirect light is traced.
+
+    Parameters
+    ----------
+    theatre
+        The theatre.
+    rows, cols
+        Size of the domemaster.
+    settings
+        How accurate, and from which seed.
+    black
+        Luminance of a black picture by the projectors themselves, 1.0 = projector white.
+    eye
+        Where the eye is, m in the room's frame; a Lambertian screen looks the same from everywhere.
+    tracer
+        Of the same theatre, to share.
+    progress
+        Told how long work gets on.
+
+    Raises
+    ------
+    InputError
+        If the picture is not square, or the theatre impossible.
+    """
+
+    def __init__(
+        self,
+        theatre: Theatre,
+        rows: int,
+        cols: int,
+        settings: Settings | None = None,
+        *,
+        black: float = 0.0,
+        eye: tuple[float, float, float] = CENTRE,
+        tracer: Tracer | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        self._screen = theatre.dome.inside(rows, cols)
+        self._settings = Settings() if settings is None else settings
+        self._tracer = Tracer(theatre) if tracer is None else tracer
+        self._eye, self._black, self._progress = eye, black, progress
+        if np.linalg.norm(eye) >= theatre.dome.radius * max(1.0, theatre.dome.height_ratio):
+            raise InputError(f"the eye must be inside the dome, got {eye} m from its centre")
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """(1, row, col, primary)."""
+        rows, cols = self._screen.shape
+        return 1, rows, cols, 3
+
+    @property
+    def screen(self) -> NDArray[np.bool_]:
+        """(row, col) bool: pixels whose centre is on the screen."""
+        return self._screen
+
+    @property
+    def tracer(self) -> Tracer:
+        """What traces."""
+        return self._tracer
+
+    def trace(self, light: Light) -> Observed:
+        """The parts of what is seen of `light` (1, row, col, primary), with standard errors.
+
+        Raises
+        ------
+        ValueError
+            If `light` has not this observation's shape.
+        """
+        require_light(light, self.shape, who=f"{type(self).__name__} observes")
+        rows, cols = self._screen.shape
+        picture = np.where(self._screen[..., None], np.asarray(light)[0], 0)
+        source = self._tracer.picture(picture)
+        indirect = self._tracer.screen(
+            source, rows, cols, self._settings, eye=self._eye, progress=self._progress
+        )
+        return Observed(self._direct(light), indirect, self.ambient, self._black)
+
+    @cached_property
+    def ambient(self) -> Traced | None:
+        """Light of the theatre's lamps, and the projectors' black."""
+        if not self._tracer.theatre.lamps:
+            return None
+        rows, cols = self._screen.shape
+        return self._tracer.screen(
+            self._tracer.lamps(), rows, cols, self._settings, eye=self._eye, direct=True,
+            progress=self._progress,
+        )  # fmt: skip
+
+    def _observe(self, light: Light) -> Light:
+        observed = self.trace(light)
+        black = self._black * self._screen[None, :, :, None]
+        return np.asarray(observed.mean + black, light.dtype)
+
+    def _direct(self, light: Light) -> Light:
+        return np.asarray(light) * self._seen_gain.astype(light.dtype)[None, :, :, None]
+
+    @cached_property
+    def _seen_gain(self) -> NDArray[Any]:
+        rows, cols = self._screen.shape
+        gain = self._tracer.seen_gain(rows, cols, self._eye)
+        return np.where(self._screen, gain, 1.0)

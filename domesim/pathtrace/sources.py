@@ -1,0 +1,273 @@
+"""The light that walks collect, from the picture and from lamps; and the screen's gain lobe."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.pathtrace.loop import Colour, Scatter, Source
+from domesim.pathtrace.machine import DrJit, Lanes, Machine, Vector
+from domesim.pathtrace.room import NOTHING, SCREEN, SHELL, Hit, Room, along, dot, scaled
+from domesim.theatre import Lobe
+
+
+@final
+class Throw:
+    """How the projectors' light gets from the screen to the eye: directly, and through holes.
+
+    Parameters
+    ----------
+    room
+        The theatre.
+    gains
+        (lens, row, col) what each lens gives the screen, of a square domemaster.
+    lobe
+        The screen's lobe, or None.
+    """
+
+    def __init__(self, room: Room, gains: NDArray[Any], lobe: GainLobe | None) -> None:
+        m, theatre = room.machine, room.theatre
+        positions = [lens.position for lens in theatre.lenses] or [(0.0, 0.0, 0.0)]
+        self._lenses = [
+            (p[0] / theatre.dome.radius, p[1] / theatre.dome.radius, p[2] / theatre.dome.radius)
+            for p in positions
+        ]
+        self._lobe = lobe
+        self._size = gains.shape[-1]
+        total = gains.sum(0)
+        shares = np.divide(gains, total, out=np.zeros_like(gains), where=total > 0)
+        self._shares: list[Lanes] = []
+        if lobe is not None or room.has_cavity:
+            self._shares = [m.lanes(share.ravel()) for share in shares]
+        self._through = (1.0, 1.0, 1.0)
+        if room.has_cavity and theatre.cavity is not None:
+            if min(theatre.screen_albedo) <= 0:
+                raise InputError(
+                    "a perforated screen with a cavity needs an albedo above 0 (its white is the "
+                    "unit of all light)"
+                )
+            x, y, z = (
+                theatre.perforation * shell / screen
+                for shell, screen in zip(theatre.cavity.albedo, theatre.screen_albedo, strict=True)
+            )
+            self._through = (x, y, z)
+
+    def arrivals(
+        self, room: Room, hit: Hit, to_eye: Vector, active: Lanes
+    ) -> Iterator[tuple[Vector, Lanes, Colour]]:
+        """Where on the screen the light passed that shows at `hit`, in which lanes, by how much."""
+        m = room.machine
+        on_screen = active & (hit.surface == SCREEN)
+        gain: Any = hit.position[0] * 0 + 1
+        if self._lobe is not None:
+            pixel = pixel_of(room, hit.position, self._size)
+            gain = gain - 1
+            for lens, share in zip(self._lenses, self._shares, strict=True):
+                to_lens = _towards(m, hit.position, lens)
+                pattern = self._lobe.gain(hit.normal, to_eye, to_lens, on_screen)
+                gain = gain + m.gather(share, pixel, on_screen) * pattern
+        yield hit.position, on_screen, (gain, gain, gain)
+        if room.has_cavity:
+            for lens, share in zip(self._lenses, self._shares, strict=True):
+                yield self._on_shell(room, hit, lens, share, active & (hit.surface == SHELL))
+
+    def _on_shell(
+        self, room: Room, hit: Hit, lens: tuple[float, float, float], share: Lanes, active: Lanes
+    ) -> tuple[Vector, Lanes, Colour]:
+        """Light that has come from a lens through a hole: with the square of the distance."""
+        m = room.machine
+        away = (hit.position[0] - lens[0], hit.position[1] - lens[1], hit.position[2] - lens[2])
+        distance = m.sqrt(m.maximum(dot(away, away), 1e-12))
+        direction = scaled(away, 1 / distance)
+        origin = (away[0] * 0 + lens[0], away[0] * 0 + lens[1], away[0] * 0 + lens[2])
+        hole = room.screen_along(origin, direction, m.where(active, NOTHING, NOTHING))
+        passed = active & (hole.surface == SCREEN)
+        gap = tuple(p - o for p, o in zip(hole.position, origin, strict=True))
+        near = dot((gap[0], gap[1], gap[2]), (gap[0], gap[1], gap[2]))
+        arriving = m.maximum(-dot(hit.normal, direction), 0.0)
+        leaving = m.maximum(-dot(hole.normal, direction), 1e-3)
+        spread = near / (distance * distance) * arriving / leaving
+        spread = spread * m.gather(share, pixel_of(room, hole.position, self._size), passed)
+        x, y, z = (spread * through for through in self._through)
+        return hole.position, passed, (x, y, z)
+
+
+@final
+class Picture(Source):
+    """A domemaster on the screen.
+
+    Parameters
+    ----------
+    room, gains, lobe
+        As of `Throw`.
+    values
+        (row, col, primary) light that projectors put on the screen: picture times total gain.
+    """
+
+    def __init__(
+        self, room: Room, values: NDArray[Any], gains: NDArray[Any], lobe: GainLobe | None
+    ) -> None:
+        self._size = values.shape[0]
+        self._table = room.machine.colours(values.reshape(-1, 3))
+        self._throw = Throw(room, gains, lobe)
+
+    def value(self, room: Room, hit: Hit, to_eye: Vector, active: Lanes, rng: Any) -> Colour:
+        """Direct value of points in the direction `to_eye`."""
+        sums: list[Any] = [0.0, 0.0, 0.0]
+        for position, arrived, factor in self._throw.arrivals(room, hit, to_eye, active):
+            pixel = pixel_of(room, position, self._size)
+            colour = room.machine.colour_at(self._table, pixel, arrived)
+            for p in range(3):
+                sums[p] = sums[p] + colour[p] * factor[p]
+        return sums[0], sums[1], sums[2]
+
+
+@final
+class Lamps(Source):
+    """The lamps of the theatre: a point of each is looked for from everywhere.
+
+    Parameters
+    ----------
+    room
+        The theatre.
+    lobe
+        The screen's lobe, or None.
+    """
+
+    def __init__(self, room: Room, lobe: GainLobe | None) -> None:
+        unit = room.theatre.dome.radius
+        self._lobe = lobe
+        self._lamps = []
+        for lamp in room.theatre.lamps:
+            across, up = np.asarray(lamp.across) / unit, np.asarray(lamp.up) / unit
+            normal = np.cross(across, up)
+            area = 4 * float(np.linalg.norm(normal))
+            if area <= 0:
+                raise InputError(f"lamp {lamp.name!r} has no area; give it a size above 0")
+            normal = normal / np.linalg.norm(normal)
+            self._lamps.append(
+                (np.asarray(lamp.centre) / unit, across, up, normal, area, lamp.luminance)
+            )
+
+    def value(self, room: Room, hit: Hit, to_eye: Vector, active: Lanes, rng: Any) -> Colour:
+        """Direct value of points in the direction `to_eye`."""
+        m, albedos = room.machine, room.albedos
+        sums: list[Any] = [hit.position[0] * 0] * 3
+        for centre, across, up, normal, area, luminance in self._lamps:
+            s, t = 2 * m.uniform(rng) - 1, 2 * m.uniform(rng) - 1
+            x, y, z = (float(c) + s * float(a) + t * float(b)
+                       for c, a, b in zip(centre, across, up, strict=True))  # fmt: skip
+            to_lamp = (x - hit.position[0], y - hit.position[1], z - hit.position[2])
+            square = m.maximum(dot(to_lamp, to_lamp), 1e-8)
+            to_lamp = scaled(to_lamp, 1 / m.sqrt(square))
+            emitted = m.maximum(
+                -(to_lamp[0] * float(normal[0]) + to_lamp[1] * float(normal[1])
+                  + to_lamp[2] * float(normal[2])), 0.0
+            )  # fmt: skip
+            arriving = m.maximum(dot(to_lamp, hit.normal), 0.0)
+            lit = active & (emitted > 0) & (arriving > 0)
+            start = along(hit.position, hit.normal, 1e-5)
+            shadow = room.shadowed(start, (x, y, z), hit.surface, lit)
+            light = m.where(lit & ~shadow, emitted * arriving * area / (np.pi * square), 0.0)
+            if self._lobe is not None:
+                pattern = self._lobe.gain(hit.normal, to_eye, to_lamp, lit)
+                light = light * m.where(hit.surface == SCREEN, pattern, 1.0)
+            for p in range(3):
+                rho: Any = 0.0
+                for surface, albedo in albedos.items():
+                    rho = m.where(hit.surface == surface, albedo[p], rho)
+                sums[p] = sums[p] + light * rho * luminance[p]
+        return sums[0], sums[1], sums[2]
+
+
+@final
+class GainLobe(Scatter):
+    """A blend of Lambertian and GGX reflection: Mitsuba's own BSDFs.
+
+    Parameters
+    ----------
+    machine
+        Dr.Jit: NumPy has no Mitsuba BSDFs.
+    lobe
+        Share and roughness.
+
+    Raises
+    ------
+    InputError
+        If the machine is NumPy.
+    """
+
+    def __init__(self, machine: Machine, lobe: Lobe) -> None:
+        if not isinstance(machine, DrJit):
+            raise InputError(
+                "a screen with a gain lobe needs Mitsuba with LLVM or CUDA; "
+                "pip install karellen-llvm-core or set DRJIT_LIBLLVM_PATH"
+            )
+        self._mi, self._dr = machine.mi, machine.dr
+        self._bsdf = machine.mi.load_dict(lobe_bsdf(lobe))
+
+    def sample(
+        self, normal: Vector, to_eye: Vector, rng: Any, active: Lanes
+    ) -> tuple[Vector, Lanes]:
+        """A direction to continue in, and the weight of the walk without the albedo."""
+        mi = self._mi
+        si = self._interaction(normal, to_eye)
+        choice, first, second = rng.next_float32(), rng.next_float32(), rng.next_float32()
+        sample, weight = self._bsdf.sample(
+            mi.BSDFContext(), si, choice, mi.Point2f(first, second), active
+        )
+        out = si.to_world(sample.wo)
+        return (out.x, out.y, out.z), self._dr.select(active, weight.x, 0)
+
+    def gain(self, normal: Vector, to_eye: Vector, to_light: Vector, active: Lanes) -> Lanes:
+        """Brightness towards the eye of light from a direction, over a Lambertian screen's."""
+        mi, dr = self._mi, self._dr
+        si = self._interaction(normal, to_eye)
+        wo = si.to_local(mi.Vector3f(*to_light))
+        value = self._bsdf.eval(mi.BSDFContext(), si, wo, active).x
+        return dr.select(active & (wo.z > 0), value * dr.pi / dr.maximum(wo.z, 1e-4), 0)
+
+    def _interaction(self, normal: Vector, to_eye: Vector) -> Any:
+        mi = self._mi
+        si = self._dr.zeros(mi.SurfaceInteraction3f)
+        si.n = mi.Normal3f(*normal)
+        si.sh_frame = mi.Frame3f(si.n)
+        si.wi = si.to_local(mi.Vector3f(*to_eye))
+        si.t = 1.0
+        return si
+
+
+def lobe_bsdf(lobe: Lobe, albedo: Sequence[float] = (1.0, 1.0, 1.0)) -> dict[str, Any]:
+    """Mitsuba's description of a screen with a lobe: microfacets that lose nothing by colour."""
+    return {
+        "type": "blendbsdf",
+        "weight": lobe.share,
+        "lambertian": {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(albedo)}},
+        "lobe": {
+            "type": "roughconductor",
+            "material": "none",
+            "distribution": "ggx",
+            "alpha": lobe.roughness,
+            "specular_reflectance": {"type": "rgb", "value": list(albedo)},
+        },
+    }
+
+
+def pixel_of(room: Room, position: Vector, size: int) -> Lanes:
+    """Index (row-major) of the domemaster pixel that a point of the room lies behind."""
+    m = room.machine
+    u, v = room.disc(position)
+
+    def number(place: Lanes) -> Lanes:
+        return m.index(m.maximum(m.minimum((place + 1) * (size / 2), size - 0.5), 0.0))
+
+    return number(v) * size + number(u)
+
+
+def _towards(m: Machine, position: Vector, place: tuple[float, float, float]) -> Vector:
+    away = (place[0] - position[0], place[1] - position[1], place[2] - position[2])
+    return scaled(away, 1 / m.sqrt(m.maximum(dot(away, away), 1e-12)))

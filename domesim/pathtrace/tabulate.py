@@ -1,0 +1,366 @@
+"""Any theatre's indirect light as a small operator, by walks that know the closed form already.
+
+Light from pattern B_j on the screen, seen as pattern B_i, is
+
+    core[i, j] = mean over the screen of B_i(x) phi_{B_j}(x)
+
+A walk from a random x that meets the screen at y_1, y_2, ... with weights w_k estimates all j at
+once: phi_{B_j}(x) ~ sum_k w_k B_j(y_k). A bare Lambertian cap has a closed form, so a walk there
+has a **twin** in the same cap without the room; what they share is left out, and the closed form
+added afterwards (a control variate of exactly known mean):
+
+* until the walk meets something else, both add the same: nothing is counted;
+* where it does, the twin goes on along the same ray to the sphere beyond. If that is screen, the
+  twin's light there, w B_j(z), and the mean of all its further walk, w kappa delta_j0 with
+  kappa = rho A_s / (4 pi r² - rho A_s), are taken off;
+* after that the walk counts fully.
+
+So only what the room changes is noisy. Theatres that are no Lambertian spheres have no such twin,
+and every bounce counts. Where all is Lambertian, transport is reciprocal: core is made symmetric.
+
+The smooth patterns cannot follow a floor that touches the screen. There the transport of dome,
+floor and wall comes from explicit nodes (`domesim.observation.radiosity`), and walks give only what
+that leaves out, as the difference of two theatres walked with the same random numbers.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, map_coordinates
+
+from domesim.errors import InputError
+from domesim.observation.basis import ScreenBasis, disc_quadrature
+from domesim.observation.spherical import closed_form_gain
+from domesim.observation.transport import MARGIN, NODES, Transport, node_places
+from domesim.pathtrace.loop import Colour, bounce_limit, eye_directions, roulette, scattered
+from domesim.pathtrace.machine import Lanes, Machine
+from domesim.pathtrace.room import BLACK, NOTHING, SCREEN, Hit, chosen, scaled
+from domesim.pathtrace.tracer import (
+    CENTRE,
+    Progress,
+    Settings,
+    Status,
+    Tracer,
+    interruptible,
+    launch_seed,
+    over,
+)
+from domesim.theatre import Theatre
+
+Floats = NDArray[np.float64]
+
+LANES = 1 << 18
+BATCHES = 24
+"""Fewest batches: their spread is the uncertainty."""
+
+
+@final
+@dataclass(frozen=True)
+class Tabulation:
+    """What `tabulate` found.
+
+    Attributes
+    ----------
+    transport
+        The operator.
+    status
+        How it ended.
+    walks
+        How many walks were taken.
+    seconds
+        CPU time of the process, s.
+    """
+
+    transport: Transport
+    status: Status
+    walks: int
+    seconds: float
+
+
+def tabulate(
+    theatre: Theatre,
+    *,
+    error: float = 5e-4,
+    most: float = 1e9,
+    degree: int = 6,
+    seed: int = 0,
+    eye: tuple[float, float, float] = CENTRE,
+    tracer: Tracer | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Tabulation:
+    """Measure a theatre's transport operator by path tracing.
+
+    Parameters
+    ----------
+    theatre
+        The theatre.
+    error
+        Rms standard error of a white picture's indirect light to reach, relative to its mean.
+    most
+        Most walks.
+    degree
+        Of the patterns' polynomials.
+    seed
+        Of the random numbers.
+    eye
+        Where the screen is seen from, m; matters for a screen with a lobe.
+    tracer
+        Of the same theatre, to share.
+    provenance
+        To be stored with the operator.
+    progress
+        Told how it gets on.
+
+    Raises
+    ------
+    InputError
+        If the theatre or a setting is impossible.
+    """
+    if not error > 0:
+        raise InputError(f"wanted error must be above 0, got {error:g}")
+    started = time.process_time()
+    tracer = Tracer(theatre) if tracer is None else tracer
+    basis = ScreenBasis(theatre.dome, degree)
+    walker = _Walker(tracer, basis, eye)
+    modes = basis.at(*np.meshgrid(node_places(NODES), node_places(NODES)))
+    dark = np.zeros((3, NODES, NODES))
+    known = _closed_core(theatre, len(basis)) if walker.twinned else 0.0
+    batches: list[Floats] = []
+    status = Status.EXHAUSTED
+    transport = None
+    with interruptible() as interrupted:
+        while len(batches) * walker.walks < most:
+            batches.append(walker.batch(launch_seed(seed, len(batches))))
+            if len(batches) < BATCHES and not interrupted():
+                continue
+            transport = _transport(theatre, modes, known, np.array(batches), dark)
+            reached = transport.relative_error()
+            if progress is not None:
+                taken = f"error {reached:.1e}, {len(batches) * walker.walks:.2g} walks"
+                progress(min(1.0, (error / reached) ** 2 if reached > 0 else 1.0), taken)
+            if reached <= error and len(batches) >= BATCHES:
+                status = Status.CONVERGED
+                break
+            if interrupted():
+                status = Status.INTERRUPTED
+                break
+    if transport is None:
+        transport = _transport(theatre, modes, known, np.array(batches), dark)
+    if theatre.lamps:
+        transport = replace(transport, ambient=_lamp_light(tracer, eye, seed, error))
+    figures = {
+        "method": "walks with the closed form as control variate" if walker.twinned else "walks",
+        "degree": degree,
+        "seed": seed,
+        "walks": len(batches) * walker.walks,
+        "relative_error": transport.relative_error(),
+        "status": status.name,
+        "machine": tracer.machine.name,
+        "domesim": version("domesim"),
+        "mitsuba": version("mitsuba"),
+        **(provenance or {}),
+    }
+    transport = replace(transport, provenance=figures)
+    spent = time.process_time() - started
+    return Tabulation(transport, status, len(batches) * walker.walks, spent)
+
+
+@final
+class _Walker:
+    """Batches of walks from all over the screen."""
+
+    count = 16
+    """Walks from each point."""
+
+    def __init__(self, tracer: Tracer, basis: ScreenBasis, eye: tuple[float, float, float]) -> None:
+        theatre = tracer.theatre
+        self._tracer, self._basis = tracer, basis
+        self._eye = over(eye, theatre.dome.radius)
+        self._limit = bounce_limit(tracer.room, 1e-6)
+        self._grey = all(len(set(albedo)) == 1 for albedo in tracer.room.albedos.values())
+        self._lanes = LANES // self.count
+        self.walks = self._lanes * self.count
+        self.twinned = theatre.lambertian and theatre.dome.height_ratio == 1
+        # Light goes both ways alike, but through a hole it is seen in one direction.
+        self._reciprocal = theatre.lambertian and not tracer.room.has_cavity
+        self._throw = tracer.throw(256)
+        u, v, weight = disc_quadrature(theatre.dome, 48)
+        self._means = (basis.at_products(u, v) @ weight) / weight.sum()
+
+    def batch(self, seed: int) -> Floats:
+        """(primary, i, j): one estimate of the core's correction."""
+        basis = self._basis
+        u, v, weight = self._points(np.random.default_rng(seed))
+        sums = self._sums(u, v, seed)
+        left = basis.at_products(u, v) * (weight / len(u) / self.count)
+        raw = np.stack([left @ channel.T for channel in sums])
+        core = basis.mixing @ raw @ basis.mixing.T
+        if self._reciprocal:
+            core = (core + core.transpose(0, 2, 1)) / 2
+        return np.broadcast_to(core, (3, len(basis), len(basis)))
+
+    def _points(self, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
+        """Points of the disc, evenly spread over the cap's directions, and weights by area."""
+        dome = self._tracer.theatre.dome
+        # The R2 sequence [Roberts 2018], shifted at random: even, and unbiased
+        golden = 1.32471795724474602596
+        index = np.arange(self._lanes)
+        shift = rng.random(2)
+        first = (shift[0] + index / golden) % 1
+        second = (shift[1] + index / golden**2) % 1
+        theta = np.arccos(1 - first * (1 - np.cos(dome.half_angle)))
+        start, extent = dome.kept_azimuth(theta)
+        azimuth = start + extent * second
+        cap = 2 * np.pi * (1 - np.cos(dome.half_angle))
+        weight = dome.area_density(theta) * extent / (2 * np.pi) * cap / dome.screen_area
+        radius = theta / dome.half_angle
+        return radius * np.cos(azimuth), radius * np.sin(azimuth), weight
+
+    def _sums(self, u: Floats, v: Floats, seed: int) -> list[Floats]:
+        """For each primary (one if all is grey) (product, point): sums over the walks."""
+        tracer = self._tracer
+        room, m = tracer.room, tracer.machine
+        position, normal = room.screen_at(m.lanes(u), m.lanes(v))
+        lanes = len(u)
+        rng = m.randomness(seed, lanes)
+        zero, one = m.full(0.0, lanes), m.full(1.0, lanes)
+        screen = m.whole(SCREEN, lanes)
+        to_eye = eye_directions(room, position, self._eye)
+        wanted = m.parameter(self.count)
+        channels = 1 if self._grey else 3
+        kappa = self._kappa() if self.twinned else (0.0,) * 3
+        state = {
+            "rng": rng,
+            "surface": screen,
+            "position": position,
+            "normal": normal,
+            "to_eye": to_eye,
+            "weight": (one, one, one),
+            "shared": m.whole(1 if self.twinned else 0, lanes),
+            "sums": [[zero for _ in self._basis.products] for _ in range(channels)],
+            "bounce": m.whole(0, lanes),
+            "done": m.whole(0, lanes),
+        }
+
+        def step(state: dict[str, Any]) -> dict[str, Any]:
+            rng, surface, weight = state["rng"], state["surface"], state["weight"]
+            here = Hit(surface, state["position"], state["normal"])
+            active = state["done"] < wanted
+            direction, weight, leaving = scattered(
+                room, here, state["to_eye"], weight, rng, tracer.lobe, active
+            )
+            found = room.hit(here.position, direction, leaving, active)
+            shared = (state["shared"] == 1) & (leaving == surface)
+            alive = active & (found.surface != NOTHING)
+            parts = shared & (found.surface != SCREEN) & active
+            counts = alive & ~shared & (found.surface != BLACK)
+            sums = state["sums"]
+            back = scaled(direction, -1)
+            for where, arrived, factor in self._throw.arrivals(room, found, back, counts):
+                sums = self._added(m, sums, room.disc(where), arrived, weight, factor)
+            if self.twinned:
+                beyond = room.screen_along(here.position, direction, leaving)
+                lost = parts & (beyond.surface == SCREEN)
+                less = (zero - 1, zero - 1, zero - 1)
+                sums = self._added(m, sums, room.disc(beyond.position), lost, weight, less, kappa)
+            bounce = state["bounce"] + 1
+            ends = ~alive | (bounce >= self._limit) | (found.surface == BLACK)
+            ends, weight = roulette(m, rng, weight, bounce, ends)
+            over = ends & active
+            return {
+                "rng": rng,
+                "surface": m.where(over, screen, found.surface),
+                "position": chosen(m, over, position, found.position),
+                "normal": chosen(m, over, normal, found.normal),
+                "to_eye": chosen(m, over, to_eye, back),
+                "weight": chosen(m, over, (one, one, one), weight),
+                "shared": m.where(
+                    over,
+                    1 if self.twinned else 0,
+                    m.where(shared & (found.surface == SCREEN), 1, 0),
+                ),
+                "sums": sums,
+                "bounce": m.where(over, 0, bounce),
+                "done": state["done"] + m.where(over, 1, 0),
+            }
+
+        end = m.loop(state, lambda state: state["done"] < wanted, step)
+        return [np.stack([m.array(total) for total in sums]) for sums in end["sums"]]
+
+    def _added(
+        self,
+        m: Machine,
+        sums: list[list[Lanes]],
+        place: tuple[Lanes, Lanes],
+        active: Lanes,
+        weight: Colour,
+        factor: Colour,
+        kappa: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> list[list[Lanes]]:
+        """Sums with weight times factor times each product at `place` (and kappa its mean)."""
+        # Where there is no hit, the place is no number.
+        u, v = (m.where(active, part, 0.0) for part in place)
+        along, down = _chebyshev(u, self._basis.degree), _chebyshev(v, self._basis.degree)
+        result = []
+        for p, channel in enumerate(sums):
+            scale = m.where(active, weight[p] * factor[p], 0.0)
+            result.append(
+                [
+                    total + scale * (along[i] * down[j] + kappa[p] * float(mean))
+                    for total, (i, j), mean in zip(
+                        channel, self._basis.products, self._means, strict=True
+                    )
+                ]
+            )
+        return result
+
+    def _kappa(self) -> tuple[float, float, float]:
+        x, y, z = _closed_core(self._tracer.theatre, 1)[:, 0, 0]
+        return float(x), float(y), float(z)
+
+
+def _chebyshev(place: Lanes, degree: int) -> list[Any]:
+    """T_0 .. T_degree by their recurrence."""
+    values: list[Any] = [place * 0 + 1, place]
+    while len(values) <= degree:
+        values.append(2 * place * values[-1] - values[-2])
+    return values
+
+
+def _closed_core(theatre: Theatre, rank: int) -> Floats:
+    """(primary, rank, rank): the closed form of the bare cap."""
+    dome = theatre.dome
+    core = np.zeros((3, rank, rank))
+    for p, rho in enumerate(theatre.screen_albedo):
+        core[p, 0, 0] = closed_form_gain(rho, dome.radius, dome.screen_area) * dome.screen_area
+    return core
+
+
+def _transport(
+    theatre: Theatre, modes: Floats, known: Floats | float, batches: Floats, ambient: Floats
+) -> Transport:
+    error = batches.std(axis=0, ddof=1) / np.sqrt(len(batches)) if len(batches) > 1 else batches[0]
+    return Transport(theatre.dome, modes, batches.mean(axis=0) + known, np.abs(error), ambient)
+
+
+def _lamp_light(tracer: Tracer, eye: tuple[float, float, float], seed: int, error: float) -> Floats:
+    """(primary, node, node): light of the lamps, direct and reflected, on the coarse grid."""
+    size = 2 * (NODES - 1 - 2 * MARGIN)
+    settings = Settings(error=max(0.01, error), seed=seed, most=1 << 14)
+    traced = tracer.screen(tracer.lamps(), size, size, settings, eye=eye, direct=True)
+    inside = tracer.theatre.dome.inside(size, size)
+    nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
+    whole = traced.mean[nearest[0], nearest[1]].astype(np.float64)
+    place = (node_places(NODES) + 1) * (size / 2) - 0.5
+    grid = np.meshgrid(place, place, indexing="ij")
+    return np.stack(
+        [map_coordinates(whole[..., p], grid, order=1, mode="nearest") for p in range(3)]
+    )

@@ -1,0 +1,529 @@
+"""Pictures of indirect light, converging to the accuracy that was asked for.
+
+`Tracer` sends walks from every pixel of a domemaster, or of a view from a seat, pass after pass and
+tile after tile, so that memory is bounded by the tile. The standard error of every pixel is known
+from the walks themselves; passes go on until the whole picture's is as small as wanted, the samples
+run out, or someone presses Ctrl-C, and what there is then is returned.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum
+from types import FrameType
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.lenses import lens_gains
+from domesim.pathtrace.llvm import backend, load_mitsuba
+from domesim.pathtrace.loop import Source, Start, Tally, bounce_limit, eye_directions, walks
+from domesim.pathtrace.machine import DrJit, Lanes, Machine, NumPy, Vector
+from domesim.pathtrace.room import NOTHING, SCREEN, Hit, Room, scaled
+from domesim.pathtrace.sources import GainLobe, Lamps, Picture, Throw
+from domesim.theatre import Theatre, Viewpoint
+
+Image = NDArray[np.float32]
+
+CENTRE = (0.0, 0.0, 0.0)
+WALKS_A_LAUNCH = 1 << 24
+"""Walks that are computed before anyone may interrupt: about a second."""
+
+Progress = Callable[[float, str], None]
+"""Called with the share that is done (0..1) and a line for a person."""
+
+
+class Status(Enum):
+    """How a computation ended; the value says what to do about it."""
+
+    CONVERGED = "The requested standard error was reached."
+    EXHAUSTED = "The most samples allowed were taken. Allow more, or a larger error."
+    INTERRUPTED = "Interrupted: this is what there was. Run it again for more."
+
+
+@final
+@dataclass(frozen=True)
+class Settings:
+    """How accurate, and how reproducible.
+
+    Parameters
+    ----------
+    error
+        Standard error to reach: rms over the picture's pixels, relative to the mean indirect light.
+    least, most
+        Fewest and most walks a pixel.
+    tolerance
+        Share of the indirect light that may be lost after the last bounce.
+    seed
+        Of the random numbers.
+    tile
+        Most pixels at a time: bounds the memory.
+    per_bounce
+        Keep pictures of each bounce.
+    bounces
+        Follow just so many bounces instead of what `tolerance` asks for.
+    """
+
+    error: float = 0.05
+    least: int = 32
+    most: int = 1 << 16
+    tolerance: float = 1e-5
+    seed: int = 0
+    tile: int = 1 << 20
+    per_bounce: bool = False
+    bounces: int | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.error) and self.error > 0):
+            raise InputError(f"standard error must be above 0, got {self.error:g}")
+        if not 1 <= self.least <= self.most:
+            raise InputError(
+                f"samples must be at least 1 and at most {self.most}, got {self.least}"
+            )
+        if not 0 < self.tolerance < 1:
+            raise InputError(f"bounce tolerance must lie in 0..1, got {self.tolerance:g}")
+
+
+@final
+@dataclass(frozen=True)
+class Traced:
+    """A picture of path-traced light, 1.0 = projector white's direct light.
+
+    Attributes
+    ----------
+    mean
+        (row, col, primary) the estimate.
+    standard_error
+        (row, col, primary) of each pixel's mean.
+    bounces
+        (bounce, row, col, primary) its parts if asked for; bounce 0 is direct.
+    samples, seed, limit
+        Walks a pixel, seed, and bounces after which walks ended.
+    steps
+        Segments that were traced.
+    status
+        How it ended.
+    seconds
+        CPU time of the process, s.
+    """
+
+    mean: Image
+    standard_error: Image
+    bounces: Image | None
+    samples: int
+    seed: int
+    limit: int
+    steps: int
+    status: Status
+    seconds: float
+
+    def pooled_error(self, weights: NDArray[Any]) -> tuple[float, float]:
+        """Mean over the picture and primaries with (row, col) weights, and its standard error."""
+        share = weights / weights.sum()
+        mean = float(np.einsum("ij,ijp->", share, self.mean.astype(np.float64)) / 3)
+        # A walk carries all primaries at once: their errors are one.
+        error = np.max(self.standard_error.astype(np.float64), axis=-1)
+        return mean, float(np.sqrt(np.sum((share * error) ** 2)))
+
+
+@final
+class Tracer:
+    """A theatre to trace paths in.
+
+    Parameters
+    ----------
+    theatre
+        The theatre.
+    machine
+        What to compute with; the best that this computer has by default.
+    """
+
+    def __init__(self, theatre: Theatre, machine: Machine | None = None) -> None:
+        self.theatre = theatre
+        self.machine = best_machine() if machine is None else machine
+        self.room = Room(theatre, self.machine)
+        self.lobe = None
+        if theatre.lobe is not None and theatre.lobe.share > 0:
+            self.lobe = GainLobe(self.machine, theatre.lobe)
+
+    def gains(self, rows: int, cols: int) -> NDArray[np.float64]:
+        """(lens, row, col): what each projector gives the screen, with the room's shadows."""
+        gains = lens_gains(self.theatre, rows, cols)
+        if self.room.shadows:
+            lit = np.stack([self._lit(position, rows, cols) for position in self._lens_places()])
+            gains = gains * lit
+        return gains
+
+    def seen_gain(self, rows: int, cols: int, eye: tuple[float, float, float]) -> NDArray[Any]:
+        """(row, col): direct light as the eye sees it: `gains`, by a screen with a lobe."""
+        gains = self.gains(rows, cols)
+        if self.lobe is None:
+            return np.asarray(gains.sum(0))
+        dome = self.theatre.dome
+        directions = dome.directions(rows, cols)
+        position = directions * (dome.distance(directions) / dome.radius)[..., None]
+        position = (position @ dome.to_room.T).reshape(-1, 3)
+        normal = -(dome.normals(directions) @ dome.to_room.T).reshape(-1, 3)
+        seen = np.zeros(rows * cols)
+        for gain, place in zip(gains, self._lens_places(), strict=True):
+            for first in range(0, rows * cols, WALKS_A_LAUNCH):
+                part = slice(first, first + WALKS_A_LAUNCH)
+                p, n = self._vector(position[part]), self._vector(normal[part])
+                to_eye, to_lens = (
+                    eye_directions(self.room, p, over(where, dome.radius)) for where in (eye, place)
+                )
+                pattern = self.lobe.gain(n, to_eye, to_lens, p[0] < 2)
+                seen[part] += gain.ravel()[part] * self.machine.array(pattern)
+        return seen.reshape(rows, cols)
+
+    def picture(self, light: NDArray[Any]) -> Picture:
+        """The light of a domemaster (row, col, primary) as a source."""
+        gains = self.gains(*light.shape[:2])
+        return Picture(self.room, light * gains.sum(0)[..., None], gains, self.lobe)
+
+    def throw(self, size: int) -> Throw:
+        """How the projectors' light gets to the eye, from a domemaster of that size."""
+        return Throw(self.room, self.gains(size, size), self.lobe)
+
+    def lamps(self) -> Lamps:
+        """The theatre's lamps as a source."""
+        return Lamps(self.room, self.lobe)
+
+    def screen(
+        self,
+        source: Source,
+        rows: int,
+        cols: int,
+        settings: Settings,
+        *,
+        eye: tuple[float, float, float] = CENTRE,
+        direct: bool = False,
+        progress: Progress | None = None,
+    ) -> Traced:
+        """Light that reaches the eye from each pixel of a domemaster.
+
+        Parameters
+        ----------
+        source
+            The light.
+        rows, cols
+            Size of the domemaster.
+        settings
+            How accurate.
+        eye
+            Where it is seen from, m.
+        direct
+            Count what comes without any bounce as well.
+        progress
+            Told how it gets on.
+        """
+        inside = np.flatnonzero(self.theatre.dome.inside(rows, cols))
+
+        def start_of(pixels: NDArray[np.int64]) -> Start:
+            row, col = (self.machine.lanes(part) for part in np.divmod(pixels, cols))
+            return self._pixel_start(row, col, rows, eye)
+
+        return self._passes(inside, start_of, source, (rows, cols), settings, not direct, progress)
+
+    def view(
+        self,
+        source: Source,
+        viewpoint: Viewpoint,
+        width: int,
+        height: int,
+        settings: Settings,
+        *,
+        first: int = 0,
+        progress: Progress | None = None,
+    ) -> Traced:
+        """A perspective picture (height, width) from a place in the theatre.
+
+        Parameters
+        ----------
+        source
+            The light.
+        viewpoint
+            Where from.
+        width, height
+            Size of the picture.
+        settings
+            How accurate.
+        first
+            0 with, 1 without direct light.
+        progress
+            Told how it gets on.
+        """
+
+        def start_of(pixels: NDArray[np.int64]) -> Start:
+            row, col = (self.machine.lanes(part) for part in np.divmod(pixels, width))
+            return self._camera_start(row, col, width, height, viewpoint)
+
+        pixels = np.arange(width * height)
+        shape = (height, width)
+        return self._passes(pixels, start_of, source, shape, settings, bool(first), progress)
+
+    def _passes(
+        self,
+        pixels: NDArray[np.int64],
+        start_of: Callable[[NDArray[np.int64]], Start],
+        source: Source,
+        shape: tuple[int, int],
+        settings: Settings,
+        indirect_only: bool,
+        progress: Progress | None,
+    ) -> Traced:
+        tiles = np.array_split(pixels, -(-len(pixels) // settings.tile))
+        limit = settings.bounces or bounce_limit(self.room, settings.tolerance)
+        size = shape[0] * shape[1]
+        sums = _Sums(size, limit if settings.per_bounce else None)
+        started = time.process_time()
+        status = Status.EXHAUSTED
+        done = 0
+        with interruptible() as interrupted:
+            while done < settings.most:
+                wanted = sums.samples_for(settings, done, size)
+                count = int(min(wanted, settings.most - done, max(1, WALKS_A_LAUNCH * 4 // size)))
+                for number, tile in enumerate(tiles):
+                    self._tile(sums, tile, start_of, source, count, done, number, limit,
+                               indirect_only, settings)  # fmt: skip
+                    if progress is not None:
+                        share = sums.progress(settings, done + count * (number + 1) / len(tiles))
+                        progress(share, f"{done + count} walks a pixel, {sums.steps:.3g} segments")
+                    if interrupted() and done > 0:
+                        break
+                else:
+                    done += count
+                    error = sums.relative_error(done)
+                    if done >= settings.least and error <= settings.error:
+                        status = Status.CONVERGED
+                        break
+                if interrupted():
+                    status = Status.INTERRUPTED
+                    break
+        return sums.traced(shape, settings.seed, limit, status, time.process_time() - started)
+
+    def _tile(
+        self,
+        sums: _Sums,
+        pixels: NDArray[np.int64],
+        start_of: Callable[[NDArray[np.int64]], Start],
+        source: Source,
+        count: int,
+        done: int,
+        number: int,
+        limit: int,
+        indirect_only: bool,
+        settings: Settings,
+    ) -> None:
+        """Add `count` walks from each of some pixels to the sums."""
+        lanes = len(pixels)
+        each = max(1, min(count, WALKS_A_LAUNCH // max(1, lanes)))
+        start = start_of(pixels)
+        for part, taken in enumerate(range(0, count, each)):
+            tally = walks(
+                self.room,
+                start,
+                source,
+                count=min(each, count - taken),
+                lanes=lanes,
+                seed=launch_seed(settings.seed, done, number, part),
+                bounces=limit,
+                first=1 if indirect_only else 0,
+                scatter=self.lobe,
+                per_bounce=settings.per_bounce,
+            )
+            sums.add(pixels, tally, self.machine, min(each, count - taken))
+
+    def _pixel_start(
+        self, row: Lanes, col: Lanes, size: int, eye: tuple[float, float, float]
+    ) -> Start:
+        room, m = self.room, self.machine
+        place = over(eye, self.theatre.dome.radius)
+
+        def start(rng: Any) -> tuple[Hit, Vector]:
+            u = (col + m.uniform(rng)) * (2 / size) - 1
+            v = (row + m.uniform(rng)) * (2 / size) - 1
+            position, normal = room.screen_at(u, v)
+            surface = m.where(u < 9, SCREEN, NOTHING)
+            return Hit(surface, position, normal), eye_directions(room, position, place)
+
+        return start
+
+    def _camera_start(
+        self, row: Lanes, col: Lanes, width: int, height: int, viewpoint: Viewpoint
+    ) -> Start:
+        room, m = self.room, self.machine
+        right, up, forward = camera_frame(viewpoint)
+        reach = float(np.tan(viewpoint.field / 2))
+        eye = over(viewpoint.position, self.theatre.dome.radius)
+
+        def start(rng: Any) -> tuple[Hit, Vector]:
+            x = ((col + m.uniform(rng)) * (2 / width) - 1) * reach
+            y = (height / width - (row + m.uniform(rng)) * (2 / width)) * reach
+            ray = tuple(
+                float(f) + x * float(r) + y * float(t)
+                for f, r, t in zip(forward, right, up, strict=True)
+            )
+            ray = scaled((ray[0], ray[1], ray[2]), 1 / m.sqrt(x * x + y * y + 1))
+            origin = (x * 0 + eye[0], x * 0 + eye[1], x * 0 + eye[2])
+            leaving = m.where(x < np.inf, NOTHING, NOTHING + 0)
+            hit = room.hit(origin, ray, leaving, x < np.inf)
+            return hit, scaled(ray, -1)
+
+        return start
+
+    def _lens_places(self) -> list[tuple[float, float, float]]:
+        return [lens.position for lens in self.theatre.lenses] or [CENTRE]
+
+    def _lit(self, place: tuple[float, float, float], rows: int, cols: int) -> NDArray[np.float64]:
+        """(row, col): whether a projector's light reaches the screen past seats and booth."""
+        dome, m = self.theatre.dome, self.machine
+        directions = dome.directions(rows, cols)
+        points = directions * (dome.distance(directions) / dome.radius)[..., None]
+        points = (points @ dome.to_room.T).reshape(-1, 3)
+        lit = np.ones(rows * cols)
+        x, y, z = over(place, dome.radius)
+        for first in range(0, rows * cols, 1 << 21):
+            target = self._vector(points[first : first + (1 << 21)])
+            zero = target[0] * 0
+            # From the screen to the lens: a projector's own body may hold the lens.
+            active = zero < 1
+            lens = (zero + x, zero + y, zero + z)
+            hidden = self.room.shadowed(target, lens, m.where(active, SCREEN, NOTHING), active)
+            shadow = m.array(m.where(hidden, zero + 1.0, zero))
+            lit[first : first + (1 << 21)] = 1 - shadow
+        return lit.reshape(rows, cols)
+
+    def _vector(self, points: NDArray[np.float64]) -> Vector:
+        x, y, z = (self.machine.lanes(np.ascontiguousarray(points[:, k])) for k in range(3))
+        return x, y, z
+
+
+@final
+class _Sums:
+    """Sums over walks for each pixel of a picture."""
+
+    def __init__(self, size: int, bounces: int | None) -> None:
+        self.total = np.zeros((3, size), np.float64)
+        self.square = np.zeros((3, size), np.float64)
+        self.count = np.zeros(size, np.int64)
+        self.bounces = None if bounces is None else np.zeros((bounces + 1, 3, size), np.float32)
+        self.steps = 0
+
+    def add(self, pixels: NDArray[np.int64], tally: Tally, machine: Machine, count: int) -> None:
+        lanes = len(pixels)
+        for p in range(3):
+            self.total[p, pixels] += machine.array(tally.total[p])
+            self.square[p, pixels] += machine.array(tally.square[p])
+            if self.bounces is not None and tally.bounces is not None:
+                table = machine.array(tally.bounces[p]).reshape(-1, lanes)
+                self.bounces[:, p, pixels] += table
+        self.count[pixels] += count
+        self.steps += int(machine.array(tally.steps).sum())
+
+    def errors(self) -> NDArray[np.float64]:
+        """(primary, pixel) standard errors of the means."""
+        n = np.maximum(self.count, 1)
+        variance = np.maximum(self.square / n - (self.total / n) ** 2, 0)
+        # Unbiased: a finite sample's spread is a little smaller than the truth's.
+        return np.asarray(np.sqrt(variance / np.maximum(n - 1, 1)))
+
+    def relative_error(self, done: int) -> float:
+        """Rms standard error over the picture, relative to its mean."""
+        seen = self.count > 0
+        mean = float(np.mean(self.total[:, seen] / self.count[seen]))
+        if done < 2 or mean <= 0:
+            return 0.0 if done >= 2 else np.inf
+        return float(np.sqrt(np.mean(self.errors()[:, seen] ** 2)) / mean)
+
+    def samples_for(self, settings: Settings, done: int, size: int) -> int:
+        """How many more walks a pixel the wanted error will take."""
+        if done < 2:
+            return settings.least
+        needed = done * (self.relative_error(done) / settings.error) ** 2
+        return max(1, int(np.ceil(1.02 * needed)) - done)
+
+    def progress(self, settings: Settings, done: float) -> float:
+        """Share of the work that is done, by what is known of the noise so far."""
+        if done < 2:
+            return 0.0
+        reached = self.relative_error(int(done))
+        needed = max(settings.least, min(settings.most, done * (reached / settings.error) ** 2))
+        return min(1.0, done / needed)
+
+    def traced(
+        self, shape: tuple[int, int], seed: int, limit: int, status: Status, seconds: float
+    ) -> Traced:
+        rows, cols = shape
+        n = np.maximum(self.count, 1)
+
+        def image(values: NDArray[Any]) -> Image:
+            planes = values.reshape(*values.shape[:-2], 3, rows, cols)
+            return np.ascontiguousarray(np.moveaxis(planes, -3, -1), np.float32)
+
+        return Traced(
+            mean=image(self.total / n),
+            standard_error=image(self.errors()),
+            bounces=None if self.bounces is None else image(self.bounces / n),
+            samples=int(self.count.max(initial=0)),
+            seed=seed,
+            limit=limit,
+            steps=self.steps,
+            status=status,
+            seconds=seconds,
+        )
+
+
+def best_machine() -> Machine:
+    """Dr.Jit with a usable LLVM or GPU, else NumPy."""
+    return DrJit(load_mitsuba()) if backend().vectorised else NumPy()
+
+
+def launch_seed(*parts: int) -> int:
+    """One 63-bit seed from several numbers."""
+    return int(np.random.SeedSequence(list(parts)).generate_state(1, np.uint64)[0] >> 1)
+
+
+def camera_frame(viewpoint: Viewpoint) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Unit vectors to the right, up and forward of a view."""
+    forward = np.subtract(viewpoint.look_at, viewpoint.position)
+    if not np.linalg.norm(forward) > 0:
+        raise InputError("a viewpoint looks at its own position; move look_at_m")
+    forward = forward / np.linalg.norm(forward)
+    reference = np.array([0.0, 0, 1]) if abs(forward[2]) < 0.999 else np.array([0.0, -1, 0])
+    right = np.cross(forward, reference)
+    right /= np.linalg.norm(right)
+    return right, np.cross(right, forward), forward
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C sets a flag instead of tearing down a launch; a second one ends everything."""
+    pressed = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal pressed
+        if pressed:
+            raise KeyboardInterrupt
+        pressed = True
+
+    try:
+        before = signal.signal(signal.SIGINT, note)
+    except ValueError:  # not the main thread: Ctrl-C goes elsewhere
+        yield lambda: False
+        return
+    try:
+        yield lambda: pressed
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def over(place: tuple[float, float, float], radius: float) -> tuple[float, float, float]:
+    """A place in units of the dome's radius."""
+    return place[0] / radius, place[1] / radius, place[2] / radius
