@@ -27,13 +27,15 @@ from domesim.cli import (
     Quiet,
     Repair,
     SceneName,
+    TransportFile,
     finish,
     suffix_of,
+    theatre_of,
 )
 from domesim.console import Console, about, each_frame, prepare
 from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, write_frame
-from domesim.scene import Scene, load_scene
+from domesim.scene import Scene
 from domesim.sequences import find_frames
 
 Method = Annotated[
@@ -58,6 +60,7 @@ def compensate(
     master: Master,
     scene: SceneName,
     out: OutFolder,
+    transport: TransportFile = None,
     method: Method = "perceptual",
     tolerance: Tolerance = 1e-3,
     low_frequency_gain: LowFrequencyGain = 0.1,
@@ -70,7 +73,7 @@ def compensate(
 ) -> None:
     """Compute the frames to project, so that the audience sees the master as closely as can be."""
     console = Console(quiet=quiet, json=json)
-    theatre = load_scene(scene)
+    theatre = theatre_of(scene, transport, console)
     weighting = _weighting(low_frequency_gain)
     solver = _solver(method, tolerance, console)
 
@@ -97,7 +100,8 @@ def compensate(
         suffix=suffix_of(file_format),
         bits=bits,
     )
-    finish(console, {"scene": theatre.name, "frames": done}, failed)
+    facts = {"scene": theatre.name, "approximation": theatre.approximation, "frames": done}
+    finish(console, facts, failed)
 
 
 def compare(
@@ -106,6 +110,7 @@ def compare(
     out: Annotated[
         Path, typer.Option("--out", help="The page to write, an .html file.", show_default=False)
     ],
+    transport: TransportFile = None,
     tolerance: Tolerance = 1e-3,
     low_frequency_gain: LowFrequencyGain = 0.1,
     size: Annotated[
@@ -117,7 +122,7 @@ def compare(
 ) -> None:
     """Write a page that compares the master with what is seen, uncompensated and compensated."""
     console = Console(quiet=quiet, json=json)
-    theatre = load_scene(scene)
+    theatre = theatre_of(scene, transport, console)
     paths = find_frames(master)
     if len(paths) > 1:
         raise InputError(f"{master}: a page shows one frame, got {len(paths)}; name one of them")
@@ -131,18 +136,26 @@ def compare(
         comparison = _compared(frame, theatre, console, solver, weighting)
     comparison.write_page(out, size=size, command=_command_line())
     console.say(f"Open {out.resolve()}")
-    console.figures({"scene": theatre.name, "page": str(out), "methods": comparison.figures()})
+    console.figures(
+        {
+            "scene": theatre.name,
+            "approximation": theatre.approximation,
+            "page": str(out),
+            "methods": comparison.figures(),
+        }
+    )
 
 
 def demo(
     out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("out/demo"),
     scene: SceneName = "dome_imax",
+    transport: TransportFile = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Run the main job on the bundled night scene: frames to project, what is seen, the page."""
     console = Console(quiet=quiet, json=json)
-    theatre = load_scene(scene)
+    theatre = theatre_of(scene, transport, console)
     with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
         frame = read_frame(path)
     console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
@@ -158,6 +171,7 @@ def demo(
     console.figures(
         {
             "scene": theatre.name,
+            "approximation": theatre.approximation,
             "files": files,
             "page": str(page),
             "methods": comparison.figures(),

@@ -127,8 +127,13 @@ class Comparison:
             "Solver": f"{best.status} {best.iterations} iterations, {best.ffts} FFTs, "
             f"{best.seconds:.1f} s"
             + ("" if best.gap is None else f", within {best.gap:.1e} of the optimum"),
-            "Model": "closed-form cross-reflection of a Lambertian cap (all bounces), as computed "
-            "by the program; not a measurement",
+            "Model": (
+                "closed-form cross-reflection of a Lambertian cap (all bounces), as computed by "
+                "the program; not a measurement"
+                if scene.transport is None
+                else "the whole theatre's light transport as tabulated by path tracing"
+            )
+            + ("" if scene.approximation is None else f"; {scene.approximation}"),
             "Version": f"domesim {metadata.version('domesim')}",
             "Command": command,
         }

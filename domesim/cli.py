@@ -15,11 +15,12 @@ from typing import Annotated, Any
 
 import typer
 
-from domesim.console import Console, complain, each_frame
+from domesim.console import Console, about, complain, each_frame
 from domesim.errors import InputError
 from domesim.frames import Frame
 from domesim.frames.formats import SUFFIXES
-from domesim.scene import load_scene
+from domesim.observation.transport import load_transport
+from domesim.scene import Scene, load_scene
 from domesim.screening import decoded, encoded, mean_luminance
 from domesim.sequences import find_frames
 
@@ -38,9 +39,17 @@ SceneName = Annotated[
     str,
     typer.Option(
         "--scene",
-        help="The theatre: dome_hemisphere, dome_imax, dome_planetarium, or the path of a .toml "
-        "file.",
+        help="The theatre: dome_hemisphere, dome_imax, dome_planetarium, dome_led, dome_dark, or "
+        "the path of a .toml file.",
         show_default=False,
+    ),
+]
+TransportFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--transport",
+        help="The theatre's whole light transport, a .npz file of 'domesim tabulate'; without it "
+        "reflections are those of the bare screen.",
     ),
 ]
 OutFolder = Annotated[
@@ -75,6 +84,7 @@ def observe(
     master: Master,
     scene: SceneName,
     out: OutFolder,
+    transport: TransportFile = None,
     frames: Frames = None,
     file_format: Format = None,
     bits: Bits = None,
@@ -84,7 +94,7 @@ def observe(
 ) -> None:
     """Simulate what the audience sees of a frame or sequence, with all reflected light."""
     console = Console(quiet=quiet, json=json)
-    theatre = load_scene(scene)
+    theatre = theatre_of(scene, transport, console)
 
     def work(frame: Frame, write: Callable[[Frame], Frame]) -> tuple[dict[str, Any], str]:
         light = decoded(frame, theatre)
@@ -119,7 +129,25 @@ def observe(
         suffix=suffix_of(file_format),
         bits=bits,
     )
-    finish(console, {"scene": theatre.name, "frames": done}, failed)
+    facts = {"scene": theatre.name, "approximation": theatre.approximation, "frames": done}
+    finish(console, facts, failed)
+
+
+def theatre_of(scene: str, transport: Path | None, console: Console) -> Scene:
+    """The scene of a command, with a stored transport if one is given; says what is approximate.
+
+    Raises
+    ------
+    InputError
+        If either cannot be read, or they do not belong together.
+    """
+    theatre = load_scene(scene)
+    if transport is not None:
+        with about(transport):
+            theatre = theatre.with_transport(load_transport(transport))
+    if theatre.approximation is not None:
+        console.say(f"{theatre.name}: {theatre.approximation}")
+    return theatre
 
 
 def suffix_of(file_format: str | None) -> str | None:

@@ -16,6 +16,7 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -59,6 +60,23 @@ class Console:
     def note(self, text: str) -> None:
         """How the piece of work under way gets on, beside the progress bar."""
         self._describe(text)
+
+    @contextmanager
+    def share(self, what: str) -> Iterator[Callable[[float, str], None]]:
+        """A progress bar for one long piece of work, with the time it will still take.
+
+        Call what it yields with the share that is done (0..1) and how it gets on.
+        """
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+        )
+        with Progress(*columns, console=self._bars, disable=not self._shows_bars) as bar:
+            task = bar.add_task(what, total=1.0)
+            yield lambda done, how: bar.update(task, completed=done, description=f"{what}, {how}")
 
     @contextmanager
     def progress(self, what: str, total: int) -> Iterator[Callable[[str], None]]:

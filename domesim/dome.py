@@ -57,6 +57,9 @@ class Dome:
     truncated_below: float | None = None
 
     def __post_init__(self) -> None:
+        for name in ("radius", "half_angle", "tilt", "height_ratio"):
+            # NumPy's scalars would make arrays of other libraries' their own.
+            object.__setattr__(self, name, float(getattr(self, name)))
         if not (np.isfinite(self.radius) and self.radius > 0):
             raise InputError(f"dome radius must be above 0 m, got {self.radius:g} m")
         if not 0 < self.half_angle <= np.pi:

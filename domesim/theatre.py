@@ -7,7 +7,7 @@ dome's tilt (`domesim.dome`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, final
 
@@ -279,6 +279,12 @@ class Theatre:
             reasons.append("the floor hides a part of the screen")
         if self.wall is not None and self.wall.radius < self.dome.widest - 1e-9:
             reasons.append("the wall hides a part of the screen")
-        reasons += [f"there are {solid.name} in the room" for solid in self.solids]
-        reasons += [f"the light of {lamp.name} is not in it" for lamp in self.lamps]
-        return tuple(dict.fromkeys(reasons))
+        if self.solids:
+            reasons.append(f"things stand in the room ({_names(self.solids)})")
+        if self.lamps:
+            reasons.append(f"lamps are lit ({_names(self.lamps)})")
+        return tuple(reasons)
+
+
+def _names(things: Iterable[Solid | Lamp]) -> str:
+    return ", ".join(dict.fromkeys(thing.name for thing in things))

@@ -56,6 +56,20 @@ class Source(ABC):
         """Direct value of points in the direction `to_eye` (unit vectors)."""
 
 
+class Aim(Source):
+    """Light that can be aimed at: see `domesim.pathtrace.sources.Picture`."""
+
+    @abstractmethod
+    def aim(self, room: Room, here: Hit, active: Lanes, rng: Any) -> Colour:
+        """One aimed estimate of the mean value that Lambertian points see, less what is found."""
+
+    @abstractmethod
+    def weighed(
+        self, room: Room, hit: Hit, to_eye: Vector, active: Lanes, found: Lanes | None
+    ) -> Colour:
+        """Direct value of points found with a density, less what aiming has brought already."""
+
+
 class Scatter(ABC):
     """How the screen scatters light if it is not Lambertian."""
 
@@ -98,6 +112,7 @@ def walks(
     bounces: int,
     first: int,
     scatter: Scatter | None = None,
+    aim: Aim | None = None,
     per_bounce: bool = False,
 ) -> Tally:
     """Follow `count` walks in each lane.
@@ -116,6 +131,8 @@ def walks(
         Number of bounces after which walks end.
     first
         The first bounce that counts: 1 leaves out the direct value of the start.
+    aim
+        The source again, if walks are to aim at its light and not only to find it.
     per_bounce
         Keep sums by bounce as well.
     """
@@ -161,17 +178,32 @@ def walks(
             room, here, state["to_eye"], state["weight"], rng, scatter, active
         )
         bounce = state["bounce"] + 1
+        aimed = none
+        if aim is not None:
+            # Through a hole, and from behind the screen, no aim is taken.
+            takes = active & (surface != NOTHING) & (leaving == surface)
+            takes = takes & (surface != SHELL) & (surface != BACK)
+            aimed = times(weight, aim.aim(room, here, takes, rng))
         found = room.hit(here.position, direction, leaving, active)
         back = scaled(direction, -1)
         alive = active & (found.surface != NOTHING) & (surface != NOTHING)
-        light = source.value(room, found, back, alive & (found.surface != BLACK), rng)
-        parts = tuple(w * part for w, part in zip(weight, light, strict=True))
-        value = tuple(
-            v + m.where(alive, part, 0.0) for v, part in zip(state["value"], parts, strict=True)
-        )
+        bright = alive & (found.surface != BLACK)
+        if aim is None:
+            light = source.value(room, found, back, bright, rng)
+        else:
+            gap = difference(found.position, here.position)
+            cosines = dot(here.normal, direction) * -dot(found.normal, direction)
+            density = cosines / (np.pi * m.maximum(dot(gap, gap), 1e-12))
+            light = aim.weighed(
+                room, found, back, bright, m.where(takes, m.maximum(density, 0.0), 0.0)
+            )
+        parts = times(weight, light)
+        parts = (m.where(alive, parts[0], 0.0) + aimed[0], m.where(alive, parts[1], 0.0) + aimed[1],
+                 m.where(alive, parts[2], 0.0) + aimed[2])  # fmt: skip
+        value = tuple(v + part for v, part in zip(state["value"], parts, strict=True))
         if table is not None:
             for column, part in zip(table, parts, strict=True):
-                m.add_at(column, bounce * lanes + lane, part, alive)
+                m.add_at(column, bounce * lanes + lane, part, active)
         ends = ~alive | (bounce >= bounces) | (found.surface == BLACK)
         ends, weight = roulette(m, rng, weight, bounce, ends)
         over = ends & active
@@ -198,6 +230,16 @@ def walks(
 
     end = m.loop(state, lambda state: state["done"] < wanted, step)
     return Tally(end["total"], end["square"], table, end["steps"])
+
+
+def times(left: Colour, right: Colour) -> Colour:
+    """Product of colours."""
+    return left[0] * right[0], left[1] * right[1], left[2] * right[2]
+
+
+def difference(left: Vector, right: Vector) -> Vector:
+    """The vector from `right` to `left`."""
+    return left[0] - right[0], left[1] - right[1], left[2] - right[2]
 
 
 def cosine_direction(machine: Machine, normal: Vector, rng: Any) -> Vector:

@@ -86,16 +86,24 @@ class Machine(ABC):
         """Whole number below a value that is not negative."""
 
     @abstractmethod
+    def number(self, index: Lanes) -> Lanes:
+        """A whole number as any other."""
+
+    @abstractmethod
     def gather(self, table: Lanes, index: Lanes, active: Lanes) -> Lanes:
         """table[index] in the active lanes, 0 in the others."""
 
     @abstractmethod
-    def colours(self, values: NDArray[Any]) -> Any:
-        """A table of (entry, primary) for `colour_at`."""
+    def number_at(self, table: Lanes, index: Lanes) -> Lanes:
+        """The whole number table[index]."""
 
     @abstractmethod
-    def colour_at(self, table: Any, index: Lanes, active: Lanes) -> Vector:
-        """The three numbers of table[index] in the active lanes, 0 in the others."""
+    def colours(self, values: NDArray[Any]) -> Any:
+        """A table of (entry, 4) for `colour_at`."""
+
+    @abstractmethod
+    def colour_at(self, table: Any, index: Lanes, active: Lanes) -> tuple[Vector, Lanes]:
+        """The three and one numbers of table[index] in the active lanes, 0 in the others."""
 
     @abstractmethod
     def add_at(self, table: Lanes, index: Lanes, value: Lanes, active: Lanes) -> None:
@@ -205,21 +213,26 @@ class DrJit(Machine):
         """Whole number below a value that is not negative."""
         return self.mi.UInt32(value)
 
+    def number(self, index: Lanes) -> Lanes:
+        """A whole number as any other."""
+        return self.mi.Float(index)
+
     def gather(self, table: Lanes, index: Lanes, active: Lanes) -> Lanes:
         """table[index] in the active lanes, 0 in the others."""
         return self.dr.gather(self.mi.Float, table, index, active)
 
-    def colours(self, values: NDArray[Any]) -> Any:
-        """A table of (entry, primary) for `colour_at`."""
-        # Four numbers side by side are fetched at once.
-        padded = np.zeros((len(values), 4), np.float32)
-        padded[:, :3] = values
-        return self.mi.Float(padded.ravel())
+    def number_at(self, table: Lanes, index: Lanes) -> Lanes:
+        """The whole number table[index]."""
+        return self.dr.gather(self.mi.UInt32, table, index)
 
-    def colour_at(self, table: Any, index: Lanes, active: Lanes) -> Vector:
-        """The three numbers of table[index] in the active lanes, 0 in the others."""
+    def colours(self, values: NDArray[Any]) -> Any:
+        """A table of (entry, 4) for `colour_at`."""
+        return self.mi.Float(np.ascontiguousarray(values, np.float32).ravel())
+
+    def colour_at(self, table: Any, index: Lanes, active: Lanes) -> tuple[Vector, Lanes]:
+        """The three and one numbers of table[index] in the active lanes, 0 in the others."""
         found = self.dr.gather(self.mi.Vector4f, table, index, active)
-        return found.x, found.y, found.z
+        return (found.x, found.y, found.z), found.w
 
     def add_at(self, table: Lanes, index: Lanes, value: Lanes, active: Lanes) -> None:
         """table[index] += value in the active lanes, in place."""
@@ -306,18 +319,26 @@ class NumPy(Machine):
         """Whole number below a value that is not negative."""
         return np.asarray(value).astype(np.int64)
 
+    def number(self, index: Lanes) -> Lanes:
+        """A whole number as any other."""
+        return index.astype(np.float64)
+
     def gather(self, table: Lanes, index: Lanes, active: Lanes) -> Lanes:
         """table[index] in the active lanes, 0 in the others."""
         return np.where(active, table[np.where(active, index, 0)], 0.0)
 
+    def number_at(self, table: Lanes, index: Lanes) -> Lanes:
+        """The whole number table[index]."""
+        return table[index]
+
     def colours(self, values: NDArray[Any]) -> Any:
-        """A table of (entry, primary) for `colour_at`."""
+        """A table of (entry, 4) for `colour_at`."""
         return np.asarray(values, np.float64)
 
-    def colour_at(self, table: Any, index: Lanes, active: Lanes) -> Vector:
-        """The three numbers of table[index] in the active lanes, 0 in the others."""
-        x, y, z = np.where(active[:, None], table[np.where(active, index, 0)], 0.0).T
-        return x, y, z
+    def colour_at(self, table: Any, index: Lanes, active: Lanes) -> tuple[Vector, Lanes]:
+        """The three and one numbers of table[index] in the active lanes, 0 in the others."""
+        x, y, z, w = np.where(active[:, None], table[np.where(active, index, 0)], 0.0).T
+        return (x, y, z), w
 
     def add_at(self, table: Lanes, index: Lanes, value: Lanes, active: Lanes) -> None:
         """table[index] += value in the active lanes, in place."""

@@ -104,6 +104,7 @@ class PathTracedDome(Observation):
         self._settings = Settings() if settings is None else settings
         self._tracer = Tracer(theatre) if tracer is None else tracer
         self._eye, self._black, self._progress = eye, black, progress
+        self._ambient: Traced | None = None
         if np.linalg.norm(eye) >= theatre.dome.radius * max(1.0, theatre.dome.height_ratio):
             raise InputError(f"the eye must be inside the dome, got {eye} m from its centre")
 
@@ -138,18 +139,19 @@ class PathTracedDome(Observation):
         indirect = self._tracer.screen(
             source, rows, cols, self._settings, eye=self._eye, progress=self._progress
         )
-        return Observed(self._direct(light), indirect, self.ambient, self._black)
-
-    @cached_property
-    def ambient(self) -> Traced | None:
-        """Light of the theatre's lamps, and the projectors' black."""
-        if not self._tracer.theatre.lamps:
-            return None
-        rows, cols = self._screen.shape
-        return self._tracer.screen(
-            self._tracer.lamps(), rows, cols, self._settings, eye=self._eye, direct=True,
-            progress=self._progress,
-        )  # fmt: skip
+        if self._tracer.theatre.lamps and self._ambient is None:
+            # As sure as the picture's light, which is what it will be added to
+            self._ambient = self._tracer.screen(
+                self._tracer.lamps(),
+                rows,
+                cols,
+                self._settings,
+                eye=self._eye,
+                direct=True,
+                reference=float(indirect.mean.mean()),
+                progress=self._progress,
+            )
+        return Observed(self._direct(light), indirect, self._ambient, self._black)
 
     def _observe(self, light: Light) -> Light:
         observed = self.trace(light)

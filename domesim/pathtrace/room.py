@@ -219,13 +219,13 @@ class Room:
         """Distance to the screen, what it is, and where it is the screen's back that is met."""
         m = self.machine
         near, far, on = self._roots(origin, direction, 1.0, (leaving == SCREEN) | (leaving == BACK))
-        found = (far > _NEAR) & self._on_cap(along(origin, direction, far))
+        found = (far > _NEAR) & self.on_screen(along(origin, direction, far))
         nearest = m.where(found, far, np.inf)
         surface = m.where(found, SCREEN, NOTHING)
         if self.only_screen:
             return nearest, surface, None
         # From outside the sphere the back comes first. Inside, rounding may make `near` just > 0.
-        back = (near > 1e-5) & ~on & self._on_cap(along(origin, direction, near))
+        back = (near > 1e-5) & ~on & self.on_screen(along(origin, direction, near))
         nearest = m.where(back, near, nearest)
         return nearest, m.where(back, BACK if self.has_cavity else BLACK, surface), back
 
@@ -272,7 +272,8 @@ class Room:
     def _inward_room(self, position: Vector) -> Vector:
         return self.to_room(self._inward(self.to_dome(position)))
 
-    def _on_cap(self, position: Vector) -> Lanes:
+    def on_screen(self, position: Vector) -> Lanes:
+        """Whether points of the dome's surface are on its screen."""
         x, y, z = self.to_dome(position)
         if self._ratio == 1 and self._shell is None:
             on = z >= self._cap
@@ -287,7 +288,7 @@ class Room:
         for distance, surface in ((near, BLACK), (far, SHELL)):
             position = along(origin, direction, distance)
             # A ray that enters comes from outside the theatre: the shell's other side is black.
-            found = (distance > _NEAR) & (distance < nearest) & self._on_cap(position)
+            found = (distance > _NEAR) & (distance < nearest) & self.on_screen(position)
             best = self._nearer(found, surface, position, self._inward_room(position), best)
             nearest = self.machine.where(found, distance, nearest)
         return nearest, best

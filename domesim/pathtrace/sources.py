@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.pathtrace.loop import Colour, Scatter, Source
+from domesim.pathtrace.loop import Aim, Colour, Scatter, Source, difference
 from domesim.pathtrace.machine import DrJit, Lanes, Machine, Vector
 from domesim.pathtrace.room import NOTHING, SCREEN, SHELL, Hit, Room, along, dot, scaled
 from domesim.theatre import Lobe
@@ -97,8 +97,13 @@ class Throw:
 
 
 @final
-class Picture(Source):
+class Picture(Aim):
     """A domemaster on the screen.
+
+    Walks find a small bright window late by chance; aimed at, it costs no luck. A table of pixels,
+    each as often as its share of the light, is drawn from; the density of such draws over the
+    screen's area is known, so that found and aimed light are weighed by the balance heuristic
+    [Veach 1997, section 9.2.2], and nothing is counted twice.
 
     Parameters
     ----------
@@ -111,19 +116,80 @@ class Picture(Source):
     def __init__(
         self, room: Room, values: NDArray[Any], gains: NDArray[Any], lobe: GainLobe | None
     ) -> None:
+        m, dome = room.machine, room.theatre.dome
         self._size = values.shape[0]
-        self._table = room.machine.colours(values.reshape(-1, 3))
         self._throw = Throw(room, gains, lobe)
+        self.can_aim = lobe is None and dome.height_ratio == 1 and bool(np.any(values > 0))
+        draws = np.zeros(self._size**2, np.int64)
+        if self.can_aim:
+            draws = _draws(values, dome.screen_areas(self._size, self._size))
+            self._drawn = m.lanes(np.repeat(np.arange(len(draws)), draws))
+        self._count = int(draws.sum())
+        # Draws a unit of the disc's (u, v)
+        density = draws / max(1, self._count) * (self._size / 2) ** 2
+        self._table = m.colours(np.column_stack([values.reshape(-1, 3), density]))
 
     def value(self, room: Room, hit: Hit, to_eye: Vector, active: Lanes, rng: Any) -> Colour:
         """Direct value of points in the direction `to_eye`."""
+        return self.weighed(room, hit, to_eye, active, None)
+
+    def weighed(
+        self, room: Room, hit: Hit, to_eye: Vector, active: Lanes, found: Lanes | None
+    ) -> Colour:
+        """Direct value of points that walks have found.
+
+        With `found`, the density over the screen's area (unit radius) with which they were found,
+        less what aiming at them has brought already; 0 where nothing was aimed.
+        """
         sums: list[Any] = [0.0, 0.0, 0.0]
-        for position, arrived, factor in self._throw.arrivals(room, hit, to_eye, active):
+        for number, (position, arrived, factor) in enumerate(
+            self._throw.arrivals(room, hit, to_eye, active)
+        ):
             pixel = pixel_of(room, position, self._size)
-            colour = room.machine.colour_at(self._table, pixel, arrived)
+            colour, density = room.machine.colour_at(self._table, pixel, arrived)
+            weight: Any = 1.0
+            if found is not None and number == 0:
+                aimed = density / self._stretch(room, *room.disc(position))
+                weight = room.machine.where(found > 0, found / (found + aimed), 1.0)
             for p in range(3):
-                sums[p] = sums[p] + colour[p] * factor[p]
+                sums[p] = sums[p] + colour[p] * factor[p] * weight
         return sums[0], sums[1], sums[2]
+
+    def aim(self, room: Room, here: Hit, active: Lanes, rng: Any) -> Colour:
+        """One aimed estimate of the mean value that Lambertian points see, less what is found."""
+        m = room.machine
+        drawn = m.index(m.minimum(m.uniform(rng) * self._count, self._count - 1.0))
+        pixel = m.number_at(self._drawn, drawn)
+        row, col = pixel // self._size, pixel % self._size
+        u = (m.number(col) + m.uniform(rng)) * (2 / self._size) - 1
+        v = (m.number(row) + m.uniform(rng)) * (2 / self._size) - 1
+        position, normal = room.screen_at(u, v)
+        away = difference(position, here.position)
+        square = m.maximum(dot(away, away), 1e-12)
+        direction = scaled(away, 1 / m.sqrt(square))
+        cosines = m.maximum(dot(direction, here.normal), 0.0)
+        cosines = cosines * m.maximum(-dot(direction, normal), 0.0)
+        found = cosines / (np.pi * square)  # the density of finding it by chance
+        lit = active & (found > 0) & (u * u + v * v <= 1) & room.on_screen(position)
+        lit = lit & ~room.shadowed(here.position, position, here.surface, lit)
+        colour, density = m.colour_at(self._table, pixel, lit)
+        aimed = density / self._stretch(room, u, v)
+        share = m.where(lit, found / (found + aimed), 0.0)
+        return colour[0] * share, colour[1] * share, colour[2] * share
+
+    def _stretch(self, room: Room, u: Lanes, v: Lanes) -> Lanes:
+        """Area of the unit sphere's screen to a unit of the disc's (u, v)."""
+        m = room.machine
+        half_angle = room.theatre.dome.half_angle
+        distance = m.sqrt(m.maximum(u * u + v * v, 1e-12))
+        return half_angle * m.sin(m.minimum(distance, 1.0) * half_angle) / distance
+
+
+def _draws(values: NDArray[Any], areas: NDArray[Any], wanted: int = 1 << 20) -> NDArray[np.int64]:
+    """(pixel,) how often each is drawn: its share of the light of about `wanted` draws."""
+    flux = np.ravel(np.maximum(values, 0).sum(-1) * areas)
+    ends = np.floor(np.cumsum(flux) / flux.sum() * wanted + 0.5)
+    return np.asarray(np.diff(ends, prepend=0.0), np.int64)
 
 
 @final

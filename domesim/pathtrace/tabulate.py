@@ -155,7 +155,8 @@ def tabulate(
     if transport is None:
         transport = _transport(theatre, modes, known, np.array(batches), dark)
     if theatre.lamps:
-        transport = replace(transport, ambient=_lamp_light(tracer, eye, seed, error))
+        light = float(transport.mean_gain().mean())
+        transport = replace(transport, ambient=_lamp_light(tracer, eye, seed, light))
     figures = {
         "method": "walks with the closed form as control variate" if walker.twinned else "walks",
         "degree": degree,
@@ -351,11 +352,13 @@ def _transport(
     return Transport(theatre.dome, modes, batches.mean(axis=0) + known, np.abs(error), ambient)
 
 
-def _lamp_light(tracer: Tracer, eye: tuple[float, float, float], seed: int, error: float) -> Floats:
+def _lamp_light(tracer: Tracer, eye: tuple[float, float, float], seed: int, light: float) -> Floats:
     """(primary, node, node): light of the lamps, direct and reflected, on the coarse grid."""
     size = 2 * (NODES - 1 - 2 * MARGIN)
-    settings = Settings(error=max(0.01, error), seed=seed, most=1 << 14)
-    traced = tracer.screen(tracer.lamps(), size, size, settings, eye=eye, direct=True)
+    settings = Settings(error=0.002, seed=seed, most=1 << 10)
+    traced = tracer.screen(
+        tracer.lamps(), size, size, settings, eye=eye, direct=True, reference=light
+    )
     inside = tracer.theatre.dome.inside(size, size)
     nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
     whole = traced.mean[nearest[0], nearest[1]].astype(np.float64)

@@ -68,6 +68,8 @@ class Settings:
         Keep pictures of each bounce.
     bounces
         Follow just so many bounces instead of what `tolerance` asks for.
+    aim
+        Let walks aim at bright pixels, and not only find them: the same mean with less noise.
     """
 
     error: float = 0.05
@@ -78,6 +80,7 @@ class Settings:
     tile: int = 1 << 20
     per_bounce: bool = False
     bounces: int | None = None
+    aim: bool = True
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.error) and self.error > 0):
@@ -204,6 +207,7 @@ class Tracer:
         *,
         eye: tuple[float, float, float] = CENTRE,
         direct: bool = False,
+        reference: float | None = None,
         progress: Progress | None = None,
     ) -> Traced:
         """Light that reaches the eye from each pixel of a domemaster.
@@ -220,6 +224,8 @@ class Tracer:
             Where it is seen from, m.
         direct
             Count what comes without any bounce as well.
+        reference
+            Light that the wanted error is relative to, instead of the mean of what is traced.
         progress
             Told how it gets on.
         """
@@ -229,7 +235,9 @@ class Tracer:
             row, col = (self.machine.lanes(part) for part in np.divmod(pixels, cols))
             return self._pixel_start(row, col, rows, eye)
 
-        return self._passes(inside, start_of, source, (rows, cols), settings, not direct, progress)
+        return self._passes(
+            inside, start_of, source, (rows, cols), settings, not direct, reference, progress
+        )
 
     def view(
         self,
@@ -240,6 +248,7 @@ class Tracer:
         settings: Settings,
         *,
         first: int = 0,
+        reference: float | None = None,
         progress: Progress | None = None,
     ) -> Traced:
         """A perspective picture (height, width) from a place in the theatre.
@@ -256,6 +265,8 @@ class Tracer:
             How accurate.
         first
             0 with, 1 without direct light.
+        reference
+            Light that the wanted error is relative to, instead of the mean of what is traced.
         progress
             Told how it gets on.
         """
@@ -266,7 +277,9 @@ class Tracer:
 
         pixels = np.arange(width * height)
         shape = (height, width)
-        return self._passes(pixels, start_of, source, shape, settings, bool(first), progress)
+        return self._passes(
+            pixels, start_of, source, shape, settings, bool(first), reference, progress
+        )
 
     def _passes(
         self,
@@ -276,12 +289,13 @@ class Tracer:
         shape: tuple[int, int],
         settings: Settings,
         indirect_only: bool,
+        reference: float | None,
         progress: Progress | None,
     ) -> Traced:
         tiles = np.array_split(pixels, -(-len(pixels) // settings.tile))
         limit = settings.bounces or bounce_limit(self.room, settings.tolerance)
         size = shape[0] * shape[1]
-        sums = _Sums(size, limit if settings.per_bounce else None)
+        sums = _Sums(size, limit if settings.per_bounce else None, reference)
         started = time.process_time()
         status = Status.EXHAUSTED
         done = 0
@@ -336,6 +350,9 @@ class Tracer:
                 bounces=limit,
                 first=1 if indirect_only else 0,
                 scatter=self.lobe,
+                aim=source
+                if settings.aim and isinstance(source, Picture) and source.can_aim
+                else None,
                 per_bounce=settings.per_bounce,
             )
             sums.add(pixels, tally, self.machine, min(each, count - taken))
@@ -409,7 +426,8 @@ class Tracer:
 class _Sums:
     """Sums over walks for each pixel of a picture."""
 
-    def __init__(self, size: int, bounces: int | None) -> None:
+    def __init__(self, size: int, bounces: int | None, reference: float | None) -> None:
+        self.reference = reference
         self.total = np.zeros((3, size), np.float64)
         self.square = np.zeros((3, size), np.float64)
         self.count = np.zeros(size, np.int64)
@@ -435,9 +453,9 @@ class _Sums:
         return np.asarray(np.sqrt(variance / np.maximum(n - 1, 1)))
 
     def relative_error(self, done: int) -> float:
-        """Rms standard error over the picture, relative to its mean."""
+        """Rms standard error over the picture, relative to its mean (or the reference)."""
         seen = self.count > 0
-        mean = float(np.mean(self.total[:, seen] / self.count[seen]))
+        mean = self.reference or float(np.mean(self.total[:, seen] / self.count[seen]))
         if done < 2 or mean <= 0:
             return 0.0 if done >= 2 else np.inf
         return float(np.sqrt(np.mean(self.errors()[:, seen] ** 2)) / mean)

@@ -1,0 +1,64 @@
+"""Layered EXR files: what is direct, what has bounced, and how sure each pixel is, in cd/m²."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+
+
+def write_layers(
+    path: Path, layers: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]
+) -> None:
+    """Write float32 ZIP EXR with one RGB triple a layer, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        The ``.exr`` file.
+    layers
+        (row, col, primary) pictures by name; the one named "" becomes R, G, B.
+    attributes
+        Header entries: text, numbers, or tuples of 8 floats (chromaticities).
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    if path.suffix.lower() != ".exr":
+        raise InputError(f"{path}: layers are written as EXR, so its name must end in .exr")
+    names = [f"{name}.{part}" if name else part for name in layers for part in "RGB"]
+    pixels = np.concatenate([np.asarray(layer, np.float32) for layer in layers.values()], axis=-1)
+    rows, cols, channels = pixels.shape
+    spec = oiio.ImageSpec(cols, rows, channels, oiio.FLOAT)
+    spec.channelnames = tuple(names)
+    spec.attribute("compression", "zip")
+    for key, value in attributes.items():
+        if isinstance(value, tuple):
+            spec.attribute(key, oiio.TypeDesc(f"float[{len(value)}]"), value)
+        else:
+            spec.attribute(key, value)
+    unfinished = path.with_name(f".{path.stem}.unfinished.exr")
+    output = oiio.ImageOutput.create(str(unfinished))
+    try:
+        written = (
+            output is not None
+            and output.open(str(unfinished), spec)
+            and output.write_image(np.ascontiguousarray(pixels))
+            and output.close()
+        )
+        if not written:
+            fault = "" if output is None else output.geterror()
+            raise InputError(f"{path}: cannot be written ({fault or 'disk full?'})")
+        unfinished.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+    finally:
+        unfinished.unlink(missing_ok=True)

@@ -1,0 +1,379 @@
+"""Subcommands that trace paths: ``render`` and ``tabulate``."""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import replace
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from domesim.cli import Json, Quiet, finish
+from domesim.console import Console, about, prepare
+from domesim.errors import InputError
+from domesim.frames import read_frame
+from domesim.projector import conversion
+from domesim.scene import Scene, load_scene
+from domesim.screening import decoded
+
+SceneArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENE", help="The theatre: its name, or the path of a .toml file.",
+        show_default=False,
+    ),
+]  # fmt: skip
+RenderedMaster = Annotated[
+    Path | None,
+    typer.Option("--master", help="The domemaster on the screen; the bundled night scene if none."),
+]
+View = Annotated[
+    str,
+    typer.Option(
+        help="domemaster, seat:NAME (a viewpoint of the scene, such as seat:centre), or cutaway "
+        "(the theatre itself, from outside; a .png file)."
+    ),
+]
+OutFile = Annotated[Path, typer.Option("--out", help="File to write.", show_default=False)]
+Error = Annotated[
+    float,
+    typer.Option(
+        help="Standard error to reach: rms over the pixels, relative to the mean reflected light."
+    ),
+]
+Most = Annotated[int, typer.Option("--samples", help="Most paths a pixel.")]
+Seed = Annotated[int, typer.Option(help="Of the random numbers.")]
+PerBounce = Annotated[bool, typer.Option("--per-bounce", help="Write a layer for each bounce.")]
+Size = Annotated[
+    int | None,
+    typer.Option(help="Pixels a side of the domemaster, or the width of another view."),
+]
+
+
+def render(
+    scene: SceneArgument,
+    out: OutFile,
+    master: RenderedMaster = None,
+    view: View = "domemaster",
+    size: Size = None,
+    error: Error = 0.05,
+    samples: Most = 1 << 14,
+    seed: Seed = 0,
+    per_bounce: PerBounce = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Path-trace what is seen in a theatre: layers of direct and reflected light in cd/m²."""
+    console = Console(quiet=quiet, json=json)
+    theatre = load_scene(scene)
+    if size is not None and not 2 <= size <= 16384:
+        raise InputError(f"--size must lie in 2..16384, got {size}")
+    suffix = ".png" if view == "cutaway" else ".exr"
+    if out.suffix.lower() != suffix:
+        raise InputError(f"--out {out}: the view {view!r} is written as {suffix}, name it so")
+    prepare(out.parent)
+    picture = _picture(theatre, master, size if view == "domemaster" else None)
+    if view == "cutaway":
+        _cutaway(theatre, picture, out, size or 1200, console)
+        return
+    # Slow to import, and not needed for --help
+    from domesim.pathtrace.llvm import backend  # noqa: PLC0415
+    from domesim.pathtrace.tracer import Settings  # noqa: PLC0415
+
+    settings = Settings(error=error, most=samples, least=min(32, samples), seed=seed,
+                        per_bounce=per_bounce)  # fmt: skip
+    console.say(backend().summary)
+    if view == "domemaster":
+        layers, facts = _domemaster(theatre, picture, settings, console)
+    else:
+        layers, facts = _from_seat(theatre, picture, view, size or 960, settings, console)
+    _write(theatre, layers, facts, out, console)
+
+
+def tabulate(
+    scene: SceneArgument,
+    out: OutFile,
+    error: Annotated[
+        float,
+        typer.Option(help="Rms standard error to reach, relative to the mean reflected light."),
+    ] = 5e-4,
+    walks: Annotated[float, typer.Option(help="Most paths.")] = 2e8,
+    degree: Annotated[
+        int, typer.Option(help="Of the smooth patterns that carry the light, 0..12.")
+    ] = 6,
+    seed: Seed = 0,
+    check: Annotated[
+        bool, typer.Option(help="Compare with the radiosity model where it applies.")
+    ] = True,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Measure a theatre's reflected light by path tracing, for 'compensate --transport'."""
+    console = Console(quiet=quiet, json=json)
+    theatre = load_scene(scene)
+    if out.suffix != ".npz":
+        raise InputError(f"--out {out}: a transport is stored as .npz, name it so")
+    prepare(out.parent)
+    from domesim.pathtrace.llvm import backend  # noqa: PLC0415
+    from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
+
+    console.say(backend().summary)
+    provenance = {"scene": theatre.name, "digest": theatre.digest}
+    with console.share("tabulating") as progress:
+        found = traced(
+            theatre.theatre,
+            error=error,
+            most=walks,
+            degree=degree,
+            seed=seed,
+            provenance=provenance,
+            progress=progress,
+        )
+    found.transport.save(out)
+    gain = found.transport.mean_gain()
+    closed = _closed_gain(theatre)
+    figures: dict[str, Any] = {
+        "scene": theatre.name,
+        "output": str(out),
+        "status": found.status.value,
+        "walks": found.walks,
+        "cpu_s": found.seconds,
+        "relative_error": found.transport.relative_error(),
+        "mean_gain": gain.tolist(),
+        "closed_form_gain": closed.tolist(),
+        "rank": found.transport.rank,
+        "reduced_rank": found.transport.reduced(1e-3).rank,
+    }
+    console.say(
+        f"{theatre.name}: a white picture's reflected light is {_per_primary(gain)} of its direct "
+        f"light (closed form of the bare screen: {_per_primary(closed)})\n"
+        f"standard error {figures['relative_error']:.1e} after {found.walks:.3g} paths, "
+        f"{found.seconds:.0f} CPU-s. {found.status.value}"
+    )
+    if check:
+        figures["radiosity"] = _second_opinion(theatre, found.transport, console)
+    console.say(f"  -> {out}\nUse it: domesim compensate MASTER --scene {scene} --transport {out}")
+    finish(console, figures, [])
+
+
+def _per_primary(values: NDArray[np.float64]) -> str:
+    if np.ptp(values) < 1e-12:
+        return f"{values[0]:.4f}"
+    return " / ".join(f"{value:.4f}" for value in values)
+
+
+def _closed_gain(scene: Scene) -> NDArray[np.float64]:
+    from domesim.observation.spherical import closed_form_gain  # noqa: PLC0415
+
+    dome = scene.dome
+    return np.array(
+        [
+            closed_form_gain(rho, dome.radius, min(dome.screen_area, 4 * np.pi * dome.radius**2))
+            * dome.screen_area
+            for rho in scene.albedo
+        ]
+    )
+
+
+def _second_opinion(scene: Scene, transport: Any, console: Console) -> dict[str, Any] | None:
+    from domesim.observation.radiosity import radiosity  # noqa: PLC0415
+
+    try:
+        other = radiosity(replace(scene.theatre, lamps=()))
+    except InputError as reason:
+        console.say(f"No second opinion: {reason}")
+        return None
+    gain = other.mean_gain()
+    apart = float(np.max(np.abs(gain / np.maximum(transport.mean_gain(), 1e-30) - 1)))
+    console.say(f"Second opinion: radiosity finds {_per_primary(gain)}, {apart:.2%} apart")
+    return {"mean_gain": gain.tolist(), "apart": apart}
+
+
+def _picture(scene: Scene, master: Path | None, size: int | None) -> NDArray[np.float32]:
+    """(row, col, primary) light of the master, at another size if wanted."""
+    path = master
+    if path is None:
+        path = Path(str(resources.files("scenes").joinpath("masters", "night.exr")))
+    with about(path):
+        frame = read_frame(path)
+        light = np.asarray(decoded(frame, scene)[0], np.float32)
+        scene.dome.inside(*light.shape[:2])  # refuses what is no domemaster
+    if size is None or size == light.shape[0]:
+        return light
+    import OpenImageIO as oiio  # noqa: N813, PLC0415
+
+    source = oiio.ImageBuf(oiio.ImageSpec(light.shape[1], light.shape[0], 3, oiio.FLOAT))
+    source.set_pixels(oiio.ROI.All, np.ascontiguousarray(light))
+    resized = oiio.ImageBufAlgo.resize(source, "box", roi=oiio.ROI(0, size, 0, size, 0, 1, 0, 3))
+    return np.asarray(resized.get_pixels(oiio.FLOAT), np.float32)
+
+
+def _cutaway(
+    scene: Scene, picture: NDArray[np.float32], out: Path, width: int, console: Console
+) -> None:
+    from domesim.pathtrace.cutaway import cutaway, to_png  # noqa: PLC0415
+
+    console.say("Rendering the theatre from outside (about a minute)")
+    shown = np.clip(_display(scene, picture), 0, 1)
+    to_png(cutaway(scene.theatre, shown, width=width, height=width * 2 // 3), out)
+    console.say(f"  -> {out}")
+    finish(console, {"scene": scene.name, "view": "cutaway", "output": str(out)}, [])
+
+
+def _domemaster(
+    scene: Scene, picture: NDArray[np.float32], settings: Any, console: Console
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    from domesim.pathtrace.observation import PathTracedDome  # noqa: PLC0415
+
+    rows, cols, _ = picture.shape
+    with console.share("tracing") as progress:
+        dome = PathTracedDome(scene.theatre, rows, cols, settings, progress=progress)
+        seen = dome.trace(picture[None])
+    on = dome.screen[..., None]
+    black = scene.ambient / scene.projector.white
+    total = np.where(on, seen.mean[0] + black, 0)
+    layers = {
+        "": total,
+        "direct": np.where(on, seen.direct[0], 0),
+        "indirect": seen.indirect.mean,
+        "variance": np.where(on, seen.standard_error[0] ** 2, 0),
+    }
+    if seen.ambient is not None:
+        layers["ambient"] = seen.ambient.mean
+    layers |= _bounces(seen.indirect.bounces, 1)
+    return layers, _facts(seen.indirect)
+
+
+def _from_seat(
+    scene: Scene,
+    picture: NDArray[np.float32],
+    view: str,
+    width: int,
+    settings: Any,
+    console: Console,
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    from domesim.pathtrace.tracer import Tracer  # noqa: PLC0415
+
+    known = scene.theatre.viewpoints
+    name = view.removeprefix("seat:")
+    if not view.startswith("seat:") or name not in known:
+        seats = sorted(known, key=lambda seat: (seat.startswith("row"), seat))
+        few = ", ".join(f"seat:{seat}" for seat in seats[:6])
+        raise InputError(
+            f"--view {view!r} is not known; use domemaster, cutaway"
+            + (f", {few}{' ...' if len(seats) > 6 else ''}" if few else
+               f" (the scene {scene.name!r} has no seats or viewpoints)")
+        )  # fmt: skip
+    tracer = Tracer(scene.theatre)
+    source = tracer.picture(picture)
+    height = width * 9 // 16
+    with console.share("tracing") as progress:
+        seen = tracer.view(source, known[name], width, height, replace(settings, per_bounce=True),
+                           progress=progress)  # fmt: skip
+        lamps = None
+        if scene.theatre.lamps:
+            lamps = tracer.view(
+                tracer.lamps(),
+                known[name],
+                width,
+                height,
+                settings,
+                reference=float(seen.mean.mean()),
+                progress=progress,
+            )
+    assert seen.bounces is not None
+    layers = {
+        "": seen.mean,
+        "direct": seen.bounces[0],
+        "indirect": seen.mean - seen.bounces[0],
+        "variance": seen.standard_error**2,
+    }
+    if lamps is not None:
+        layers[""] = seen.mean + lamps.mean
+        layers["ambient"] = lamps.mean
+        layers["variance"] = layers["variance"] + lamps.standard_error**2
+    if settings.per_bounce:
+        layers |= _bounces(seen.bounces, 1)
+    return layers, _facts(seen)
+
+
+def _bounces(bounces: NDArray[Any] | None, first: int) -> dict[str, NDArray[Any]]:
+    if bounces is None:
+        return {}
+    return {f"bounce{k}": bounces[k] for k in range(first, len(bounces))}
+
+
+def _facts(traced: Any) -> dict[str, Any]:
+    mean = float(np.mean(traced.mean))
+    return {
+        "status": traced.status.value,
+        "samples": traced.samples,
+        "seed": traced.seed,
+        "bounces": traced.limit,
+        "segments": traced.steps,
+        "cpu_s": traced.seconds,
+        "relative_error": float(np.sqrt(np.mean(traced.standard_error**2)) / mean) if mean else 0.0,
+    }
+
+
+def _write(
+    scene: Scene,
+    layers: dict[str, NDArray[Any]],
+    facts: dict[str, Any],
+    out: Path,
+    console: Console,
+) -> None:
+    from domesim.pathtrace.cutaway import to_png  # noqa: PLC0415
+    from domesim.pathtrace.layers import write_layers  # noqa: PLC0415
+
+    white = scene.projector.white
+    units = {name: layer * (white**2 if name == "variance" else white)
+             for name, layer in layers.items()}  # fmt: skip
+    attributes: dict[str, Any] = {
+        "domesim:scene": scene.name,
+        "domesim:digest": scene.digest,
+        "domesim:units": "cd/m2 (white of each primary is the luminance of projector white)",
+        "domesim:white_cd_m2": float(white),
+        "domesim:versions": f"domesim {version('domesim')}, mitsuba {version('mitsuba')}, "
+        f"drjit {version('drjit')}, Python {platform.python_version()}",
+        "chromaticities": _chromaticities(scene),
+    }
+    attributes |= {f"domesim:{key}": value for key, value in facts.items()}
+    write_layers(out, units, attributes)
+    preview = out.with_suffix(".png")
+    to_png(np.clip(_display(scene, layers[""]), 0, 1), preview)
+    seen = {
+        name or "seen": float(np.mean(layer @ scene.projector.luminance_weights))
+        for name, layer in units.items()
+        if name in ("", "direct", "indirect", "ambient")
+    }
+    console.say(
+        "mean luminance over the picture: "
+        + ", ".join(f"{name} {value:.3g}" for name, value in seen.items())
+        + f" cd/m²; {facts['samples']} paths a pixel, standard error "
+        f"{facts['relative_error']:.1%} of the mean, {facts['cpu_s']:.0f} CPU-s. {facts['status']}"
+        f"\n  -> {out}\n  -> {preview}"
+    )
+    finish(
+        console,
+        {"scene": scene.name, "output": str(out), "preview": str(preview), "mean_cd_m2": seen}
+        | facts,
+        [],
+    )
+
+
+def _display(scene: Scene, picture: NDArray[Any]) -> NDArray[Any]:
+    """(row, col, RGB) linear BT.709."""
+    return np.asarray(scene.projector.to_display(np.asarray(picture, np.float32)[None]))
+
+
+def _chromaticities(scene: Scene) -> tuple[float, ...]:
+    """(x, y) of red, green, blue and white of the projector."""
+    matrix = conversion(scene.projector.primaries, "XYZ")
+    columns = [*matrix.T, matrix.sum(axis=1)]
+    return tuple(float(v) for c in columns for v in (c[:2] / c.sum()))
