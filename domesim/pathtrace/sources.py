@@ -122,7 +122,7 @@ class Picture(Aim):
         self.can_aim = lobe is None and dome.height_ratio == 1 and bool(np.any(values > 0))
         draws = np.zeros(self._size**2, np.int64)
         if self.can_aim:
-            draws = _draws(values, dome.screen_areas(self._size, self._size))
+            draws = _draws(values, dome.pixel_areas(self._size, self._size))
             self._drawn = m.lanes(np.repeat(np.arange(len(draws)), draws))
         self._count = int(draws.sum())
         # Draws a unit of the disc's (u, v)
@@ -152,7 +152,9 @@ class Picture(Aim):
                 aimed = density / self._stretch(room, *room.disc(position))
                 weight = room.machine.where(found > 0, found / (found + aimed), 1.0)
             for p in range(3):
-                sums[p] = sums[p] + colour[p] * factor[p] * weight
+                part = colour[p] * factor[p] * weight
+                # Where nothing arrived, the factor may be no number.
+                sums[p] = sums[p] + room.machine.where(arrived, part, 0.0)
         return sums[0], sums[1], sums[2]
 
     def aim(self, room: Room, here: Hit, active: Lanes, rng: Any) -> Colour:

@@ -19,6 +19,7 @@ from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from domesim.errors import InputError
 from domesim.lenses import lens_gains
@@ -186,9 +187,16 @@ class Tracer:
         return seen.reshape(rows, cols)
 
     def picture(self, light: NDArray[Any]) -> Picture:
-        """The light of a domemaster (row, col, primary) as a source."""
-        gains = self.gains(*light.shape[:2])
-        return Picture(self.room, light * gains.sum(0)[..., None], gains, self.lobe)
+        """The light of a domemaster (row, col, primary) as a source.
+
+        A pixel that the rim cuts and whose centre is off the screen shows its neighbour's light.
+        """
+        rows, cols = light.shape[:2]
+        gains = self.gains(rows, cols)
+        off = ~self.theatre.dome.inside(rows, cols)
+        row, col = distance_transform_edt(off, return_distances=False, return_indices=True)
+        values = (light * gains.sum(0)[..., None])[row, col]
+        return Picture(self.room, values, gains[:, row, col], self.lobe)
 
     def throw(self, size: int) -> Throw:
         """How the projectors' light gets to the eye, from a domemaster of that size."""

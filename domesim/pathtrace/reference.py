@@ -1,0 +1,202 @@
+"""The same theatre for Mitsuba's own ``path`` integrator: a second opinion on the bounce loop.
+
+Nothing of the loop's is used: Mitsuba's sphere, disk, cylinder and meshes, its BSDFs with an
+opacity mask where the sphere is no screen, its integrator with emitter sampling, a projector and a
+domemaster camera from `domesim.pathtrace.plugins`. Only which directions of the projector meet the
+screen first is found by the room's own geometry, for the picture that it throws. Slow, and meant
+for validation. Lengths are in units of the dome's radius.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.dome import Dome
+from domesim.errors import InputError
+from domesim.lenses import field_weight
+from domesim.pathtrace.llvm import load_mitsuba
+from domesim.pathtrace.machine import NumPy
+from domesim.pathtrace.plugins import register
+from domesim.pathtrace.room import NOTHING, SCREEN, Room
+from domesim.pathtrace.sources import lobe_bsdf
+from domesim.theatre import Albedo, Lobe, Theatre
+
+_MASK_ROWS = 3600
+"""Steps of the opacity mask from pole to pole: half-angles are kept to 0.05 degrees."""
+
+
+def path_traced(
+    theatre: Theatre,
+    light: NDArray[Any],
+    size: int,
+    *,
+    samples: int,
+    seed: int = 0,
+    depth: int = 24,
+    detail: int = 1024,
+) -> NDArray[np.float64]:
+    """(row, col, primary) what is seen from the dome's centre, 1.0 = projector white.
+
+    Parameters
+    ----------
+    theatre
+        One uncorrected lens, no cavity, no truncation and no lamps.
+    light
+        (row, col, primary) the domemaster.
+    size
+        Pixels a side of the result.
+    samples, seed, depth
+        Of Mitsuba's integrator.
+    detail
+        Pixels a side of the picture that the projector throws.
+
+    Raises
+    ------
+    InputError
+        If the theatre has more than this reference can build.
+    """
+    dome = theatre.dome
+    beyond = {
+        "a cavity": theatre.cavity is not None and theatre.perforation > 0,
+        "lamps": bool(theatre.lamps),
+        "a truncated dome": dome.truncated_below is not None,
+        "an ellipsoid": dome.height_ratio != 1,
+        "several projectors": len(theatre.lenses) != 1,
+        "corrected falloff": theatre.corrected,
+    }
+    found = [name for name, is_there in beyond.items() if is_there]
+    if found:
+        raise InputError(f"the reference renderer cannot have {', '.join(found)}")
+    mi = load_mitsuba()
+    register(mi)
+    zenith, front = dome.to_room[:, 2], dome.to_room[:, 1]
+    place = np.asarray(theatre.lenses[0].position) / dome.radius
+    looks = mi.ScalarTransform4f().look_at(
+        origin=place.tolist(), target=(place + zenith).tolist(), up=front.tolist()
+    )
+    camera = mi.ScalarTransform4f().look_at(
+        origin=[0.0, 0.0, 0.0], target=zenith.tolist(), up=front.tolist()
+    )
+    parts: dict[str, Any] = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": depth, "rr_depth": 1000},
+        "sensor": {
+            "type": "domemaster",
+            "half_angle": dome.half_angle,
+            "to_world": camera,
+            "film": {
+                "type": "hdrfilm",
+                "width": size,
+                "height": size,
+                "rfilter": {"type": "box"},
+                "pixel_format": "rgb",
+                "component_format": "float32",
+            },
+            "sampler": {"type": "independent", "sample_count": samples},
+        },
+        "projector": {
+            "type": "fisheye_projector",
+            "half_angle": np.pi,
+            "bitmap": mi.Bitmap(_thrown(theatre, light, place, detail)),
+            "filter_type": "nearest",
+            "to_world": looks,
+        },
+        "screen": {
+            "type": "sphere",
+            "flip_normals": True,
+            "to_world": mi.ScalarTransform4f().look_at(
+                origin=[0.0, 0.0, 0.0], target=zenith.tolist(), up=front.tolist()
+            ),
+            "bsdf": {
+                "type": "mask",
+                "opacity": {
+                    "type": "bitmap",
+                    "raw": True,
+                    "filter_type": "nearest",
+                    "wrap_mode": "clamp",
+                    "bitmap": mi.Bitmap(_opacity(dome)),
+                },
+                "nested": _surface(theatre.screen_albedo, theatre.lobe),
+            },
+        },
+    }
+    parts |= _room(mi, theatre)
+    image = np.asarray(mi.render(mi.load_dict(parts), spp=samples, seed=seed), np.float64)
+    # A white picture's direct radiance in the centre of projection: rho / pi, of 1 W/sr
+    return np.asarray(image[..., :3] * np.pi / np.asarray(theatre.screen_albedo))
+
+
+def _room(mi: Any, theatre: Theatre) -> dict[str, Any]:
+    unit = theatre.dome.radius
+    parts: dict[str, Any] = {}
+    if theatre.floor is not None:
+        floor = theatre.floor
+        parts["floor"] = {
+            "type": "disk",
+            "to_world": mi.ScalarTransform4f()
+            .translate([0, 0, floor.height / unit])
+            .scale(floor.radius / unit),
+            "bsdf": _surface(floor.albedo),
+        }
+    if theatre.wall is not None:
+        wall = theatre.wall
+        parts["wall"] = {
+            "type": "cylinder",
+            "flip_normals": True,
+            "p0": [0, 0, wall.bottom / unit],
+            "p1": [0, 0, wall.top / unit],
+            "radius": wall.radius / unit,
+            "bsdf": _surface(wall.albedo),
+        }
+    for number, solid in enumerate(theatre.solids):
+        bsdf = mi.load_dict({"type": "twosided", "nested": _surface(solid.albedo)})
+        properties = mi.Properties()
+        properties["bsdf"] = bsdf
+        mesh = mi.Mesh(solid.name, len(solid.vertices), len(solid.faces), props=properties)
+        values = mi.traverse(mesh)
+        values["vertex_positions"] = mi.Float((solid.vertices / unit).ravel())
+        values["faces"] = mi.UInt32(solid.faces.ravel())
+        values.update()
+        parts[f"solid{number}"] = mesh
+    return parts
+
+
+def _surface(albedo: Albedo, lobe: Lobe | None = None) -> dict[str, Any]:
+    if lobe is not None and lobe.share > 0:
+        return lobe_bsdf(lobe, albedo)
+    return {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(albedo)}}
+
+
+def _opacity(dome: Dome) -> NDArray[np.float32]:
+    """(theta, 1, 1): 1 on the screen. Mitsuba's v runs along theta, from the sphere's pole."""
+    theta = (np.arange(_MASK_ROWS) + 0.5) * np.pi / _MASK_ROWS
+    return np.where(theta <= dome.half_angle, 1, 0).astype(np.float32)[:, None, None]
+
+
+def _thrown(
+    theatre: Theatre, light: NDArray[Any], place: NDArray[Any], detail: int
+) -> NDArray[np.float32]:
+    """(row, col, primary) what the projector throws so that the domemaster lands where it should.
+
+    Nothing goes where something else than the screen would be met first.
+    """
+    dome = theatre.dome
+    room = Room(theatre, NumPy())
+    directions = Dome(1.0, np.pi).directions(detail, detail).reshape(-1, 3) @ dome.to_room.T
+    origin = np.broadcast_to(place, directions.shape)
+    ray = tuple(np.ascontiguousarray(directions[:, k]) for k in range(3))
+    start = tuple(np.ascontiguousarray(origin[:, k]) for k in range(3))
+    leaving = np.full(len(directions), NOTHING)
+    with np.errstate(all="ignore"):
+        hit = room.hit(start, ray, leaving, leaving == NOTHING)  # type: ignore[arg-type]
+    on = np.asarray(hit.surface == SCREEN)
+    points = np.where(on[:, None], np.stack(hit.position, -1), dome.to_room[:, 2])
+    toward = points @ dome.to_room
+    row, col = dome.pixel_of(
+        toward / np.linalg.norm(toward, axis=-1, keepdims=True), light.shape[0]
+    )
+    weight = field_weight(theatre.lenses[0], points * dome.radius) * on
+    return np.asarray(light[row, col] * weight[:, None], np.float32).reshape(detail, detail, 3)
