@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.ndimage import distance_transform_edt
+from scipy.optimize import brentq
 
 from domesim.errors import InputError
 
@@ -101,9 +102,24 @@ class Dome:
         """Largest horizontal distance of the screen from the room's axis, m."""
         around = np.linspace(0, 2 * np.pi, 721)
         points = self.surface(*np.meshgrid(np.linspace(0, self.half_angle, 181), around))
-        points = points @ self.to_room.T
-        kept = points[..., 2] >= (-np.inf if self.truncated_below is None else self.truncated_below)
-        return float(np.hypot(points[..., 0], points[..., 1])[kept].max())
+        x, y, z = np.moveaxis(points @ self.to_room.T, -1, 0)
+        away = np.hypot(x, y)
+        if self.truncated_below is None:
+            return float(away.max())
+        above = z - self.truncated_below
+        kept = above >= 0
+        # Where meridians cross the cut, too
+        i, j = np.nonzero(kept[:, 1:] != kept[:, :-1])
+        crossing = above[i, j] / (above[i, j] - above[i, j + 1])
+        edge = away[i, j] + crossing * (away[i, j + 1] - away[i, j])
+        return float(np.concatenate([away[kept], edge]).max(initial=0.0))
+
+    @property
+    def whole(self) -> str:
+        """What the screen is a part of, in words."""
+        if self.height_ratio == 1:
+            return f"the sphere of radius {self.radius:g} m"
+        return f"the ellipsoid of radius {self.radius:g} m and height ratio {self.height_ratio:g}"
 
     @property
     def to_room(self) -> NDArray[np.float64]:
@@ -158,6 +174,11 @@ class Dome:
         index = np.clip(place, 0, size - 1).astype(np.int64)
         return index[..., 1], index[..., 0]
 
+    def encloses(self, point: tuple[float, float, float]) -> bool:
+        """Whether a point of the dome's frame is inside the sphere or ellipsoid of the screen."""
+        x, y, z = point
+        return bool(np.linalg.norm([x, y, z / self.height_ratio]) < self.radius)
+
     def _room_height(self, u: Angles, v: Angles) -> NDArray[np.float64]:
         """Height in the room of the screen at points (u, v) of the domemaster, m."""
         points = self.surface(np.hypot(u, v) * self.half_angle, np.arctan2(v, u))
@@ -197,6 +218,24 @@ class Dome:
         # It is the front (azimuth pi / 2) that dips when the zenith leans to it.
         highest = -np.pi / 2 if self.tilt >= 0 else np.pi / 2
         return highest - half, 2 * half
+
+    def cut_at(self) -> list[float]:
+        """Angles theta at which the truncation begins to cut rings, or has cut off whole ones."""
+        scan = np.linspace(0, self.half_angle, 721)
+        cut = 0.0 if self.truncated_below is None else self.truncated_below
+
+        def above(theta: Any, side: int) -> Any:
+            # Height of a ring's lowest or highest point, in units of its distance, above the cut
+            return np.cos(theta + side * self.tilt) - cut / self._ring_distance(theta)
+
+        found = []
+        for side in (-1, 1):
+            sign = above(scan, side) >= 0
+            found += [
+                float(brentq(above, scan[i], scan[i + 1], args=(side,)))
+                for i in np.flatnonzero(sign[1:] != sign[:-1])
+            ]
+        return found
 
     def _ring_distance(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         return self.distance(np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], -1))
@@ -249,6 +288,8 @@ class Dome:
         areas = solid_angle * self.area_density(theta)
         if self.truncated_below is not None:
             areas = areas * self._share_above(grid, self.truncated_below)
+        if not areas.any():
+            raise InputError(f"no pixel of {cols} x {rows} is on the screen; use more of them")
         # The density at the pixels' centres is right to second order; the sum is exact.
         return np.asarray(areas * (self.screen_area / areas.sum()))
 
@@ -272,8 +313,15 @@ class Dome:
 
         A pixel that the rim cuts and whose centre is off the screen gives its area to its neighbour
         towards the zenith: what lies outside the circle must not influence what is inside.
+
+        Raises
+        ------
+        InputError
+            If the image is not square, or no pixel's centre is on the screen.
         """
         areas, inside = self.pixel_areas(rows, cols), self.inside(rows, cols)
+        if not inside.any():
+            raise InputError(f"no pixel of {cols} x {rows} is on the screen; use more of them")
         result = np.where(inside, areas, 0.0)
         row, col = np.nonzero((areas > 0) & ~inside)
         if self.truncated_below is not None:
@@ -303,11 +351,16 @@ class Dome:
             Size of the domemaster, pixels.
         lens
             Position of the lens in the dome's frame, m, inside the sphere.
+
+        Raises
+        ------
+        InputError
+            If it is not.
         """
         position = np.asarray(lens, np.float64)
-        if not np.linalg.norm(position) < self.radius:
+        if not self.encloses(lens):
             raise InputError(
-                f"projector lens must be inside the sphere of radius {self.radius:g} m, "
+                f"projector lens must be inside {self.whole}, "
                 f"got {np.linalg.norm(position):g} m from its centre"
             )
         directions = self.directions(rows, cols)

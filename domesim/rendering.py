@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from domesim.cli import Json, Quiet, finish
-from domesim.console import Console, about, prepare
+from domesim.cli import INTERRUPTED, Json, Quiet, Repair, finish
+from domesim.console import Console, about, prepare_file
 from domesim.errors import InputError
 from domesim.frames import read_frame
 from domesim.projector import conversion
 from domesim.scene import Scene, load_scene
-from domesim.screening import decoded
+from domesim.screening import decoded, mean_luminance
+
+if TYPE_CHECKING:
+    from domesim.pathtrace.tracer import Settings, Traced
 
 SceneArgument = Annotated[
     str,
@@ -65,6 +69,7 @@ def render(
     samples: Most = 1 << 14,
     seed: Seed = 0,
     per_bounce: PerBounce = False,
+    repair: Repair = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -73,11 +78,15 @@ def render(
     theatre = load_scene(scene)
     if size is not None and not 2 <= size <= 16384:
         raise InputError(f"--size must lie in 2..16384, got {size}")
+    if samples < 1:
+        raise InputError(f"--samples must be at least 1, got {samples}")
+    _require_seed(seed)
     suffix = ".png" if view == "cutaway" else ".exr"
     if out.suffix.lower() != suffix:
         raise InputError(f"--out {out}: the view {view!r} is written as {suffix}, name it so")
-    prepare(out.parent)
-    picture = _picture(theatre, master, size if view == "domemaster" else None)
+    for written in {out, out.with_suffix(".png")}:
+        prepare_file(written, instead_of=master)
+    picture = _picture(theatre, master, size if view == "domemaster" else None, repair, console)
     if view == "cutaway":
         _cutaway(theatre, picture, out, size or 1200, console)
         return
@@ -92,7 +101,7 @@ def render(
         layers, facts = _domemaster(theatre, picture, settings, console)
     else:
         layers, facts = _from_seat(theatre, picture, view, size or 960, settings, console)
-    _write(theatre, layers, facts, out, console)
+    _write(theatre, view, layers, facts, out, console)
 
 
 def tabulate(
@@ -118,9 +127,13 @@ def tabulate(
     theatre = load_scene(scene)
     if out.suffix != ".npz":
         raise InputError(f"--out {out}: a transport is stored as .npz, name it so")
-    prepare(out.parent)
+    if not walks >= 1:
+        raise InputError(f"--walks must be at least 1, got {walks:g}")
+    _require_seed(seed)
+    prepare_file(out)
     from domesim.pathtrace.llvm import backend  # noqa: PLC0415
     from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
+    from domesim.pathtrace.tracer import Status  # noqa: PLC0415
 
     console.say(backend().summary)
     provenance = {"scene": theatre.name, "digest": theatre.digest}
@@ -155,10 +168,23 @@ def tabulate(
         f"standard error {figures['relative_error']:.1e} after {found.walks:.3g} paths, "
         f"{found.seconds:.0f} CPU-s. {found.status.value}"
     )
-    if check:
+    interrupted = found.status is Status.INTERRUPTED
+    if check and not interrupted:
         figures["radiosity"] = _second_opinion(theatre, found.transport, console)
     console.say(f"  -> {out}\nUse it: domesim compensate MASTER --scene {scene} --transport {out}")
+    _finish(console, figures, interrupted)
+
+
+def _finish(console: Console, figures: dict[str, Any], interrupted: bool) -> None:
+    """Print the figures; what is not as sure as was asked for is no success."""
     finish(console, figures, [])
+    if interrupted:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _require_seed(seed: int) -> None:
+    if seed < 0:
+        raise InputError(f"--seed must be at least 0, got {seed}")
 
 
 def _per_primary(values: NDArray[np.float64]) -> str:
@@ -189,18 +215,24 @@ def _second_opinion(scene: Scene, transport: Any, console: Console) -> dict[str,
         console.say(f"No second opinion: {reason}")
         return None
     gain = other.mean_gain()
-    apart = float(np.max(np.abs(gain / np.maximum(transport.mean_gain(), 1e-30) - 1)))
+    traced = transport.mean_gain()
+    # Of a black primary there is nothing to compare.
+    apart = float(np.max(np.abs(gain - traced) / np.maximum(traced, 1e-30)))
     console.say(f"Second opinion: radiosity finds {_per_primary(gain)}, {apart:.2%} apart")
     return {"mean_gain": gain.tolist(), "apart": apart}
 
 
-def _picture(scene: Scene, master: Path | None, size: int | None) -> NDArray[np.float32]:
+def _picture(
+    scene: Scene, master: Path | None, size: int | None, repair: bool, console: Console
+) -> NDArray[np.float32]:
     """(row, col, primary) light of the master, at another size if wanted."""
     path = master
     if path is None:
         path = Path(str(resources.files("scenes").joinpath("masters", "night.exr")))
     with about(path):
-        frame = read_frame(path)
+        frame = read_frame(path, repair=repair)
+        if frame.repaired:
+            console.say(f"{path.name}: {frame.repaired} impossible samples repaired")
         light = np.asarray(decoded(frame, scene)[0], np.float32)
         scene.dome.inside(*light.shape[:2])  # refuses what is no domemaster
     if size is None or size == light.shape[0]:
@@ -226,7 +258,7 @@ def _cutaway(
 
 
 def _domemaster(
-    scene: Scene, picture: NDArray[np.float32], settings: Any, console: Console
+    scene: Scene, picture: NDArray[np.float32], settings: Settings, console: Console
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     from domesim.pathtrace.observation import PathTracedDome  # noqa: PLC0415
 
@@ -246,7 +278,8 @@ def _domemaster(
     if seen.ambient is not None:
         layers["ambient"] = seen.ambient.mean
     layers |= _bounces(seen.indirect.bounces, 1)
-    return layers, _facts(seen.indirect)
+    parts = [part for part in (seen.indirect, seen.ambient) if part is not None]
+    return layers, _facts(parts, dome.screen)
 
 
 def _from_seat(
@@ -254,9 +287,10 @@ def _from_seat(
     picture: NDArray[np.float32],
     view: str,
     width: int,
-    settings: Any,
+    settings: Settings,
     console: Console,
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    from domesim.pathtrace.observation import in_haste, part_of  # noqa: PLC0415
     from domesim.pathtrace.tracer import Tracer  # noqa: PLC0415
 
     known = scene.theatre.viewpoints
@@ -272,9 +306,10 @@ def _from_seat(
     tracer = Tracer(scene.theatre)
     source = tracer.picture(picture)
     height = width * 9 // 16
+    parts = 2 if scene.theatre.lamps else 1
     with console.share("tracing") as progress:
         seen = tracer.view(source, known[name], width, height, replace(settings, per_bounce=True),
-                           progress=progress)  # fmt: skip
+                           progress=part_of(progress, 0, parts))  # fmt: skip
         lamps = None
         if scene.theatre.lamps:
             lamps = tracer.view(
@@ -282,9 +317,9 @@ def _from_seat(
                 known[name],
                 width,
                 height,
-                settings,
+                in_haste(settings, seen),
                 reference=float(seen.mean.mean()),
-                progress=progress,
+                progress=part_of(progress, 1, parts),
             )
     assert seen.bounces is not None
     layers = {
@@ -299,7 +334,8 @@ def _from_seat(
         layers["variance"] = layers["variance"] + lamps.standard_error**2
     if settings.per_bounce:
         layers |= _bounces(seen.bounces, 1)
-    return layers, _facts(seen)
+    traced = [seen] if lamps is None else [seen, lamps]
+    return layers, _facts(traced, np.ones((height, width), bool))
 
 
 def _bounces(bounces: NDArray[Any] | None, first: int) -> dict[str, NDArray[Any]]:
@@ -308,21 +344,27 @@ def _bounces(bounces: NDArray[Any] | None, first: int) -> dict[str, NDArray[Any]
     return {f"bounce{k}": bounces[k] for k in range(first, len(bounces))}
 
 
-def _facts(traced: Any) -> dict[str, Any]:
-    mean = float(np.mean(traced.mean))
+def _facts(parts: Sequence[Traced], on: NDArray[np.bool_]) -> dict[str, Any]:
+    """Figures of the picture's light, and of the lamps' if there are any, on (row, col) pixels."""
+    picture = parts[0]
+    mean = float(np.mean(picture.mean[on]))
+    error = float(np.sqrt(np.mean(picture.standard_error[on] ** 2)))
+    # The members of Status stand in the order of how well it went.
+    order = list(type(picture.status))
     return {
-        "status": traced.status.value,
-        "samples": traced.samples,
-        "seed": traced.seed,
-        "bounces": traced.limit,
-        "segments": traced.steps,
-        "cpu_s": traced.seconds,
-        "relative_error": float(np.sqrt(np.mean(traced.standard_error**2)) / mean) if mean else 0.0,
+        "status": max((part.status for part in parts), key=order.index).value,
+        "samples": picture.samples,
+        "seed": picture.seed,
+        "bounces": picture.limit,
+        "segments": sum(part.steps for part in parts),
+        "cpu_s": sum(part.seconds for part in parts),
+        "relative_error": error / mean if mean else 0.0,
     }
 
 
 def _write(
     scene: Scene,
+    view: str,
     layers: dict[str, NDArray[Any]],
     facts: dict[str, Any],
     out: Path,
@@ -330,6 +372,7 @@ def _write(
 ) -> None:
     from domesim.pathtrace.cutaway import to_png  # noqa: PLC0415
     from domesim.pathtrace.layers import write_layers  # noqa: PLC0415
+    from domesim.pathtrace.tracer import Status  # noqa: PLC0415
 
     white = scene.projector.white
     units = {name: layer * (white**2 if name == "variance" else white)
@@ -347,23 +390,27 @@ def _write(
     write_layers(out, units, attributes)
     preview = out.with_suffix(".png")
     to_png(np.clip(_display(scene, layers[""]), 0, 1), preview)
-    seen = {
-        name or "seen": float(np.mean(layer @ scene.projector.luminance_weights))
-        for name, layer in units.items()
-        if name in ("", "direct", "indirect", "ambient")
-    }
+    parts = {name: layer for name, layer in layers.items()
+             if name in ("", "direct", "indirect", "ambient")}  # fmt: skip
+    if view == "domemaster":
+        over = "screen"
+        seen = {name or "seen": mean_luminance(part[None], scene) for name, part in parts.items()}
+    else:
+        over = "picture"
+        weights = scene.projector.luminance_weights * white
+        seen = {name or "seen": float(np.mean(part @ weights)) for name, part in parts.items()}
     console.say(
-        "mean luminance over the picture: "
+        f"mean luminance over the {over}: "
         + ", ".join(f"{name} {value:.3g}" for name, value in seen.items())
         + f" cd/m²; {facts['samples']} paths a pixel, standard error "
         f"{facts['relative_error']:.1%} of the mean, {facts['cpu_s']:.0f} CPU-s. {facts['status']}"
         f"\n  -> {out}\n  -> {preview}"
     )
-    finish(
+    _finish(
         console,
         {"scene": scene.name, "output": str(out), "preview": str(preview), "mean_cd_m2": seen}
         | facts,
-        [],
+        facts["status"] == Status.INTERRUPTED.value,
     )
 
 

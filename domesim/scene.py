@@ -17,11 +17,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, final, get_args
+from typing import Annotated, Any, Literal, Self, TypeAlias, final, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     Discriminator,
@@ -33,6 +34,7 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from pydantic_core import InitErrorDetails
 
 from domesim import furniture, viewing
 from domesim.dome import Dome
@@ -95,6 +97,24 @@ class DomeSection(_Section):
         if radius < 0.01:
             raise ValueError(f"must be at least 0.01, got {radius:g}")
         return radius
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        try:
+            self.shape()
+        except InputError as error:
+            raise ValueError(str(error).removeprefix("dome ")) from None
+        return self
+
+    def shape(self) -> Dome:
+        """The dome that this describes."""
+        return Dome(
+            self.radius_m,
+            np.radians(self.half_angle_deg),
+            np.radians(self.tilt_deg),
+            self.height_ratio,
+            self.truncated_below_m,
+        )
 
 
 class LobeSection(_Section):
@@ -160,6 +180,16 @@ class BoxSection(_Section):
     high_m: Place
     albedo: PerPrimary
 
+    @field_validator("high_m")
+    @classmethod
+    def _above(cls, high: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        low = info.data.get("low_m", high)
+        if low is not high and not np.all(np.less(low, high)):
+            raise ValueError(
+                f"must be above low_m in x, y and z, got {list(high)} over {list(low)}"
+            )
+        return high
+
 
 class MeshSection(_Section):
     """A mesh from a file, next to the scene's: anything else."""
@@ -174,17 +204,30 @@ class LampSection(_Section):
 
     name: str
     position_m: Place
-    normal: tuple[Number, Number, Number]
+    normal: Place
     width_m: Length
     height_m: Length
     luminance_cd_m2: NoLuminance | tuple[NoLuminance, NoLuminance, NoLuminance]
+
+    @field_validator("normal")
+    @classmethod
+    def _directed(cls, normal: tuple[float, ...]) -> tuple[float, ...]:
+        if not np.linalg.norm(normal) > 1e-9:
+            raise ValueError(f"must have a length, got {list(normal)}")
+        return normal
+
+
+def _elsewhere(look_at: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+    if look_at == info.data.get("position_m"):
+        raise ValueError(f"must be another place than position_m, got {list(look_at)}")
+    return look_at
 
 
 class ViewpointSection(_Section):
     """A place to look from."""
 
     position_m: Place
-    look_at_m: Place
+    look_at_m: Annotated[Place, AfterValidator(_elsewhere)]
     field_deg: Annotated[Number, Field(ge=5, le=150)] = 100.0
 
 
@@ -193,7 +236,7 @@ class UnitSection(_Section):
 
     name: str
     position_m: Place
-    look_at_m: Place
+    look_at_m: Annotated[Place, AfterValidator(_elsewhere)]
     field_deg: Annotated[Number, Field(ge=1, le=360)]
     kind: Literal["equidistant", "perspective"] = "equidistant"
     roll_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
@@ -260,6 +303,13 @@ class ViewingSection(_Section):
     adaptation_cd_m2: Luminance
 
 
+Standing: TypeAlias = WallSection | SeatingSection
+
+
+def _line_error(key: tuple[str | int, ...], message: str) -> InitErrorDetails:
+    return InitErrorDetails(type="value_error", loc=key, input=None, ctx={"error": message})
+
+
 class SceneFile(_Section):
     """A whole scene file; ``sources`` says for each figure where it is from."""
 
@@ -279,34 +329,52 @@ class SceneFile(_Section):
     viewing: ViewingSection
     sources: dict[str, str] = {}
 
-    @model_validator(mode="after")
-    def _lens_inside(self) -> Self:
-        places = {"projector.lens.position_m": self.projector.lens.position_m}
-        for number, unit in enumerate(self.projector.units):
-            places[f"projector.units[{number}].position_m"] = unit.position_m
-        for key, place in places.items():
-            distance = float(np.linalg.norm(place))
-            if distance >= self.dome.radius_m:
-                raise ValueError(
-                    f"{key}: must be inside the sphere of radius "
-                    f"{self.dome.radius_m:g} m, got {distance:g} m from its centre"
-                )
-        return self
+    @field_validator("projector")
+    @classmethod
+    def _lenses_inside(cls, projector: ProjectorSection, info: ValidationInfo) -> ProjectorSection:
+        if "dome" not in info.data:
+            return projector
+        dome = info.data["dome"].shape()
+        places: dict[tuple[str | int, ...], Any] = {
+            ("lens", "position_m"): projector.lens.position_m
+        }
+        for number, unit in enumerate(projector.units):
+            places["units", number, "position_m"] = np.asarray(unit.position_m) @ dome.to_room
+        mistakes = [
+            _line_error(
+                key,
+                f"must be inside {dome.whole}, got {np.linalg.norm(place):g} m from its centre",
+            )
+            for key, place in places.items()
+            if not dome.encloses(place)
+        ]
+        if mistakes:
+            raise ValidationError.from_exception_data("projector", mistakes)
+        return projector
 
-    @model_validator(mode="after")
-    def _stands_on_floor(self) -> Self:
-        for key in ("wall", "seating"):
-            if getattr(self, key) is not None and self.floor is None:
-                raise ValueError(f"{key}: needs a [floor] to stand on, got none")
-        return self
+    @field_validator("wall", "seating")
+    @classmethod
+    def _stands_on_floor(cls, section: Standing | None, info: ValidationInfo) -> Standing | None:
+        floor = info.data.get("floor", ...)  # absent if it has mistakes itself
+        if section is not None and floor is None:
+            raise ValueError("needs a [floor] to stand on, got none")
+        if isinstance(section, WallSection) and isinstance(floor, FloorSection):
+            top = section.top_m
+            if top is not None and top <= floor.height_m:
+                place = f"above the floor ({floor.height_m:g} m)"
+                mistake = _line_error(("top_m",), f"must be {place}, got {top:g}")
+                raise ValidationError.from_exception_data("wall", [mistake])
+        return section
 
     @property
     def digest(self) -> str:
         """SHA-256 of all that light transport depends on."""
         parts = {"name", "description", "sources", "viewing", "viewpoints", "ambient"}
         content = self.model_dump(mode="json", exclude=parts, warnings=False)
-        for key in ("primaries", "white_cd_m2", "lumens", "black_cd_m2"):
-            content["projector"].pop(key)
+        content["projector"].pop("black_cd_m2")
+        if not self.lamps:  # their light is stored in units of white
+            for key in ("primaries", "white_cd_m2", "lumens"):
+                content["projector"].pop(key)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -487,19 +555,22 @@ def _built(file: SceneFile, folder: Path) -> Scene:
         ambient=lit.black_cd_m2 + file.ambient.luminance_cd_m2,
         viewing=viewing.from_dome_centre(theatre.dome, file.viewing.adaptation_cd_m2),
         sources=file.sources,
-        digest=file.digest,
+        digest=_with_meshes(file, theatre),
     )
+
+
+def _with_meshes(file: SceneFile, theatre: Theatre) -> str:
+    """The file's digest, with what is in the files that it names."""
+    if not file.meshes:
+        return file.digest
+    digest = hashlib.sha256(file.digest.encode())
+    for solid in theatre.solids:
+        digest.update(solid.vertices.tobytes() + solid.faces.tobytes())
+    return digest.hexdigest()
 
 
 def _theatre(file: SceneFile, folder: Path) -> Theatre:
-    shape, screen = file.dome, file.screen
-    dome = Dome(
-        shape.radius_m,
-        np.radians(shape.half_angle_deg),
-        np.radians(shape.tilt_deg),
-        shape.height_ratio,
-        shape.truncated_below_m,
-    )
+    dome, screen = file.dome.shape(), file.screen
     cavity, lobe = screen.cavity, screen.lobe
     floor, wall = _floor_and_wall(file, dome)
     solids, viewpoints = _furniture(file, floor, dome, folder)
@@ -531,10 +602,6 @@ def _floor_and_wall(file: SceneFile, dome: Dome) -> tuple[Floor | None, Wall | N
         top = dome.lowest if file.wall.top_m is None else file.wall.top_m
         if top > file.floor.height_m:
             wall = Wall(radius, file.floor.height_m, top, _three(file.wall.albedo))
-        elif file.wall.top_m is not None:
-            raise InputError(
-                f"wall.top_m: must be above the floor ({file.floor.height_m:g} m), got {top:g}"
-            )
     floor = Floor(file.floor.height_m, file.floor.radius_m or radius, _three(file.floor.albedo))
     return floor, wall
 
@@ -603,8 +670,6 @@ def _lenses(projector: ProjectorSection, dome: Dome) -> tuple[Lens, ...]:
 
 def _lamp(lamp: LampSection) -> Lamp:
     normal = np.asarray(lamp.normal, np.float64)
-    if not np.linalg.norm(normal) > 0:
-        raise InputError(f"lamps: the normal of {lamp.name!r} must have a length, got 0")
     normal /= np.linalg.norm(normal)
     reference = np.array([0.0, 0, 1]) if abs(normal[2]) < 0.999 else np.array([0.0, 1, 0])
     across = np.cross(reference, normal)

@@ -8,7 +8,7 @@ dome's tilt (`domesim.dome`).
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, final
 
 import numpy as np
@@ -21,6 +21,10 @@ Point = tuple[float, float, float]
 
 Albedo = tuple[float, float, float]
 """Diffuse albedo for each primary."""
+
+
+_NEAR = 0.1
+"""A floor so near to the screen, in units of its radius, is taken to meet it."""
 
 
 @final
@@ -257,6 +261,36 @@ class Theatre:
     def lambertian(self) -> bool:
         """Whether every surface is Lambertian."""
         return self.lobe is None or self.lobe.share == 0
+
+    @property
+    def floor_meets_screen(self) -> bool:
+        """Whether a reflecting floor comes so near to the screen that light changes fast there."""
+        floor, dome = self.floor, self.dome
+        if floor is None or max(floor.albedo) == 0:
+            return False
+        sunk = dome.lowest / (dome.radius * dome.height_ratio)
+        rim = dome.radius * np.sqrt(max(0.0, 1 - sunk**2))
+        near = _NEAR * dome.radius
+        return bool(floor.height > dome.lowest - near and floor.radius > rim - near)
+
+    @property
+    def enclosure(self) -> Theatre:
+        """The same with nothing but a Lambertian screen, floor and wall."""
+        return replace(self, lobe=None, cavity=None, solids=(), lamps=())
+
+    @property
+    def beyond_enclosure(self) -> tuple[str, ...]:
+        """What is in the theatre besides a Lambertian screen, floor and wall."""
+        found = []
+        if not self.lambertian:
+            found.append("a screen with a gain lobe")
+        if self.cavity is not None and self.perforation > 0:
+            found.append("a cavity behind the screen")
+        if self.solids:
+            found.append(f"solids ({_names(self.solids)})")
+        if self.lamps:
+            found.append(f"lamps ({_names(self.lamps)})")
+        return tuple(found)
 
     def departures(self) -> tuple[str, ...]:
         """Why the closed form of a bare Lambertian spherical cap is only an approximation here.

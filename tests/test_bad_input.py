@@ -18,9 +18,10 @@ import pytest
 
 from domesim import cli
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
-from domesim.scene import scene_names
+from domesim.observation.transport import Transport
+from domesim.scene import load_scene, scene_names
 
-SCENE = "dome_imax"
+SCENE = "dome_hemisphere"
 SIZE = 32
 WORKING = """
 name = "a test"
@@ -700,7 +701,7 @@ def test_ctrl_c_leaves_whole_frames(tmp_path: Path, out: Path, command: str) -> 
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
     )
     deadline = time.monotonic() + 30
-    while len(written(out)) < 5:
+    while sum(not name.startswith(".") for name in written(out)) < 5:
         assert time.monotonic() < deadline
         assert process.poll() is None
         time.sleep(0.01)
@@ -713,3 +714,305 @@ def test_ctrl_c_leaves_whole_frames(tmp_path: Path, out: Path, command: str) -> 
     assert names == [f"show.{number:04d}.exr" for number in range(1, len(names) + 1)]
     for name in names:
         assert read_frame(out / name).pixels.shape == (SIZE, SIZE, 3)
+
+
+# Commands that trace paths.
+
+TRACING = ("render", "tabulate")
+
+
+def traced(command: str, out: Path, *options: object) -> tuple[object, ...]:
+    """Arguments for a result in `out`."""
+    name = {"render": "seen.exr", "tabulate": "table.npz"}[command]
+    return (command, "dome_hemisphere", "--out", out / name, *options)
+
+
+@pytest.mark.parametrize("case", [case for case in (*MASTERS, *UNSUITABLE) if case != "gap"])
+def test_a_bad_master_is_not_rendered(run: Run, tmp_path: Path, out: Path, case: str) -> None:
+    make, words = {**MASTERS, **UNSUITABLE}[case]
+    folder = tmp_path / "in"
+    folder.mkdir()
+    # `render` takes one file, as it is.
+    others = dict.fromkeys(("no such file", "none matches"), "there is none")
+    words = tuple(others.get(word, word) for word in words)
+    run(*traced("render", out, "--master", make(folder))).is_refused(*words)
+    assert written(out) == []
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -0.5])
+def test_a_repaired_master_is_rendered(run: Run, tmp_path: Path, out: Path, value: float) -> None:
+    master = with_sample(tmp_path / "r.exr", value)
+    outcome = run(*traced("render", out, "--master", master, "--samples", 2, "--repair"))
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "r.exr: 4 impossible samples repaired" in outcome.out
+    assert written(out) == ["seen.exr", "seen.png"]
+
+
+OPTIONS: list[tuple[str, list[object], tuple[str, ...]]] = [
+    ("render", ["--size", 1], ("--size", "2..16384", "got 1")),
+    ("render", ["--size", -5], ("--size", "got -5")),
+    ("render", ["--size", 10**9], ("--size", "got 1000000000")),
+    ("render", ["--error", 0], ("error", "above 0", "got 0")),
+    ("render", ["--error", -0.1], ("error", "above 0", "got -0.1")),
+    ("render", ["--error", "nan"], ("error", "above 0", "got nan")),
+    ("render", ["--error", "inf"], ("error", "above 0", "got inf")),
+    ("render", ["--samples", 0], ("--samples", "at least 1", "got 0")),
+    ("render", ["--samples", -7], ("--samples", "at least 1", "got -7")),
+    ("render", ["--seed", -1], ("--seed", "at least 0", "got -1")),
+    ("render", ["--view", "cube"], ("'cube'", "domemaster", "cutaway")),
+    ("render", ["--view", "seat:1"], ("'seat:1'", "domemaster", "cutaway", "no seats")),
+    ("render", ["--view", "cutaway"], ("seen.exr", "'cutaway'", ".png")),
+    ("tabulate", ["--error", 0], ("error", "above 0", "got 0")),
+    ("tabulate", ["--error", -1], ("error", "above 0", "got -1")),
+    ("tabulate", ["--error", "nan"], ("error", "above 0", "got nan")),
+    ("tabulate", ["--walks", 0], ("--walks", "at least 1", "got 0")),
+    ("tabulate", ["--walks", -1e6], ("--walks", "at least 1", "got -1e+06")),
+    ("tabulate", ["--walks", "nan"], ("--walks", "at least 1", "got nan")),
+    ("tabulate", ["--degree", 13], ("degree", "0..12", "got 13")),
+    ("tabulate", ["--degree", -1], ("degree", "0..12", "got -1")),
+    ("tabulate", ["--seed", -1], ("--seed", "at least 0", "got -1")),
+    ("master", ["--size", 0], ("--size", "1 to 16384", "got 0")),
+    ("master", ["--size", 10**9], ("--size", "1 to 16384", "got 1000000000")),
+    ("master", ["--samples", 0], ("--samples", "1 to 65536", "got 0")),
+    ("master", ["--samples", -3], ("--samples", "1 to 65536", "got -3")),
+    ("master", ["--seed", -1], ("seed", "got -1")),
+    ("master", ["--kind", "cube"], ("'cube'", "dome", "stereo")),
+    ("master", ["--frames", "0x"], ("--frames", "got '0x'")),
+    ("master", ["--frames", ""], ("--frames", "got ''")),
+    ("master", ["--fps", 0], ("--fps", "above 0", "got 0")),
+    ("master", ["--fps", "nan"], ("--fps", "above 0", "got nan")),
+    ("master", ["--loop", -1], ("loop", "got -1")),
+    ("master", ["--loop", "nan"], ("loop", "got nan")),
+    ("master", ["--kind", "stereo", "--interaxial", "nan"], ("--interaxial", "got nan")),
+    ("master", ["--kind", "stereo", "--convergence", "nan"], ("--convergence", "got nan")),
+]
+
+
+@pytest.mark.parametrize(
+    ("command", "options", "words"),
+    OPTIONS,
+    ids=[" ".join(map(str, (command, *options))) for command, options, _ in OPTIONS],
+)
+def test_impossible_ways_to_trace(
+    run: Run, tmp_path: Path, out: Path, command: str, options: list[object], words: tuple[str, ...]
+) -> None:
+    if command == "master":
+        run(command, "--out", out, *options).is_refused(*words)
+    else:
+        master = store(tmp_path / "m.exr")
+        if command == "render":
+            options = ["--master", master, *options]
+        run(*traced(command, out, *options)).is_refused(*words)
+    assert written(out) == []
+
+
+@pytest.mark.parametrize("command", TRACING)
+@pytest.mark.parametrize("scene", ["dome_hemispere", "no.toml", ""])
+def test_an_unknown_scene_is_not_traced(run: Run, out: Path, command: str, scene: str) -> None:
+    name = "seen.exr" if command == "render" else "table.npz"
+    outcome = run(command, scene, "--out", out / name)
+    outcome.is_refused(scene, *scene_names())
+    assert written(out) == []
+
+
+@pytest.mark.parametrize("command", TRACING)
+def test_a_mistake_in_a_scene_is_not_traced(
+    run: Run, tmp_path: Path, out: Path, command: str
+) -> None:
+    scene = touched(tmp_path / "my.toml", WORKING.replace("0.45", "1.2").encode())
+    name = "seen.exr" if command == "render" else "table.npz"
+    run(command, scene, "--out", out / name).is_refused(str(scene), "screen.albedo", "got 1.2")
+    assert written(out) == []
+
+
+PLACES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "wrong suffix": ("seen.jpg", ("seen.jpg", "name it so")),
+    "no suffix": ("seen", ("seen", "name it so")),
+    "only a suffix": (".exr", (".exr", "name it so")),
+    "below a file": ("m.exr/seen", ("m.exr", "wanted a folder", "Choose")),
+    "a folder": ("folder", ("folder", "wanted a file", "is a directory", "Choose")),
+    "unwritable": ("/proc/seen", ("/proc", "wanted a folder", "Choose")),
+    "long": ("x" * 250, ("xxx", "wanted a file", "name too long", "Choose")),
+    "no UTF-8": (os.fsdecode(b"\xff"), (r"\udcff", "UTF-8", "Choose")),
+}
+
+
+@pytest.mark.parametrize("command", TRACING)
+@pytest.mark.parametrize("case", PLACES)
+def test_a_result_that_cannot_be_written(run: Run, tmp_path: Path, command: str, case: str) -> None:
+    """Said before any work."""
+    name, words = PLACES[case]
+    if not case.endswith("suffix"):
+        name += ".exr" if command == "render" else ".npz"
+    master = store(tmp_path / "m.exr")
+    (tmp_path / "folder.exr").mkdir()
+    (tmp_path / "folder.npz").mkdir()
+    options = ["--master", master] if command == "render" else []
+    outcome = run(command, "dome_hemisphere", "--out", tmp_path / name, *options)
+    outcome.is_refused(*words)
+    assert outcome.out == ""
+    assert written(tmp_path) == ["folder.exr", "folder.npz", "m.exr"]
+
+
+@pytest.mark.parametrize("command", TRACING)
+def test_a_full_disk_after_tracing(run: Run, tmp_path: Path, tiny_disk: Path, command: str) -> None:
+    tiny_disk.joinpath("filler").write_bytes(bytes(52 * 1024))
+    options = {
+        "render": ["--master", store(tmp_path / "m.exr", picture(64, 64)), "--samples", 2],
+        "tabulate": ["--walks", 1, "--degree", 2, "--no-check"],
+    }
+    outcome = run(*traced(command, tiny_disk, *options[command]))
+    words = {"render": ("seen.exr", "cannot be written"), "tabulate": ("table.npz", "o space left")}
+    outcome.is_refused(*words[command])
+    assert written(tiny_disk) == ["filler"]
+
+
+@pytest.mark.parametrize(
+    ("master", "out", "options"),
+    [
+        ("m.exr", "m.exr", []),
+        ("m.exr", "link.exr", []),
+        ("m.png", "m.exr", []),  # a preview would be written there
+        ("m.png", "m.png", ["--view", "cutaway"]),
+    ],
+)
+def test_a_picture_does_not_replace_its_master(
+    run: Run, tmp_path: Path, master: str, out: str, options: list[str]
+) -> None:
+    path = store(tmp_path / master, kind="half" if master.endswith("exr") else "uint16")
+    (tmp_path / "link.exr").symlink_to(path)
+    before = path.read_bytes()
+    outcome = run("render", "dome_hemisphere", "--master", path, "--out", tmp_path / out, *options)
+    outcome.is_refused("the input itself", "another name")
+    assert path.read_bytes() == before
+    assert written(tmp_path) == sorted(["link.exr", master])
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ("m.exr", ("m.exr", "file exists", "Choose")),
+        ("m.exr/below", ("m.exr/below", "not a directory", "Choose")),
+        ("/proc/x", ("/proc/x", "no such file", "Choose")),
+    ],
+)
+def test_a_folder_that_films_cannot_be_written_to(
+    run: Run, tmp_path: Path, place: str, words: tuple[str, ...]
+) -> None:
+    store(tmp_path / "m.exr")
+    run("master", "--out", tmp_path / place).is_refused(*words)
+    assert written(tmp_path) == ["m.exr"]
+
+
+# Stored transports.
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A transport of `SCENE`, as far as one can tell."""
+    scene = load_scene(SCENE)
+    nodes = 9
+    transport = Transport(
+        scene.dome,
+        modes=np.ones((1, nodes, nodes)),
+        core=np.full((3, 1, 1), 0.2),
+        core_error=np.full((3, 1, 1), 1e-4),
+        ambient=np.zeros((3, nodes, nodes)),
+        provenance={"scene": scene.name, "digest": scene.digest},
+    )
+    path = tmp_path_factory.mktemp("table") / "whole.npz"
+    transport.save(path)
+    return path
+
+
+def changed(path: Path, whole: Path, at: int) -> Path:
+    """A copy with one byte changed, `at` from the start (or the end)."""
+    content = bytearray(whole.read_bytes())
+    content[at] ^= 0x55
+    path.write_bytes(content)
+    return path
+
+
+def restored(path: Path, whole: Path, **arrays: object) -> Path:
+    """A copy with other arrays, and no checksum that says so."""
+    with np.load(whole) as stored:
+        np.savez_compressed(path, **{**stored, **arrays})
+    return path
+
+
+TABLES: dict[str, tuple[Callable[[Path, Path], Path], tuple[str, ...]]] = {
+    "missing": (lambda d, _: d / "no.npz", ("no.npz", "No such file")),
+    "folder": (lambda d, _: d, ("s a directory",)),
+    "empty": (lambda d, _: touched(d / "e.npz", b""), ("e.npz", "transport")),
+    "text": (lambda d, _: touched(d / "t.npz", b"hello" * 99), ("t.npz", "domesim tabulate")),
+    "image": (lambda d, _: store(d / "i.exr"), ("i.exr", "domesim tabulate")),
+    "other arrays": (
+        lambda d, _: np.savez(d / "o.npz", core=np.ones(3)) or d / "o.npz",
+        ("o.npz", "domesim tabulate"),
+    ),
+    "one array": (
+        lambda d, _: np.save(d / "a.npy", np.ones(3)) or d / "a.npy",
+        ("a.npy", "domesim tabulate"),
+    ),
+    "cut": (lambda d, w: truncated(touched(d / "c.npz", w.read_bytes())), ("c.npz", "damaged")),
+    "later format": (
+        lambda d, w: restored(d / "f.npz", w, format=np.array("domesim transport 2")),
+        ("f.npz", "'domesim transport 1'", "got domesim transport 2"),
+    ),
+    "other values": (
+        lambda d, w: restored(d / "v.npz", w, core=np.full((3, 1, 1), 0.4)),
+        ("v.npz", "damaged", "checksum", "again"),
+    ),
+    "no dome": (
+        lambda d, w: restored(d / "n.npz", w, dome=np.zeros(0)),
+        ("n.npz", "damaged"),
+    ),
+}
+
+
+@pytest.mark.parametrize("command", ["compensate", "observe", "compare"])
+@pytest.mark.parametrize("case", TABLES)
+def test_a_transport_that_is_none(
+    run: Run, tmp_path: Path, out: Path, table: Path, command: str, case: str
+) -> None:
+    make, words = TABLES[case]
+    folder = tmp_path / "in"
+    folder.mkdir()
+    master = store(tmp_path / "m.exr")
+    target = out / "page.html" if command == "compare" else out
+    outcome = run(
+        command, master, "--scene", SCENE, "--transport", make(folder, table), "--out", target
+    )
+    outcome.is_refused(*words)
+    assert written(out) == []
+
+
+def test_a_transport_with_any_byte_changed(
+    run: Run, tmp_path: Path, out: Path, table: Path
+) -> None:
+    """It is refused, or what was changed does not matter (dates, the folder of the archive)."""
+    master, refused = store(tmp_path / "m.exr"), 0
+    size = table.stat().st_size
+    for at in range(0, size, max(1, size // 150)):
+        damaged = changed(tmp_path / "d.npz", table, at)
+        outcome = run("observe", master, "--scene", SCENE, "--transport", damaged, "--out", out)
+        if outcome.code:
+            outcome.is_refused("d.npz")
+            refused += 1
+    assert refused > 75
+
+
+def test_the_transport_above_works_undamaged(
+    run: Run, tmp_path: Path, out: Path, table: Path
+) -> None:
+    master = store(tmp_path / "m.exr")
+    outcome = run("observe", master, "--scene", SCENE, "--transport", table, "--out", out)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert written(out) == ["m.exr"]
+
+
+def test_the_transport_of_another_scene(run: Run, tmp_path: Path, out: Path, table: Path) -> None:
+    master = store(tmp_path / "m.exr")
+    outcome = run("observe", master, "--scene", "dome_dark", "--transport", table, "--out", out)
+    outcome.is_refused(str(table), f"'{load_scene(SCENE).name}'", "domesim tabulate dome_dark")
+    assert written(out) == []

@@ -88,19 +88,27 @@ def disc_quadrature(dome: Dome, rings: int) -> tuple[Floats, Floats, Floats]:
     """Points (u, v) of the domemaster's disc and the screen area (m²) that each stands for.
 
     Gauss-Legendre along theta and even steps round: exact for smooth functions. A truncated ring is
-    covered by Gauss-Legendre nodes between its ends.
+    covered by Gauss-Legendre nodes between its ends, and theta in pieces between the angles where
+    rings begin to be cut or are cut off.
     """
     node, weight = np.polynomial.legendre.leggauss(rings)
-    theta = dome.half_angle * (node + 1) / 2
+    node, weight = (node + 1) / 2, weight / 2
     around = 2 * rings
-    start, extent = dome.kept_azimuth(theta)
+    bounds = np.array([0.0, dome.half_angle])
     if dome.truncated_below is None:
         step, share = (np.arange(around) + 0.5) / around, np.full(around, 1 / around)
     else:
         step, share = np.polynomial.legendre.leggauss(around)
         step, share = (step + 1) / 2, share / 2
+        bounds = np.unique(np.clip([*bounds, *dome.cut_at()], *bounds))
+        # A ring's kept part grows like a square root from where the cut touches it.
+        weight = weight * 6 * node * (1 - node)
+        node = node**2 * (3 - 2 * node)
+    extents = np.diff(bounds)[:, None]
+    theta = (bounds[:-1, None] + extents * node).ravel()
+    start, extent = dome.kept_azimuth(theta)
     azimuth = start[:, None] + extent[:, None] * step
-    area = dome.area_density(theta) * np.sin(theta) * weight * dome.half_angle / 2
+    area = dome.area_density(theta) * np.sin(theta) * (extents * weight).ravel()
     areas = (area * extent)[:, None] * share
     radius = (theta / dome.half_angle)[:, None]
     kept = areas > 0

@@ -105,7 +105,8 @@ def radiosity(
     fine = _Solution(_Room(theatre, resolution))
     coarse = _Solution(_Room(theatre, round(resolution / 1.5)))
     modes = fine.modes(nodes, tolerance)
-    core, coarser = fine.core(modes), coarse.core(modes)
+    core, wanted = fine.core(modes), fine.direct()
+    discretisation = fine.off_by(coarse.direct(fine.room.points), wanted)
     sees = fine.room.sees
     closed = bool(sees.mean() > 0.99)
     provenance = {
@@ -113,29 +114,20 @@ def radiosity(
         "resolution": resolution,
         "tolerance": tolerance,
         "elements": fine.room.counts,
-        "discretisation_error": fine.off_by(modes, coarser, fine.shown(modes, core)),
-        "sampling_error": fine.off_by(modes, core, fine.direct()),
+        "discretisation_error": discretisation,
+        "sampling_error": fine.off_by(fine.shown(modes, core), wanted),
         "sees": [float(sees.min()), float(sees.max())],
         "closure_error": float(np.abs(1 - sees).max()) if closed else None,
     }
     ambient = np.zeros((len(core), nodes, nodes))
-    return Transport(theatre.dome, modes, core, np.abs(core - coarser), ambient, provenance)
+    return Transport(theatre.dome, modes, core, np.abs(core) * discretisation, ambient, provenance)
 
 
 def _guard(theatre: Theatre) -> None:
-    beyond = []
-    if theatre.lobe is not None and theatre.lobe.share > 0:
-        beyond.append("a screen with a gain lobe")
-    if theatre.cavity is not None and theatre.perforation > 0:
-        beyond.append("a cavity behind the screen")
-    if theatre.solids:
-        beyond.append("solids (" + ", ".join(solid.name for solid in theatre.solids) + ")")
-    if theatre.lamps:
-        beyond.append("lamps (" + ", ".join(lamp.name for lamp in theatre.lamps) + ")")
-    if beyond:
+    if theatre.beyond_enclosure:
         raise InputError(
-            f"radiosity knows a Lambertian screen, a floor and a wall, got {', '.join(beyond)}; "
-            f"use 'domesim tabulate', which traces paths"
+            f"radiosity knows a Lambertian screen, a floor and a wall, got "
+            f"{', '.join(theatre.beyond_enclosure)}; use 'domesim tabulate', which traces paths"
         )
 
 
@@ -169,7 +161,8 @@ class _Solution:
         _, values, weights = np.linalg.svd(np.concatenate(answers, 1) * root, full_matrices=False)
         tails = np.sqrt(np.cumsum(values[::-1] ** 2)[::-1])
         whole = np.sqrt(sum(room.closed_form(mix[0]) ** 2 for mix in room.mixes))
-        rank = int(np.sum(tails > tolerance * np.hypot(whole, np.linalg.norm(values))))
+        kept = tolerance * np.hypot(whole, np.linalg.norm(values))
+        rank = int(np.sum(tails > max(kept, _CLOSE)))  # black screens have rounding only
         # sum over primaries of their answers to W / s: the left singular vectors, anywhere
         right = np.split((weights[:rank] / values[:rank, None]).T, len(room.mixes))
         pictures = [inputs @ part for part in right]
@@ -201,10 +194,14 @@ class _Solution:
         scaled[: len(emission)] = emission
         return np.asarray(self._solvers[mix].solve(scaled * root) / root)
 
-    def direct(self) -> Floats:
-        """(primary, point, picture): phi of the pictures on the screen's points."""
+    def direct(self, points: Floats | None = None) -> Floats:
+        """(primary, point, picture): phi of the pictures on points of the screen, or on its own."""
         emission = _pictures(*self.room.places)
-        return np.stack([self._indirect(mix, emission) for mix in self.room.mixes])
+        if points is None:
+            return np.stack([self._indirect(mix, emission) for mix in self.room.mixes])
+        sent = np.stack([mix[0] * self.radiosity(mix, emission) for mix in self.room.mixes])
+        seen = [self.room.seen_from(points[some]) @ sent for some in _chunks(len(points))]
+        return np.concatenate(seen, 1)
 
     def shown(self, modes: Floats, core: Floats) -> Floats:
         """The same as modes and core have it."""
@@ -212,11 +209,11 @@ class _Solution:
         collected = (sampled * self.room.share) @ _pictures(*self.room.places)
         return np.asarray(sampled.T @ (core @ collected))
 
-    def off_by(self, modes: Floats, core: Floats, wanted: Floats) -> float:
+    def off_by(self, found: Floats, wanted: Floats) -> float:
         """Largest rms error of a picture's phi, relative to its mean."""
         share = self.room.share
-        error = np.sqrt(share @ (self.shown(modes, core) - wanted) ** 2)
-        return float(np.max(error / np.maximum(share @ wanted, 1e-30)))
+        error = np.sqrt(share @ (found - wanted) ** 2)
+        return float(np.max(error / np.maximum(share @ wanted, _CLOSE)))
 
     def _indirect(self, mix: tuple[float, ...], emission: Floats) -> Floats:
         return self.radiosity(mix, emission)[: len(emission)] - emission

@@ -19,9 +19,9 @@ projector white, light that is there without a picture, but for projector black)
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -122,7 +122,8 @@ class Transport:
         normal = lower.T @ self.core @ lower  # in orthonormal modes
         stacked = np.concatenate([*normal, *normal.transpose(0, 2, 1)], axis=1)
         vectors, values, _ = np.linalg.svd(stacked, full_matrices=False)
-        left = np.sqrt(np.maximum(np.cumsum(values[::-1] ** 2)[::-1], 0) / np.sum(values**2))
+        whole = max(float(np.sum(values**2)), 1e-300)  # a black screen's is 0
+        left = np.sqrt(np.cumsum(values[::-1] ** 2)[::-1] / whole)
         keep = max(1, int(np.sum(left > tolerance)))
         keep = keep if highest is None else min(keep, highest)
         turned = vectors[:, :keep]
@@ -136,6 +137,45 @@ class Transport:
             modes=modes,
             core=np.asarray(turned.T @ normal @ turned),
             core_error=np.sqrt(error),
+        )
+
+    def plus(self, other: Transport) -> Transport:
+        """The sum of two transports of one screen, with modes for both; provenance of the first.
+
+        Raises
+        ------
+        InputError
+            If they are of different screens.
+        """
+        if self.dome != other.dome or self.modes.shape[1:] != other.modes.shape[1:]:
+            raise InputError("transports of different screens or grids cannot be added")
+        modes = np.concatenate([self.modes, other.modes[1:]])  # both begin with 1
+        u, v, weight = disc_quadrature(self.dome, 48)
+        sampled = sample_nodes(modes, u, v)
+        share = weight / weight.sum()
+        means = sampled @ share
+        means[0] = 0
+        spread = sampled[1:] - means[1:, None]
+        values, vectors = np.linalg.eigh((spread * share) @ spread.T)
+        kept = values > 1e-12 * values.max(initial=0.0)
+        vectors, values = vectors[:, kept], values[kept]
+        # Orthonormal, the first still 1; old modes are turn @ new ones
+        turn = np.zeros((len(modes), 1 + len(values)))
+        turn[0, 0], turn[1:, 0] = 1, means[1:]
+        turn[1:, 1:] = vectors * np.sqrt(values)
+        centred = modes[1:] - means[1:, None, None]
+        fresh = np.einsum("ik,iab->kab", vectors / np.sqrt(values), centred)
+        first = turn[: self.rank]
+        second = np.concatenate([turn[:1], turn[self.rank :]])
+        core = first.T @ self.core @ first + second.T @ other.core @ second
+        square = (first.T**2) @ self.core_error**2 @ first**2
+        square += (second.T**2) @ other.core_error**2 @ second**2
+        return replace(
+            self,
+            modes=np.concatenate([modes[:1], fresh]),
+            core=core,
+            core_error=np.sqrt(square),
+            ambient=self.ambient + other.ambient,
         )
 
     def observation(
@@ -178,7 +218,8 @@ class Transport:
         except OSError as error:
             raise InputError(f"{path}: wanted to write it, got '{error.strerror}'") from error
         finally:
-            temporary.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
 
     def _arrays(self) -> dict[str, Any]:
         dome = self.dome
@@ -212,25 +253,29 @@ def load_transport(path: Path) -> Transport:
     InputError
         If it is no such file, or damaged.
     """
+    none = f"{path}: wanted a transport stored by 'domesim tabulate', this is none or damaged"
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
-        digest = str(arrays.pop("sha256"))
-        if str(arrays["format"]) != FORMAT:
-            raise InputError(f"{path}: wanted format {FORMAT!r}, got {arrays['format']!s:.40}")
+        written, digest = str(arrays["format"]), str(arrays.pop("sha256"))
+    except OSError as error:
+        reason = error.strerror or "not a .npz file"
+        raise InputError(f"{path}: wanted a stored transport, got '{reason}'") from error
+    except Exception as error:  # whatever NumPy, zipfile and zlib run into
+        raise InputError(none) from error
+    if written != FORMAT:
+        raise InputError(f"{path}: wanted format {FORMAT!r}, got {written!s:.40}")
+    try:
         if digest != _digest(arrays):
             raise InputError(f"{path}: is damaged (its checksum does not fit); tabulate it again")
         radius, half_angle, tilt, ratio, cut = (float(value) for value in arrays["dome"])
         dome = Dome(radius, half_angle, tilt, ratio, None if np.isnan(cut) else cut)
         provenance = json.loads(str(arrays["provenance"]))
         fields = {name: arrays[name] for name in ("modes", "core", "core_error", "ambient")}
-    except OSError as error:
-        reason = error.strerror or "not a .npz file"
-        raise InputError(f"{path}: wanted a stored transport, got '{reason}'") from error
-    except (KeyError, ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise InputError(
-            f"{path}: wanted a transport stored by 'domesim tabulate', this is none or damaged"
-        ) from error
+    except InputError:
+        raise
+    except (KeyError, ValueError, TypeError) as error:
+        raise InputError(none) from error
     return Transport(dome, **fields, provenance=provenance)
 
 

@@ -43,6 +43,8 @@ def write_layers(
     for key, value in attributes.items():
         if isinstance(value, tuple):
             spec.attribute(key, oiio.TypeDesc(f"float[{len(value)}]"), value)
+        elif isinstance(value, int) and abs(value) >= 1 << 31:
+            spec.attribute(key, str(value))  # EXR has no longer whole numbers
         else:
             spec.attribute(key, value)
     unfinished = path.with_name(f".{path.stem}.unfinished.exr")

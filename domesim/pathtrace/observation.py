@@ -5,7 +5,7 @@ It has no adjoint (it is noisy); `domesim.pathtrace.tabulate` brings it to the s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, final
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.light import Light, require_light
 from domesim.observation.base import Observation
-from domesim.pathtrace.tracer import CENTRE, Progress, Settings, Traced, Tracer
+from domesim.pathtrace.tracer import CENTRE, Progress, Settings, Status, Traced, Tracer
 from domesim.theatre import Theatre
 
 
@@ -105,7 +105,7 @@ class PathTracedDome(Observation):
         self._tracer = Tracer(theatre) if tracer is None else tracer
         self._eye, self._black, self._progress = eye, black, progress
         self._ambient: Traced | None = None
-        if np.linalg.norm(eye) >= theatre.dome.radius * max(1.0, theatre.dome.height_ratio):
+        if not np.linalg.norm(eye) < theatre.dome.radius * max(1.0, theatre.dome.height_ratio):
             raise InputError(f"the eye must be inside the dome, got {eye} m from its centre")
 
     @property
@@ -136,22 +136,32 @@ class PathTracedDome(Observation):
         rows, cols = self._screen.shape
         picture = np.where(self._screen[..., None], np.asarray(light)[0], 0)
         source = self._tracer.picture(picture)
+        lit = bool(self._tracer.theatre.lamps) and self._ambient is None
+        parts = 2 if lit else 1
         indirect = self._tracer.screen(
-            source, rows, cols, self._settings, eye=self._eye, progress=self._progress
+            source,
+            rows,
+            cols,
+            self._settings,
+            eye=self._eye,
+            progress=part_of(self._progress, 0, parts),
         )
-        if self._tracer.theatre.lamps and self._ambient is None:
+        ambient = self._ambient
+        if lit:
             # As sure as the picture's light, which is what it will be added to
-            self._ambient = self._tracer.screen(
+            ambient = self._tracer.screen(
                 self._tracer.lamps(),
                 rows,
                 cols,
-                self._settings,
+                in_haste(self._settings, indirect),
                 eye=self._eye,
                 direct=True,
-                reference=float(indirect.mean.mean()),
-                progress=self._progress,
+                reference=float(indirect.mean[self._screen].mean()),
+                progress=part_of(self._progress, 1, parts),
             )
-        return Observed(self._direct(light), indirect, self._ambient, self._black)
+            if Status.INTERRUPTED not in (indirect.status, ambient.status):
+                self._ambient = ambient
+        return Observed(self._direct(light), indirect, ambient, self._black)
 
     def _observe(self, light: Light) -> Light:
         observed = self.trace(light)
@@ -166,3 +176,17 @@ class PathTracedDome(Observation):
         rows, cols = self._screen.shape
         gain = self._tracer.seen_gain(rows, cols, self._eye)
         return np.where(self._screen, gain, 1.0)
+
+
+def part_of(progress: Progress | None, number: int, parts: int) -> Progress | None:
+    """What one of several like parts of a work is to tell, so that shares keep growing."""
+    if progress is None:
+        return None
+    return lambda done, how: progress((number + done) / parts, how)
+
+
+def in_haste(settings: Settings, before: Traced) -> Settings:
+    """The same settings, with the fewest samples if what was traced `before` was interrupted."""
+    if before.status is not Status.INTERRUPTED:
+        return settings
+    return replace(settings, most=settings.least)

@@ -288,8 +288,10 @@ class GainLobe(Scatter):
         sample, weight = self._bsdf.sample(
             mi.BSDFContext(), si, choice, mi.Point2f(first, second), active
         )
-        out = si.to_world(sample.wo)
-        return (out.x, out.y, out.z), self._dr.select(active, weight.x, 0)
+        # Some samples fail, with weight 0 and a direction that is no number.
+        good = active & (sample.pdf > 0) & (weight.x > 0)
+        out = self._dr.select(good, si.to_world(sample.wo), mi.Vector3f(*normal))
+        return (out.x, out.y, out.z), self._dr.select(good, weight.x, 0)
 
     def gain(self, normal: Vector, to_eye: Vector, to_light: Vector, active: Lanes) -> Lanes:
         """Brightness towards the eye of light from a direction, over a Lambertian screen's."""

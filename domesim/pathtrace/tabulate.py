@@ -18,9 +18,10 @@ added afterwards (a control variate of exactly known mean):
 So only what the room changes is noisy. Theatres that are no Lambertian spheres have no such twin,
 and every bounce counts. Where all is Lambertian, transport is reciprocal: core is made symmetric.
 
-The smooth patterns cannot follow a floor that touches the screen. There the transport of dome,
-floor and wall comes from explicit nodes (`domesim.observation.radiosity`), and walks give only what
-that leaves out, as the difference of two theatres walked with the same random numbers.
+Smooth patterns cannot follow the light where a floor meets the screen. There the transport of
+dome, floor and wall comes from explicit nodes (`domesim.observation.radiosity`), and walks give
+only what that leaves out: those in the theatre, less those in its enclosure, with the same random
+numbers. If it leaves out nothing, there are no walks.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib.metadata import version
 from typing import Any, final
 
@@ -37,6 +39,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from domesim.errors import InputError
 from domesim.observation.basis import ScreenBasis, disc_quadrature
+from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import closed_form_gain
 from domesim.observation.transport import MARGIN, NODES, Transport, node_places
 from domesim.pathtrace.loop import Colour, bounce_limit, eye_directions, roulette, scattered
@@ -92,6 +95,7 @@ def tabulate(
     degree: int = 6,
     seed: int = 0,
     eye: tuple[float, float, float] = CENTRE,
+    explicit: bool | None = None,
     tracer: Tracer | None = None,
     provenance: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
@@ -112,6 +116,8 @@ def tabulate(
         Of the random numbers.
     eye
         Where the screen is seen from, m; matters for a screen with a lobe.
+    explicit
+        Start from explicit nodes of floor and wall; if None, where the floor meets the screen.
     tracer
         Of the same theatre, to share.
     provenance
@@ -128,40 +134,42 @@ def tabulate(
         raise InputError(f"wanted error must be above 0, got {error:g}")
     started = time.process_time()
     tracer = Tracer(theatre) if tracer is None else tracer
-    basis = ScreenBasis(theatre.dome, degree)
-    walker = _Walker(tracer, basis, eye)
-    modes = basis.at(*np.meshgrid(node_places(NODES), node_places(NODES)))
-    dark = np.zeros((3, NODES, NODES))
-    known = _closed_core(theatre, len(basis)) if walker.twinned else 0.0
-    batches: list[Floats] = []
+    estimate = _Estimate(theatre, tracer, degree, eye)
+    base = None
+    if theatre.floor_meets_screen if explicit is None else explicit:
+        base = radiosity(theatre.enclosure)
+        estimate.less(theatre.enclosure)
     status = Status.EXHAUSTED
-    transport = None
+    transport = estimate.transport(base)
+    if not estimate.noisy:
+        status = Status.CONVERGED
     with interruptible() as interrupted:
-        while len(batches) * walker.walks < most:
-            batches.append(walker.batch(launch_seed(seed, len(batches))))
-            if len(batches) < BATCHES and not interrupted():
+        while estimate.noisy and estimate.walks < most:
+            estimate.walk(seed)
+            if len(estimate.batches) < BATCHES and not interrupted():
                 continue
-            transport = _transport(theatre, modes, known, np.array(batches), dark)
+            transport = estimate.transport(base)
             reached = transport.relative_error()
             if progress is not None:
-                taken = f"error {reached:.1e}, {len(batches) * walker.walks:.2g} walks"
+                taken = f"error {reached:.1e}, {estimate.walks:.2g} walks"
                 progress(min(1.0, (error / reached) ** 2 if reached > 0 else 1.0), taken)
-            if reached <= error and len(batches) >= BATCHES:
+            if reached <= error and len(estimate.batches) >= BATCHES:
                 status = Status.CONVERGED
                 break
             if interrupted():
                 status = Status.INTERRUPTED
                 break
-    if transport is None:
-        transport = _transport(theatre, modes, known, np.array(batches), dark)
+    if estimate.batches:
+        transport = estimate.transport(base)
     if theatre.lamps:
         light = float(transport.mean_gain().mean())
         transport = replace(transport, ambient=_lamp_light(tracer, eye, seed, light))
     figures = {
-        "method": "walks with the closed form as control variate" if walker.twinned else "walks",
+        "method": estimate.method + (" on explicit nodes" if base is not None else ""),
+        "nodes": None if base is None else dict(base.provenance),
         "degree": degree,
         "seed": seed,
-        "walks": len(batches) * walker.walks,
+        "walks": estimate.walks,
         "relative_error": transport.relative_error(),
         "status": status.name,
         "machine": tracer.machine.name,
@@ -170,8 +178,64 @@ def tabulate(
         **(provenance or {}),
     }
     transport = replace(transport, provenance=figures)
-    spent = time.process_time() - started
-    return Tabulation(transport, status, len(batches) * walker.walks, spent)
+    return Tabulation(transport, status, estimate.walks, time.process_time() - started)
+
+
+@final
+class _Estimate:
+    """Batches of walks, and the transport that they give."""
+
+    def __init__(
+        self, theatre: Theatre, tracer: Tracer, degree: int, eye: tuple[float, float, float]
+    ) -> None:
+        self._theatre, self._eye = theatre, eye
+        self._basis = ScreenBasis(theatre.dome, degree)
+        self._walker = _Walker(tracer, self._basis, eye)
+        self._base: _Walker | None = None
+        self._known = _known(self._walker)
+        self._modes = self._basis.at(*np.meshgrid(node_places(NODES), node_places(NODES)))
+        self.noisy = True
+        self.walks = 0
+        self.batches: list[Floats] = []
+
+    def less(self, base: Theatre) -> None:
+        """Count only what the theatre differs from its `base`."""
+        self.noisy = any(part for part in self._theatre.beyond_enclosure if "lamp" not in part)
+        self._base = _Walker(Tracer(base), self._basis, self._eye)
+        self._known = self._known - _known(self._base)
+
+    @property
+    def method(self) -> str:
+        """What the figures come from."""
+        if not self.noisy:
+            return "radiosity"
+        return f"walks{' with the closed form as control variate' * self._walker.twinned}"
+
+    def walk(self, seed: int) -> None:
+        """Add one batch."""
+        number = launch_seed(seed, len(self.batches))
+        batch = self._walker.batch(number)
+        self.walks += self._walker.walks
+        if self._base is not None:
+            batch = batch - self._base.batch(number)
+            self.walks += self._base.walks
+        self.batches.append(batch)
+
+    def transport(self, base: Transport | None) -> Transport:
+        """What has been found so far, added to what is known from `base`."""
+        zero = np.zeros((3, len(self._basis), len(self._basis)))
+        dark = np.zeros((3, *self._modes.shape[1:]))
+        mean, error = zero + self._known, zero
+        if self.batches:
+            batches, count = np.array(self.batches), len(self.batches)
+            mean = mean + batches.mean(axis=0)
+            # Of a single one nothing is known: as uncertain as it is large
+            spread = batches.std(axis=0, ddof=1) if count > 1 else np.abs(batches[0])
+            error = spread / np.sqrt(count)
+        walked = Transport(self._theatre.dome, self._modes, mean, error, dark)
+        if base is None:
+            return walked
+        return base.plus(walked) if self.noisy else base
 
 
 @final
@@ -323,8 +387,17 @@ class _Walker:
             )
         return result
 
+    @cached_property
+    def closed_form(self) -> Floats:
+        """(primary, i, j): the bare cap's core."""
+        dome = self._tracer.theatre.dome
+        core = np.zeros((3, len(self._basis), len(self._basis)))
+        for p, rho in enumerate(self._tracer.theatre.screen_albedo):
+            core[p, 0, 0] = closed_form_gain(rho, dome.radius, dome.screen_area) * dome.screen_area
+        return core
+
     def _kappa(self) -> tuple[float, float, float]:
-        x, y, z = _closed_core(self._tracer.theatre, 1)[:, 0, 0]
+        x, y, z = self.closed_form[:, 0, 0]
         return float(x), float(y), float(z)
 
 
@@ -336,20 +409,9 @@ def _chebyshev(place: Lanes, degree: int) -> list[Any]:
     return values
 
 
-def _closed_core(theatre: Theatre, rank: int) -> Floats:
-    """(primary, rank, rank): the closed form of the bare cap."""
-    dome = theatre.dome
-    core = np.zeros((3, rank, rank))
-    for p, rho in enumerate(theatre.screen_albedo):
-        core[p, 0, 0] = closed_form_gain(rho, dome.radius, dome.screen_area) * dome.screen_area
-    return core
-
-
-def _transport(
-    theatre: Theatre, modes: Floats, known: Floats | float, batches: Floats, ambient: Floats
-) -> Transport:
-    error = batches.std(axis=0, ddof=1) / np.sqrt(len(batches)) if len(batches) > 1 else batches[0]
-    return Transport(theatre.dome, modes, batches.mean(axis=0) + known, np.abs(error), ambient)
+def _known(walker: _Walker) -> Floats:
+    """(primary, i, j): what a walker's walks leave out, the closed form of the bare cap."""
+    return walker.closed_form if walker.twinned else np.zeros_like(walker.closed_form)
 
 
 def _lamp_light(tracer: Tracer, eye: tuple[float, float, float], seed: int, light: float) -> Floats:

@@ -374,6 +374,10 @@ class Tracer:
         def start(rng: Any) -> tuple[Hit, Vector]:
             u = (col + m.uniform(rng)) * (2 / size) - 1
             v = (row + m.uniform(rng)) * (2 / size) - 1
+            # Where the pixel reaches over the screen's edge, its centre stands in.
+            on = (u * u + v * v < 1) & room.on_screen(room.screen_at(u, v)[0])
+            u = m.where(on, u, (col + 0.5) * (2 / size) - 1)
+            v = m.where(on, v, (row + 0.5) * (2 / size) - 1)
             position, normal = room.screen_at(u, v)
             surface = m.where(u < 9, SCREEN, NOTHING)
             return Hit(surface, position, normal), eye_directions(room, position, place)

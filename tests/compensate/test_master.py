@@ -22,6 +22,7 @@ from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.projector import Projector
 from domesim.scene import load_scene
 from domesim.screening import decoded, encoded, within_range
+from domesim.theatre import Theatre
 from validation.masters import night
 
 SRGB = ColourTag("srgb", "BT.709", "the test")
@@ -215,7 +216,8 @@ def test_a_jpeg_changes_off_the_screen_by_its_own_rounding_only(scene, tmp_path)
 def test_every_dome_is_certified_within_a_hundred_iterations(half_angle, albedo):
     scene = load_scene("dome_hemisphere")
     dome = replace(scene.dome, half_angle=np.radians(half_angle))
-    scene = replace(scene, dome=dome, albedo=(albedo,) * 3)
+    bare = Theatre(dome, (albedo,) * 3)
+    scene = replace(scene, theatre=bare)
     result = compensate(night(96), scene, solver=ADMM(stop_when_invisible=False))
     assert result.status is Status.CONVERGED
     assert result.iterations <= 100
@@ -224,7 +226,8 @@ def test_every_dome_is_certified_within_a_hundred_iterations(half_angle, albedo)
 def test_nothing_certified_is_no_figure():
     """A closed, very bright sphere, given too few iterations: no gap, and valid JSON."""
     bright = load_scene("dome_hemisphere")
-    bright = replace(bright, dome=replace(bright.dome, half_angle=3.0), albedo=(0.95, 0.95, 0.95))
+    bare = Theatre(replace(bright.dome, half_angle=3.0), (0.95, 0.95, 0.95))
+    bright = replace(bright, theatre=bare)
     solver = ADMM(max_iterations=3)
     figures = compensate_frame(frame(64), bright, solver=solver).figures
     assert figures.gap is None

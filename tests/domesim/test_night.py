@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.pathtrace.llvm import choose_llvm
+from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.night import sky
 from domesim.pathtrace.night.picture import Night, directions, render, shoulder
 
 SMALL = Night(size=64, samples=1, detail=0.02)
 CIRCLE = Dome(radius=1.0, half_angle=np.pi / 2).inside(64, 64)
-needs_llvm = pytest.mark.skipif(choose_llvm().path is None, reason="no usable libLLVM")
+needs_llvm = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.pathtrace.llvm import choose_llvm, load_mitsuba
+from domesim.pathtrace.llvm import backend, load_mitsuba
 from domesim.pathtrace.night import sky
 from domesim.pathtrace.night.noise import Floats
 from domesim.pathtrace.night.scene import build
@@ -114,9 +114,8 @@ def directions(across: Floats, down: Floats, tilt: float) -> Floats:
 
 def _trace(night: Night, rows: NDArray[np.intp], cols: NDArray[np.intp]) -> tuple[Floats, Floats]:
     """Light (pixel, rgb) that comes from the scene, and the share of each pixel that it covers."""
-    choice = choose_llvm()
-    if choice.path is None:
-        raise InputError(f"The night picture needs Mitsuba's LLVM variant: {choice.why}")
+    if not backend().vectorised:
+        raise InputError(f"The night picture needs a vectorised Mitsuba: {backend().summary}")
     mi, dr = load_mitsuba(), import_module("drjit")
     scene = build(mi, night.seed, night.detail)
     direct = mi.load_dict({"type": "direct", "emitter_samples": night.shadow_rays})

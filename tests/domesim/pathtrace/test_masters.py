@@ -232,7 +232,7 @@ Run = Callable[..., int]
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch) -> Run:
-    entry = EntryPoint("master", "domesim.pathtrace.masters.command:master", "domesim.commands")
+    entry = EntryPoint("master", "domesim.mastering:master", "domesim.commands")
     other = EntryPoint("observe", "domesim.cli:observe", "domesim.commands")
     monkeypatch.setattr(cli, "entry_points", lambda group: [entry, other])
     monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
