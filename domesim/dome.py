@@ -14,6 +14,7 @@ room, and the pixels below are off the screen.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -168,9 +169,10 @@ class Dome:
         Clipped to the picture; `directions` inverts it at the pixels' centres.
         """
         theta = np.arccos(np.clip(directions[..., 2], -1, 1))
-        ring = np.hypot(directions[..., 0], directions[..., 1])
-        scale = theta / self.half_angle / np.maximum(ring, np.finfo(np.float64).tiny)
-        place = (directions[..., :2] * scale[..., None] + 1) * (size / 2)
+        x, y = directions[..., 0], directions[..., 1]
+        x = np.where(np.hypot(x, y) > 0, x, 1e-300)  # the antipode has a side, too
+        scale = theta / self.half_angle / np.hypot(x, y)
+        place = (np.stack([x * scale, y * scale], -1) + 1) * (size / 2)
         index = np.clip(place, 0, size - 1).astype(np.int64)
         return index[..., 1], index[..., 0]
 
@@ -197,8 +199,13 @@ class Dome:
             angle = np.array([theta])
             return float(density(angle)[0] * np.sin(theta) * self.kept_azimuth(angle)[1][0])
 
-        value, _ = quad(ring, 0, self.half_angle, limit=400, epsabs=0, epsrel=1e-9)
-        return float(value)
+        bounds = sorted({0.0, *self.cut_at(), self.half_angle})
+        return float(
+            sum(
+                quad(ring, start, stop, limit=400, epsabs=1e-12, epsrel=1e-10)[0]
+                for start, stop in itertools.pairwise(bounds)
+            )
+        )
 
     def kept_azimuth(self, theta: NDArray[np.float64]) -> tuple[Any, Any]:
         """Where the truncated ring at `theta` (any shape) starts, and how far it goes, radians."""
@@ -221,8 +228,9 @@ class Dome:
 
     def cut_at(self) -> list[float]:
         """Angles theta at which the truncation begins to cut rings, or has cut off whole ones."""
-        scan = np.linspace(0, self.half_angle, 721)
-        cut = 0.0 if self.truncated_below is None else self.truncated_below
+        if self.truncated_below is None:
+            return []
+        scan, cut = np.linspace(0, self.half_angle, 721), self.truncated_below
 
         def above(theta: Any, side: int) -> Any:
             # Height of a ring's lowest or highest point, in units of its distance, above the cut
@@ -296,7 +304,7 @@ class Dome:
     def _share_above(
         self, grid: NDArray[np.float64], lowest: float, finer: int = 8
     ) -> NDArray[np.float64]:
-        """(row, col): share of each pixel that lies above `lowest` in the room, m."""
+        """(row, col): share of each pixel's part of the disc above `lowest` in the room, m."""
         centres = (grid[1:] + grid[:-1]) / 2
         height = self._room_height(centres[None, :], centres[:, None])
         share = (height >= lowest).astype(np.float64)
@@ -305,7 +313,9 @@ class Dome:
         step = (np.arange(finer) + 0.5) / finer * (grid[1] - grid[0])
         u = grid[col][:, None, None] + step[None, None, :]
         v = grid[row][:, None, None] + step[None, :, None]
-        share[row, col] = np.mean(self._room_height(u, v) >= lowest, axis=(1, 2))
+        disc = (u**2 + v**2 <= 1) + 1e-9
+        above = self._room_height(u, v) >= lowest
+        share[row, col] = np.sum(above * disc, axis=(1, 2)) / np.sum(disc, axis=(1, 2))
         return share
 
     def screen_areas(self, rows: int, cols: int) -> NDArray[np.float64]:

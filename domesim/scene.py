@@ -65,11 +65,17 @@ Luminance = Annotated[Number, Field(ge=1e-6, le=1e6)]
 NoLuminance = Annotated[Number, Field(ge=0, le=1e6)]
 
 _TAGS = ("one number", "a number a primary")
+_EITHER = Discriminator(lambda value: _TAGS[isinstance(value, list)])
 PerPrimary = Annotated[
     Annotated[Share, Tag(_TAGS[0])] | Annotated[tuple[Share, Share, Share], Tag(_TAGS[1])],
-    Discriminator(lambda value: _TAGS[isinstance(value, list)]),
+    _EITHER,
 ]
 """One number for all primaries, or one for each."""
+LuminancePerPrimary = Annotated[
+    Annotated[NoLuminance, Tag(_TAGS[0])]
+    | Annotated[tuple[NoLuminance, NoLuminance, NoLuminance], Tag(_TAGS[1])],
+    _EITHER,
+]
 
 
 class _Section(BaseModel):
@@ -207,7 +213,7 @@ class LampSection(_Section):
     normal: Place
     width_m: Length
     height_m: Length
-    luminance_cd_m2: NoLuminance | tuple[NoLuminance, NoLuminance, NoLuminance]
+    luminance_cd_m2: LuminancePerPrimary
 
     @field_validator("normal")
     @classmethod

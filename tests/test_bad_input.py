@@ -993,13 +993,13 @@ def test_a_transport_with_any_byte_changed(
     """It is refused, or what was changed does not matter (dates, the folder of the archive)."""
     master, refused = store(tmp_path / "m.exr"), 0
     size = table.stat().st_size
-    for at in range(0, size, max(1, size // 150)):
+    for at in range(0, size, size // 60):
         damaged = changed(tmp_path / "d.npz", table, at)
         outcome = run("observe", master, "--scene", SCENE, "--transport", damaged, "--out", out)
         if outcome.code:
             outcome.is_refused("d.npz")
             refused += 1
-    assert refused > 75
+    assert refused > 30
 
 
 def test_the_transport_above_works_undamaged(

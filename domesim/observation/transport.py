@@ -255,7 +255,8 @@ def load_transport(path: Path) -> Transport:
     """
     none = f"{path}: wanted a transport stored by 'domesim tabulate', this is none or damaged"
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        # Of a damaged file NumPy would leave its own handle open.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
         written, digest = str(arrays["format"]), str(arrays.pop("sha256"))
     except OSError as error:
@@ -337,7 +338,9 @@ class TabulatedDome(AdjointObservation):
     ) -> None:
         dome = transport.dome
         self._screen = dome.inside(rows, cols)
-        gain = np.ones((rows, cols)) if lens_gain is None else lens_gain
+        gain = np.ones((rows, cols))
+        if lens_gain is not None:
+            gain = np.where(self._screen, lens_gain, 1.0)
         seen = gain if seen_gain is None else seen_gain
         if not bool(np.all(seen[self._screen] > 0) and np.all(gain[self._screen] > 0)):
             raise InputError("lens gain must be above 0 everywhere on the screen")

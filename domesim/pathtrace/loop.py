@@ -207,7 +207,8 @@ def walks(
         ends = ~alive | (bounce >= bounces) | (found.surface == BLACK)
         ends, weight = roulette(m, rng, weight, bounce, ends)
         over = ends & active
-        fresh, towards, first_value = begin(rng, over)
+        # The last walk of a lane is followed by none.
+        fresh, towards, first_value = begin(rng, over & (state["done"] + 1 < wanted))
         renewed = tuple(m.where(over, 1.0, w) for w in weight)
         return {
             "rng": rng,

@@ -32,6 +32,8 @@ class Machine(ABC):
     """Arithmetic on lanes."""
 
     name: str
+    launch: int
+    """Walks that are computed before anyone may interrupt: a second or few."""
 
     @abstractmethod
     def lanes(self, values: NDArray[Any]) -> Lanes:
@@ -151,6 +153,7 @@ class DrJit(Machine):
     """
 
     name = "Dr.Jit"
+    launch = 1 << 21
 
     def __init__(self, mitsuba: Any) -> None:
         import drjit  # noqa: PLC0415
@@ -263,6 +266,7 @@ class NumPy(Machine):
     """NumPy arrays in float64: readable, portable, a hundred times slower."""
 
     name = "NumPy"
+    launch = 1 << 16
 
     def lanes(self, values: NDArray[Any]) -> Lanes:
         """An array (float, or int for indices) as lanes."""

@@ -179,10 +179,18 @@ class PathTracedDome(Observation):
 
 
 def part_of(progress: Progress | None, number: int, parts: int) -> Progress | None:
-    """What one of several like parts of a work is to tell, so that shares keep growing."""
+    """What one of several like parts of a work is to tell, so that shares never shrink."""
     if progress is None:
         return None
-    return lambda done, how: progress((number + done) / parts, how)
+    largest = 0.0
+
+    def part(done: float, how: str) -> None:
+        # What is left is an estimate, which may grow.
+        nonlocal largest
+        largest = max(largest, done)
+        progress((number + largest) / parts, how)
+
+    return part
 
 
 def in_haste(settings: Settings, before: Traced) -> Settings:

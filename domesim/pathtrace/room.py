@@ -184,15 +184,35 @@ class Room:
             best = self._nearer(nearer, number + SOLID, at, facing, best)
         return best
 
-    def shadowed(self, origin: Vector, target: Vector, leaving: Lanes, active: Lanes) -> Lanes:
-        """Whether something stands between two points of the room."""
+    def shadowed(
+        self,
+        origin: Vector,
+        target: Vector,
+        leaving: Lanes,
+        active: Lanes,
+        *,
+        screen_hides: bool = True,
+    ) -> Lanes:
+        """Whether something stands between two points of the room.
+
+        Parameters
+        ----------
+        origin, target
+            The points.
+        leaving, active
+            As of `hit`.
+        screen_hides
+            False for targets on the screen: its front, a convex one, never hides itself, but
+            rounding could make it seem so.
+        """
         m = self.machine
         away = tuple(t - o for t, o in zip(target, origin, strict=True))
         length = m.sqrt(dot(away, away))
         direction = scaled(away, 1 / length)
         hit = self.hit(origin, direction, leaving, active)
         reach = tuple(p - o for p, o in zip(hit.position, origin, strict=True))
-        return (hit.surface != NOTHING) & (dot(reach, reach) < (length * (1 - 1e-4)) ** 2)
+        hidden = (hit.surface != NOTHING) & (dot(reach, reach) < (length * (1 - 1e-4)) ** 2)
+        return hidden if screen_hides else hidden & (hit.surface != SCREEN)
 
     def screen_along(self, origin: Vector, direction: Vector, leaving: Lanes) -> Hit:
         """Where rays would meet the screen if there were nothing else."""
@@ -219,13 +239,15 @@ class Room:
         """Distance to the screen, what it is, and where it is the screen's back that is met."""
         m = self.machine
         near, far, on = self._roots(origin, direction, 1.0, (leaving == SCREEN) | (leaving == BACK))
-        found = (far > _NEAR) & self.on_screen(along(origin, direction, far))
+        # Infinitely far up is no screen, though it is above the rim.
+        found = (far > _NEAR) & (far < np.inf) & self.on_screen(along(origin, direction, far))
         nearest = m.where(found, far, np.inf)
         surface = m.where(found, SCREEN, NOTHING)
         if self.only_screen:
             return nearest, surface, None
         # From outside the sphere the back comes first. Inside, rounding may make `near` just > 0.
-        back = (near > 1e-5) & ~on & self.on_screen(along(origin, direction, near))
+        back = (near > 1e-5) & (near < np.inf) & ~on
+        back = back & self.on_screen(along(origin, direction, near))
         nearest = m.where(back, near, nearest)
         return nearest, m.where(back, BACK if self.has_cavity else BLACK, surface), back
 

@@ -173,7 +173,7 @@ class Picture(Aim):
         cosines = cosines * m.maximum(-dot(direction, normal), 0.0)
         found = cosines / (np.pi * square)  # the density of finding it by chance
         lit = active & (found > 0) & (u * u + v * v <= 1) & room.on_screen(position)
-        lit = lit & ~room.shadowed(here.position, position, here.surface, lit)
+        lit = lit & ~room.shadowed(here.position, position, here.surface, lit, screen_hides=False)
         colour, density = m.colour_at(self._table, pixel, lit)
         aimed = density / self._stretch(room, u, v)
         share = m.where(lit, found / (found + aimed), 0.0)

@@ -163,7 +163,7 @@ def tabulate(
         transport = estimate.transport(base)
     if theatre.lamps:
         light = float(transport.mean_gain().mean())
-        transport = replace(transport, ambient=_lamp_light(tracer, eye, seed, light))
+        transport = replace(transport, ambient=_lamp_light(tracer, eye, seed, light, status))
     figures = {
         "method": estimate.method + (" on explicit nodes" if base is not None else ""),
         "nodes": None if base is None else dict(base.provenance),
@@ -414,10 +414,14 @@ def _known(walker: _Walker) -> Floats:
     return walker.closed_form if walker.twinned else np.zeros_like(walker.closed_form)
 
 
-def _lamp_light(tracer: Tracer, eye: tuple[float, float, float], seed: int, light: float) -> Floats:
+def _lamp_light(
+    tracer: Tracer, eye: tuple[float, float, float], seed: int, light: float, status: Status
+) -> Floats:
     """(primary, node, node): light of the lamps, direct and reflected, on the coarse grid."""
     size = 2 * (NODES - 1 - 2 * MARGIN)
-    settings = Settings(error=0.002, seed=seed, most=1 << 10)
+    # In haste if someone waits
+    most = 32 if status is Status.INTERRUPTED else 1 << 10
+    settings = Settings(error=0.002, seed=seed, most=most)
     traced = tracer.screen(
         tracer.lamps(), size, size, settings, eye=eye, direct=True, reference=light
     )

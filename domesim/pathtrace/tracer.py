@@ -4,6 +4,9 @@
 tile after tile, so that memory is bounded by the tile. The standard error of every pixel is known
 from the walks themselves; passes go on until the whole picture's is as small as wanted, the samples
 run out, or someone presses Ctrl-C, and what there is then is returned.
+
+[1] T. F. Chan, G. H. Golub, R. J. LeVeque, "Updating formulae and a pairwise algorithm for
+computing sample variances", Stanford STAN-CS-79-773 (1979), eq. 2.1.
 """
 
 from __future__ import annotations
@@ -33,8 +36,10 @@ from domesim.theatre import Theatre, Viewpoint
 Image = NDArray[np.float32]
 
 CENTRE = (0.0, 0.0, 0.0)
-WALKS_A_LAUNCH = 1 << 24
-"""Walks that are computed before anyone may interrupt: about a second."""
+LARGEST_SOURCE = 2048
+"""Pixels a side of a picture as a source; finer detail does not show in reflected light."""
+WALKS_A_PASS = 1 << 24
+"""Most walks of a pass over a small picture, after which the accuracy is looked at."""
 
 Progress = Callable[[float, str], None]
 """Called with the share that is done (0..1) and a line for a person."""
@@ -92,6 +97,10 @@ class Settings:
             )
         if not 0 < self.tolerance < 1:
             raise InputError(f"bounce tolerance must lie in 0..1, got {self.tolerance:g}")
+        for name, least in (("seed", 0), ("tile", 1), ("bounces", 1)):
+            value = getattr(self, name)
+            if value is not None and value < least:
+                raise InputError(f"{name} must be at least {least}, got {value}")
 
 
 @final
@@ -169,28 +178,23 @@ class Tracer:
         gains = self.gains(rows, cols)
         if self.lobe is None:
             return np.asarray(gains.sum(0))
+        seen = np.zeros((rows, cols))
         dome = self.theatre.dome
-        directions = dome.directions(rows, cols)
-        position = directions * (dome.distance(directions) / dome.radius)[..., None]
-        position = (position @ dome.to_room.T).reshape(-1, 3)
-        normal = -(dome.normals(directions) @ dome.to_room.T).reshape(-1, 3)
-        seen = np.zeros(rows * cols)
-        for gain, place in zip(gains, self._lens_places(), strict=True):
-            for first in range(0, rows * cols, WALKS_A_LAUNCH):
-                part = slice(first, first + WALKS_A_LAUNCH)
-                p, n = self._vector(position[part]), self._vector(normal[part])
-                to_eye, to_lens = (
-                    eye_directions(self.room, p, over(where, dome.radius)) for where in (eye, place)
-                )
-                pattern = self.lobe.gain(n, to_eye, to_lens, p[0] < 2)
-                seen[part] += gain.ravel()[part] * self.machine.array(pattern)
-        return seen.reshape(rows, cols)
+        for strip, points, normals in self._strips(rows, cols):
+            p, n = self._vector(points), self._vector(normals)
+            to_eye = eye_directions(self.room, p, over(eye, dome.radius))
+            for gain, place in zip(gains, self._lens_places(), strict=True):
+                to_lens = eye_directions(self.room, p, over(place, dome.radius))
+                pattern = self.machine.array(self.lobe.gain(n, to_eye, to_lens, p[0] < 2))
+                seen[strip] += gain[strip] * pattern.reshape(-1, cols)
+        return seen
 
     def picture(self, light: NDArray[Any]) -> Picture:
         """The light of a domemaster (row, col, primary) as a source.
 
         A pixel that the rim cuts and whose centre is off the screen shows its neighbour's light.
         """
+        light = _coarse(light, self.theatre.dome.inside(*light.shape[:2]))
         rows, cols = light.shape[:2]
         gains = self.gains(rows, cols)
         off = ~self.theatre.dome.inside(rows, cols)
@@ -310,10 +314,12 @@ class Tracer:
         with interruptible() as interrupted:
             while done < settings.most:
                 wanted = sums.samples_for(settings, done, size)
-                count = int(min(wanted, settings.most - done, max(1, WALKS_A_LAUNCH * 4 // size)))
+                count = int(min(wanted, settings.most - done, max(1, WALKS_A_PASS // size)))
                 for number, tile in enumerate(tiles):
+                    # Every pixel gets its first walks, whoever waits.
+                    stop = interrupted if done > 0 else None
                     self._tile(sums, tile, start_of, source, count, done, number, limit,
-                               indirect_only, settings)  # fmt: skip
+                               indirect_only, settings, stop)  # fmt: skip
                     if progress is not None:
                         share = sums.progress(settings, done + count * (number + 1) / len(tiles))
                         progress(share, f"{done + count} walks a pixel, {sums.steps:.3g} segments")
@@ -342,12 +348,15 @@ class Tracer:
         limit: int,
         indirect_only: bool,
         settings: Settings,
+        stop: Callable[[], bool] | None,
     ) -> None:
-        """Add `count` walks from each of some pixels to the sums."""
+        """Add `count` walks from each of some pixels to the sums, fewer if told to stop."""
         lanes = len(pixels)
-        each = max(1, min(count, WALKS_A_LAUNCH // max(1, lanes)))
+        each = max(1, min(count, self.machine.launch // max(1, lanes)))
         start = start_of(pixels)
         for part, taken in enumerate(range(0, count, each)):
+            if stop is not None and stop():
+                return
             tally = walks(
                 self.room,
                 start,
@@ -412,22 +421,34 @@ class Tracer:
 
     def _lit(self, place: tuple[float, float, float], rows: int, cols: int) -> NDArray[np.float64]:
         """(row, col): whether a projector's light reaches the screen past seats and booth."""
-        dome, m = self.theatre.dome, self.machine
-        directions = dome.directions(rows, cols)
-        points = directions * (dome.distance(directions) / dome.radius)[..., None]
-        points = (points @ dome.to_room.T).reshape(-1, 3)
-        lit = np.ones(rows * cols)
-        x, y, z = over(place, dome.radius)
-        for first in range(0, rows * cols, 1 << 21):
-            target = self._vector(points[first : first + (1 << 21)])
+        m = self.machine
+        x, y, z = over(place, self.theatre.dome.radius)
+        lit = np.ones((rows, cols))
+        for strip, points, _ in self._strips(rows, cols):
+            target = self._vector(points)
             zero = target[0] * 0
             # From the screen to the lens: a projector's own body may hold the lens.
             active = zero < 1
             lens = (zero + x, zero + y, zero + z)
-            hidden = self.room.shadowed(target, lens, m.where(active, SCREEN, NOTHING), active)
-            shadow = m.array(m.where(hidden, zero + 1.0, zero))
-            lit[first : first + (1 << 21)] = 1 - shadow
-        return lit.reshape(rows, cols)
+            with np.errstate(all="ignore"):  # of rays that meet nothing
+                leaving = m.where(active, SCREEN, NOTHING)
+                hidden = self.room.shadowed(target, lens, leaving, active)
+            lit[strip] = 1 - m.array(m.where(hidden, zero + 1.0, zero)).reshape(-1, cols)
+        return lit
+
+    def _strips(
+        self, rows: int, cols: int
+    ) -> Iterator[tuple[slice, NDArray[np.float64], NDArray[np.float64]]]:
+        """Rows of the domemaster, points behind their pixels in radii, and normals (pixel, xyz)."""
+        dome = self.theatre.dome
+        across = (np.arange(cols) + 0.5) * (2 / cols) - 1
+        for first in range(0, rows, height := max(1, (1 << 21) // cols)):
+            strip = slice(first, min(first + height, rows))
+            down = (np.arange(strip.start, strip.stop) + 0.5) * (2 / rows) - 1
+            u, v = (part.ravel() for part in np.meshgrid(across, down))
+            points = dome.surface(np.minimum(np.hypot(u, v), 1) * dome.half_angle, np.arctan2(v, u))
+            normals = -dome.normals(points / np.linalg.norm(points, axis=-1, keepdims=True))
+            yield strip, points @ dome.to_room.T / dome.radius, normals @ dome.to_room.T
 
     def _vector(self, points: NDArray[np.float64]) -> Vector:
         x, y, z = (self.machine.lanes(np.ascontiguousarray(points[:, k])) for k in range(3))
@@ -436,48 +457,58 @@ class Tracer:
 
 @final
 class _Sums:
-    """Sums over walks for each pixel of a picture."""
+    """Means and spreads over the walks of each pixel of a picture: float32, and no more a pixel."""
 
     def __init__(self, size: int, bounces: int | None, reference: float | None) -> None:
         self.reference = reference
-        self.total = np.zeros((3, size), np.float64)
-        self.square = np.zeros((3, size), np.float64)
-        self.count = np.zeros(size, np.int64)
+        self.mean = np.zeros((3, size), np.float32)
+        self.spread = np.zeros((3, size), np.float32)
+        self.count = np.zeros(size, np.int32)
         self.bounces = None if bounces is None else np.zeros((bounces + 1, 3, size), np.float32)
         self.steps = 0
 
     def add(self, pixels: NDArray[np.int64], tally: Tally, machine: Machine, count: int) -> None:
+        """Merge the sums of `count` walks from each of some pixels [1]."""
         lanes = len(pixels)
+        before = self.count[pixels]
+        share = count / (before + count)
         for p in range(3):
-            self.total[p, pixels] += machine.array(tally.total[p])
-            self.square[p, pixels] += machine.array(tally.square[p])
+            total = machine.array(tally.total[p])
+            own = machine.array(tally.square[p]) - total**2 / count
+            step = total / count - self.mean[p, pixels]
+            self.mean[p, pixels] += step * share
+            self.spread[p, pixels] += np.maximum(own, 0) + step**2 * before * share
             if self.bounces is not None and tally.bounces is not None:
                 table = machine.array(tally.bounces[p]).reshape(-1, lanes)
                 self.bounces[:, p, pixels] += table
         self.count[pixels] += count
         self.steps += int(machine.array(tally.steps).sum())
 
-    def errors(self) -> NDArray[np.float64]:
-        """(primary, pixel) standard errors of the means."""
-        n = np.maximum(self.count, 1)
-        variance = np.maximum(self.square / n - (self.total / n) ** 2, 0)
-        # Unbiased: a finite sample's spread is a little smaller than the truth's.
-        return np.asarray(np.sqrt(variance / np.maximum(n - 1, 1)))
+    def _error(self, part: slice) -> NDArray[np.float32]:
+        """(primary, pixel) standard errors of the means of some pixels."""
+        n = np.maximum(self.count[part], 2).astype(np.float32)
+        return np.asarray(np.sqrt(self.spread[:, part] / (n * (n - 1))))
+
+    def _parts(self) -> Iterator[slice]:
+        return (slice(at, at + (1 << 20)) for at in range(0, self.count.size, 1 << 20))
 
     def relative_error(self, done: int) -> float:
         """Rms standard error over the picture, relative to its mean (or the reference)."""
-        seen = self.count > 0
-        mean = self.reference or float(np.mean(self.total[:, seen] / self.count[seen]))
-        if done < 2 or mean <= 0:
-            return 0.0 if done >= 2 else np.inf
-        return float(np.sqrt(np.mean(self.errors()[:, seen] ** 2)) / mean)
+        if done < 2:
+            return np.inf
+        seen = int(np.count_nonzero(self.count))
+        square = sum(
+            float(np.sum(self._error(part) ** 2, dtype=np.float64)) for part in self._parts()
+        )
+        mean = self.reference or float(self.mean.sum(dtype=np.float64)) / (3 * max(1, seen))
+        return float(np.sqrt(square / (3 * max(1, seen))) / mean) if mean > 0 else 0.0
 
     def samples_for(self, settings: Settings, done: int, size: int) -> int:
         """How many more walks a pixel the wanted error will take."""
         if done < 2:
             return settings.least
         needed = done * (self.relative_error(done) / settings.error) ** 2
-        return max(1, int(np.ceil(1.02 * needed)) - done)
+        return max(1, int(min(np.ceil(1.02 * needed), settings.most)) - done)
 
     def progress(self, settings: Settings, done: float) -> float:
         """Share of the work that is done, by what is known of the noise so far."""
@@ -490,17 +521,20 @@ class _Sums:
     def traced(
         self, shape: tuple[int, int], seed: int, limit: int, status: Status, seconds: float
     ) -> Traced:
-        rows, cols = shape
-        n = np.maximum(self.count, 1)
+        """The pictures; the sums are of no use afterwards."""
+        for part in self._parts():
+            self.spread[:, part] = self._error(part)
+        if self.bounces is not None:
+            self.bounces /= np.maximum(self.count, 1)
 
         def image(values: NDArray[Any]) -> Image:
-            planes = values.reshape(*values.shape[:-2], 3, rows, cols)
-            return np.ascontiguousarray(np.moveaxis(planes, -3, -1), np.float32)
+            planes = values.reshape(*values.shape[:-2], 3, *shape)
+            return np.moveaxis(planes, -3, -1)
 
         return Traced(
-            mean=image(self.total / n),
-            standard_error=image(self.errors()),
-            bounces=None if self.bounces is None else image(self.bounces / n),
+            mean=image(self.mean),
+            standard_error=image(self.spread),
+            bounces=None if self.bounces is None else image(self.bounces),
             samples=int(self.count.max(initial=0)),
             seed=seed,
             limit=limit,
@@ -508,6 +542,18 @@ class _Sums:
             status=status,
             seconds=seconds,
         )
+
+
+def _coarse(light: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
+    """Means of blocks of a picture's screen pixels, so that a source of light stays small."""
+    size = light.shape[0]
+    factors = [f for f in range(1, 9) if size % f == 0 and size // f <= LARGEST_SOURCE]
+    if not factors or factors[0] == 1:
+        return light
+    shape = size // factors[0], factors[0], size // factors[0], factors[0]
+    count = np.maximum(inside.reshape(shape).sum((1, 3), dtype=np.float32), 1)[..., None]
+    kept = light if np.all(inside) else np.where(inside[..., None], light, 0)
+    return np.asarray(kept.reshape(*shape, -1).sum((1, 3)) / count)
 
 
 def best_machine() -> Machine:

@@ -1,0 +1,81 @@
+"""Statements about noisy figures whose own errors are known.
+
+A z-score is a difference over its standard error. If the standard errors are honest and nothing is
+biased, z-scores are standard normal: their sum of squares is chi-square distributed [1], which
+`assert_unbiased` tests, and their distribution function is the normal one, which `calibration`
+tests [2].
+
+[1] K. Pearson, Philosophical Magazine 50, 157 (1900). [2] A. N. Kolmogorov, Giornale dell'Istituto
+Italiano degli Attuari 4, 83 (1933).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+FALSE_ALARM = 1e-3
+"""How often a test fails although nothing is wrong; with a fixed seed it does so always or never.
+"""
+
+
+def assert_unbiased(
+    found: ArrayLike, error: ArrayLike, truth: ArrayLike, *, false_alarm: float = FALSE_ALARM
+) -> None:
+    """Raise if figures are further from the truth than their standard errors allow.
+
+    Parameters
+    ----------
+    found, error, truth
+        Independent estimates, their standard errors, and what they estimate: same shapes.
+    false_alarm
+        Probability of raising when all is well.
+
+    Raises
+    ------
+    AssertionError
+        If the sum of squared z-scores, or the sum of z-scores, is improbably large.
+    ValueError
+        If a standard error is not above 0.
+    """
+    found, error, truth = np.broadcast_arrays(found, error, truth)
+    if not np.all(np.asarray(error) > 0):
+        raise ValueError(f"standard errors must be above 0, got {np.min(error):g}")
+    z = ((found - truth) / error).ravel()
+    # Errors of either sign, and a bias that all share: half the false alarms each
+    spread = float(stats.chi2.sf(np.sum(z**2), len(z)))
+    shared = float(2 * stats.norm.sf(abs(z.sum()) / np.sqrt(len(z))))
+    if min(spread, shared) < false_alarm / 2:
+        worst = int(np.argmax(np.abs(z)))
+        raise AssertionError(
+            f"biased: chi-square p {spread:.1e}, mean p {shared:.1e} of {len(z)} figures; the "
+            f"worst is {np.ravel(found)[worst]:.6g} ± {np.ravel(error)[worst]:.1g}, "
+            f"expected {np.ravel(truth)[worst]:.6g}"
+        )
+
+
+def calibration(z: ArrayLike) -> float:
+    """P-value of z-scores being standard normal (Kolmogorov-Smirnov)."""
+    return float(stats.kstest(np.ravel(z), "norm").pvalue)
+
+
+def rms_difference(
+    model: ArrayLike, first: ArrayLike, second: ArrayLike, share: ArrayLike
+) -> float:
+    """Rms over pixels of a model's error, where the truth is known by two independent noisy ones.
+
+    The product of both differences has the squared error as its mean, whatever their noise. If
+    chance makes the sum negative, its root is returned with a minus.
+
+    Parameters
+    ----------
+    model, first, second
+        (row, col, ...) the model's picture and two estimates of the true one.
+    share
+        (row, col) weights, adding up to 1.
+    """
+    model, first, second = (np.asarray(part, np.float64) for part in (model, first, second))
+    products = (model - first) * (model - second)
+    square = np.einsum("ij,ij...->...", np.asarray(share), products)
+    return float(np.sign(np.mean(square)) * np.sqrt(np.abs(np.mean(square))))
