@@ -248,12 +248,13 @@ class Dome:
     def _ring_distance(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         return self.distance(np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], -1))
 
-    def directions(self, rows: int, cols: int) -> NDArray[np.float64]:
+    def directions(self, rows: int, cols: int, strip: slice = slice(None)) -> NDArray[np.float64]:
         """(row, col, xyz): unit vectors from the centre of the sphere to the pixels' centres.
 
-        Outside the circle the mapping goes on, up to the antipode.
+        Outside the circle the mapping goes on, up to the antipode. With `strip`, of those rows.
         """
         u, v = _pixel_centres(rows, cols)
+        v = v[strip]
         distance = np.hypot(u, v)
         theta = np.minimum(distance * self.half_angle, np.pi)
         # sin(theta) / distance, with its limit at the zenith
@@ -276,19 +277,22 @@ class Dome:
             If the image is not square.
         """
         size = _square_size(rows, cols)
-        grid = np.linspace(-1.0, 1.0, size + 1)
-        cap, angle = _edge_integrals(grid, self.half_angle)
+        grid = (2 * np.arange(size + 1) - size) / size
+        # One quadrant; the others are its reflections.
+        half = (size + 1) // 2
+        cap, angle = _edge_integrals(grid[: half + 1], self.half_angle)
         # Counter-clockwise around pixel (i, j): bottom and top edges run along u, the others along
         # v; exchanging u and v turns a boundary around, hence the transposes' signs.
         around_cap = cap[:-1, :] - cap[1:, :] + cap.T[:, :-1] - cap.T[:, 1:]
         around_angle = angle[:-1, :] - angle[1:, :] + angle.T[:, :-1] - angle.T[:, 1:]
-        pole = np.zeros((size, size))
-        centre = slice((size - 1) // 2, size // 2 + 1)
-        pole[centre, centre] = 1 / (1 if size % 2 else 4)
-        arc = 2 * np.pi * pole - around_angle
-        solid_angle = around_cap + (1 - np.cos(self.half_angle)) * arc
-        reached = _nearest_distance(grid) < 1
-        solid_angle = np.where(reached, np.maximum(solid_angle, 0.0), 0.0)
+        arc = -around_angle
+        arc[-1, -1] += 2 * np.pi / (1 if size % 2 else 4)  # the pole is in it
+        quadrant = around_cap + (1 - np.cos(self.half_angle)) * arc
+        reached = _nearest_distance(grid[: half + 1]) < 1
+        quadrant = np.where(reached, np.maximum(quadrant, 0.0), 0.0)
+        solid_angle = np.empty((size, size))
+        solid_angle[:half, :half], solid_angle[:half, -half:] = quadrant, quadrant[:, ::-1]
+        solid_angle[-half:] = solid_angle[:half][::-1]
         if self.height_ratio == 1 and self.truncated_below is None:
             return solid_angle * self.radius**2
         u, v = _pixel_centres(rows, cols)
@@ -348,7 +352,11 @@ class Dome:
         return result
 
     def lens_gain(
-        self, rows: int, cols: int, lens: tuple[float, float, float]
+        self,
+        rows: int,
+        cols: int,
+        lens: tuple[float, float, float],
+        strip: slice = slice(None),
     ) -> NDArray[np.float64]:
         """(row, col): irradiance of the screen from a lens of equal intensity in all directions.
 
@@ -361,6 +369,8 @@ class Dome:
             Size of the domemaster, pixels.
         lens
             Position of the lens in the dome's frame, m, inside the sphere.
+        strip
+            Only these rows.
 
         Raises
         ------
@@ -373,12 +383,18 @@ class Dome:
                 f"projector lens must be inside {self.whole}, "
                 f"got {np.linalg.norm(position):g} m from its centre"
             )
-        directions = self.directions(rows, cols)
+        directions = self.directions(rows, cols, strip)
         normal = self.normals(directions)
         ray = directions * self.distance(directions)[..., None] - position
         distance = np.linalg.norm(ray, axis=-1)
         cosine = np.sum(ray * normal, -1) / distance
         return np.asarray(self.radius**2 * cosine / distance**2)
+
+
+def strips(rows: int, cols: int) -> list[slice]:
+    """Rows at a time, so that vectors of all pixels of a large picture need not be held at once."""
+    height = max(1, (1 << 20) // cols)
+    return [slice(first, min(first + height, rows)) for first in range(0, rows, height)]
 
 
 def _square_size(rows: int, cols: int) -> int:

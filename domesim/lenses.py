@@ -3,7 +3,11 @@
 Fields that overlap are blended: each projector is dimmed towards the edge of its field by a smooth
 step, and all are divided by their sum. Falloff is that of a lens of equal intensity in all
 directions (equidistant), or of one that lights a flat screen evenly (perspective, intensity
-proportional to 1 / cos³ of the angle to its axis).
+proportional to 1 / cos³ of the angle to its axis). A screen with a gain lobe shows more of it in
+the mirror direction: microfacets with the GGX distribution [1].
+
+[1] B. Walter, S. Marschner, H. Li, K. Torrance, "Microfacet models for refraction through rough
+surfaces", Eurographics Symposium on Rendering (2007), eqs. 20, 33 and 34.
 """
 
 from __future__ import annotations
@@ -11,8 +15,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.dome import strips
 from domesim.errors import InputError
-from domesim.theatre import Lens, Theatre
+from domesim.theatre import Lens, Lobe, Point, Theatre
 
 Floats = NDArray[np.float64]
 
@@ -35,9 +40,12 @@ def lens_gains(theatre: Theatre, rows: int, cols: int) -> Floats:
     screen = dome.inside(rows, cols)
     if not theatre.lenses:
         return np.ones((1, rows, cols))
-    directions = dome.directions(rows, cols)
-    points = directions * dome.distance(directions)[..., None] @ dome.to_room.T
-    weights = np.stack([field_weight(lens, points) for lens in theatre.lenses])
+    lenses = theatre.lenses
+    weights = np.empty((len(lenses), rows, cols))
+    for strip in strips(rows, cols):
+        points = _points(theatre, rows, cols, strip)
+        for weight, lens in zip(weights, lenses, strict=True):
+            weight[strip] = field_weight(lens, points)
     total = weights.sum(0)
     dark = screen & (total <= 0)
     if dark.sum() > _DARK * screen.sum():
@@ -46,14 +54,77 @@ def lens_gains(theatre: Theatre, rows: int, cols: int) -> Floats:
             f"fields, aim them elsewhere or add projectors"
         )
     weights[:, dark] = 1 / len(weights)
-    gains = weights / np.where(dark, 1, np.where(total > 0, total, 1))
+    weights /= np.where(dark, 1, np.where(total > 0, total, 1))
     if not theatre.corrected:
-        gains = gains * np.stack(
-            [_falloff(theatre, lens, points, rows, cols) for lens in theatre.lenses]
-        )
-    gains[:, ~screen] = 0
-    gains[0, ~screen] = 1
-    return np.asarray(gains)
+        for strip in strips(rows, cols):
+            points = _points(theatre, rows, cols, strip)
+            for weight, lens in zip(weights, lenses, strict=True):
+                weight[strip] *= _falloff(theatre, lens, points, rows, cols, strip)
+    weights[:, ~screen] = 0
+    weights[0, ~screen] = 1
+    return weights
+
+
+def _points(theatre: Theatre, rows: int, cols: int, strip: slice) -> Floats:
+    """(row, col, xyz) where pixels are in the room, m."""
+    directions = theatre.dome.directions(rows, cols, strip)
+    distance = theatre.dome.distance(directions)
+    return np.asarray(directions * distance[..., None] @ theatre.dome.to_room.T)
+
+
+def seen_gain(theatre: Theatre, gains: Floats, eye: Point = (0.0, 0.0, 0.0)) -> Floats:
+    """(row, col): direct light of a white picture as an eye sees it; 1 off the screen.
+
+    Parameters
+    ----------
+    theatre
+        The theatre.
+    gains
+        (lens, row, col) irradiance, of `lens_gains`.
+    eye
+        Where the eye is, m; a Lambertian screen looks the same from everywhere.
+    """
+    _, rows, cols = gains.shape
+    total = gains.sum(0)
+    if theatre.lobe is not None and theatre.lobe.share > 0:
+        dome, total = theatre.dome, np.zeros((rows, cols))
+        places = [lens.position for lens in theatre.lenses] or [(0.0, 0.0, 0.0)]
+        for strip in strips(rows, cols):
+            points = _points(theatre, rows, cols, strip)
+            normals = -dome.normals(dome.directions(rows, cols, strip)) @ dome.to_room.T
+            to_eye = _unit(np.asarray(eye) - points)
+            for gain, place in zip(gains, places, strict=True):
+                to_lens = _unit(np.asarray(place) - points)
+                total[strip] += gain[strip] * lobe_gain(theatre.lobe, normals, to_eye, to_lens)
+    return np.where(theatre.dome.inside(rows, cols), total, 1.0)
+
+
+def lobe_gain(lobe: Lobe, normal: Floats, to_eye: Floats, to_light: Floats) -> Floats:
+    """(...): brightness of a screen with a lobe over that of a Lambertian one; 0 from behind.
+
+    Parameters
+    ----------
+    lobe
+        Share and roughness.
+    normal, to_eye, to_light
+        (..., xyz) unit vectors.
+    """
+    seen = np.sum(normal * to_eye, -1)
+    lit = np.sum(normal * to_light, -1)
+    half = np.sum(normal * _unit(to_eye + to_light), -1)
+    square = lobe.roughness**2
+    facets = square / (np.pi * (half**2 * (square - 1) + 1) ** 2)
+    front = (seen > 0) & (lit > 0)
+    a, b = np.where(front, seen, 1.0), np.where(front, lit, 1.0)
+    shadowing = (
+        4 / (1 + np.sqrt(1 + square * (a**-2 - 1))) / (1 + np.sqrt(1 + square * (b**-2 - 1)))
+    )
+    mirror = np.pi * facets * shadowing / (4 * a * b)
+    return np.where(front, 1 - lobe.share + lobe.share * mirror, 0.0)
+
+
+def _unit(vectors: Floats) -> Floats:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def field_weight(lens: Lens, points: Floats) -> Floats:
@@ -98,9 +169,11 @@ def _smooth_step(inside: Floats, width: float) -> Floats:
     return np.asarray(t * t * (3 - 2 * t))
 
 
-def _falloff(theatre: Theatre, lens: Lens, points: Floats, rows: int, cols: int) -> Floats:
+def _falloff(
+    theatre: Theatre, lens: Lens, points: Floats, rows: int, cols: int, strip: slice
+) -> Floats:
     x, y, z = np.asarray(lens.position) @ theatre.dome.to_room
-    gain = theatre.dome.lens_gain(rows, cols, (float(x), float(y), float(z)))
+    gain = theatre.dome.lens_gain(rows, cols, (float(x), float(y), float(z)), strip)
     if lens.kind == "perspective":
         ray = points - np.asarray(lens.position)
         ahead = (ray @ lens_frame(lens)[2]) / np.linalg.norm(ray, axis=-1)

@@ -20,10 +20,14 @@ from domesim.errors import InputError
 from domesim.frames import read_frame
 from domesim.projector import conversion
 from domesim.scene import Scene, load_scene
-from domesim.screening import decoded, mean_luminance
+from domesim.screening import decoded
 
 if TYPE_CHECKING:
+    from domesim.pathtrace.tabulate import Tabulation
     from domesim.pathtrace.tracer import Settings, Traced
+
+_PREVIEW = 2048
+"""Most pixels a side of a preview."""
 
 SceneArgument = Annotated[
     str,
@@ -170,7 +174,7 @@ def tabulate(
     )
     interrupted = found.status is Status.INTERRUPTED
     if check and not interrupted:
-        figures["radiosity"] = _second_opinion(theatre, found.transport, console)
+        figures["second_opinion"] = _second_opinion(theatre, found, console)
     console.say(f"  -> {out}\nUse it: domesim compensate MASTER --scene {scene} --transport {out}")
     _finish(console, figures, interrupted)
 
@@ -206,20 +210,26 @@ def _closed_gain(scene: Scene) -> NDArray[np.float64]:
     )
 
 
-def _second_opinion(scene: Scene, transport: Any, console: Console) -> dict[str, Any] | None:
+def _second_opinion(scene: Scene, found: Tabulation, console: Console) -> dict[str, Any] | None:
+    """The mean light by the other method: radiosity, or walks where radiosity was the first."""
     from domesim.observation.radiosity import radiosity  # noqa: PLC0415
+    from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
 
-    try:
-        other = radiosity(replace(scene.theatre, lamps=()))
-    except InputError as reason:
-        console.say(f"No second opinion: {reason}")
-        return None
-    gain = other.mean_gain()
-    traced = transport.mean_gain()
+    theatre, method = replace(scene.theatre, lamps=()), "radiosity"
+    if found.walks == 0:
+        method = "path tracing"
+        other = traced(theatre, error=1e-3, most=1e8, explicit=False).transport
+    else:
+        try:
+            other = radiosity(theatre)
+        except InputError as reason:
+            console.say(f"No second opinion: {reason}")
+            return None
+    gain, first = other.mean_gain(), found.transport.mean_gain()
     # Of a black primary there is nothing to compare.
-    apart = float(np.max(np.abs(gain - traced) / np.maximum(traced, 1e-30)))
-    console.say(f"Second opinion: radiosity finds {_per_primary(gain)}, {apart:.2%} apart")
-    return {"mean_gain": gain.tolist(), "apart": apart}
+    apart = float(np.max(np.abs(gain - first) / np.maximum(first, 1e-30)))
+    console.say(f"Second opinion: {method} finds {_per_primary(gain)}, {apart:.2%} apart")
+    return {"method": method, "mean_gain": gain.tolist(), "apart": apart}
 
 
 def _picture(
@@ -237,12 +247,25 @@ def _picture(
         scene.dome.inside(*light.shape[:2])  # refuses what is no domemaster
     if size is None or size == light.shape[0]:
         return light
+    return _resized(light, size, size)
+
+
+def _resized(picture: NDArray[Any], rows: int, cols: int) -> NDArray[np.float32]:
     import OpenImageIO as oiio  # noqa: N813, PLC0415
 
-    source = oiio.ImageBuf(oiio.ImageSpec(light.shape[1], light.shape[0], 3, oiio.FLOAT))
-    source.set_pixels(oiio.ROI.All, np.ascontiguousarray(light))
-    resized = oiio.ImageBufAlgo.resize(source, "box", roi=oiio.ROI(0, size, 0, size, 0, 1, 0, 3))
+    source = oiio.ImageBuf(oiio.ImageSpec(picture.shape[1], picture.shape[0], 3, oiio.FLOAT))
+    source.set_pixels(oiio.ROI.All, np.ascontiguousarray(picture, np.float32))
+    resized = oiio.ImageBufAlgo.resize(source, "box", roi=oiio.ROI(0, cols, 0, rows, 0, 1, 0, 3))
     return np.asarray(resized.get_pixels(oiio.FLOAT), np.float32)
+
+
+def _small(picture: NDArray[Any]) -> NDArray[Any]:
+    """A picture of at most `_PREVIEW` pixels a side."""
+    rows, cols = picture.shape[:2]
+    shrink = _PREVIEW / max(rows, cols)
+    if shrink >= 1:
+        return picture
+    return _resized(picture, max(1, round(rows * shrink)), max(1, round(cols * shrink)))
 
 
 def _cutaway(
@@ -347,8 +370,10 @@ def _bounces(bounces: NDArray[Any] | None, first: int) -> dict[str, NDArray[Any]
 def _facts(parts: Sequence[Traced], on: NDArray[np.bool_]) -> dict[str, Any]:
     """Figures of the picture's light, and of the lamps' if there are any, on (row, col) pixels."""
     picture = parts[0]
-    mean = float(np.mean(picture.mean[on]))
-    error = float(np.sqrt(np.mean(picture.standard_error[on] ** 2)))
+    count = 3 * np.count_nonzero(on)
+    mean = float(np.sum(picture.mean, where=on[..., None], dtype=np.float64)) / count
+    square = np.einsum("ij,ijp->", on, np.square(picture.standard_error), dtype=np.float64)
+    error = float(np.sqrt(square / count))
     # The members of Status stand in the order of how well it went.
     order = list(type(picture.status))
     return {
@@ -375,8 +400,8 @@ def _write(
     from domesim.pathtrace.tracer import Status  # noqa: PLC0415
 
     white = scene.projector.white
-    units = {name: layer * (white**2 if name == "variance" else white)
-             for name, layer in layers.items()}  # fmt: skip
+    for name, layer in layers.items():
+        np.multiply(layer, white**2 if name == "variance" else white, out=layer)
     attributes: dict[str, Any] = {
         "domesim:scene": scene.name,
         "domesim:digest": scene.digest,
@@ -387,18 +412,21 @@ def _write(
         "chromaticities": _chromaticities(scene),
     }
     attributes |= {f"domesim:{key}": value for key, value in facts.items()}
-    write_layers(out, units, attributes)
+    write_layers(out, layers, attributes)
     preview = out.with_suffix(".png")
-    to_png(np.clip(_display(scene, layers[""]), 0, 1), preview)
-    parts = {name: layer for name, layer in layers.items()
-             if name in ("", "direct", "indirect", "ambient")}  # fmt: skip
+    to_png(np.clip(_display(scene, _small(layers[""]) / white), 0, 1), preview)
+    over, rows, cols = "picture", *layers[""].shape[:2]
+    share = np.full((rows, cols), 1 / (rows * cols))
     if view == "domemaster":
-        over = "screen"
-        seen = {name or "seen": mean_luminance(part[None], scene) for name, part in parts.items()}
-    else:
-        over = "picture"
-        weights = scene.projector.luminance_weights * white
-        seen = {name or "seen": float(np.mean(part @ weights)) for name, part in parts.items()}
+        over, share = "screen", scene.dome.screen_areas(rows, cols)
+        share /= share.sum()
+    seen = {
+        name or "seen": float(
+            np.einsum("ij,ijp->p", share, layer) @ scene.projector.luminance_weights
+        )
+        for name, layer in layers.items()
+        if name in ("", "direct", "indirect", "ambient")
+    }
     console.say(
         f"mean luminance over the {over}: "
         + ", ".join(f"{name} {value:.3g}" for name, value in seen.items())

@@ -39,7 +39,7 @@ from pydantic_core import InitErrorDetails
 from domesim import furniture, viewing
 from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.lenses import lens_gains
+from domesim.lenses import lens_gains, seen_gain
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.spherical import ClosedFormDome, closed_form_gain
 from domesim.observation.transport import Transport
@@ -440,13 +440,16 @@ class Scene:
         InputError
             If it is not square, or smaller than 2 x 2.
         """
-        gain = None
-        if self.theatre.lenses:
-            gain = lens_gains(self.theatre, rows, cols).sum(0)
+        gains = None
+        if self.theatre.lenses or not self.theatre.lambertian:
+            gains = lens_gains(self.theatre, rows, cols)
+        gain = None if gains is None else gains.sum(0)
         black = self.ambient / self.projector.white
         if self.transport is not None:
-            seen = self.transport.observation(rows, cols, lens_gain=gain, ambient=black)
-            return seen.low_rank()
+            seen = None if gains is None else seen_gain(self.theatre, gains)
+            return self.transport.observation(
+                rows, cols, lens_gain=gain, seen_gain=seen, ambient=black
+            ).low_rank()
         return ClosedFormDome(
             self.dome, rows, cols, albedo=self.albedo, lens_gain=gain, ambient=black
         )

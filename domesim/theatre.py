@@ -32,6 +32,8 @@ _NEAR = 0.1
 class Lobe:
     """A screen that sends more light in the mirror direction: high "gain" paint.
 
+    Microfacets that reflect once: a rough lobe loses what would have to be reflected twice.
+
     Parameters
     ----------
     share

@@ -44,6 +44,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from domesim.dome import Dome
 from domesim.errors import InputError
+from domesim.observation.basis import disc_quadrature
 from domesim.observation.spherical import closed_form_gain
 from domesim.observation.transport import NODES, Transport, node_places, sample_nodes
 from domesim.theatre import Theatre
@@ -105,8 +106,10 @@ def radiosity(
     fine = _Solution(_Room(theatre, resolution))
     coarse = _Solution(_Room(theatre, round(resolution / 1.5)))
     modes = fine.modes(nodes, tolerance)
-    core, wanted = fine.core(modes), fine.direct()
-    discretisation = fine.off_by(coarse.direct(fine.room.points), wanted)
+    core = fine.core(modes)
+    discretisation = fine.off_by(coarse.direct(fine.room.points), fine.direct())
+    # Of points that the modes were not made for
+    shown, others = _shown(theatre.dome, modes, core, coarse.room.places), coarse.room.points
     sees = fine.room.sees
     closed = bool(sees.mean() > 0.99)
     provenance = {
@@ -115,7 +118,7 @@ def radiosity(
         "tolerance": tolerance,
         "elements": fine.room.counts,
         "discretisation_error": discretisation,
-        "sampling_error": fine.off_by(fine.shown(modes, core), wanted),
+        "sampling_error": coarse.off_by(shown, fine.direct(others)),
         "sees": [float(sees.min()), float(sees.max())],
         "closure_error": float(np.abs(1 - sees).max()) if closed else None,
     }
@@ -134,6 +137,13 @@ def _guard(theatre: Theatre) -> None:
 def _pictures(u: Floats, v: Floats) -> Floats:
     """(point, picture): white, brighter to the front, brighter to the right."""
     return np.stack([np.ones_like(u), 1 + v, 1 + u], -1)
+
+
+def _shown(dome: Dome, modes: Floats, core: Floats, places: tuple[Floats, Floats]) -> Floats:
+    """(primary, point, picture): phi of the pictures at places, as modes and core have it."""
+    u, v, areas = disc_quadrature(dome, 48)
+    collected = (sample_nodes(modes, u, v) * (areas / areas.sum())) @ _pictures(u, v)
+    return np.asarray(sample_nodes(modes, *places).T @ (core @ collected))
 
 
 # ---------------------------------------------------------------------------------------------
@@ -202,12 +212,6 @@ class _Solution:
         sent = np.stack([mix[0] * self.radiosity(mix, emission) for mix in self.room.mixes])
         seen = [self.room.seen_from(points[some]) @ sent for some in _chunks(len(points))]
         return np.concatenate(seen, 1)
-
-    def shown(self, modes: Floats, core: Floats) -> Floats:
-        """The same as modes and core have it."""
-        sampled = sample_nodes(modes, *self.room.places)
-        collected = (sampled * self.room.share) @ _pictures(*self.room.places)
-        return np.asarray(sampled.T @ (core @ collected))
 
     def off_by(self, found: Floats, wanted: Floats) -> float:
         """Largest rms error of a picture's phi, relative to its mean."""

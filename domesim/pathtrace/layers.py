@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 
+_STRIP = 64
+
 
 def write_layers(
-    path: Path, layers: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]
+    path: Path,
+    layers: Mapping[str, NDArray[Any]],
+    attributes: Mapping[str, Any],
 ) -> None:
     """Write float32 ZIP EXR with one RGB triple a layer, whole or not at all.
 
@@ -35,9 +39,8 @@ def write_layers(
     if path.suffix.lower() != ".exr":
         raise InputError(f"{path}: layers are written as EXR, so its name must end in .exr")
     names = [f"{name}.{part}" if name else part for name in layers for part in "RGB"]
-    pixels = np.concatenate([np.asarray(layer, np.float32) for layer in layers.values()], axis=-1)
-    rows, cols, channels = pixels.shape
-    spec = oiio.ImageSpec(cols, rows, channels, oiio.FLOAT)
+    rows, cols, _ = next(iter(layers.values())).shape
+    spec = oiio.ImageSpec(cols, rows, len(names), oiio.FLOAT)
     spec.channelnames = tuple(names)
     spec.attribute("compression", "zip")
     for key, value in attributes.items():
@@ -53,7 +56,7 @@ def write_layers(
         written = (
             output is not None
             and output.open(str(unfinished), spec)
-            and output.write_image(np.ascontiguousarray(pixels))
+            and all(_write_rows(output, layers, first) for first in range(0, rows, _STRIP))
             and output.close()
         )
         if not written:
@@ -64,3 +67,10 @@ def write_layers(
         raise InputError(f"{path}: cannot be written ({error.strerror})") from error
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def _write_rows(output: Any, layers: Mapping[str, NDArray[Any]], first: int) -> bool:
+    """Some rows of all layers, so that they need not be held together."""
+    parts = [np.asarray(layer[first : first + _STRIP], np.float32) for layer in layers.values()]
+    pixels = np.ascontiguousarray(np.concatenate(parts, axis=-1))
+    return bool(output.write_scanlines(first, first + len(pixels), 0, pixels))

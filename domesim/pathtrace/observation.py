@@ -174,8 +174,7 @@ class PathTracedDome(Observation):
     @cached_property
     def _seen_gain(self) -> NDArray[Any]:
         rows, cols = self._screen.shape
-        gain = self._tracer.seen_gain(rows, cols, self._eye)
-        return np.where(self._screen, gain, 1.0)
+        return self._tracer.seen_gain(rows, cols, self._eye)
 
 
 def part_of(progress: Progress | None, number: int, parts: int) -> Progress | None:

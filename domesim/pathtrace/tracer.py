@@ -24,14 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from domesim.dome import strips
 from domesim.errors import InputError
-from domesim.lenses import lens_gains
+from domesim.lenses import lens_gains, seen_gain
 from domesim.pathtrace.llvm import backend, load_mitsuba
 from domesim.pathtrace.loop import Source, Start, Tally, bounce_limit, eye_directions, walks
 from domesim.pathtrace.machine import DrJit, Lanes, Machine, NumPy, Vector
 from domesim.pathtrace.room import NOTHING, SCREEN, Hit, Room, scaled
 from domesim.pathtrace.sources import GainLobe, Lamps, Picture, Throw
-from domesim.theatre import Theatre, Viewpoint
+from domesim.theatre import Point, Theatre, Viewpoint
 
 Image = NDArray[np.float32]
 
@@ -173,21 +174,9 @@ class Tracer:
             gains = gains * lit
         return gains
 
-    def seen_gain(self, rows: int, cols: int, eye: tuple[float, float, float]) -> NDArray[Any]:
-        """(row, col): direct light as the eye sees it: `gains`, by a screen with a lobe."""
-        gains = self.gains(rows, cols)
-        if self.lobe is None:
-            return np.asarray(gains.sum(0))
-        seen = np.zeros((rows, cols))
-        dome = self.theatre.dome
-        for strip, points, normals in self._strips(rows, cols):
-            p, n = self._vector(points), self._vector(normals)
-            to_eye = eye_directions(self.room, p, over(eye, dome.radius))
-            for gain, place in zip(gains, self._lens_places(), strict=True):
-                to_lens = eye_directions(self.room, p, over(place, dome.radius))
-                pattern = self.machine.array(self.lobe.gain(n, to_eye, to_lens, p[0] < 2))
-                seen[strip] += gain[strip] * pattern.reshape(-1, cols)
-        return seen
+    def seen_gain(self, rows: int, cols: int, eye: Point) -> NDArray[Any]:
+        """(row, col): direct light as the eye sees it, shadows and all; 1 off the screen."""
+        return seen_gain(self.theatre, self.gains(rows, cols), eye)
 
     def picture(self, light: NDArray[Any]) -> Picture:
         """The light of a domemaster (row, col, primary) as a source.
@@ -421,11 +410,13 @@ class Tracer:
 
     def _lit(self, place: tuple[float, float, float], rows: int, cols: int) -> NDArray[np.float64]:
         """(row, col): whether a projector's light reaches the screen past seats and booth."""
-        m = self.machine
-        x, y, z = over(place, self.theatre.dome.radius)
+        m, dome = self.machine, self.theatre.dome
+        x, y, z = over(place, dome.radius)
         lit = np.ones((rows, cols))
-        for strip, points, _ in self._strips(rows, cols):
-            target = self._vector(points)
+        for strip in strips(rows, cols):
+            directions = dome.directions(rows, cols, strip)
+            points = directions * (dome.distance(directions) / dome.radius)[..., None]
+            target = self._vector((points @ dome.to_room.T).reshape(-1, 3))
             zero = target[0] * 0
             # From the screen to the lens: a projector's own body may hold the lens.
             active = zero < 1
@@ -435,20 +426,6 @@ class Tracer:
                 hidden = self.room.shadowed(target, lens, leaving, active)
             lit[strip] = 1 - m.array(m.where(hidden, zero + 1.0, zero)).reshape(-1, cols)
         return lit
-
-    def _strips(
-        self, rows: int, cols: int
-    ) -> Iterator[tuple[slice, NDArray[np.float64], NDArray[np.float64]]]:
-        """Rows of the domemaster, points behind their pixels in radii, and normals (pixel, xyz)."""
-        dome = self.theatre.dome
-        across = (np.arange(cols) + 0.5) * (2 / cols) - 1
-        for first in range(0, rows, height := max(1, (1 << 21) // cols)):
-            strip = slice(first, min(first + height, rows))
-            down = (np.arange(strip.start, strip.stop) + 0.5) * (2 / rows) - 1
-            u, v = (part.ravel() for part in np.meshgrid(across, down))
-            points = dome.surface(np.minimum(np.hypot(u, v), 1) * dome.half_angle, np.arctan2(v, u))
-            normals = -dome.normals(points / np.linalg.norm(points, axis=-1, keepdims=True))
-            yield strip, points @ dome.to_room.T / dome.radius, normals @ dome.to_room.T
 
     def _vector(self, points: NDArray[np.float64]) -> Vector:
         x, y, z = (self.machine.lanes(np.ascontiguousarray(points[:, k])) for k in range(3))

@@ -460,7 +460,7 @@ def test_a_table_is_read_as_it_was_written(folder: Path, hall: tuple[Path, dict[
 
 def test_radiosity_is_of_the_same_opinion(hall: tuple[Path, dict[str, Any]]) -> None:
     _, figures = hall
-    opinion = figures["radiosity"]
+    opinion = figures["second_opinion"]
     gain = np.array(figures["mean_gain"])
     # The room matters, and both see it.
     assert np.all(gain > 1.2 * np.array(figures["closed_form_gain"]))
@@ -499,7 +499,7 @@ def test_the_seed_of_a_table_decides(folder: Path, hall: tuple[Path, dict[str, A
         out = folder / "tables" / f"{name}.npz"
         arguments = ("--walks", 1, "--degree", 1, "--seed", seed, "--no-check", "--json")
         figures = domesim("tabulate", folder / "hall.toml", "--out", out, *arguments).figures()
-        assert "radiosity" not in figures
+        assert "second_opinion" not in figures
         cores.append(load_transport(out).core)
     np.testing.assert_array_equal(cores[0], cores[1])
     assert np.all(cores[0] != cores[2])
@@ -664,7 +664,7 @@ def test_an_interrupted_table_is_written(
     assert (outcome.code, outcome.err) == (130, COMPLAINT)
     figures, stored = json.loads(outcome.out), load_transport(out)
     assert figures["status"] == INTERRUPTED
-    assert "radiosity" not in figures
+    assert "second_opinion" not in figures
     assert stored.provenance["status"] == "INTERRUPTED"
     assert stored.provenance["walks"] == figures["walks"]
     assert launches() == 2
