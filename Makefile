@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench masters requirements clean
+.PHONY: help demo test lint bench masters gallery requirements clean
 
 help: ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -37,6 +37,9 @@ bench: $(READY) ## Cost of the solvers: FFTs, iterations, certified gaps
 
 masters: $(READY) ## Render the bundled masters anew (minutes)
 	@$(BIN)/python -m domesim.pathtrace.night --out scenes/masters/night.exr
+
+gallery: $(READY) ## Render the pictures of docs/theatres.md anew (half an hour)
+	@$(BIN)/python -m validation.gallery docs/theatres
 
 requirements: $(READY) ## Compile the exact versions anew
 	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --no-header --no-annotate \

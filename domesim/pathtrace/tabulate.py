@@ -59,7 +59,7 @@ from domesim.theatre import Theatre
 
 Floats = NDArray[np.float64]
 
-LANES = 1 << 18
+LANES = 1 << 16
 BATCHES = 24
 """Fewest batches: their spread is the uncertainty."""
 
