@@ -292,6 +292,8 @@ class ProjectorSection(_Section):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
+        if self.units and any(self.lens.position_m):
+            raise ValueError("lens.position_m: is for one projector; with units, place each unit")
         if self.white_cd_m2 is not None:
             Projector(self.primaries, self.white_cd_m2, self.black_cd_m2)
         return self

@@ -379,7 +379,9 @@ class _Room:
     def closed_form(self, albedo: float) -> float:
         """Indirect light of white if the screen were a bare spherical cap."""
         dome = self.theatre.dome
-        return closed_form_gain(albedo, dome.radius, dome.screen_area) * dome.screen_area
+        # A tall dome has more screen than its sphere: any figure will do, it is only a start.
+        area = min(dome.screen_area, 4 * np.pi * dome.radius**2 * 0.999)
+        return closed_form_gain(albedo, dome.radius, area) * area
 
     def screen_at(self, u: Floats, v: Floats) -> Floats:
         """(point, xyz) of the screen at places of the domemaster."""

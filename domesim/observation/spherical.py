@@ -46,8 +46,8 @@ def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
         raise InputError(f"albedo must lie in 0..1, got {albedo:g}")
     if not 0 < screen_area <= sphere * (1 + 1e-12):
         raise InputError(
-            f"screen area must be above 0 and at most the sphere's {sphere:g} m², "
-            f"got {screen_area:g}"
+            f"screen area must be above 0 and at most the sphere's {sphere:g} m² for the closed "
+            f"form, got {screen_area:g}; tabulate a tall dome"
         )
     if albedo * screen_area >= sphere:
         raise InputError("a closed sphere of albedo 1 never loses light; lower the albedo")

@@ -109,7 +109,7 @@ class Transport:
         """The fewest modes that carry this transport within a tolerance.
 
         By the singular values of all primaries' cores together, in the inner product of the
-        screen's area (the best approximation there is of its rank).
+        screen's area: for one symmetric core, the best approximation of its rank.
 
         Parameters
         ----------
@@ -145,8 +145,13 @@ class Transport:
         Raises
         ------
         InputError
-            If they are of different screens.
+            If they are of different screens, or a first mode is not 1 (as after `reduced`).
         """
+        for part in (self, other):
+            if not np.allclose(part.modes[0], 1):
+                raise InputError(
+                    "transports are added before they are reduced: a first mode is not 1"
+                )
         if self.dome != other.dome or self.modes.shape[1:] != other.modes.shape[1:]:
             raise InputError("transports of different screens or grids cannot be added")
         modes = np.concatenate([self.modes, other.modes[1:]])  # both begin with 1
