@@ -4,9 +4,9 @@ Values are radiances in units of what projector white shows on the screen by dir
 value of a Lambertian point is its direct value plus its albedo times the mean of the values that it
 sees in cosine-distributed directions, so a walk that multiplies by the albedo at each bounce and
 adds up direct values is unbiased [1, section 14.4]. Directions are chosen by the surface alone
-("BSDF sampling"): the screen surrounds everything, so aiming at lights could gain nothing, and
-analytic intersections make a step cheap. A lane that ends a walk starts the next in the same step,
-which keeps all lanes of a vector busy.
+("BSDF sampling"), and analytic intersections make a step cheap. Where a picture is dark but for a
+few bright places, walks aim at them as well (`Aim`). A lane that ends a walk starts the next in the
+same step, which keeps all lanes of a vector busy.
 
 [1] M. Pharr, W. Jakob, G. Humphreys, *Physically Based Rendering*, 3rd ed., Elsevier 2017.
 """
