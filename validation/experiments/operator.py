@@ -165,7 +165,7 @@ def report() -> Iterator[str]:
         ("recessed floor", 1e-3),
         ("recessed floor", 5e-4),
         ("floor at the spring line", 1e-3),
-        ("gain lobe of share 0.3", 2e-3),
+        ("gain lobe of share 0.3", 1e-3),
     ):
         outcome = measure(name, error=error)
         yield (
