@@ -188,7 +188,7 @@ def compensate(
 def pose(desired: Light, scene: Scene, weighting: PerceptualWeighting | None = None) -> Posed:
     """The optimisation problem of a master in a theatre; parameters as for `compensate`."""
     require_light(desired, who="compensate")
-    observation = scene.observation(*desired.shape[1:3])
+    observation = scene.solvable(*desired.shape[1:3])
     require_light(desired, observation.shape, who="compensate")
     screen = observation.screen
     on = screen[None, :, :, None]

@@ -82,8 +82,8 @@ def render(
     theatre = load_scene(scene)
     if size is not None and not 2 <= size <= 16384:
         raise InputError(f"--size must lie in 2..16384, got {size}")
-    if samples < 1:
-        raise InputError(f"--samples must be at least 1, got {samples}")
+    if samples < 2:
+        raise InputError(f"--samples must be at least 2, for an error to be known, got {samples}")
     _require_seed(seed)
     suffix = ".png" if view == "cutaway" else ".exr"
     if out.suffix.lower() != suffix:

@@ -42,7 +42,7 @@ from domesim.errors import InputError
 from domesim.lenses import lens_gains, seen_gain
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.spherical import ClosedFormDome, closed_form_gain
-from domesim.observation.transport import Transport
+from domesim.observation.transport import TabulatedDome, Transport
 from domesim.projector import Projector
 from domesim.theatre import (
     Cavity,
@@ -431,7 +431,7 @@ class Scene:
         """Albedo of the screen for each primary, holes counted in."""
         return self.theatre.screen_albedo
 
-    def observation(self, rows: int, cols: int) -> LowRankObservation:
+    def observation(self, rows: int, cols: int) -> LowRankObservation | TabulatedDome:
         """What the audience sees of a domemaster of that size.
 
         By the stored transport if there is one, else by the closed form of the bare screen, which
@@ -451,16 +451,27 @@ class Scene:
             seen = None if gains is None else seen_gain(self.theatre, gains)
             return self.transport.observation(
                 rows, cols, lens_gain=gain, seen_gain=seen, ambient=black
-            ).low_rank()
+            )
         return ClosedFormDome(
             self.dome, rows, cols, albedo=self.albedo, lens_gain=gain, ambient=black
         )
+
+    def solvable(self, rows: int, cols: int) -> LowRankObservation:
+        """`observation` in the form that solvers need: of a stored transport, the strong modes."""
+        exact = self.observation(rows, cols)
+        return exact.low_rank() if isinstance(exact, TabulatedDome) else exact
 
     @property
     def approximation(self) -> str | None:
         """Why `observation` is only an approximation of this theatre, in one line; None if not."""
         if self.transport is not None:
-            return None
+            shadowed = self.transport.provenance.get("shadowed", 0.0)
+            if shadowed < _SHADOWED:
+                return None
+            return (
+                f"approximate: {shadowed:.1%} of the screen lies in shadows of things in front of "
+                f"a projector, which a stored transport leaves out ('domesim render' has them)"
+            )
         reasons = self.theatre.departures()
         if not reasons:
             return None
@@ -541,6 +552,10 @@ def _scene(text: str, where: str, folder: Path) -> Scene:
         raise InputError(f"{where}: {error}") from None
 
 
+_SHADOWED = 2e-3
+"""Share of the screen that may lie in shadow without a word: what rim pixels amount to."""
+
+
 def _built(file: SceneFile, folder: Path) -> Scene:
     theatre = _theatre(file, folder)
     for rho in theatre.screen_albedo:
@@ -550,7 +565,7 @@ def _built(file: SceneFile, folder: Path) -> Scene:
     white = lit.white_cd_m2
     if white is None:
         weights = Projector(lit.primaries, 1.0).luminance_weights
-        irradiance = (lit.lumens or 0.0) / theatre.dome.screen_area
+        irradiance = (lit.lumens or 0.0) / theatre.dome.screen_area / _mean_gain(theatre)
         white = float(weights @ theatre.screen_albedo) * irradiance / np.pi
     projector = Projector(lit.primaries, white, lit.black_cd_m2)
     # Lamps are known in cd/m², light in units of white.
@@ -568,6 +583,14 @@ def _built(file: SceneFile, folder: Path) -> Scene:
         sources=file.sources,
         digest=_with_meshes(file, theatre),
     )
+
+
+def _mean_gain(theatre: Theatre, size: int = 128) -> float:
+    """Mean irradiance of the screen by its projectors, over that of the ideal one's."""
+    if theatre.corrected:
+        return 1.0
+    areas = theatre.dome.screen_areas(size, size)
+    return float(np.sum(areas * lens_gains(theatre, size, size).sum(0)) / areas.sum())
 
 
 def _with_meshes(file: SceneFile, theatre: Theatre) -> str:

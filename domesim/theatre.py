@@ -265,6 +265,19 @@ class Theatre:
         return self.lobe is None or self.lobe.share == 0
 
     @property
+    def hides_screen(self) -> bool:
+        """Whether floor or wall stands before a part of the screen."""
+        return self._floor_hides or self._wall_hides
+
+    @property
+    def _floor_hides(self) -> bool:
+        return self.floor is not None and self.floor.height > self.dome.lowest + 1e-9
+
+    @property
+    def _wall_hides(self) -> bool:
+        return self.wall is not None and self.wall.radius < self.dome.widest - 1e-9
+
+    @property
     def floor_meets_screen(self) -> bool:
         """Whether a reflecting floor comes so near to the screen that light changes fast there."""
         floor, dome = self.floor, self.dome
@@ -311,10 +324,9 @@ class Theatre:
         for name, surface in (("floor", self.floor), ("wall", self.wall)):
             if surface is not None and max(surface.albedo) > 0:
                 reasons.append(f"the {name} reflects (albedo {max(surface.albedo):g})")
-        if self.floor is not None and self.floor.height > self.dome.lowest + 1e-9:
-            reasons.append("the floor hides a part of the screen")
-        if self.wall is not None and self.wall.radius < self.dome.widest - 1e-9:
-            reasons.append("the wall hides a part of the screen")
+        for name, hides in (("floor", self._floor_hides), ("wall", self._wall_hides)):
+            if hides:
+                reasons.append(f"the {name} hides a part of the screen")
         if self.solids:
             reasons.append(f"things stand in the room ({_names(self.solids)})")
         if self.lamps:

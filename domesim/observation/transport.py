@@ -98,12 +98,15 @@ class Transport:
         means = self._means()
         return np.asarray(np.einsum("i,pij,j->p", means, self.core, means))
 
-    def relative_error(self) -> float:
-        """Rms standard error of a white picture's indirect light, relative to its mean."""
+    def white_error(self) -> Floats:
+        """(primary,) rms standard error of a white picture's indirect light."""
         means = self._means()
         weight = self._gram().diagonal()
-        variance = np.einsum("i,pij,j->p", weight, self.core_error**2, means**2)
-        return float(np.max(np.sqrt(variance) / np.maximum(self.mean_gain(), 1e-30)))
+        return np.asarray(np.sqrt(np.einsum("i,pij,j->p", weight, self.core_error**2, means**2)))
+
+    def relative_error(self) -> float:
+        """Rms standard error of a white picture's indirect light, relative to its mean."""
+        return float(np.max(self.white_error() / np.maximum(self.mean_gain(), 1e-30)))
 
     def reduced(self, tolerance: float = 1e-4, highest: int | None = None) -> Transport:
         """The fewest modes that carry this transport within a tolerance.

@@ -186,7 +186,7 @@ def walks(
             aimed = times(weight, aim.aim(room, here, takes, rng))
         found = room.hit(here.position, direction, leaving, active)
         back = scaled(direction, -1)
-        alive = active & (found.surface != NOTHING) & (surface != NOTHING)
+        alive = active & (found.surface != NOTHING) & (surface != NOTHING) & (surface != BLACK)
         bright = alive & (found.surface != BLACK)
         if aim is None:
             light = source.value(room, found, back, bright, rng)
@@ -257,13 +257,18 @@ def bounce_limit(room: Room, tolerance: float) -> int:
     """Bounces after which less than `tolerance` of the indirect light is left.
 
     For a bare dome the ratio of successive bounces is rho A_s / (4 pi r²) (design section 3); in a
-    room it is at most the largest albedo.
+    room it is at most the largest albedo. Light may pass two holes in a row unweakened, but then
+    meets the shell behind the screen.
     """
     largest = max(max(albedo) for albedo in room.albedos.values())
     dome = room.theatre.dome
     ratio = largest
     if room.only_screen and dome.height_ratio == 1:
         ratio = largest * dome.screen_area / (4 * np.pi * dome.radius**2)
+    if room.has_cavity:
+        holes = room.theatre.perforation
+        kept = holes + (1 - holes) * largest
+        ratio = max(largest, float(np.cbrt(kept**2 * max(room.albedos[SHELL]))))
     if ratio >= 1:
         raise InputError("surfaces of albedo 1 never end a path; lower the albedo below 1")
     if ratio <= 0:

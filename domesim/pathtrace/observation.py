@@ -43,7 +43,7 @@ class Observed:
 
     @property
     def mean(self) -> Light:
-        """Everything together."""
+        """Everything together but for `black`."""
         total = self.direct + self.indirect.mean[None]
         if self.ambient is not None:
             total = total + self.ambient.mean[None]

@@ -1,10 +1,10 @@
 """The same theatre for Mitsuba's own ``path`` integrator: a second opinion on the bounce loop.
 
-Nothing of the loop's is used: Mitsuba's sphere, disk, cylinder and meshes, its BSDFs with an
-opacity mask where the sphere is no screen, its integrator with emitter sampling, a projector and a
-domemaster camera from `domesim.pathtrace.plugins`. Only which directions of the projector meet the
-screen first is found by the room's own geometry, for the picture that it throws. Slow, and meant
-for validation. Lengths are in units of the dome's radius.
+Nothing of the loop's is used but the lobe's BSDF: Mitsuba's sphere, disk, cylinder and meshes, its
+BSDFs with an opacity mask where the sphere is no screen, its integrator with emitter sampling, a
+projector and a domemaster camera from `domesim.pathtrace.plugins`. Only which directions of the
+projector meet the screen first is found by the room's own geometry, for the picture that it throws.
+Slow, and meant for validation. Lengths are in units of the dome's radius.
 """
 
 from __future__ import annotations

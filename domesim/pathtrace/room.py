@@ -93,7 +93,7 @@ class Room:
         self._mesh: Mesh | None = None
         if theatre.solids:
             self._mesh = machine.mesh(theatre.solids, self._unit)
-        self.shadows = self._mesh is not None
+        self.shadows = self._mesh is not None or theatre.hides_screen
 
     @property
     def only_screen(self) -> bool:

@@ -228,7 +228,9 @@ class Lamps(Source):
 
     def value(self, room: Room, hit: Hit, to_eye: Vector, active: Lanes, rng: Any) -> Colour:
         """Direct value of points in the direction `to_eye`."""
-        m, albedos = room.machine, room.albedos
+        m = room.machine
+        # What a screen shows on average, holes and all; a hole lets lamps' light out.
+        albedos = room.albedos | {SCREEN: room.theatre.screen_albedo}
         sums: list[Any] = [hit.position[0] * 0] * 3
         for centre, across, up, normal, area, luminance in self._lamps:
             s, t = 2 * m.uniform(rng) - 1, 2 * m.uniform(rng) - 1

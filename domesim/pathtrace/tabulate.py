@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from domesim.errors import InputError
+from domesim.lenses import lens_gains
 from domesim.observation.basis import ScreenBasis, disc_quadrature
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import closed_form_gain
@@ -141,7 +142,7 @@ def tabulate(
         estimate.less(theatre.enclosure)
     status = Status.EXHAUSTED
     transport = estimate.transport(base)
-    if not estimate.noisy:
+    if not estimate.noisy and transport.relative_error() <= error:
         status = Status.CONVERGED
     with interruptible() as interrupted:
         while estimate.noisy and estimate.walks < most:
@@ -149,7 +150,8 @@ def tabulate(
             if len(estimate.batches) < BATCHES and not interrupted():
                 continue
             transport = estimate.transport(base)
-            reached = transport.relative_error()
+            # More walks do not make explicit nodes any better.
+            reached = estimate.noise(transport)
             if progress is not None:
                 taken = f"error {reached:.1e}, {estimate.walks:.2g} walks"
                 progress(min(1.0, (error / reached) ** 2 if reached > 0 else 1.0), taken)
@@ -169,6 +171,7 @@ def tabulate(
         "nodes": None if base is None else dict(base.provenance),
         "degree": degree,
         "seed": seed,
+        "shadowed": _shadowed(tracer),
         "walks": estimate.walks,
         "relative_error": transport.relative_error(),
         "status": status.name,
@@ -200,7 +203,7 @@ class _Estimate:
 
     def less(self, base: Theatre) -> None:
         """Count only what the theatre differs from its `base`."""
-        self.noisy = any(part for part in self._theatre.beyond_enclosure if "lamp" not in part)
+        self.noisy = bool(replace(self._theatre, lamps=()).beyond_enclosure)
         self._base = _Walker(Tracer(base), self._basis, self._eye)
         self._known = self._known - _known(self._base)
 
@@ -220,6 +223,11 @@ class _Estimate:
             batch = batch - self._base.batch(number)
             self.walks += self._base.walks
         self.batches.append(batch)
+
+    def noise(self, transport: Transport) -> float:
+        """Relative standard error of a white picture's indirect light, by the walks alone."""
+        error = self.transport(None).white_error()
+        return float(np.max(error / np.maximum(transport.mean_gain(), 1e-30)))
 
     def transport(self, base: Transport | None) -> Transport:
         """What has been found so far, added to what is known from `base`."""
@@ -407,6 +415,13 @@ def _chebyshev(place: Lanes, degree: int) -> list[Any]:
     while len(values) <= degree:
         values.append(2 * place * values[-1] - values[-2])
     return values
+
+
+def _shadowed(tracer: Tracer, size: int = 256) -> float:
+    """Share of the screen's area that some projector would light but for what stands before it."""
+    areas = tracer.theatre.dome.screen_areas(size, size)
+    lost = np.any(tracer.gains(size, size) < lens_gains(tracer.theatre, size, size) - 1e-6, axis=0)
+    return float(np.sum(areas * lost) / areas.sum())
 
 
 def _known(walker: _Walker) -> Floats:

@@ -92,9 +92,10 @@ class Settings:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.error) and self.error > 0):
             raise InputError(f"standard error must be above 0, got {self.error:g}")
-        if not 1 <= self.least <= self.most:
+        if not 2 <= self.least <= self.most:
             raise InputError(
-                f"samples must be at least 1 and at most {self.most}, got {self.least}"
+                f"samples must be at least 2, for an error to be known, and at most {self.most}, "
+                f"got {self.least}"
             )
         if not 0 < self.tolerance < 1:
             raise InputError(f"bounce tolerance must lie in 0..1, got {self.tolerance:g}")
@@ -303,7 +304,7 @@ class Tracer:
         with interruptible() as interrupted:
             while done < settings.most:
                 wanted = sums.samples_for(settings, done, size)
-                count = int(min(wanted, settings.most - done, max(1, WALKS_A_PASS // size)))
+                count = int(min(wanted, settings.most - done, max(2, WALKS_A_PASS // size)))
                 for number, tile in enumerate(tiles):
                     # Every pixel gets its first walks, whoever waits.
                     stop = interrupted if done > 0 else None

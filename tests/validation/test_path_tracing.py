@@ -55,10 +55,11 @@ def test_a_biased_tracer_would_be_noticed(monkeypatch):
     ],
 )
 def test_the_operator_is_what_brute_force_finds(theatre, pictures, error, allowed):
-    outcome = operator.measure(theatre, error=error, brute_force=0.03, size=64, pictures=pictures)
+    outcome = operator.measure(theatre, error=error, brute_force=0.01, size=64, pictures=pictures)
     assert outcome.claimed <= error
     for one in outcome.comparisons:
-        assert one.rms < np.hypot(allowed, 1.5 * one.noise)
+        assert one.noise < 2.5e-3
+        assert one.rms < np.hypot(allowed, one.noise)
 
 
 @pytest.mark.parametrize("theatre", ["bare", "seats and lobe"])

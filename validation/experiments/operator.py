@@ -89,8 +89,8 @@ def measure(
     name: str,
     *,
     error: float = 5e-4,
-    brute_force: float = 0.015,
-    size: int = 128,
+    brute_force: float = 0.004,
+    size: int = 64,
     pictures: tuple[str, ...] = ("white", "front", "rim", "patch"),
 ) -> Outcome:
     """Tabulate a theatre and compare it with path-traced pictures.

@@ -1,10 +1,10 @@
 """The bounce loop and Mitsuba's own ``path`` integrator agree where no formula helps.
 
 Rationale
-    Two programs that share no code for geometry, scattering or estimation: our loop meets analytic
-    quadrics, Mitsuba's integrator meets its own shapes and samples emitters
-    (`domesim.pathtrace.reference`). One lens, tilted and off the centre, uneven picture, floor,
-    wall, seats with people, and a screen with a gain lobe: nobody knows the answer.
+    Our loop meets analytic quadrics, Mitsuba's integrator meets its own shapes and samples emitters
+    (`domesim.pathtrace.reference`); only meshes and the lobe's BSDF are Mitsuba's in both. One
+    lens, tilted and off the centre, uneven picture, floor, wall, seats with people, and a screen
+    with a gain lobe: nobody knows the answer.
 Expected
     The picture's mean light equal within three of its standard errors and 6e-4, and pixels'
     differences as their standard errors say. The 6e-4 are the reference's: in the bare dome, which

@@ -1,0 +1,95 @@
+"""Laws of rooms: what must not depend on how a theatre is described."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from domesim.dome import Dome
+from domesim.pathtrace.loop import bounce_limit
+from domesim.pathtrace.tabulate import tabulate
+from domesim.pathtrace.tracer import Settings, Status, Tracer
+from domesim.theatre import Cavity, Floor, Lamp, Solid, Theatre
+
+GREY = (0.5, 0.5, 0.5)
+BLACK = (0.0, 0.0, 0.0)
+SPECK = Solid(
+    "speck",
+    np.array([[0.0, 2.9, 0.1], [1e-3, 2.9, 0.1], [0.0, 2.9, 0.101]]),
+    np.array([[0, 1, 2]]),
+    BLACK,
+)
+LAMP = Lamp("exit sign", (0.0, 0.0, -0.5), (0.3, 0.0, 0.0), (0.0, 0.3, 0.0), (1.0, 2.0, 3.0))
+SETTINGS = Settings(error=0.02, seed=1)
+
+
+def test_a_floor_casts_shadows_like_anything_else():
+    """A black disc below the centre of a deep dome; a speck must not change what it hides."""
+    deep = Theatre(Dome(3.0, np.radians(150)), GREY, floor=Floor(-0.6, 1.2, BLACK))
+    plain = Tracer(deep).gains(64, 64)
+    areas = deep.dome.screen_areas(64, 64)
+    # The cone that the disc subtends, cut out of the cap
+    lit = (1 - np.cos(np.pi - np.arctan(2))) / (1 - np.cos(deep.dome.half_angle))
+    assert np.sum(areas * plain[0]) / areas.sum() == pytest.approx(lit, rel=0.01)
+    np.testing.assert_array_equal(plain, Tracer(replace(deep, solids=(SPECK,))).gains(64, 64))
+
+
+def test_a_black_cavity_is_no_cavity():
+    """For the picture's light and for lamps'."""
+    bare = Theatre(Dome(3.0, np.radians(120)), GREY, perforation=0.4, lamps=(LAMP,))
+    hollow = replace(bare, cavity=Cavity(0.5, BLACK, BLACK))
+    areas = bare.dome.screen_areas(24, 24)
+    found = []
+    for theatre in (bare, hollow):
+        tracer = Tracer(theatre)
+        white = tracer.picture(np.ones((24, 24, 3), np.float32))
+        traced = tracer.screen(white, 24, 24, SETTINGS)
+        lit = tracer.screen(tracer.lamps(), 24, 24, SETTINGS, direct=True)
+        found.append((traced.pooled_error(areas), lit.pooled_error(areas)))
+    for (first, error), (second, other) in zip(*found, strict=True):
+        assert abs(first - second) < 4 * np.hypot(error, other)
+        assert error < 5e-3 * first
+
+
+def test_a_thin_grey_cavity_is_a_brighter_screen():
+    """Closed sphere with a shell close behind: albedo by summing what passes between them."""
+    rho, holes, shell, back = 0.4, 0.3, 0.6, 0.2
+    sphere = Dome(3.0, np.pi)
+    cavity = Cavity(0.003, (shell,) * 3, (back,) * 3)
+    tracer = Tracer(Theatre(sphere, (rho,) * 3, perforation=holes, cavity=cavity))
+    returned = shell / (1 - shell * (1 - holes) * back)  # of what got through, at the shell
+    albedo = (1 - holes) * rho + holes**2 * returned
+    white = tracer.picture(np.ones((16, 16, 3), np.float32))
+    traced = tracer.screen(white, 16, 16, Settings(error=0.01, tolerance=1e-6))
+    mean, error = traced.pooled_error(sphere.screen_areas(16, 16))
+    # White is what the screen alone shows; the direct picture's share by the cavity is indirect.
+    lit = albedo / ((1 - holes) * rho)
+    assert mean == pytest.approx(lit / (1 - albedo) - 1, abs=4 * error + 5e-3)
+
+
+def test_a_cavitys_paths_are_followed_far_enough():
+    cavity = Cavity(0.5, (0.05,) * 3, BLACK)
+    theatre = Theatre(Dome(3.0, np.pi), (0.05,) * 3, perforation=0.5, cavity=cavity)
+    tracer = Tracer(theatre)
+    white = tracer.picture(np.ones((16, 16, 3), np.float32))
+    limit = bounce_limit(tracer.room, 1e-5)
+    settings = Settings(least=20000, most=20000, bounces=3 * limit, per_bounce=True)
+    traced = tracer.screen(white, 16, 16, settings)
+    light = traced.bounces[..., 0].sum((1, 2))
+    assert light[limit + 1 :].sum() < 3e-5 * light[1:].sum()
+
+
+@pytest.mark.parametrize("name", ["booth", "lamp housing"])
+def test_no_solid_is_left_out_for_its_name(name):
+    box = Solid(name, SPECK.vertices * [500, 1, 500] + [-1.0, -2.0, 0.5], SPECK.faces, BLACK)
+    theatre = Theatre(Dome(3.0, np.pi / 2), GREY, floor=Floor(0.0, 3.0, GREY), solids=(box,))
+    assert tabulate(theatre, error=0.05, degree=1).walks > 0
+
+
+def test_nothing_converges_that_has_not():
+    theatre = Theatre(Dome(3.0, np.pi / 2), GREY, floor=Floor(0.0, 3.0, GREY))
+    found = tabulate(theatre, error=1e-7, degree=1)
+    assert found.status is Status.EXHAUSTED
+    assert found.transport.relative_error() > 1e-7
