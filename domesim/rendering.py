@@ -352,8 +352,10 @@ def _from_seat(
         "variance": seen.standard_error**2,
     }
     if lamps is not None:
-        layers[""] = seen.mean + lamps.mean
-        layers["ambient"] = lamps.mean
+        layers["ambient"] = np.asarray(
+            lamps.mean + tracer.visible_lamps(known[name], width, height), np.float32
+        )
+        layers[""] = seen.mean + layers["ambient"]
         layers["variance"] = layers["variance"] + lamps.standard_error**2
     if settings.per_bounce:
         layers |= _bounces(seen.bounces, 1)

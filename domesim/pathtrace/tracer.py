@@ -30,7 +30,7 @@ from domesim.lenses import lens_gains, seen_gain
 from domesim.pathtrace.llvm import backend, load_mitsuba
 from domesim.pathtrace.loop import Source, Start, Tally, bounce_limit, eye_directions, walks
 from domesim.pathtrace.machine import DrJit, Lanes, Machine, NumPy, Vector
-from domesim.pathtrace.room import NOTHING, SCREEN, Hit, Room, scaled
+from domesim.pathtrace.room import NOTHING, SCREEN, Hit, Room, dot, scaled
 from domesim.pathtrace.sources import GainLobe, Lamps, Picture, Throw
 from domesim.theatre import Point, Theatre, Viewpoint
 
@@ -282,6 +282,56 @@ class Tracer:
         return self._passes(
             pixels, start_of, source, shape, settings, bool(first), reference, progress
         )
+
+    def visible_lamps(
+        self, viewpoint: Viewpoint, width: int, height: int, finer: int = 4
+    ) -> NDArray[np.float64]:
+        """(row, col, primary): the lamps themselves in a `view`, but for what stands before them.
+
+        Analytic, by `finer`² rays a pixel; light that lamps throw on the room is traced.
+        """
+        right, up, forward = camera_frame(viewpoint)
+        eye, reach = np.asarray(viewpoint.position), np.tan(viewpoint.field / 2)
+        image = np.zeros((height, width, 3))
+        across = ((np.arange(width * finer) + 0.5) * (2 / (width * finer)) - 1) * reach
+        for strip in strips(height, width * finer**2):
+            down = np.arange(strip.start * finer, strip.stop * finer) + 0.5
+            down = (height / width - down * (2 / (width * finer))) * reach
+            rays = forward + across[None, :, None] * right + down[:, None, None] * up
+            rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+            for lamp in self.theatre.lamps:
+                sides = np.asarray(lamp.across), np.asarray(lamp.up)
+                normal = np.cross(*sides)
+                facing = rays @ normal
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    distance = (np.subtract(lamp.centre, eye) @ normal) / facing
+                    place = eye + distance[..., None] * rays - lamp.centre
+                    shown = (facing < 0) & (distance > 0)
+                    for side in sides:
+                        shown &= np.abs(place @ side) <= side @ side
+                shown[shown] = ~self._hidden(viewpoint.position, rays[shown], distance[shown])
+                cells = shown.reshape(-1, finer, width, finer).mean((1, 3))
+                image[strip] += cells[..., None] * np.asarray(lamp.luminance)
+        return image
+
+    def _hidden(
+        self, eye: Point, rays: NDArray[np.float64], distance: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """(ray,): whether something stands between an eye and points at a distance, m."""
+        m, unit = self.machine, self.theatre.dome.radius
+        if not len(rays):
+            return np.zeros(0, bool)
+        direction = self._vector(rays)
+        x, y, z = over(eye, unit)
+        zero = direction[0] * 0
+        active = zero < 1
+        with np.errstate(all="ignore"):
+            hit = self.room.hit((zero + x, zero + y, zero + z), direction,
+                                m.where(active, NOTHING, NOTHING + 0), active)  # fmt: skip
+            gap = (hit.position[0] - x, hit.position[1] - y, hit.position[2] - z)
+            near = m.array(m.where(hit.surface != NOTHING, m.sqrt(dot(gap, gap)), np.inf))
+        # A sign that hangs on a wall is not behind it.
+        return np.asarray(near * unit < distance - 0.02)
 
     def _passes(
         self,

@@ -11,7 +11,7 @@ from domesim.dome import Dome
 from domesim.pathtrace.loop import bounce_limit
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Status, Tracer
-from domesim.theatre import Cavity, Floor, Lamp, Solid, Theatre
+from domesim.theatre import Cavity, Floor, Lamp, Solid, Theatre, Viewpoint
 
 GREY = (0.5, 0.5, 0.5)
 BLACK = (0.0, 0.0, 0.0)
@@ -93,3 +93,27 @@ def test_nothing_converges_that_has_not():
     found = tabulate(theatre, error=1e-7, degree=1)
     assert found.status is Status.EXHAUSTED
     assert found.transport.relative_error() > 1e-7
+
+
+@pytest.mark.parametrize(("screened", "backwards"), [(False, False), (True, False), (False, True)])
+def test_lamps_are_seen(screened, backwards):
+    """A square of half-edge 0.3 m, 2 m ahead, face on; behind a board; from behind."""
+    edge = (-0.3, 0.0, 0.0) if backwards else (0.3, 0.0, 0.0)
+    lamp = Lamp("sign", (0.0, 2.0, 0.5), edge, (0.0, 0.0, 0.3), (1.0, 2.0, 3.0))
+    corners = np.array([[-1, 1, -0.5], [1, 1, -0.5], [1, 1, 1.5], [-1, 1, 1.5]])
+    board = Solid("board", corners, np.array([[0, 1, 2], [0, 2, 3]]), BLACK)
+    theatre = Theatre(
+        Dome(3.0, np.pi / 2), GREY, lamps=(lamp,), solids=(board,) if screened else (SPECK,)
+    )
+    viewpoint = Viewpoint((0.0, 0.0, 0.5), (0.0, 2.0, 0.5), np.radians(90))
+    seen = Tracer(theatre).visible_lamps(viewpoint, 160, 90)
+    if screened or backwards:
+        assert not seen.any()
+        return
+    # The picture is 4 m wide there.
+    np.testing.assert_allclose(
+        seen.sum((0, 1)) * (4 / 160) ** 2, 0.36 * np.array([1, 2, 3]), rtol=0.02
+    )
+    row, col = np.nonzero(seen[..., 0])
+    assert abs(row.mean() - 44.5) < 0.3
+    assert abs(col.mean() - 79.5) < 0.3
