@@ -24,7 +24,7 @@ from domesim.dome import Dome
 from domesim.observation.spherical import closed_form_gain
 from domesim.pathtrace.tracer import Settings, Traced, Tracer
 from domesim.theatre import Theatre
-from validation.statistics import calibration
+from validation.statistics import FALSE_ALARM, assert_unbiased, calibration
 
 HALF_ANGLES = tuple(range(30, 181, 15))
 ALBEDOS = tuple(n / 10 for n in range(1, 10))
@@ -164,22 +164,38 @@ def _ratio_scores(
     return tuple(float(z) for z in stats.norm.ppf(stats.t.cdf(t, len(residual) - 1)))
 
 
-if __name__ == "__main__":
+def line(cell: Cell) -> str:
+    """A cell for a person; the interval is of 95 %."""
+    return (
+        f"{cell.half_angle:4.0f} deg rho {cell.albedo:.1f}: {cell.found:.6f} ± "
+        f"{1.96 * cell.error:.6f}, closed form {cell.truth:.6f} ({cell.off_by:+.1e}, z "
+        f"{cell.z:+.2f}); bounces keep {cell.ratio:.4f}, z "
+        + " ".join(f"{z:+.1f}" for z in cell.ratio_z)
+        + f"; {cell.paths / 1e6:.0f} M paths, {cell.cpu_s:.1f} CPU-s"
+    )
+
+
+def main() -> None:
+    """Print all cells, and fail if something is not as expected."""
+    print("to 1e-4, white: ", line(measure(90, 0.5, error=5e-5)), flush=True)
+    print("to 2e-4, patch: ", line(measure(90, 0.5, error=1e-4, uneven=True)), flush=True)
     for uneven in (False, True):
         cells = []
-        for one in sweep(uneven=uneven):
-            cells.append(one)
-            print(
-                f"{'patch' if uneven else 'white'} {one.half_angle:4.0f} deg rho {one.albedo:.1f}: "
-                f"{one.found:.6f} ± {one.error:.6f}, closed form {one.truth:.6f} "
-                f"({one.off_by:+.1e}, z {one.z:+.2f}); bounce ratio {one.ratio:.4f}, z "
-                + " ".join(f"{z:+.1f}" for z in one.ratio_z)
-                + f"; {one.paths / 1e6:.0f} M paths, {one.cpu_s:.1f} CPU-s",
-                flush=True,
-            )
-        ratios = [z for one in cells for z in one.ratio_z]
+        for cell in sweep(uneven=uneven):
+            cells.append(cell)
+            print("patch" if uneven else "white", line(cell), flush=True)
+        worst = max(abs(cell.off_by) for cell in cells)
+        means = calibration([cell.z for cell in cells])
+        ratios = calibration([z for cell in cells for z in cell.ratio_z])
         print(
-            f"worst cell {max(abs(one.off_by) for one in cells):.1e}; z-scores normal: p "
-            f"{calibration([one.z for one in cells]):.2f} (means), {calibration(ratios):.2f} "
-            f"(ratios of bounces); {sum(one.cpu_s for one in cells):.0f} CPU-s"
+            f"worst cell {worst:.1e}; z-scores normal: p {means:.2f} (means), {ratios:.2f} "
+            f"(ratios of bounces); {sum(cell.cpu_s for cell in cells):.0f} CPU-s"
         )
+        found, error, truth = np.array([(c.found, c.error, c.truth) for c in cells]).T
+        assert_unbiased(found, error, truth)
+        if worst > 1e-3 or min(means, ratios) < FALSE_ALARM:
+            raise SystemExit("not as expected")
+
+
+if __name__ == "__main__":
+    main()
