@@ -9,9 +9,13 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
+
+from domesim import scene
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -69,3 +73,32 @@ def test_python():
     names = {"desired": np.full((1, 32, 32, 3), 0.3, np.float32)}
     exec(blocks("python")[0], names)
     assert names["seen"].shape == (1, 32, 32, 3)
+
+
+def test_the_keys_of_theatres_exist():
+    """Every key that docs/theatres.md lists is one of its section's, and none is missing."""
+    listed = re.findall(
+        r"^\| `\[+([a-z.A-Z]+)\]+` \| (.+) \|$",
+        (ROOT / "docs/theatres.md").read_text(),
+        re.MULTILINE,
+    )
+    assert len(listed) >= 12
+    for section, keys in listed:
+        model = scene.SceneFile
+        for part in section.split("."):
+            if part == "NAME":
+                continue
+            model = submodel(model.model_fields[part].annotation)
+        plain = {n for n, f in model.model_fields.items() if not is_section(f.annotation)}
+        assert set(re.findall(r"`([a-z_0-9]+)`", keys)) == plain, section
+
+
+def submodel(annotation):
+    """The section in an annotation such as `tuple[Section, ...] | None`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(submodel, get_args(annotation))), None)
+
+
+def is_section(annotation) -> bool:
+    return submodel(annotation) is not None
