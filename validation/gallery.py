@@ -28,7 +28,7 @@ def main(folder: Path, scenes: list[str]) -> None:
             with tempfile.TemporaryDirectory() as temporary:
                 suffix = ".png" if view == "cutaway" else ".exr"
                 rendered = Path(temporary) / f"view{suffix}"
-                render(scene, rendered, view=view, size=size, error=0.04)
+                render(scene, rendered, view=view, size=size, error=0.1)
                 to_jpeg(rendered.with_suffix(".png"), folder / f"{scene}-{view.split(':')[0]}.jpg")
 
 
