@@ -263,6 +263,11 @@ class Dome:
         )
         return np.stack([u * scale, v * scale, np.cos(theta)], -1)
 
+    def points(self, rows: int, cols: int, strip: slice = slice(None)) -> NDArray[np.float64]:
+        """(row, col, xyz): where the pixels' centres are in the room, m; as `directions`."""
+        directions = self.directions(rows, cols, strip)
+        return np.asarray(directions * self.distance(directions)[..., None] @ self.to_room.T)
+
     def pixel_areas(self, rows: int, cols: int) -> NDArray[np.float64]:
         """(row, col): screen area that each domemaster pixel covers (a_i), m².
 

@@ -43,7 +43,7 @@ def lens_gains(theatre: Theatre, rows: int, cols: int) -> Floats:
     lenses = theatre.lenses
     weights = np.empty((len(lenses), rows, cols))
     for strip in strips(rows, cols):
-        points = _points(theatre, rows, cols, strip)
+        points = dome.points(rows, cols, strip)
         for weight, lens in zip(weights, lenses, strict=True):
             weight[strip] = field_weight(lens, points)
     total = weights.sum(0)
@@ -57,19 +57,12 @@ def lens_gains(theatre: Theatre, rows: int, cols: int) -> Floats:
     weights /= np.where(dark, 1, np.where(total > 0, total, 1))
     if not theatre.corrected:
         for strip in strips(rows, cols):
-            points = _points(theatre, rows, cols, strip)
+            points = dome.points(rows, cols, strip)
             for weight, lens in zip(weights, lenses, strict=True):
                 weight[strip] *= _falloff(theatre, lens, points, rows, cols, strip)
     weights[:, ~screen] = 0
     weights[0, ~screen] = 1
     return weights
-
-
-def _points(theatre: Theatre, rows: int, cols: int, strip: slice) -> Floats:
-    """(row, col, xyz) where pixels are in the room, m."""
-    directions = theatre.dome.directions(rows, cols, strip)
-    distance = theatre.dome.distance(directions)
-    return np.asarray(directions * distance[..., None] @ theatre.dome.to_room.T)
 
 
 def seen_gain(theatre: Theatre, gains: Floats, eye: Point = (0.0, 0.0, 0.0)) -> Floats:
@@ -90,7 +83,7 @@ def seen_gain(theatre: Theatre, gains: Floats, eye: Point = (0.0, 0.0, 0.0)) -> 
         dome, total = theatre.dome, np.zeros((rows, cols))
         places = [lens.position for lens in theatre.lenses] or [(0.0, 0.0, 0.0)]
         for strip in strips(rows, cols):
-            points = _points(theatre, rows, cols, strip)
+            points = dome.points(rows, cols, strip)
             normals = -dome.normals(dome.directions(rows, cols, strip)) @ dome.to_room.T
             to_eye = _unit(np.asarray(eye) - points)
             for gain, place in zip(gains, places, strict=True):

@@ -198,16 +198,9 @@ def _per_primary(values: NDArray[np.float64]) -> str:
 
 
 def _closed_gain(scene: Scene) -> NDArray[np.float64]:
-    from domesim.observation.spherical import closed_form_gain  # noqa: PLC0415
+    from domesim.observation.spherical import bare_gain  # noqa: PLC0415
 
-    dome = scene.dome
-    return np.array(
-        [
-            closed_form_gain(rho, dome.radius, min(dome.screen_area, 4 * np.pi * dome.radius**2))
-            * dome.screen_area
-            for rho in scene.albedo
-        ]
-    )
+    return np.array([bare_gain(rho, scene.dome) for rho in scene.albedo])
 
 
 def _second_opinion(scene: Scene, found: Tabulation, console: Console) -> dict[str, Any] | None:

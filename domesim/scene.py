@@ -41,7 +41,7 @@ from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.lenses import lens_gains, seen_gain
 from domesim.observation.lowrank import LowRankObservation
-from domesim.observation.spherical import ClosedFormDome, closed_form_gain
+from domesim.observation.spherical import ClosedFormDome, bare_gain
 from domesim.observation.transport import TabulatedDome, Transport
 from domesim.projector import Projector
 from domesim.theatre import (
@@ -560,7 +560,7 @@ def _built(file: SceneFile, folder: Path) -> Scene:
     theatre = _theatre(file, folder)
     for rho in theatre.screen_albedo:
         # Refuses what no frame can change: a sphere that keeps all its light.
-        closed_form_gain(float(rho), theatre.dome.radius, theatre.dome.screen_area)
+        bare_gain(rho, theatre.dome)
     lit = file.projector
     white = lit.white_cd_m2
     if white is None:

@@ -7,9 +7,11 @@ The closed-form dome has one such number a primary (its total flux), a tabulated
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from domesim.light import Array, Light, kind, namespace, total
 from domesim.observation.base import AdjointObservation
@@ -57,21 +59,29 @@ class LowRank:
 
 
 class LowRankObservation(AdjointObservation):
-    """An observation of one view made of `LowRank` factors, on any array library."""
+    """An observation of one view made of `LowRank` factors, on any array library.
+
+    Parameters
+    ----------
+    factors
+        As NumPy float64 arrays.
+    screen
+        (row, col) bool: pixels whose centre is on the screen; all others observe D x.
+    """
+
+    def __init__(self, factors: LowRank, screen: NDArray[np.bool_]) -> None:
+        self._factors, self._screen = factors, screen
+        self._cache: dict[tuple[str, ...], LowRank] = {}
 
     @property
-    @abstractmethod
     def factors(self) -> LowRank:
         """The factors, as NumPy float64 arrays."""
+        return self._factors
 
     @property
-    @abstractmethod
-    def screen(self) -> Array:
+    def screen(self) -> NDArray[np.bool_]:
         """(row, col) bool: pixels whose centre is on the screen; all others observe D x."""
-
-    @property
-    @abstractmethod
-    def _cache(self) -> dict[tuple[str, ...], LowRank]: ...
+        return self._screen
 
     @property
     def shape(self) -> tuple[int, int, int, int]:

@@ -45,7 +45,7 @@ from scipy.linalg import cho_factor, cho_solve
 from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.observation.basis import disc_quadrature
-from domesim.observation.spherical import closed_form_gain
+from domesim.observation.spherical import bare_gain
 from domesim.observation.transport import NODES, Transport, node_places, sample_nodes
 from domesim.theatre import Theatre
 
@@ -378,10 +378,7 @@ class _Room:
 
     def closed_form(self, albedo: float) -> float:
         """Indirect light of white if the screen were a bare spherical cap."""
-        dome = self.theatre.dome
-        # A tall dome has more screen than its sphere: any figure will do, it is only a start.
-        area = min(dome.screen_area, 4 * np.pi * dome.radius**2 * 0.999)
-        return closed_form_gain(albedo, dome.radius, area) * area
+        return bare_gain(albedo, self.theatre.dome)
 
     def screen_at(self, u: Floats, v: Floats) -> Floats:
         """(point, xyz) of the screen at places of the domemaster."""

@@ -12,7 +12,7 @@ This corrects eq. 15 of the paper: ``validation/notes/0001-eq15-corrected.md`` d
 
 from __future__ import annotations
 
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,6 +54,21 @@ def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
     return float(albedo / (sphere - albedo * screen_area))
 
 
+def bare_gain(albedo: float, dome: Dome) -> float:
+    """Mean indirect light of a white picture on a bare cap, over its direct light.
+
+    Parameters
+    ----------
+    albedo
+        Of the screen, 0..1.
+    dome
+        Its shape. A tall dome has more screen than its sphere; then of the nearly closed sphere.
+    """
+    sphere = 4 * np.pi * dome.radius**2
+    area = dome.screen_area if dome.screen_area <= sphere * (1 + 1e-12) else 0.999 * sphere
+    return closed_form_gain(albedo, dome.radius, area) * area
+
+
 @final
 class ClosedFormDome(LowRankObservation):
     """A dome theatre that is nothing but its Lambertian screen (eq. 15, corrected).
@@ -92,32 +107,19 @@ class ClosedFormDome(LowRankObservation):
     ) -> None:
         albedos = np.broadcast_to(np.asarray(albedo, np.float64), (primaries,))
         areas = dome.screen_areas(rows, cols)
-        self._screen = dome.inside(rows, cols)
-        if lens_gain is not None and not bool(np.all(lens_gain[self._screen] > 0)):
+        screen = dome.inside(rows, cols)
+        if lens_gain is not None and not bool(np.all(lens_gain[screen] > 0)):
             raise InputError("lens gain must be above 0 everywhere on the screen")
         # Outside the circle there is no screen: light there is left as it is.
-        gain = np.ones_like(areas) if lens_gain is None else np.where(self._screen, lens_gain, 1.0)
+        gain = np.ones_like(areas) if lens_gain is None else np.where(screen, lens_gain, 1.0)
         gains = [closed_form_gain(float(rho), dome.radius, dome.screen_area) for rho in albedos]
         offset = np.broadcast_to(np.asarray(ambient, np.float64), (primaries,))
-        self._factors = LowRank(
+        # Rank one: the screen, the gain, the pixels' areas times the direct gain
+        factors = LowRank(
             direct_gain=gain,
-            spread=self._screen[None].astype(np.float64),
+            spread=screen[None].astype(np.float64),
             core=np.asarray(gains).reshape(-1, 1, 1),
             collect=(areas * gain)[None],
-            ambient=offset[:, None, None] * self._screen,
+            ambient=offset[:, None, None] * screen,
         )
-        self._converted: dict[tuple[str, ...], LowRank] = {}
-
-    @property
-    def factors(self) -> LowRank:
-        """Rank one: the screen, the gain, the pixels' areas times the direct gain."""
-        return self._factors
-
-    @property
-    def screen(self) -> NDArray[np.bool_]:
-        """(row, col) bool: pixels whose centre is on the screen."""
-        return self._screen
-
-    @property
-    def _cache(self) -> dict[tuple[str, ...], Any]:
-        return self._converted
+        super().__init__(factors, screen)

@@ -469,32 +469,17 @@ class LowRankDome(LowRankObservation):
     """A `TabulatedDome` with a few modes; made by its `low_rank`."""
 
     def __init__(self, dome: TabulatedDome, transport: Transport) -> None:
-        self._screen = dome.screen
         weights = dome._weights
         modes = weights.T @ transport.modes @ weights
-        modes *= self._screen
-        self._factors = LowRank(
+        modes *= dome.screen
+        factors = LowRank(
             direct_gain=dome._direct_gain,
             spread=modes,
             core=transport.core,
             collect=modes * dome._flux,
             ambient=dome._ambient,
         )
-        self._converted: dict[tuple[str, ...], LowRank] = {}
-
-    @property
-    def factors(self) -> LowRank:
-        """The modes, how they excite each other, and the modes times flux."""
-        return self._factors
-
-    @property
-    def screen(self) -> NDArray[np.bool_]:
-        """(row, col) bool: pixels whose centre is on the screen."""
-        return self._screen
-
-    @property
-    def _cache(self) -> dict[tuple[str, ...], Any]:
-        return self._converted
+        super().__init__(factors, dome.screen)
 
 
 def _strips(weights: Floats, height: int = 32) -> list[tuple[int, int, int, int]]:

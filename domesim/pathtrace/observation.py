@@ -32,18 +32,15 @@ class Observed:
         Light that has bounced, with standard errors.
     ambient
         Light that is there without a picture, with standard errors; None if there is none.
-    black
-        Luminance of a black picture by the projectors themselves.
     """
 
     direct: Light
     indirect: Traced
     ambient: Traced | None
-    black: float
 
     @property
     def mean(self) -> Light:
-        """Everything together but for `black`."""
+        """Everything together, but for the projectors' black."""
         total = self.direct + self.indirect.mean[None]
         if self.ambient is not None:
             total = total + self.ambient.mean[None]
@@ -105,7 +102,8 @@ class PathTracedDome(Observation):
         self._tracer = Tracer(theatre) if tracer is None else tracer
         self._eye, self._black, self._progress = eye, black, progress
         self._ambient: Traced | None = None
-        if not np.linalg.norm(eye) < theatre.dome.radius * max(1.0, theatre.dome.height_ratio):
+        x, y, z = np.asarray(eye) @ theatre.dome.to_room
+        if not theatre.dome.encloses((float(x), float(y), float(z))):
             raise InputError(f"the eye must be inside the dome, got {eye} m from its centre")
 
     @property
@@ -161,7 +159,7 @@ class PathTracedDome(Observation):
             )
             if Status.INTERRUPTED not in (indirect.status, ambient.status):
                 self._ambient = ambient
-        return Observed(self._direct(light), indirect, ambient, self._black)
+        return Observed(self._direct(light), indirect, ambient)
 
     def _observe(self, light: Light) -> Light:
         observed = self.trace(light)

@@ -41,7 +41,7 @@ from domesim.errors import InputError
 from domesim.lenses import lens_gains
 from domesim.observation.basis import ScreenBasis, disc_quadrature
 from domesim.observation.radiosity import radiosity
-from domesim.observation.spherical import closed_form_gain
+from domesim.observation.spherical import bare_gain
 from domesim.observation.transport import MARGIN, NODES, Transport, node_places
 from domesim.pathtrace.loop import Colour, bounce_limit, eye_directions, roulette, scattered
 from domesim.pathtrace.machine import Lanes, Machine
@@ -133,46 +133,31 @@ def tabulate(
     """
     if not error > 0:
         raise InputError(f"wanted error must be above 0, got {error:g}")
+    if not most >= 1:
+        raise InputError(f"most walks must be at least 1, got {most:g}")
     started = time.process_time()
     tracer = Tracer(theatre) if tracer is None else tracer
-    estimate = _Estimate(theatre, tracer, degree, eye)
-    base = None
-    if theatre.floor_meets_screen if explicit is None else explicit:
-        base = radiosity(theatre.enclosure)
-        estimate.less(theatre.enclosure)
-    status = Status.EXHAUSTED
-    transport = estimate.transport(base)
-    if not estimate.noisy and transport.relative_error() <= error:
-        status = Status.CONVERGED
-    with interruptible() as interrupted:
-        while estimate.noisy and estimate.walks < most:
-            estimate.walk(seed)
-            if len(estimate.batches) < BATCHES and not interrupted():
-                continue
-            transport = estimate.transport(base)
-            # More walks do not make explicit nodes any better.
-            reached = estimate.noise(transport)
-            if progress is not None:
-                taken = f"error {reached:.1e}, {estimate.walks:.2g} walks"
-                progress(min(1.0, (error / reached) ** 2 if reached > 0 else 1.0), taken)
-            if reached <= error and len(estimate.batches) >= BATCHES:
-                status = Status.CONVERGED
-                break
-            if interrupted():
-                status = Status.INTERRUPTED
-                break
-    if estimate.batches:
-        transport = estimate.transport(base)
+    explicit = theatre.floor_meets_screen if explicit is None else explicit
+    nodes = radiosity(theatre.enclosure) if explicit else None
+    rest = bool(replace(theatre, lamps=()).beyond_enclosure)
+    if nodes is not None and not rest:
+        method, walks, transport = "radiosity", 0, nodes
+        reached = transport.relative_error() <= error
+        status = Status.CONVERGED if reached else Status.EXHAUSTED
+    else:
+        estimate = _Estimate(tracer, degree, eye, nodes)
+        status = _walked(estimate, error, most, seed, progress)
+        method, walks, transport = estimate.method, estimate.walks, estimate.transport()
     if theatre.lamps:
         light = float(transport.mean_gain().mean())
         transport = replace(transport, ambient=_lamp_light(tracer, eye, seed, light, status))
     figures = {
-        "method": estimate.method + (" on explicit nodes" if base is not None else ""),
-        "nodes": None if base is None else dict(base.provenance),
+        "method": method + (" on explicit nodes" if explicit else ""),
+        "nodes": None if nodes is None else dict(nodes.provenance),
         "degree": degree,
         "seed": seed,
         "shadowed": _shadowed(tracer),
-        "walks": estimate.walks,
+        "walks": walks,
         "relative_error": transport.relative_error(),
         "status": status.name,
         "machine": tracer.machine.name,
@@ -181,37 +166,62 @@ def tabulate(
         **(provenance or {}),
     }
     transport = replace(transport, provenance=figures)
-    return Tabulation(transport, status, estimate.walks, time.process_time() - started)
+    return Tabulation(transport, status, walks, time.process_time() - started)
+
+
+def _walked(
+    estimate: _Estimate, error: float, most: float, seed: int, progress: Progress | None
+) -> Status:
+    """Add batches of walks to an estimate; how that ended."""
+    with interruptible() as interrupted:
+        while estimate.walks < most:
+            estimate.walk(seed)
+            if len(estimate.batches) < BATCHES and not interrupted():
+                continue
+            # More walks do not make explicit nodes any better.
+            reached = estimate.noise()
+            if progress is not None:
+                taken = f"error {reached:.1e}, {estimate.walks:.2g} walks"
+                progress(min(1.0, (error / reached) ** 2 if reached > 0 else 1.0), taken)
+            if reached <= error and len(estimate.batches) >= BATCHES:
+                return Status.CONVERGED
+            if interrupted():
+                return Status.INTERRUPTED
+    return Status.EXHAUSTED
 
 
 @final
 class _Estimate:
-    """Batches of walks, and the transport that they give."""
+    """Batches of walks, and the transport that they give.
+
+    With `nodes`, the transport of the theatre's enclosure, only what the theatre differs from it.
+    """
 
     def __init__(
-        self, theatre: Theatre, tracer: Tracer, degree: int, eye: tuple[float, float, float]
+        self,
+        tracer: Tracer,
+        degree: int,
+        eye: tuple[float, float, float],
+        nodes: Transport | None,
     ) -> None:
-        self._theatre, self._eye = theatre, eye
-        self._basis = ScreenBasis(theatre.dome, degree)
-        self._walker = _Walker(tracer, self._basis, eye)
+        theatre = tracer.theatre
+        self._dome, self._nodes = theatre.dome, nodes
+        basis = ScreenBasis(theatre.dome, degree)
+        self._modes = basis.at(*np.meshgrid(node_places(NODES), node_places(NODES)))
+        self._walker = _Walker(tracer, basis, eye)
+        self._known = self._walker.left_out
         self._base: _Walker | None = None
-        self._known = _known(self._walker)
-        self._modes = self._basis.at(*np.meshgrid(node_places(NODES), node_places(NODES)))
-        self.noisy = True
+        self._scale: Floats | float = 0.0
+        if nodes is not None:
+            self._base = _Walker(Tracer(theatre.enclosure), basis, eye)
+            self._known = self._known - self._base.left_out
+            self._scale = nodes.mean_gain()
         self.walks = 0
         self.batches: list[Floats] = []
-
-    def less(self, base: Theatre) -> None:
-        """Count only what the theatre differs from its `base`."""
-        self.noisy = bool(replace(self._theatre, lamps=()).beyond_enclosure)
-        self._base = _Walker(Tracer(base), self._basis, self._eye)
-        self._known = self._known - _known(self._base)
 
     @property
     def method(self) -> str:
         """What the figures come from."""
-        if not self.noisy:
-            return "radiosity"
         return f"walks{' with the closed form as control variate' * self._walker.twinned}"
 
     def walk(self, seed: int) -> None:
@@ -224,26 +234,29 @@ class _Estimate:
             self.walks += self._base.walks
         self.batches.append(batch)
 
-    def noise(self, transport: Transport) -> float:
+    def noise(self) -> float:
         """Relative standard error of a white picture's indirect light, by the walks alone."""
-        error = self.transport(None).white_error()
-        return float(np.max(error / np.maximum(transport.mean_gain(), 1e-30)))
+        walked = self._by_walks()
+        whole = walked.mean_gain() + self._scale
+        return float(np.max(walked.white_error() / np.maximum(whole, 1e-30)))
 
-    def transport(self, base: Transport | None) -> Transport:
-        """What has been found so far, added to what is known from `base`."""
-        zero = np.zeros((3, len(self._basis), len(self._basis)))
+    def transport(self) -> Transport:
+        """What has been found so far, added to the nodes'."""
+        walked = self._by_walks()
+        return walked if self._nodes is None else self._nodes.plus(walked)
+
+    def _by_walks(self) -> Transport:
+        batches, count = np.array(self.batches), len(self.batches)
+        # Of a single one nothing is known: as uncertain as it is large
+        spread = batches.std(axis=0, ddof=1) if count > 1 else np.abs(batches[0])
         dark = np.zeros((3, *self._modes.shape[1:]))
-        mean, error = zero + self._known, zero
-        if self.batches:
-            batches, count = np.array(self.batches), len(self.batches)
-            mean = mean + batches.mean(axis=0)
-            # Of a single one nothing is known: as uncertain as it is large
-            spread = batches.std(axis=0, ddof=1) if count > 1 else np.abs(batches[0])
-            error = spread / np.sqrt(count)
-        walked = Transport(self._theatre.dome, self._modes, mean, error, dark)
-        if base is None:
-            return walked
-        return base.plus(walked) if self.noisy else base
+        return Transport(
+            self._dome,
+            self._modes,
+            self._known + batches.mean(axis=0),
+            spread / np.sqrt(count),
+            dark,
+        )
 
 
 @final
@@ -395,17 +408,21 @@ class _Walker:
             )
         return result
 
+    @property
+    def left_out(self) -> Floats:
+        """(primary, i, j): what the walks leave out, the closed form if there is a twin."""
+        return self._closed_form if self.twinned else np.zeros_like(self._closed_form)
+
     @cached_property
-    def closed_form(self) -> Floats:
+    def _closed_form(self) -> Floats:
         """(primary, i, j): the bare cap's core."""
-        dome = self._tracer.theatre.dome
+        theatre = self._tracer.theatre
         core = np.zeros((3, len(self._basis), len(self._basis)))
-        for p, rho in enumerate(self._tracer.theatre.screen_albedo):
-            core[p, 0, 0] = closed_form_gain(rho, dome.radius, dome.screen_area) * dome.screen_area
+        core[:, 0, 0] = [bare_gain(rho, theatre.dome) for rho in theatre.screen_albedo]
         return core
 
     def _kappa(self) -> tuple[float, float, float]:
-        x, y, z = self.closed_form[:, 0, 0]
+        x, y, z = self._closed_form[:, 0, 0]
         return float(x), float(y), float(z)
 
 
@@ -422,11 +439,6 @@ def _shadowed(tracer: Tracer, size: int = 256) -> float:
     areas = tracer.theatre.dome.screen_areas(size, size)
     lost = np.any(tracer.gains(size, size) < lens_gains(tracer.theatre, size, size) - 1e-6, axis=0)
     return float(np.sum(areas * lost) / areas.sum())
-
-
-def _known(walker: _Walker) -> Floats:
-    """(primary, i, j): what a walker's walks leave out, the closed form of the bare cap."""
-    return walker.closed_form if walker.twinned else np.zeros_like(walker.closed_form)
 
 
 def _lamp_light(

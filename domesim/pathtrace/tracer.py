@@ -249,7 +249,6 @@ class Tracer:
         height: int,
         settings: Settings,
         *,
-        first: int = 0,
         reference: float | None = None,
         progress: Progress | None = None,
     ) -> Traced:
@@ -265,8 +264,6 @@ class Tracer:
             Size of the picture.
         settings
             How accurate.
-        first
-            0 with, 1 without direct light.
         reference
             Light that the wanted error is relative to, instead of the mean of what is traced.
         progress
@@ -279,9 +276,7 @@ class Tracer:
 
         pixels = np.arange(width * height)
         shape = (height, width)
-        return self._passes(
-            pixels, start_of, source, shape, settings, bool(first), reference, progress
-        )
+        return self._passes(pixels, start_of, source, shape, settings, False, reference, progress)
 
     def visible_lamps(
         self, viewpoint: Viewpoint, width: int, height: int, finer: int = 4
@@ -290,14 +285,13 @@ class Tracer:
 
         Analytic, by `finer`² rays a pixel; light that lamps throw on the room is traced.
         """
-        right, up, forward = camera_frame(viewpoint)
-        eye, reach = np.asarray(viewpoint.position), np.tan(viewpoint.field / 2)
+        eye = np.asarray(viewpoint.position)
+        ray = view_rays(viewpoint, width, height)
         image = np.zeros((height, width, 3))
-        across = ((np.arange(width * finer) + 0.5) * (2 / (width * finer)) - 1) * reach
+        across = (np.arange(width * finer) + 0.5) / finer
         for strip in strips(height, width * finer**2):
-            down = np.arange(strip.start * finer, strip.stop * finer) + 0.5
-            down = (height / width - down * (2 / (width * finer))) * reach
-            rays = forward + across[None, :, None] * right + down[:, None, None] * up
+            down = (np.arange(strip.start * finer, strip.stop * finer) + 0.5) / finer
+            rays = np.stack(ray(down[:, None], across[None, :]), -1)
             rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
             for lamp in self.theatre.lamps:
                 sides = np.asarray(lamp.across), np.asarray(lamp.up)
@@ -309,29 +303,26 @@ class Tracer:
                     shown = (facing < 0) & (distance > 0)
                     for side in sides:
                         shown &= np.abs(place @ side) <= side @ side
-                shown[shown] = ~self._hidden(viewpoint.position, rays[shown], distance[shown])
+                # A sign that hangs on a wall is not behind it.
+                before = eye + (distance[shown] - 0.02)[:, None] * rays[shown]
+                shown[shown] = ~self._hidden(viewpoint.position, before)
                 cells = shown.reshape(-1, finer, width, finer).mean((1, 3))
                 image[strip] += cells[..., None] * np.asarray(lamp.luminance)
         return image
 
-    def _hidden(
-        self, eye: Point, rays: NDArray[np.float64], distance: NDArray[np.float64]
-    ) -> NDArray[np.bool_]:
-        """(ray,): whether something stands between an eye and points at a distance, m."""
+    def _hidden(self, eye: Point, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(point,): whether something stands between an eye and points (xyz), m."""
         m, unit = self.machine, self.theatre.dome.radius
-        if not len(rays):
+        count = len(points)
+        if count == 0:
             return np.zeros(0, bool)
-        direction = self._vector(rays)
-        x, y, z = over(eye, unit)
-        zero = direction[0] * 0
-        active = zero < 1
-        with np.errstate(all="ignore"):
-            hit = self.room.hit((zero + x, zero + y, zero + z), direction,
-                                m.where(active, NOTHING, NOTHING + 0), active)  # fmt: skip
-            gap = (hit.position[0] - x, hit.position[1] - y, hit.position[2] - z)
-            near = m.array(m.where(hit.surface != NOTHING, m.sqrt(dot(gap, gap)), np.inf))
-        # A sign that hangs on a wall is not behind it.
-        return np.asarray(near * unit < distance - 0.02)
+        x, y, z = (m.full(part, count) for part in over(eye, unit))
+        in_air = m.whole(NOTHING, count)
+        with np.errstate(all="ignore"):  # of rays that meet nothing
+            hidden = self.room.shadowed(
+                (x, y, z), self._vector(points / unit), in_air, in_air == NOTHING
+            )
+            return np.asarray(m.array(m.where(hidden, 1.0, 0.0)) > 0)
 
     def _passes(
         self,
@@ -437,21 +428,17 @@ class Tracer:
         self, row: Lanes, col: Lanes, width: int, height: int, viewpoint: Viewpoint
     ) -> Start:
         room, m = self.room, self.machine
-        right, up, forward = camera_frame(viewpoint)
-        reach = float(np.tan(viewpoint.field / 2))
+        ray_at = view_rays(viewpoint, width, height)
         eye = over(viewpoint.position, self.theatre.dome.radius)
 
         def start(rng: Any) -> tuple[Hit, Vector]:
-            x = ((col + m.uniform(rng)) * (2 / width) - 1) * reach
-            y = (height / width - (row + m.uniform(rng)) * (2 / width)) * reach
-            ray = tuple(
-                float(f) + x * float(r) + y * float(t)
-                for f, r, t in zip(forward, right, up, strict=True)
-            )
-            ray = scaled((ray[0], ray[1], ray[2]), 1 / m.sqrt(x * x + y * y + 1))
-            origin = (x * 0 + eye[0], x * 0 + eye[1], x * 0 + eye[2])
-            leaving = m.where(x < np.inf, NOTHING, NOTHING + 0)
-            hit = room.hit(origin, ray, leaving, x < np.inf)
+            across, down = col + m.uniform(rng), row + m.uniform(rng)
+            ray = ray_at(down, across)
+            ray = scaled(ray, 1 / m.sqrt(dot(ray, ray)))
+            zero = across * 0
+            origin = (zero + eye[0], zero + eye[1], zero + eye[2])
+            active = zero < 1
+            hit = room.hit(origin, ray, m.where(active, NOTHING, NOTHING), active)
             return hit, scaled(ray, -1)
 
         return start
@@ -465,9 +452,7 @@ class Tracer:
         x, y, z = over(place, dome.radius)
         lit = np.ones((rows, cols))
         for strip in strips(rows, cols):
-            directions = dome.directions(rows, cols, strip)
-            points = directions * (dome.distance(directions) / dome.radius)[..., None]
-            target = self._vector((points @ dome.to_room.T).reshape(-1, 3))
+            target = self._vector(dome.points(rows, cols, strip).reshape(-1, 3) / dome.radius)
             zero = target[0] * 0
             # From the screen to the lens: a projector's own body may hold the lens.
             active = zero < 1
@@ -592,6 +577,22 @@ def best_machine() -> Machine:
 def launch_seed(*parts: int) -> int:
     """One 63-bit seed from several numbers."""
     return int(np.random.SeedSequence(list(parts)).generate_state(1, np.uint64)[0] >> 1)
+
+
+def view_rays(
+    viewpoint: Viewpoint, width: int, height: int
+) -> Callable[[Any, Any], tuple[Any, Any, Any]]:
+    """(row, col) of a view, pixels from its upper left corner -> ray through it, of any length."""
+    frame = [[float(part) for part in axis] for axis in camera_frame(viewpoint)]
+    reach = float(np.tan(viewpoint.field / 2))
+
+    def ray(row: Any, col: Any) -> tuple[Any, Any, Any]:
+        across = (col * (2 / width) - 1) * reach
+        above = (height / width - row * (2 / width)) * reach
+        x, y, z = (f + across * r + above * t for r, t, f in zip(*frame, strict=True))
+        return x, y, z
+
+    return ray
 
 
 def camera_frame(viewpoint: Viewpoint) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

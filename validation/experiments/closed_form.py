@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from domesim.dome import Dome
-from domesim.observation.spherical import closed_form_gain
+from domesim.observation.spherical import bare_gain
 from domesim.pathtrace.tracer import Settings, Traced, Tracer
 from domesim.theatre import Theatre
 from validation.statistics import FALSE_ALARM, assert_unbiased, calibration
@@ -108,7 +108,7 @@ def measure(
     return Cell(
         half_angle,
         albedo,
-        truth=closed_form_gain(albedo, dome.radius, dome.screen_area) * dome.screen_area,
+        truth=bare_gain(albedo, dome),
         found=float(pooled[:, 0].mean()) / direct,
         error=float(np.sqrt(np.mean(pooled[:, 1] ** 2) / RUNS)) / direct,
         ratio=keeps,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from domesim.dome import Dome
+from domesim.observation.radiosity import radiosity
 from domesim.pathtrace.loop import bounce_limit
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Status, Tracer
@@ -117,3 +118,10 @@ def test_lamps_are_seen(screened, backwards):
     row, col = np.nonzero(seen[..., 0])
     assert abs(row.mean() - 44.5) < 0.3
     assert abs(col.mean() - 79.5) < 0.3
+
+
+def test_a_tall_dome_is_tabulated():
+    """It has more screen than its sphere, so the closed form refuses it and sends people here."""
+    theatre = Theatre(Dome(3.0, np.pi / 2, height_ratio=4.0), GREY)
+    found = tabulate(theatre, error=0.01, degree=2).transport.mean_gain()
+    np.testing.assert_allclose(found, radiosity(theatre, resolution=12).mean_gain(), rtol=0.03)
