@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from domesim.errors import InputError
+from domesim.frames import write_whole
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 Mask: TypeAlias = NDArray[np.bool_]
@@ -139,7 +140,7 @@ def write_page(
         "views": [{"name": v.name, "note": v.note, "kind": v.kind} for v in views],
     }
     html = _environment().from_string(_resource("compare.html.j2"))
-    _write(
+    write_whole(
         Path(path),
         html.render(
             title=title,
@@ -152,7 +153,7 @@ def write_page(
             scripts=[_resource(name) for name in SCRIPTS],
             payloads=[_pack(picture, peak) for picture in light],
             mask_payload=_deflate(np.packbits(small_mask).tobytes()),
-        ),
+        ).encode(),
     )
 
 
@@ -281,19 +282,3 @@ def _environment() -> Environment:
 
 def _resource(name: str) -> str:
     return files("compensate").joinpath("templates", name).read_text(encoding="utf-8")
-
-
-def _write(path: Path, text: str) -> None:
-    """Write `text` under a temporary name beside `path`, then rename it."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        try:
-            temporary.write_text(text, encoding="utf-8")
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"cannot write the compare page to {path}: {error.strerror}; "
-            "name a file in a folder that exists and can be written"
-        ) from error

@@ -14,6 +14,15 @@ carried along). An EXR is read over its display window.
 from domesim.frames.colour import ColourTag
 from domesim.frames.frame import LARGEST_SIDE, Frame, Pixels
 from domesim.frames.reading import read_frame
+from domesim.frames.whole import write_whole
 from domesim.frames.writing import write_frame
 
-__all__ = ["LARGEST_SIDE", "ColourTag", "Frame", "Pixels", "read_frame", "write_frame"]
+__all__ = [
+    "LARGEST_SIDE",
+    "ColourTag",
+    "Frame",
+    "Pixels",
+    "read_frame",
+    "write_frame",
+    "write_whole",
+]

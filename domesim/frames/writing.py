@@ -7,10 +7,8 @@ file.
 
 from __future__ import annotations
 
-import errno
 import os
 import re
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,8 +21,9 @@ from domesim.errors import InputError
 from domesim.frames.colour import colour_chunks, state_colour
 from domesim.frames.formats import DEPTHS, LABELS, SUFFIXES, code_range, label
 from domesim.frames.frame import LARGEST_SIDE, Frame, Pixels
-from domesim.frames.messages import problem_of, reason
+from domesim.frames.messages import problem_of
 from domesim.frames.png import with_colour_chunks
+from domesim.frames.whole import write_whole
 
 
 def write_frame(frame: Frame, path: str | Path, *, bits: int | None = None) -> None:
@@ -66,7 +65,7 @@ def write_frame(frame: Frame, path: str | Path, *, bits: int | None = None) -> N
         encoded = with_colour_chunks(encoded, _png_colour(frame, target))
     if target.format == "dpx":
         encoded = _with_dpx_name(encoded, path.name)
-    _replace(path, encoded)
+    write_whole(path, encoded)
 
 
 # Which file, of which samples.
@@ -324,27 +323,3 @@ def _encode(path: Path, name: str, spec: Any, samples: NDArray[Any]) -> bytes:
             )
         memory.seek(0)
         return memory.read()
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Put `content` at `path`, whole or not at all."""
-    temporary = path.with_name(f".{path.stem}.tmp-{os.getpid()}{path.suffix}")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except BaseException as error:
-        with suppress(OSError):
-            temporary.unlink()
-        if not isinstance(error, OSError):
-            raise
-        ways = {
-            errno.ENOSPC: "Free some space, or write elsewhere",
-            errno.EDQUOT: "Free some space, or write elsewhere",
-            errno.ENOENT: "Create the folder first",
-            errno.EISDIR: "Name a file",
-        }
-        way = ways.get(error.errno or 0, "Choose a folder that can be written to")
-        raise InputError(f"{path}: wanted to write it, got '{reason(error)}'. {way}.") from error

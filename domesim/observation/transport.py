@@ -19,8 +19,8 @@ projector white, light that is there without a picture, but for projector black)
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
+import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from domesim.dome import Dome
 from domesim.errors import InputError
+from domesim.frames import write_whole
 from domesim.light import Array, Light, kind, namespace
 from domesim.observation.base import AdjointObservation
 from domesim.observation.basis import disc_quadrature
@@ -217,15 +218,9 @@ class Transport:
             If it cannot be written.
         """
         arrays = self._arrays()
-        temporary = path.with_name(f".{path.name}.unfinished.npz")
-        try:
-            np.savez_compressed(temporary, allow_pickle=False, **arrays, sha256=_digest(arrays))
-            temporary.replace(path)
-        except OSError as error:
-            raise InputError(f"{path}: wanted to write it, got '{error.strerror}'") from error
-        finally:
-            with contextlib.suppress(OSError):
-                temporary.unlink(missing_ok=True)
+        content = io.BytesIO()
+        np.savez_compressed(content, allow_pickle=False, **arrays, sha256=_digest(arrays))
+        write_whole(path, content.getvalue())
 
     def _arrays(self) -> dict[str, Any]:
         dome = self.dome
