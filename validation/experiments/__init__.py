@@ -1,1 +1,1 @@
-"""Experiments: one file a claim, each with its rationale, what is expected, and a `measure`."""
+"""Experiments: one file a claim, each with its rationale, what is expected, and a `run`."""

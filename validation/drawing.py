@@ -1,0 +1,88 @@
+"""Diagrams and pictures of findings: SVG by Matplotlib, JPEG in display light."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.light import Light
+from domesim.scene import Scene
+from domesim.transfer import named
+from validation.experiment import Panel, Pictures, Plot
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+"""Okabe and Ito's, which colour-blind readers can tell apart."""
+
+_STYLE: Mapping[str, Any] = {
+    "font.size": 9.5,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#e4e4e4",
+    "legend.frameon": False,
+    "lines.markersize": 4.5,
+    "svg.hashsalt": "domesim",
+}
+
+
+def plot(
+    caption: str, alt: str, draw: Callable[[Any], None], size: tuple[float, float] = (5.6, 3.5)
+) -> Plot:
+    """A diagram that `draw` puts on Matplotlib axes; size in inches."""
+    # Half a second to import, and commands that draw nothing import this module's users
+    import matplotlib as mpl  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    with mpl.rc_context({**_STYLE, "axes.prop_cycle": mpl.cycler(color=COLOURS)}):
+        figure = Figure(figsize=size, layout="constrained")
+        draw(figure.add_subplot())
+        memory = io.StringIO()
+        figure.savefig(memory, format="svg", metadata={"Date": None}, transparent=True)
+    return Plot(caption=caption, alt=alt, svg=memory.getvalue())
+
+
+def pictures(
+    caption: str, lights: Mapping[str, Light], scene: Scene, *, brightest: float = 1.0
+) -> Pictures:
+    """Domemasters side by side.
+
+    Parameters
+    ----------
+    caption
+        Says how bright they are shown, too.
+    lights
+        Title -> (1, row, col, primary) light.
+    scene
+        The theatre, whose projector's primaries they are in.
+    brightest
+        Light that is shown as the display's white.
+    """
+    return Pictures(
+        caption=caption,
+        panels=tuple(
+            Panel(title=title, alt=f"Domemaster: {title}", data=_jpeg(_coded(light, scene, brightest)))
+            for title, light in lights.items()
+        ),
+    )
+
+
+def _coded(light: Light, scene: Scene, brightest: float) -> NDArray[np.uint8]:
+    """(row, col, 3) sRGB codes; white outside the screen, as the page is."""
+    shown = np.clip(scene.projector.to_display(light) / brightest, 0, 1).astype(np.float32)
+    codes = np.round(255 * named("srgb", white=1.0).encode(shown)).astype(np.uint8)
+    codes[~scene.dome.inside(*codes.shape[:2])] = 255
+    return np.asarray(codes)
+
+
+def _jpeg(codes: NDArray[np.uint8]) -> str:
+    from matplotlib.image import imsave  # noqa: PLC0415
+
+    memory = io.BytesIO()
+    imsave(memory, codes, format="jpg", pil_kwargs={"quality": 90})
+    return "data:image/jpeg;base64," + base64.b64encode(memory.getvalue()).decode()

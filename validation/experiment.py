@@ -1,0 +1,307 @@
+"""What an experiment is: a claim, what was measured, and whether it is as expected.
+
+An experiment is a module of `validation.experiments`. Its docstring opens with the claim and has
+the sections *Rationale* and *Expected*; its `run` takes a `Work` and returns a `Finding`. Findings
+hold nothing but text and numbers, so they can be stored, and read back after a kill.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib
+import inspect
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Generic, TypeVar, final
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, computed_field
+
+from domesim.frames import write_whole
+
+T = TypeVar("T")
+Item = TypeVar("Item")
+
+
+class Record(BaseModel):
+    """Something that is stored as JSON."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
+
+
+@final
+class Check(Record):
+    """One figure and where it was expected to lie."""
+
+    # `passed` is written, and follows from the rest when it is read
+    model_config = ConfigDict(extra="ignore")
+
+    what: str = Field(description="What was measured.")
+    found: float = Field(description="The figure.")
+    unit: str = Field(default="", description="Its unit; empty for a ratio or a count.")
+    low: float | None = Field(default=None, description="Least value that is as expected.")
+    high: float | None = Field(default=None, description="Largest value that is as expected.")
+
+    @computed_field(description="Whether it lies where it was expected.")  # type: ignore[prop-decorator]
+    @property
+    def passed(self) -> bool:
+        """Whether the figure lies within its bounds; NaN never does."""
+        above = self.low is None or self.found >= self.low
+        below = self.high is None or self.found <= self.high
+        return self.found == self.found and above and below
+
+    @property
+    def expected(self) -> str:
+        """The bounds, in words."""
+        low, high = (None if x is None else f"{x:.4g}" for x in (self.low, self.high))
+        if low is not None and high is not None:
+            return low if low == high else f"{low} to {high}"
+        return f"at most {high}" if low is None else f"at least {low}"
+
+
+@final
+class Column(Record):
+    """A column of a table."""
+
+    name: str
+    unit: str = ""
+    digits: str = Field(default=".3g", description="How its numbers are written (Python's format).")
+
+
+Cell = bool | int | float | str | None
+
+
+@final
+class Table(Record):
+    """Figures to compare with each other."""
+
+    caption: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Every row has a cell for each column."""
+        if wrong := [row for row in self.rows if len(row) != len(self.columns)]:
+            raise ValueError(f"a table of {len(self.columns)} columns got the row {wrong[0]}")
+
+    def written(self) -> Iterator[list[str]]:
+        """Rows as text."""
+        for row in self.rows:
+            yield [_written(cell, column) for cell, column in zip(row, self.columns, strict=True)]
+
+
+@final
+class Plot(Record):
+    """A diagram."""
+
+    caption: str
+    alt: str = Field(description="What it shows, for those who cannot see it.")
+    svg: str = Field(default="", description="Left out of results.json.")
+
+
+@final
+class Panel(Record):
+    """One of several pictures side by side."""
+
+    title: str
+    alt: str
+    data: str = Field(
+        default="", description="Its data URI; left out of results.json."
+    )
+
+
+@final
+class Pictures(Record):
+    """Pictures to compare with each other."""
+
+    caption: str
+    panels: tuple[Panel, ...]
+
+
+@final
+class Finding(Record):
+    """What an experiment found."""
+
+    result: str = Field(description="In words, with the figures that matter; paragraphs.")
+    checks: tuple[Check, ...]
+    tables: tuple[Table, ...] = ()
+    plots: tuple[Plot, ...] = ()
+    pictures: tuple[Pictures, ...] = ()
+    figures: Mapping[str, float] = Field(default={}, description="To be quoted elsewhere, by name.")
+    left_out: tuple[str, ...] = Field(default=(), description="What was not measured, and why.")
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check is as expected."""
+        return all(check.passed for check in self.checks)
+
+
+class Missing(Exception):  # noqa: N818 (nothing went wrong)
+    """Something that an experiment needs; the message says what, and how to get it."""
+
+
+def at_most(what: str, found: float, bound: float, unit: str = "") -> Check:
+    """A check that a figure is small enough."""
+    return Check(what=what, found=float(found), unit=unit, high=float(bound))
+
+
+def at_least(what: str, found: float, bound: float, unit: str = "") -> Check:
+    """A check that a figure is large enough."""
+    return Check(what=what, found=float(found), unit=unit, low=float(bound))
+
+
+def between(what: str, found: float, low: float, high: float, unit: str = "") -> Check:
+    """A check that a figure lies between two others."""
+    return Check(what=what, found=float(found), unit=unit, low=float(low), high=float(high))
+
+
+def equal(what: str, found: float, wanted: float, unit: str = "") -> Check:
+    """A check that a count is what it should be."""
+    return between(what, found, wanted, wanted, unit)
+
+
+@final
+@dataclass
+class Work:
+    """How much of an experiment to do, and what of it has been done before.
+
+    Parameters
+    ----------
+    quick
+        Whether minutes matter more than accuracy.
+    seed
+        Of all random numbers.
+    store
+        Folder for finished steps; without it nothing is kept.
+    note
+        Told which step is under way.
+    """
+
+    quick: bool = True
+    seed: int = 0
+    store: Path | None = None
+    note: Callable[[str], None] = lambda text: None
+    seconds: float = field(default=0.0, init=False)
+    """Time that the steps took, now or before they were stored, s."""
+
+    def step(self, name: str, kind: type[T], measure: Callable[[], T]) -> T:
+        """What `measure` returns, of type `kind`; stored, and not measured again after a kill.
+
+        Parameters
+        ----------
+        name
+            What is measured, unique within the experiment.
+        kind
+            Type of the result: a dataclass, or anything that pydantic can write as JSON.
+        measure
+            Does the work.
+        """
+        path = None if self.store is None else self.store / f"{_slug(name)}.json"
+        stored: TypeAdapter[_Step[T]] = TypeAdapter(_Step[kind])  # type: ignore[valid-type]
+        if path is not None:
+            try:
+                kept = stored.validate_json(path.read_bytes())
+            except (OSError, ValidationError):
+                pass  # not there yet; or cut off, or of another version: done again
+            else:
+                self.seconds += kept.seconds
+                return kept.value
+        self.note(name)
+        begin = time.perf_counter()
+        value = measure()
+        done = _Step(time.perf_counter() - begin, value)
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, stored.dump_json(done))
+        self.seconds += done.seconds
+        return done.value
+
+    def each(
+        self,
+        items: Mapping[str, Item],
+        kind: type[T],
+        measure: Callable[[Item], T],
+    ) -> dict[str, T]:
+        """`step` for each of several items, by name."""
+        return {
+            name: self.step(name, kind, functools.partial(measure, item))
+            for name, item in items.items()
+        }
+
+
+@final
+@dataclass(frozen=True)
+class _Step(Generic[T]):
+    seconds: float
+    value: T
+
+
+@final
+@dataclass(frozen=True)
+class Experiment:
+    """A module that shows something.
+
+    Attributes
+    ----------
+    name
+        Of the module.
+    claim, rationale, expected
+        From its docstring.
+    module
+        The module itself.
+    """
+
+    name: str
+    claim: str
+    rationale: str
+    expected: str
+    module: ModuleType
+
+    def run(self, work: Work) -> Finding:
+        """Do the work.
+
+        Raises
+        ------
+        Missing
+            If this machine lacks something for it.
+        """
+        found = self.module.run(work)
+        assert isinstance(found, Finding)
+        return found
+
+
+def load_experiment(name: str) -> Experiment:
+    """The experiment of that name.
+
+    Raises
+    ------
+    ValueError
+        If its docstring has not the three parts.
+    """
+    module = importlib.import_module(f"validation.experiments.{name}")
+    text = inspect.cleandoc(module.__doc__ or "")
+    match = re.fullmatch(r"(.+?)\n\nRationale\n(.+?)\nExpected\n(.+)", text, re.DOTALL)
+    if match is None:
+        raise ValueError(f"{module.__name__}: its docstring needs a claim, Rationale and Expected")
+    claim, rationale, expected = (" ".join(part.split()) for part in match.groups())
+    return Experiment(name, claim, rationale, expected, module)
+
+
+def _slug(name: str) -> str:
+    """A file name of a step's name, one to one."""
+    plain = re.sub(r"[^A-Za-z0-9.-]+", "-", name)[:60]
+    return f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+
+
+def _written(cell: Cell, column: Column) -> str:
+    if cell is None:
+        return "–"
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    if isinstance(cell, str):
+        return cell
+    return format(cell, column.digits) if isinstance(cell, float) else f"{cell:,}"
