@@ -18,7 +18,8 @@ from validation.experiment import Panel, Pictures, Plot
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 """Okabe and Ito's, which colour-blind readers can tell apart."""
 
-_STYLE: Mapping[str, Any] = {
+_STYLE: Any = {
+    "axes.prop_cycle": f"cycler('color', {list(COLOURS)})",
     "font.size": 9.5,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -39,7 +40,7 @@ def plot(
     import matplotlib as mpl  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    with mpl.rc_context({**_STYLE, "axes.prop_cycle": mpl.cycler(color=COLOURS)}):
+    with mpl.rc_context(_STYLE):
         figure = Figure(figsize=size, layout="constrained")
         draw(figure.add_subplot())
         memory = io.StringIO()
@@ -66,7 +67,11 @@ def pictures(
     return Pictures(
         caption=caption,
         panels=tuple(
-            Panel(title=title, alt=f"Domemaster: {title}", data=_jpeg(_coded(light, scene, brightest)))
+            Panel(
+                title=title,
+                alt=f"Domemaster: {title}",
+                data=_jpeg(_coded(light, scene, brightest)),
+            )
             for title, light in lights.items()
         ),
     )

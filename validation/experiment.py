@@ -109,9 +109,7 @@ class Panel(Record):
 
     title: str
     alt: str
-    data: str = Field(
-        default="", description="Its data URI; left out of results.json."
-    )
+    data: str = Field(default="", description="Its data URI; left out of results.json.")
 
 
 @final
