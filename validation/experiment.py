@@ -88,6 +88,14 @@ class Table(Record):
         if wrong := [row for row in self.rows if len(row) != len(self.columns)]:
             raise ValueError(f"a table of {len(self.columns)} columns got the row {wrong[0]}")
 
+    @property
+    def numeric(self) -> list[bool]:
+        """Which columns hold numbers."""
+        return [
+            any(isinstance(row[c], int | float) for row in self.rows)
+            for c in range(len(self.columns))
+        ]
+
     def written(self) -> Iterator[list[str]]:
         """Rows as text."""
         for row in self.rows:
@@ -126,6 +134,7 @@ class Finding(Record):
 
     result: str = Field(description="In words, with the figures that matter; paragraphs.")
     checks: tuple[Check, ...]
+    advice: str = Field(default="", description="What to do about it, in a sentence or two.")
     tables: tuple[Table, ...] = ()
     plots: tuple[Plot, ...] = ()
     pictures: tuple[Pictures, ...] = ()

@@ -20,6 +20,34 @@ FALSE_ALARM = 1e-3
 """
 
 
+def bias_p(found: ArrayLike, error: ArrayLike, truth: ArrayLike) -> tuple[float, float]:
+    """P-values of estimates being unbiased: by their spread, and by what all share.
+
+    Parameters
+    ----------
+    found, error, truth
+        Independent estimates, their standard errors, and what they estimate: same shapes.
+
+    Returns
+    -------
+    spread, shared
+        Of the sum of squared z-scores, which errors of either sign raise, and of their sum, which
+        a bias that all share moves.
+
+    Raises
+    ------
+    ValueError
+        If a standard error is not above 0.
+    """
+    found, error, truth = np.broadcast_arrays(found, error, truth)
+    if not np.all(np.asarray(error) > 0):
+        raise ValueError(f"standard errors must be above 0, got {np.min(error):g}")
+    z = ((found - truth) / error).ravel()
+    spread = float(stats.chi2.sf(np.sum(z**2), len(z)))
+    shared = float(2 * stats.norm.sf(abs(z.sum()) / np.sqrt(len(z))))
+    return spread, shared
+
+
 def assert_unbiased(
     found: ArrayLike, error: ArrayLike, truth: ArrayLike, *, false_alarm: float = FALSE_ALARM
 ) -> None:
@@ -28,7 +56,7 @@ def assert_unbiased(
     Parameters
     ----------
     found, error, truth
-        Independent estimates, their standard errors, and what they estimate: same shapes.
+        As for `bias_p`.
     false_alarm
         Probability of raising when all is well.
 
@@ -39,20 +67,48 @@ def assert_unbiased(
     ValueError
         If a standard error is not above 0.
     """
-    found, error, truth = np.broadcast_arrays(found, error, truth)
-    if not np.all(np.asarray(error) > 0):
-        raise ValueError(f"standard errors must be above 0, got {np.min(error):g}")
-    z = ((found - truth) / error).ravel()
+    spread, shared = bias_p(found, error, truth)
     # Errors of either sign, and a bias that all share: half the false alarms each
-    spread = float(stats.chi2.sf(np.sum(z**2), len(z)))
-    shared = float(2 * stats.norm.sf(abs(z.sum()) / np.sqrt(len(z))))
     if min(spread, shared) < false_alarm / 2:
-        worst = int(np.argmax(np.abs(z)))
+        found, error, truth = (x.ravel() for x in np.broadcast_arrays(found, error, truth))
+        worst = int(np.argmax(np.abs((found - truth) / error)))
         raise AssertionError(
-            f"biased: chi-square p {spread:.1e}, mean p {shared:.1e} of {len(z)} figures; the "
-            f"worst is {np.ravel(found)[worst]:.6g} ± {np.ravel(error)[worst]:.1g}, "
-            f"expected {np.ravel(truth)[worst]:.6g}"
+            f"biased: chi-square p {spread:.1e}, mean p {shared:.1e} of {len(found)} figures; the "
+            f"worst is {found[worst]:.6g} ± {error[worst]:.1g}, expected {truth[worst]:.6g}"
         )
+
+
+def alarm_rate(
+    bias: float,
+    error: float,
+    cells: int,
+    *,
+    false_alarm: float = FALSE_ALARM,
+    trials: int = 2000,
+    seed: int = 0,
+) -> float:
+    """How often `assert_unbiased` raises for simulated figures: false alarms at bias 0, else power.
+
+    Parameters
+    ----------
+    bias, error
+        Relative bias that all figures share, and their standard error.
+    cells
+        How many figures there are.
+    false_alarm
+        As for `assert_unbiased`.
+    trials, seed
+        How many simulations, and of their random numbers.
+    """
+    random = np.random.default_rng(seed)
+    alarms = 0
+    for _ in range(trials):
+        try:
+            found = 1 + bias + error * random.standard_normal(cells)
+            assert_unbiased(found, error, 1.0, false_alarm=false_alarm)
+        except AssertionError:
+            alarms += 1
+    return alarms / trials
 
 
 def calibration(z: ArrayLike) -> float:

@@ -15,6 +15,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from enum import Enum
 from types import FrameType
@@ -607,9 +608,25 @@ def camera_frame(viewpoint: Viewpoint) -> tuple[NDArray[Any], NDArray[Any], NDAr
     return right, np.cross(right, forward), forward
 
 
+_ALL_OR_NOTHING = ContextVar("all or nothing", default=False)
+
+
+@contextmanager
+def all_or_nothing() -> Iterator[None]:
+    """Inside, Ctrl-C is raised as ever, and no computation returns what there is so far."""
+    token = _ALL_OR_NOTHING.set(True)
+    try:
+        yield
+    finally:
+        _ALL_OR_NOTHING.reset(token)
+
+
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:
     """Ctrl-C sets a flag instead of tearing down a launch; a second one ends everything."""
+    if _ALL_OR_NOTHING.get():
+        yield lambda: False
+        return
     pressed = False
 
     def note(number: int, frame: FrameType | None) -> None:

@@ -1,1 +1,35 @@
 """Experiments: one file a claim, each with its rationale, what is expected, and a `run`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "What light does": (
+        "closed_form",
+        "bounces",
+        "eq15",
+        "departures",
+        "operator",
+        "second_opinion",
+    ),
+    "What compensation does": (
+        "wrong_model",
+        "contrast_sensitivity",
+        "gamma_coded",
+        "channels_alone",
+        "frozen_pollution",
+        "chroma_floor",
+        "convergence",
+    ),
+    "The paper, remade": (
+        "fig9_dome",
+        "fig4_one_dimension",
+        "table1",
+        "user_study",
+    ),
+    "What it costs": ("costs",),
+}
+"""Names of the experiments, in the report's order, by heading."""
+
+EXPERIMENTS: tuple[str, ...] = tuple(name for names in GROUPS.values() for name in names)
