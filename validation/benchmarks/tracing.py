@@ -21,7 +21,7 @@ from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.scene import load_scene
 from domesim.theatre import Theatre
-from validation.experiments.operator import THEATRES
+from validation.experiments.corrected_models import THEATRES
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "bounces",
         "eq15",
         "departures",
-        "operator",
+        "corrected_models",
         "second_opinion",
     ),
     "What compensation does": (

@@ -113,7 +113,7 @@ def run(work: Work) -> Finding:
     """Compare eq. 15 in each reading with path tracing."""
     error = 1e-3 if work.quick else 2e-4
     cases = work.each(
-        {f"half-angle {a}°, radius {r:g} m": (a, r) for a, r in CASES},
+        {f"{a}°, r {r:g} m": (a, r) for a, r in CASES},
         Case,
         lambda case: measure(*case, error=error, seed=7 + 1000 * work.seed),
     )
@@ -175,7 +175,8 @@ def _table(cases: dict[str, Case]) -> Table:
         ("half-lit: with the image's area", *(case.image_area for case in cases.values())),
     ]
     return Table(
-        caption=f"Mean reflected light of a white picture, projector white = 1, albedo {ALBEDO}.",
+        caption=f"Mean reflected light of a white picture, projector white = 1, albedo {ALBEDO}, "
+        "by half-angle and radius.",
         columns=(Column(name="by"), *(Column(name=name, digits=".4g") for name in cases)),
         rows=tuple(rows),
     )
