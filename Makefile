@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench masters gallery requirements clean
+.PHONY: help demo test lint validate schema bench masters gallery requirements clean
 
 help: ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -31,6 +31,12 @@ lint: $(READY) ## Style, types and import contracts
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
+
+validate: $(READY) ## What may be believed: quick experiments and their report
+	@$(BIN)/domesim validate --quick --out out/validation
+
+schema: $(READY) ## Write the schema of results.json anew
+	@$(BIN)/python -m validation.report > validation/results.schema.json
 
 bench: $(READY) ## Cost of the solvers: FFTs, iterations, certified gaps
 	@$(BIN)/domesim bench --out out/bench

@@ -82,10 +82,9 @@ class _Listener:
             text += f"\n{outcome.note}"
         else:
             text += "".join(
-                f"\n    {check.what}: {check.found:.4g}{unit}, expected {check.expected}{unit}"
+                f"\n    {check.what}: {check.written}, expected {check.expected}"
                 for check in outcome.finding.checks
                 if not check.passed
-                for unit in (f" {check.unit}" if check.unit else "",)
             )
             text += "".join(f"\n    left out: {why}" for why in outcome.finding.left_out)
         self._console.say(text)

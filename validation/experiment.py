@@ -11,17 +11,34 @@ import functools
 import hashlib
 import importlib
 import inspect
+import math
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Generic, TypeVar, final
+from typing import Annotated, Any, Generic, TypeVar, final
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, computed_field
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    computed_field,
+)
 
 from domesim.frames import write_whole
+
+
+def _finite(value: object) -> object:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+Number = Annotated[float | None, BeforeValidator(_finite)]
+"""A figure; None if it could not be computed, which JSON has no other word for."""
 
 T = TypeVar("T")
 Item = TypeVar("Item")
@@ -30,7 +47,7 @@ Item = TypeVar("Item")
 class Record(BaseModel):
     """Something that is stored as JSON."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 @final
@@ -41,7 +58,7 @@ class Check(Record):
     model_config = ConfigDict(extra="ignore")
 
     what: str = Field(description="What was measured.")
-    found: float = Field(description="The figure.")
+    found: Number = Field(description="The figure; null if it could not be computed.")
     unit: str = Field(default="", description="Its unit; empty for a ratio or a count.")
     low: float | None = Field(default=None, description="Least value that is as expected.")
     high: float | None = Field(default=None, description="Largest value that is as expected.")
@@ -49,18 +66,28 @@ class Check(Record):
     @computed_field(description="Whether it lies where it was expected.")  # type: ignore[prop-decorator]
     @property
     def passed(self) -> bool:
-        """Whether the figure lies within its bounds; NaN never does."""
+        """Whether the figure lies within its bounds."""
+        if self.found is None:
+            return False
         above = self.low is None or self.found >= self.low
-        below = self.high is None or self.found <= self.high
-        return self.found == self.found and above and below
+        return above and (self.high is None or self.found <= self.high)
+
+    @property
+    def written(self) -> str:
+        """The figure, in words."""
+        if self.found is None:
+            return "nothing"
+        return f"{self.found:.4g} {self.unit}".rstrip()
 
     @property
     def expected(self) -> str:
         """The bounds, in words."""
         low, high = (None if x is None else f"{x:.4g}" for x in (self.low, self.high))
         if low is not None and high is not None:
-            return low if low == high else f"{low} to {high}"
-        return f"at most {high}" if low is None else f"at least {low}"
+            words = low if low == high else f"{low} to {high}"
+        else:
+            words = f"at most {high}" if low is None else f"at least {low}"
+        return f"{words} {self.unit}".rstrip()
 
 
 @final
@@ -72,7 +99,7 @@ class Column(Record):
     digits: str = Field(default=".3g", description="How its numbers are written (Python's format).")
 
 
-Cell = bool | int | float | str | None
+Cell = bool | int | Number | str
 
 
 @final
@@ -138,7 +165,9 @@ class Finding(Record):
     tables: tuple[Table, ...] = ()
     plots: tuple[Plot, ...] = ()
     pictures: tuple[Pictures, ...] = ()
-    figures: Mapping[str, float] = Field(default={}, description="To be quoted elsewhere, by name.")
+    figures: Mapping[str, Number] = Field(
+        default={}, description="To be quoted elsewhere, by name."
+    )
     left_out: tuple[str, ...] = Field(default=(), description="What was not measured, and why.")
 
     @property

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import os
 import platform
 import shutil
@@ -81,7 +82,7 @@ class Results(Record):
         """Whether nothing was other than expected, or broke."""
         return not any(one.status in FAILED for one in self.experiments)
 
-    def figures(self) -> dict[str, float]:
+    def figures(self) -> dict[str, float | None]:
         """All figures to be quoted, by name."""
         found = (one.finding for one in self.experiments if one.finding is not None)
         return {name: figure for finding in found for name, figure in finding.figures.items()}
@@ -172,6 +173,14 @@ def validate(
         write_whole(out / "results.json", results.json_text().encode())
         write_whole(out / "report.html", report_page(results).encode())
     return results
+
+
+def schema() -> dict[str, Any]:
+    """JSON schema of results.json."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **Results.model_json_schema(mode="serialization"),
+    }
 
 
 def report_page(results: Results) -> str:
@@ -278,3 +287,7 @@ def _image(svg: str) -> str:
 
 def _resource(name: str) -> str:
     return resources.files("validation").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+if __name__ == "__main__":
+    print(json.dumps(schema(), indent=1))

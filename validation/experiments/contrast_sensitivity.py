@@ -86,10 +86,11 @@ def run(work: Work) -> Finding:
     return Finding(
         result=(
             "Daly's sensitivities are the published ones; a grating of 4 cycles/degree at "
-            f"threshold contrast comes out of the whole weighting with {gratings['4']:.3f} JND. An "
-            f"even veil counts {gratings['veil']:.2f} of the most visible grating of its contrast with the "
-            f"default low-frequency floor, and {gratings['veil, pure']:.3f} with none: pure Daly, "
-            f"as the paper has it, cannot see a dome's grey veil at all."
+            "threshold contrast comes out of the whole weighting with "
+            f"{gratings['4']:.3f} JND. An even veil counts {gratings['veil']:.2f} of the most "
+            "visible grating of its contrast with the default low-frequency floor, and "
+            f"{gratings['veil, pure']:.3f} with none: pure Daly, as the paper has it, cannot see "
+            "a dome's grey veil at all."
         ),
         checks=tuple(checks),
         plots=(

@@ -1,0 +1,300 @@
+"""The report of experiments: what is kept, what is red, and what it looks like."""
+
+from __future__ import annotations
+
+import json
+import pkgutil
+import re
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import jsonschema
+import pytest
+import typer
+
+from domesim.errors import InputError
+from validation import experiments, report
+from validation.cli import validate as command
+from validation.drawing import plot
+from validation.experiment import (
+    Column,
+    Experiment,
+    Finding,
+    Missing,
+    Panel,
+    Pictures,
+    Table,
+    Work,
+    at_least,
+    at_most,
+    between,
+    equal,
+    load_experiment,
+)
+
+SCHEMA = Path(report.__file__).parent / "results.schema.json"
+PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACH5BAAAAAAALAAAAAABAAEAAAICRAEAOw=="
+
+
+@dataclass
+class Stub:
+    """Stands in for an experiment's module."""
+
+    found: float = 1.0
+    raises: BaseException | None = None
+    runs: int = 0
+
+    def run(self, work: Work) -> Finding:
+        def measure() -> float:
+            self.runs += 1
+            if self.raises is not None:
+                raise self.raises
+            return self.found
+
+        value = work.step("a figure", float, measure)
+        return Finding(
+            result=f"It is {value}.\n\nA <second> paragraph.",
+            checks=(at_most("the figure", value, 2, "cd/m²"),),
+            advice="Do this.",
+            tables=(
+                Table(
+                    caption="Figures.",
+                    columns=(Column(name="what"), Column(name="much", unit="m", digits=".2f")),
+                    rows=(("a" * 30, value), ("b", None)),
+                ),
+            ),
+            plots=(plot("A line.", "A line that rises.", lambda axes: axes.plot([1, 2])),),
+            pictures=(Pictures(caption="Dots.", panels=(Panel(title="A", alt="A", data=PIXEL),)),),
+            figures={"stub.figure": value},
+            left_out=("The rest.",),
+        )
+
+
+class Silent:
+    def starts(self, name: str) -> None: ...
+    def note(self, text: str) -> None: ...
+    def ends(self, outcome: report.Outcome) -> None: ...
+
+
+@pytest.fixture
+def stubs(monkeypatch: pytest.MonkeyPatch) -> dict[str, Stub]:
+    """The first experiments are stubs."""
+    found = {name: Stub() for name in experiments.EXPERIMENTS}
+
+    def load(name: str) -> Experiment:
+        return Experiment(name, f"Claim of {name}.", "Because.", "This.", found[name])
+
+    monkeypatch.setattr(report, "load_experiment", load)
+    return found
+
+
+NAMES = experiments.EXPERIMENTS[:3]
+
+
+def run(folder: Path, **settings) -> report.Results:
+    folder.mkdir(exist_ok=True)
+    return report.validate(folder, Silent(), **{"names": NAMES, **settings})
+
+
+def test_every_module_is_listed_and_says_what_it_claims():
+    modules = {module.name for module in pkgutil.iter_modules(experiments.__path__)}
+    assert modules == set(experiments.EXPERIMENTS)
+    for name in modules:
+        experiment = load_experiment(name)
+        assert experiment.claim.endswith(".")
+        assert len(experiment.claim) < 120
+        assert len(experiment.rationale) > 40
+        assert len(experiment.expected) > 40
+
+
+@pytest.mark.parametrize(
+    ("check", "passes", "words"),
+    [
+        (at_most("x", 2.0, 2.0), True, "at most 2"),
+        (at_most("x", 2.1, 2.0), False, "at most 2"),
+        (at_least("x", 2.0, 2.0), True, "at least 2"),
+        (at_least("x", 1.9, 2.0), False, "at least 2"),
+        (between("x", 0.5, 0, 1), True, "0 to 1"),
+        (between("x", -0.1, 0, 1), False, "0 to 1"),
+        (between("x", float("nan"), 0, 1), False, "0 to 1"),
+        (equal("x", 3, 3, "m"), True, "3 m"),
+        (equal("x", 4, 3), False, "3"),
+    ],
+)
+def test_checks(check, passes, words):
+    assert check.passed is passes
+    assert check.expected == words
+
+
+def test_a_table_wants_full_rows():
+    with pytest.raises(ValueError, match="2 columns"):
+        Table(caption="c", columns=(Column(name="a"), Column(name="b")), rows=((1.0,),))
+
+
+def test_results_follow_the_published_schema(tmp_path, stubs):
+    stubs[NAMES[1]].found = float("nan")
+    stubs[NAMES[2]].raises = Missing("needs a telescope")
+    run(tmp_path)
+    schema = json.loads(SCHEMA.read_text())
+    assert schema == report.schema(), "make schema writes it anew"
+    jsonschema.Draft202012Validator.check_schema(schema)
+    results = json.loads((tmp_path / "results.json").read_text())
+    jsonschema.validate(results, schema)
+    for spoil in (
+        lambda r: r.pop("experiments"),
+        lambda r: r["experiments"][0].update(status="splendid"),
+        lambda r: r["experiments"][0]["finding"]["checks"][0].pop("found"),
+        lambda r: r.update(surprise=1),
+    ):
+        bad = json.loads(json.dumps(results))
+        spoil(bad)
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(bad, schema)
+
+
+def test_results_hold_no_drawings(tmp_path, stubs):
+    run(tmp_path)
+    text = (tmp_path / "results.json").read_text()
+    assert "<svg" not in text
+    assert "data:image" not in text
+    assert "A line that rises." in text
+
+
+def test_outcomes(tmp_path, stubs):
+    stubs[NAMES[1]].found = 3.0
+    stubs[NAMES[2]].raises = Missing("needs a telescope")
+    results = run(tmp_path)
+    assert [one.status for one in results.experiments] == [
+        "as expected",
+        "not as expected",
+        "not run",
+    ]
+    assert not results.passed
+    assert results.figures() == {"stub.figure": 3.0}
+    stubs[NAMES[1]].found = 1.0
+    assert run(tmp_path, fresh=True).passed
+    stubs[NAMES[0]].raises = ZeroDivisionError("by nothing")
+    results = run(tmp_path, fresh=True)
+    assert results.experiments[0].status == "broken"
+    assert "by nothing" in results.experiments[0].note
+    assert results.experiments[1].status == "as expected"
+    assert not results.passed
+
+
+def test_a_killed_run_goes_on(tmp_path, stubs):
+    stubs[NAMES[1]].raises = KeyboardInterrupt()
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path)
+    assert "1 experiments, all as expected" in (tmp_path / "report.html").read_text()
+    assert "2 are still to come" in (tmp_path / "report.html").read_text()
+    stubs[NAMES[1]].raises = None
+    assert len(run(tmp_path).experiments) == 3
+    assert [stubs[name].runs for name in NAMES] == [1, 2, 1]
+
+
+def test_what_was_measured_otherwise_is_measured_again(tmp_path, stubs, monkeypatch):
+    first = stubs[NAMES[0]]
+    run(tmp_path)
+    run(tmp_path)
+    assert first.runs == 1
+    run(tmp_path, seed=1)
+    assert first.runs == 2
+    run(tmp_path, quick=True)
+    assert first.runs == 3
+    run(tmp_path)
+    assert first.runs == 3  # the full run's are still there
+    run(tmp_path, fresh=True)
+    assert first.runs == 4
+    (file,) = (tmp_path / "steps").glob(f"*full-0/{NAMES[0]}/*.json")
+    file.write_text(file.read_text()[:-5])
+    run(tmp_path)
+    assert first.runs == 5
+    monkeypatch.setattr(report, "source_digest", lambda: "f" * 64)
+    run(tmp_path)
+    assert first.runs == 6
+    assert len(list((tmp_path / "steps").iterdir())) == 1
+
+
+def test_steps_have_files_of_their_own(tmp_path):
+    work = Work(store=tmp_path)
+    for value, name in enumerate(("a b", "a-b", "a/b", "../a b", "ä" * 300)):
+        assert work.step(name, float, lambda value=value: float(value)) == value
+    again = Work(store=tmp_path)
+    assert again.step("a/b", float, lambda: -1.0) == 2
+    assert len(list(tmp_path.iterdir())) == 5
+
+
+def test_an_unknown_experiment_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no experiment is called telepathy; there are closed_f"):
+        run(tmp_path, names=("telepathy",))
+
+
+def test_the_command_exits_with_1_if_anything_is_not_as_expected(tmp_path, stubs, capsys):
+    settings = {"quick": True, "seed": 0, "fresh": True, "quiet": False, "json": False}
+    command(out=tmp_path, only=",".join(NAMES), **settings)
+    assert "nothing other than expected" in capsys.readouterr().out
+    stubs[NAMES[1]].found = 3.0
+    stubs[NAMES[2]].raises = Missing("needs ColorVideoVDP: pip install 'domesim[metrics]'")
+    with pytest.raises(typer.Exit) as end:
+        command(out=tmp_path, only=",".join(NAMES), **settings)
+    assert end.value.exit_code == 1
+    said = capsys.readouterr().out
+    assert "the figure: 3 cd/m², expected at most 2 cd/m²" in said
+    assert "pip install 'domesim[metrics]'" in said
+    assert str(tmp_path / "report.html") in said
+    stubs[NAMES[1]].found = 1.0
+    command(out=tmp_path, only=",".join(NAMES), **{**settings, "json": True})
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["passed"] is True
+    assert figures["experiments"][NAMES[2]] == "not run"
+
+
+def test_a_real_run_survives_a_kill(tmp_path):
+    """The whole command, killed in the middle of one of its steps."""
+    line = [sys.executable, "-m", "domesim", "validate", "--quick", "--only", "eq15"]
+    line += ["--out", str(tmp_path)]
+    process = subprocess.Popen(line, stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("steps/*/eq15/[!.]*.json")) and process.poll() is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    kept = {file: file.stat().st_mtime_ns for file in tmp_path.glob("steps/*/eq15/[!.]*.json")}
+    assert kept
+    assert subprocess.run(line, check=False, stdout=subprocess.DEVNULL).returncode == 0
+    assert len(list(tmp_path.glob("steps/*/eq15/[!.]*.json"))) == 4
+    assert all(file.stat().st_mtime_ns == when for file, when in kept.items())
+
+
+# ------------------------------------------------------------------------------ in the browser
+
+
+@pytest.mark.parametrize("width", [1200, 390])
+def test_the_page_can_be_read_at_any_width(tmp_path, stubs, browser, width):
+    stubs[NAMES[1]].found = 3.0
+    stubs[NAMES[2]].raises = Missing("needs a telescope")
+    run(tmp_path)
+    page = browser.new_page(viewport={"width": width, "height": 800})
+    requests: list[str] = []
+    page.on("request", lambda request: requests.append(request.url))
+    page.goto((tmp_path / "report.html").as_uri())
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
+    loaded = "[...document.images].every(i => i.loading == 'lazy' || i.naturalWidth > 0)"
+    assert page.evaluate(loaded)
+    assert page.evaluate("[...document.images].every(i => i.alt)")
+    red = page.locator("article.not-as-expected")
+    assert red.count() == 1
+    assert red.locator("tr.failed").inner_text().split()[:3] == ["the", "figure", "3"]
+    assert red.locator("details.checks").get_attribute("open") is not None
+    colour = red.locator(".badge").evaluate("e => getComputedStyle(e).backgroundColor")
+    r, g, b = map(int, re.findall(r"\d+", colour))
+    assert r > 150
+    assert max(g, b) < 80
+    assert "needs a telescope" in page.locator("article.not-run").inner_text().lower()
+    assert "<second>" in red.inner_text()
+    page.close()
