@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint validate schema bench masters gallery requirements clean
+.PHONY: help demo test lint validate readme schema bench masters gallery requirements clean
 
 help: ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -34,6 +34,9 @@ lint: $(READY) ## Style, types and import contracts
 
 validate: $(READY) ## What may be believed: quick experiments and their report
 	@$(BIN)/domesim validate --quick --out out/validation
+
+readme: $(READY) ## Write the README's figures anew, from out/full (domesim validate --out out/full)
+	@$(BIN)/python -m validation.readme out/full/results.json
 
 schema: $(READY) ## Write the schema of results.json anew
 	@$(BIN)/python -m validation.report > validation/results.schema.json

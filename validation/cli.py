@@ -61,7 +61,7 @@ def validate(
         }
     )
     console.say(
-        f"{len(names)} experiments, {duration(results.seconds)}: "
+        f"{len(names)} of {len(EXPERIMENTS)} experiments, {duration(results.seconds)}: "
         + (f"not as expected: {', '.join(bad)}" if bad else "nothing other than expected")
     )
     console.say(f"Open {(out / 'report.html').resolve()}")

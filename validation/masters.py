@@ -1,10 +1,13 @@
-"""Generated masters for experiments and benchmarks."""
+"""Masters for experiments and benchmarks: generated, and the one that comes with the program."""
 
 from __future__ import annotations
+
+from importlib import resources
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from domesim.frames import Frame, read_frame
 from domesim.light import Light
 
 
@@ -18,3 +21,9 @@ def night(size: int, seed: int = 0) -> Light:
     for (row, col), radius in zip(centres, radii, strict=True):
         light[np.hypot(rows - row, cols - col) < radius] = random.uniform(0.3, 1.0)
     return (light[None, :, :, None] * np.array([1.0, 0.9, 0.75])).astype(np.float32)
+
+
+def bundled_night() -> Frame:
+    """The bundled night scene."""
+    with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
+        return read_frame(path)
