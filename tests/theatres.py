@@ -93,20 +93,3 @@ def problem(
     start, _ = clipped_subtraction(Problem(observation, lambda_, seen, bounds))
     posed = Problem(observation, lambda_, seen, bounds, anchor=start, regularisation=mu)
     return posed, start
-
-
-def dense(posed: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The problem as 1/2 ||M v - b||² over its free values v, and which values are free."""
-    shape = posed.desired.shape
-    free = np.broadcast_to(posed.lower < posed.upper, shape)
-    fixed = np.where(free, 0, np.broadcast_to(posed.lower, shape))
-    columns = []
-    for index in np.argwhere(free):
-        unit = np.zeros(shape)
-        unit[tuple(index)] = 1
-        columns.append(posed.weighting.apply(posed.observation.linear(unit)).ravel())
-    weight = np.sqrt(posed.regularisation)
-    matrix = np.vstack([np.array(columns).T, weight * np.eye(len(columns))])
-    offset = -posed.weighting.apply(posed.residual(fixed)).ravel()
-    anchor = weight * posed.anchor[free] if posed.anchor is not None else np.zeros(len(columns))
-    return matrix, np.concatenate([offset, anchor]), free

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from theatres import closed_form, dense, picture, problem, weighting
+from theatres import closed_form, picture, problem, weighting
 
 from compensate.problem import Problem
+from validation.experiments.convergence import dense
 
 
 def test_the_gradient_is_that_of_the_cost():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from laws.test_linear_maps import RankTwo
 from scipy.optimize import lsq_linear, minimize
-from theatres import closed_form, dense, picture, problem, unequal_weighting, weighting
+from theatres import closed_form, picture, problem, unequal_weighting, weighting
 
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
@@ -18,6 +18,7 @@ from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
 from compensate.solver.fourier_step import NormalInverse, PlaneModel
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
+from validation.experiments.convergence import dense
 
 MINIMISERS = {
     "admm": ADMM(tolerance=1e-13, max_iterations=20000),

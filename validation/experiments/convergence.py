@@ -96,7 +96,7 @@ class Truth:
 def truth(size: int, seed: int) -> Truth:
     """A small dome's problem, by our solvers and by SciPy's dense ones."""
     problem, start = _small(size, seed)
-    matrix, offset, free = _dense(problem)
+    matrix, offset, free = dense(problem)
     lower, upper = (np.broadcast_to(b, free.shape)[free] for b in (problem.lower, problem.upper))
     q, r = np.linalg.qr(matrix)  # fewer rows, the same minimiser
     wanted, second = (
@@ -154,7 +154,7 @@ def _closed_form(size: int) -> ClosedFormDome:
     )
 
 
-def _dense(problem: Problem) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+def dense(problem: Problem) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """The problem as 1/2 ||M v - b||² over its free values v, and which values are free."""
     shape = problem.desired.shape
     free = np.broadcast_to(problem.lower < problem.upper, shape)
@@ -167,7 +167,8 @@ def _dense(problem: Problem) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     root = np.sqrt(problem.regularisation)
     matrix = np.vstack([np.array(columns).T, root * np.eye(len(columns))])
     offset = -problem.weighting.apply(problem.residual(fixed)).ravel()
-    return matrix, np.concatenate([offset, root * np.asarray(problem.anchor)[free]]), free
+    anchor = np.zeros(shape) if problem.anchor is None else np.asarray(problem.anchor)
+    return matrix, np.concatenate([offset, root * anchor[free]]), free
 
 
 def _gradient_error(problem: Problem, seed: int) -> float:
