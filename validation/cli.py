@@ -86,7 +86,8 @@ class _Listener:
                 for check in outcome.finding.checks
                 if not check.passed
             )
-            text += "".join(f"\n    left out: {why}" for why in outcome.finding.left_out)
+            left_out = (why.partition(". ")[0] for why in outcome.finding.left_out)
+            text += "".join(f"\n    left out: {what}" for what in left_out)
         self._console.say(text)
 
 

@@ -270,10 +270,10 @@ def run(work: Work) -> Finding:
     below = found["floor 0.3 r below, albedo 0.1"]
     worst = min((found[case.name] for case in wanted), key=lambda one: one.off_by)
     verdict = (
-        f"Use the closed form when the reflected light may be {TOLERABLE:.0%} off and "
-        + "; ".join(limits)
-        + ". Tilt, truncation, black holes and an off-centre projector do not matter as long as "
-        "they are in the scene file. Otherwise run domesim tabulate."
+        f"The closed form is within {TOLERABLE:.0%} of the reflected light, unless "
+        + "; or ".join(limits)
+        + ". Then run domesim tabulate. Tilt, truncation, black holes and an off-centre projector "
+        "do not matter as long as they are in the scene file."
     )
     return Finding(
         result=(
@@ -341,11 +341,11 @@ def _remarks(found: Mapping[str, Deviation]) -> str:
 def _limits(families: Mapping[str, Sequence[tuple[float, Deviation]]]) -> list[str]:
     """How far each family may go, by interpolation between what was traced."""
     sentences = {
-        "floor at the spring line, albedo": "a floor at the spring line has an albedo below {:.2f}",
-        "floor 0.3 r below, albedo": "one 0.3 radii below it, an albedo below {:.2f}",
-        "wall 0.3 r high, albedo": "a wall of 0.3 radii below the screen, an albedo below {:.2f}",
-        "gain lobe, share": "a gain lobe has less than {:.0%} of the reflected light",
-        "cavity behind 25 % holes, albedo": "behind holes of 25 %, an albedo below {:.2f}",
+        "floor at the spring line, albedo": "a floor at the spring line has an albedo above {:.2f}",
+        "floor 0.3 r below, albedo": "one 0.3 radii below it has more than {:.2f}",
+        "wall 0.3 r high, albedo": "a wall of 0.3 radii below the screen has more than {:.2f}",
+        "gain lobe, share": "a gain lobe has more than {:.0%} of the reflected light",
+        "cavity behind 25 % holes, albedo": "what is behind holes of 25 % has more than {:.2f}",
     }
     found = []
     for family, sentence in sentences.items():
@@ -365,7 +365,7 @@ def _limits(families: Mapping[str, Sequence[tuple[float, Deviation]]]) -> list[s
             np.array(column) for column in zip(*sorted([(0.0, 0.0), *flat]), strict=True)
         )
         found.append(
-            f"the dome is less than {float(np.interp(TOLERABLE, errors, values)):.0%} flatter than "
+            f"the dome is more than {float(np.interp(TOLERABLE, errors, values)):.0%} flatter than "
             f"a sphere"
         )
     return found

@@ -1,4 +1,4 @@
-"""The bounce loop and Mitsuba's own ``path`` integrator agree where no formula helps.
+"""Our bounce loop and Mitsuba's own integrator agree where no formula helps.
 
 Rationale
     Our loop meets analytic quadrics, Mitsuba's integrator meets its own shapes and samples emitters
