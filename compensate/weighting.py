@@ -7,8 +7,8 @@ and A_n an optional spatial mask. Residuals are Light (view, row, col, primary);
 are planes (view, channel, padded row, padded col). Outside the screen the residual is 0, on a
 padded grid, so that nothing wraps around.
 
-A domemaster's pixels count equally, as in the paper. They are larger towards the rim of the screen
-(by theta / sin(theta), 1.57 at a hemisphere's), so an error there counts less than its area.
+A domemaster's pixels count equally, as in the paper. They are smaller towards the rim of the screen
+(by sin(theta) / theta, 0.64 at a hemisphere's), so an error there counts more than its area.
 """
 
 from __future__ import annotations

@@ -466,11 +466,18 @@ class Scene:
         """Why `observation` is only an approximation of this theatre, in one line; None if not."""
         if self.transport is not None:
             shadowed = self.transport.provenance.get("shadowed", 0.0)
-            if shadowed < _SHADOWED:
+            left_out = []
+            if shadowed >= _SHADOWED:
+                left_out.append(
+                    f"{shadowed:.1%} of the screen lies in shadows of what is before a projector"
+                )
+            if self.theatre.shines_back:
+                left_out.append("a ghost of the picture shines back through the screen's holes")
+            if not left_out:
                 return None
             return (
-                f"approximate: {shadowed:.1%} of the screen lies in shadows of things in front of "
-                f"a projector, which a stored transport leaves out ('domesim render' has them)"
+                f"approximate: {'; '.join(left_out)}. A stored transport, which is smooth, leaves "
+                f"that out ('domesim render' does not)"
             )
         reasons = self.theatre.departures()
         if not reasons:

@@ -265,6 +265,11 @@ class Theatre:
         return self.lobe is None or self.lobe.share == 0
 
     @property
+    def shines_back(self) -> bool:
+        """Whether light comes back through the screen's holes from a cavity behind it."""
+        return self.perforation > 0 and self.cavity is not None and max(self.cavity.albedo) > 0
+
+    @property
     def hides_screen(self) -> bool:
         """Whether floor or wall stands before a part of the screen."""
         return self._floor_hides or self._wall_hides
@@ -319,7 +324,7 @@ class Theatre:
             )
         if self.lobe is not None and self.lobe.share > 0:
             reasons.append(f"{self.lobe.share:.0%} of the screen's light is in a gain lobe")
-        if self.perforation > 0 and self.cavity is not None and max(self.cavity.albedo) > 0:
+        if self.shines_back:
             reasons.append("light comes back from the cavity behind the perforated screen")
         for name, surface in (("floor", self.floor), ("wall", self.wall)):
             if surface is not None and max(surface.albedo) > 0:

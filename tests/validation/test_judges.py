@@ -1,0 +1,220 @@
+"""Judges against published figures and analytic cases, and the experiment that they judge."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from domesim.observation.spherical import bare_gain
+from domesim.pathtrace.llvm import backend
+from domesim.scene import load_scene
+from validation import judges
+from validation.experiment import Missing, Work
+from validation.experiments import wrong_model
+from validation.experiments.wrong_model import Estimate
+from validation.masters import night
+
+SCENE = load_scene("dome_hemisphere")
+SIZE = 96
+
+
+@pytest.fixture(params=["flip", "colorvideovdp"])
+def badness(request):
+    """A judge's distance of two pictures: 0 is the same."""
+    if request.param == "flip":
+        pytest.importorskip("flip_evaluator")
+        return lambda first, second: judges.flip(first, second, SCENE)
+    try:
+        judges.colorvideovdp(even(0.1), even(0.1), SCENE)
+    except Missing as reason:
+        pytest.skip(str(reason))
+    return lambda first, second: 10 - judges.colorvideovdp(first, second, SCENE)
+
+
+def even(light, size=SIZE):
+    return np.full((1, size, size, 3), light, np.float32)
+
+
+def published(first, second):
+    """FLIP of even greys (Andersson et al. 2020).
+
+    Differences in L* to the power 0.7, over those of green and blue (41.2761); 0.4 of that is
+    mapped to 0.95.
+    """
+
+    def lightness(light):
+        return 116 * np.cbrt(light) - 16 if light > (6 / 29) ** 3 else light * (29 / 3) ** 3
+
+    share = abs(lightness(first) - lightness(second)) ** 0.7 / 41.2761
+    return 0.95 * share / 0.4 if share < 0.4 else 0.95 + 0.05 * (share - 0.4) / 0.6
+
+
+@pytest.mark.parametrize(("first", "second"), [(1, 0), (0.02, 0.03), (0.2, 0.25), (0, 0.02)])
+@pytest.mark.parametrize("size", [48, 400])
+def test_flip_of_greys_is_the_published_one(first, second, size):
+    """Even at 0.27 pixels a degree, where FLIP alone takes every difference for an edge."""
+    pytest.importorskip("flip_evaluator")
+    found = judges.flip(even(first, size), even(second, size), SCENE)
+    assert found == pytest.approx(published(first, second), rel=5e-3)
+
+
+def test_flip_counts_a_pixel_by_its_area():
+    """Domemaster pixels near the rim are smaller, by sin(theta) / theta: 0.7 at 81 degrees."""
+    pytest.importorskip("flip_evaluator")
+
+    def patch(col):
+        light = even(0.2)
+        light[:, 44:52, col : col + 8] = 0.4
+        return judges.flip(even(0.2), light, SCENE)
+
+    assert patch(1) / patch(44) == pytest.approx(0.7, abs=0.03)
+
+
+def test_the_same_is_the_same(badness):
+    assert badness(night(SIZE), night(SIZE)) == pytest.approx(0, abs=1e-4)
+
+
+def test_the_more_veil_the_worse(badness):
+    master = night(SIZE)
+    found = [badness(master, master + np.float32(veil)) for veil in (0.003, 0.01, 0.03, 0.1)]
+    assert np.all(np.diff(found) > 0)
+    assert found[0] > 0
+
+
+def test_what_is_off_the_screen_does_not_count(badness):
+    master = night(SIZE)
+    other = np.where(SCENE.dome.inside(SIZE, SIZE)[..., None], master, np.float32(0.7))
+    assert badness(other, master) == pytest.approx(0, abs=1e-4)
+
+
+def test_colours_count(badness):
+    """The same luminance in another hue."""
+    other = even(0.2) * np.array([1.5, 1, 0.0], np.float32)
+    other *= np.float32(0.2 / (other[0, 0, 0] @ SCENE.projector.luminance_weights))
+    assert badness(even(0.2), other) > 0.1
+
+
+def test_pictures_of_other_sizes_are_refused(badness):
+    with pytest.raises(ValueError, match=r"takes \(view, row, col, primary\)"):
+        badness(even(0.2), even(0.2, 8))
+
+
+@pytest.mark.parametrize(
+    ("judge", "package"), [("flip", "flip_evaluator"), ("colorvideovdp", "torch")]
+)
+def test_a_missing_judge_says_how_to_get_it(monkeypatch, judge, package):
+    judges._colorvideovdp.cache_clear()
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(Missing, match=r"pip install 'domesim\[metrics\]'"):
+        getattr(judges, judge)(even(0.2), even(0.3), SCENE)
+
+
+@pytest.mark.parametrize("dark", [0.0, 0.25])
+def test_checkerboards_of_a_bare_hemisphere(dark):
+    """Half the screen is white: everywhere k (1 + dark) / 2 is added."""
+    seen = SCENE.observation(256, 256).observe(judges.checkerboard(SCENE, 256, dark))
+    added = bare_gain(0.5, SCENE.dome) * (1 + dark) / 2
+    found = judges.checkerboard_contrast(seen, SCENE)
+    assert found == pytest.approx((1 + added) / (dark + added), rel=1e-3)
+
+
+def test_black_in_white_of_a_bare_hemisphere():
+    """All but the disc's share 1 - cos(18 degrees) of the screen is white."""
+    seen = SCENE.observation(256, 256).observe(judges.black_in_white(SCENE, 256))
+    added = bare_gain(0.5, SCENE.dome) * np.cos(np.radians(18))
+    assert judges.black_over_white(seen, SCENE) == pytest.approx(added / (1 + added), rel=2e-3)
+
+
+def test_an_ideal_checkerboard_has_no_end_of_contrast():
+    assert judges.checkerboard_contrast(judges.checkerboard(SCENE, 32), SCENE) == float("inf")
+
+
+def test_the_noise_of_residuals_is_no_error():
+    """In energy there is 25 times more noise than residual."""
+    random = np.random.default_rng(3)
+    residual = random.random((64, 64, 3))
+    noisy = residual + 3 * random.standard_normal((8, *residual.shape))
+    found = wrong_model._energy(noisy, lambda light: float(np.sum(light**2)))
+    truth = np.sum(residual**2)
+    assert found.error < 0.1 * truth
+    assert abs(found.value - truth) < 3 * found.error
+    assert np.sum(noisy.mean(0) ** 2) > 2 * truth
+
+
+def test_jackknives_know_the_error_of_a_mean():
+    sample = np.random.default_rng(1).standard_normal((9, 1, 1, 1))
+    found = wrong_model._jackknife(sample, lambda light, scene: float(light.mean()), SCENE)
+    assert found.value == pytest.approx(sample.mean())
+    assert found.error == pytest.approx(sample.std(ddof=1) / 3)
+    assert found.less(found).error == 0
+
+
+THEATRE = "dome_imax"
+TINY = wrong_model.Effort(size=64, walks=3, repeats=3, error=1e-2, most=1e5)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """The experiment's finding and outcome."""
+    if not backend().vectorised:
+        pytest.skip(backend().summary)
+    store, outcomes, measure = tmp_path_factory.mktemp("steps"), [], wrong_model.measure
+
+    def noted(*args, **settings):
+        outcomes.append(measure(*args, **settings))
+        return outcomes[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wrong_model, "QUICK", {THEATRE: TINY})
+        patch.setattr(judges, "colorvideovdp", _not_installed)  # pixels of 3° are not for it
+        patch.setattr(wrong_model, "measure", noted)
+        finding = wrong_model.run(Work(store=store))
+        # Killed and resumed: nothing is measured again
+        assert wrong_model.run(Work(store=store)) == finding
+    assert len(outcomes) == 1
+    return finding, outcomes[0]
+
+
+def _not_installed(*args):
+    raise Missing("needs ColorVideoVDP")
+
+
+def test_a_wrong_model_is_worth_having(found):
+    finding, _ = found
+    assert [check.what for check in finding.checks if not check.passed] == []
+    assert finding.left_out[-1] == "needs ColorVideoVDP"
+    start = f"wrong_model.{THEATRE}."
+    figures = {name.removeprefix(start): figure for name, figure in finding.figures.items()}
+    assert figures["closed_form.visible"] < 0.5 * figures["untouched.visible"]
+    assert 0.03 < figures["closed_form.off_by"] < 0.06
+    assert figures["tabulated.off_by"] < 0.01
+    assert figures["closed_form.kept"] == pytest.approx(1, abs=0.02)
+    assert figures["closed_form.believed"] < figures["closed_form.visible"]
+
+
+def test_compensation_for_nothing_would_be_noticed(found):
+    """The checks can fail."""
+    _, outcome = found
+    idle = dict.fromkeys(outcome.seen, outcome.seen["untouched"])
+    wrong = replace(outcome, seen=idle, off_by=dict.fromkeys(outcome.off_by, Estimate(0.03, ())))
+    failed = {check.what for check in wrong_model._checks("x", wrong) if not check.passed}
+    assert failed == {
+        "x: visible error by the closed form, over that of nothing",
+        "x: error of the tabulated prediction, over the mean added light",
+        "x: contrast of the soft one, closed form over nothing",
+    }
+
+
+def test_a_tabulation_that_does_harm_would_be_noticed(found):
+    _, outcome = found
+    swapped = outcome.seen | {"tabulated": outcome.seen["untouched"]}
+    failed = [
+        check.what
+        for check in wrong_model._checks("x", replace(outcome, seen=swapped))
+        if not check.passed
+    ]
+    assert len(failed) == 1
+    assert "tabulated less closed form" in failed[0]

@@ -1,0 +1,225 @@
+"""Judges that nobody optimised for: two published metrics, and contrasts as measured on site.
+
+The objective of the compensation cannot show that the objective is right. FLIP [1] and
+ColorVideoVDP [2] are others' models of visible differences; contrasts [3] are what a photometer
+finds. All take Light (1, row, col, primary), 1.0 = projector white, of a domemaster, and see only
+the dome's circle: outside it both pictures are black.
+
+FLIP comes in two kinds. Here it is LDR-FLIP on sRGB-coded light, projector white = display white:
+its colour differences are relative to a display's white, as the projector's is the brightest that
+the audience sees. HDR-FLIP brightens the pictures up to where their median is nearly white and
+keeps the worst; in a night scene of 0.05 cd/m² it would count what no eye in the dome sees. Even so
+FLIP is strict in the shadows: it thinks of a desktop display's luminance. ColorVideoVDP takes cd/m²
+and knows how dark it is.
+
+[1] P. Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", Proc. ACM Comput.
+Graph. Interact. Tech. 3(2), 15 (2020). [2] R. K. Mantiuk, P. Hanji, M. Ashraf, Y. Asano, A.
+Chapiro, "ColorVideoVDP: A visual difference predictor for image, video and display distortions",
+ACM Trans. Graph. 43(4), 129 (2024). [3] After ANSI IT7.228-1997, whose 16 rectangles suit flat
+screens.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.light import Light, require_light
+from domesim.scene import Scene
+from domesim.transfer import named
+from validation.experiment import Missing
+
+COARSEST = 2.0
+"""Pixels per degree below which FLIP's edge detectors fall between the pixels: from 1.8 on they
+count every difference as one of an edge."""
+
+RINGS, SECTORS = 4, 12
+"""Fields of the checkerboard."""
+DISC = 0.2
+"""Radius of the black disc around the zenith, that of the picture's circle = 1."""
+
+_BRIGHTEST, _DARKEST = 1e4, 0.005
+"""cd/m²: ColorVideoVDP clips below 0.005 in any case."""
+
+
+def flip(reference: Light, test: Light, scene: Scene) -> float:
+    """Mean LDR-FLIP over the screen's area: 0 is the same, 1 as far apart as can be.
+
+    Light above projector white counts as white, colours outside BT.709 as its nearest.
+
+    Raises
+    ------
+    Missing
+        If flip-evaluator is not installed.
+    ValueError
+        If the pictures have not the same shape.
+    """
+    try:
+        import flip_evaluator  # noqa: PLC0415
+    except ImportError as error:
+        raise Missing("needs FLIP: pip install 'domesim[metrics]'") from error
+    require_light(test, reference.shape, who="flip")
+    times, density = _enlargement(scene, *reference.shape[1:3])
+    curve = named("srgb", white=1.0)
+    shown = (
+        _enlarged(curve.encode(np.minimum(_on_display(light, scene), 1)), times)
+        for light in (reference, test)
+    )
+    each, _, _ = flip_evaluator.evaluate(*shown, "LDR", True, False, False, {"ppd": density})
+    rows, cols = reference.shape[1:3]
+    return _mean(each.reshape(rows, times, cols, times).mean((1, 3)), scene)
+
+
+def colorvideovdp(reference: Light, test: Light, scene: Scene) -> float:
+    """Quality in just-objectionable differences (JOD): 10 is the same, 9 is seen to be worse.
+
+    Of two pictures that are 1 JOD apart, 75 of 100 people prefer the better. Light below 0.005
+    cd/m² and colours outside BT.709 are clipped.
+
+    Raises
+    ------
+    Missing
+        If cvvdp is not installed.
+    ValueError
+        If the pictures have not the same shape.
+    """
+    cvvdp, torch = _colorvideovdp()
+    require_light(test, reference.shape, who="colorvideovdp")
+    rows, cols = reference.shape[1:3]
+    times, density = _enlargement(scene, rows, cols)
+    shown = [
+        _enlarged(_on_display(light, scene), times) * np.float32(scene.projector.white)
+        for light in (test, reference)
+    ]
+    metric = cvvdp.cvvdp(
+        display_photometry=cvvdp.vvdp_display_photo_eotf(
+            _BRIGHTEST, contrast=_BRIGHTEST / _DARKEST, EOTF="linear"
+        ),
+        display_geometry=cvvdp.vvdp_display_geometry([cols * times, rows * times], ppd=density),
+        device=torch.device("cpu"),
+        quiet=True,
+    )
+    with _quiet(), torch.no_grad():
+        quality, _ = metric.predict(*shown, dim_order="HWC")
+    return float(quality)
+
+
+def checkerboard(scene: Scene, size: int, dark: float = 0.0) -> Light:
+    """(1, size, size, primary) rings and sectors, alternately white and `dark`.
+
+    As much of the screen is white as is not.
+    """
+    return _grey(np.where(_bright_fields(size), 1.0, dark), scene)
+
+
+def checkerboard_contrast(seen: Light, scene: Scene) -> float:
+    """Luminance of the white fields of a seen `checkerboard` over that of the others."""
+    bright = _bright_fields(seen.shape[1])
+    white, black = (_mean(_luminance(seen, scene), scene, part) for part in (bright, ~bright))
+    return white / black if black > 0 else float("inf")
+
+
+def black_in_white(scene: Scene, size: int) -> Light:
+    """(1, size, size, primary) white, but for a black disc around the zenith."""
+    return _grey(np.where(_disc(size), 0.0, 1.0), scene)
+
+
+def black_over_white(seen: Light, scene: Scene) -> float:
+    """Luminance of the black disc of a seen `black_in_white` over that of the white."""
+    disc = _disc(seen.shape[1])
+    black, white = (_mean(_luminance(seen, scene), scene, part) for part in (disc, ~disc))
+    return black / white
+
+
+def _on_display(light: Light, scene: Scene) -> NDArray[np.float32]:
+    """(row, col, RGB) linear light in BT.709, at least 0; black outside the screen."""
+    inside = scene.dome.inside(*light.shape[1:3])[..., None]
+    shown = np.where(inside, np.maximum(scene.projector.to_display(light), 0), 0)
+    return np.asarray(shown, np.float32)
+
+
+def _enlargement(scene: Scene, rows: int, cols: int) -> tuple[int, float]:
+    """How many times to repeat pixels, which are squares of even light, and pixels per degree."""
+    density = scene.viewing.pixels_per_degree(rows, cols)
+    times = max(1, int(np.ceil(COARSEST / density)))
+    return times, times * density
+
+
+def _enlarged(picture: NDArray[Any], times: int) -> NDArray[Any]:
+    return np.ascontiguousarray(picture.repeat(times, axis=0).repeat(times, axis=1))
+
+
+def _luminance(light: Light, scene: Scene) -> NDArray[np.float64]:
+    return np.asarray(np.asarray(light[0], np.float64) @ scene.projector.luminance_weights)
+
+
+def _mean(values: NDArray[Any], scene: Scene, part: NDArray[np.bool_] | None = None) -> float:
+    """Mean of (row, col) values over the screen's area, or a part of it."""
+    areas = scene.dome.screen_areas(*values.shape)
+    if part is not None:
+        areas = areas * part
+    return float(np.sum(areas * values) / areas.sum())
+
+
+def _grey(picture: NDArray[np.float64], scene: Scene) -> Light:
+    inside = scene.dome.inside(*picture.shape)
+    grey = np.where(inside, picture, 0).astype(np.float32)
+    return np.repeat(grey[None, :, :, None], 3, axis=3)
+
+
+def _polar(size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(row, col) distance from the zenith, 1 on the circle, and azimuth in turns."""
+    centres = (np.arange(size) + 0.5) * (2 / size) - 1
+    u, v = centres[None, :], centres[:, None]
+    return np.hypot(u, v), np.arctan2(v, u) / (2 * np.pi)
+
+
+def _bright_fields(size: int) -> NDArray[np.bool_]:
+    distance, turns = _polar(size)
+    ring, sector = np.floor(RINGS * distance), np.floor(SECTORS * turns)
+    return np.asarray((ring + sector) % 2 == 0)
+
+
+def _disc(size: int) -> NDArray[np.bool_]:
+    return np.asarray(_polar(size)[0] < DISC)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """No log lines below errors: pictures below 1 cd/m² are warned of, and are what domes show."""
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        yield
+    finally:
+        logging.disable(before)
+
+
+@cache
+def _colorvideovdp() -> tuple[Any, Any]:
+    """Its module and torch, which take seconds to import."""
+    try:
+        import torch  # noqa: PLC0415
+
+        try:
+            import pycvvdp  # noqa: PLC0415
+        except RuntimeError as error:
+            if "torchvision::nms" not in str(error):
+                raise
+            # A torchvision for another torch lacks its compiled operators, which nobody calls here
+            library = torch.library.Library("torchvision", "FRAGMENT")
+            for operator in ("nms", "qnms"):
+                boxes = "(Tensor dets, Tensor scores, float iou_threshold) -> Tensor"
+                library.define(operator + boxes)
+            import pycvvdp  # noqa: PLC0415
+
+            pycvvdp.operators = library  # they live as long as it does
+    except ImportError as error:
+        raise Missing("needs ColorVideoVDP: pip install 'domesim[metrics]'") from error
+    return pycvvdp, torch
