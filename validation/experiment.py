@@ -29,8 +29,10 @@ from pydantic import (
     ValidationError,
     computed_field,
 )
+from pydantic_core import to_json
 
 from domesim.frames import write_whole
+from domesim.pathtrace.llvm import backend
 
 
 def _finite(value: object) -> object:
@@ -60,8 +62,13 @@ class Check(Record):
     what: str = Field(description="What was measured.")
     found: Number = Field(description="The figure; null if it could not be computed.")
     unit: str = Field(default="", description="Its unit; empty for a ratio or a count.")
-    low: float | None = Field(default=None, description="Least value that is as expected.")
-    high: float | None = Field(default=None, description="Largest value that is as expected.")
+    low: Number = Field(default=None, description="Least value that is as expected.")
+    high: Number = Field(default=None, description="Largest value that is as expected.")
+
+    def model_post_init(self, context: Any, /) -> None:
+        """There is something to fail."""
+        if self.low is None and self.high is None:
+            raise ValueError(f"a check needs a bound: {self.what}")
 
     @computed_field(description="Whether it lies where it was expected.")  # type: ignore[prop-decorator]
     @property
@@ -160,7 +167,7 @@ class Finding(Record):
     """What an experiment found."""
 
     result: str = Field(description="In words, with the figures that matter; paragraphs.")
-    checks: tuple[Check, ...]
+    checks: tuple[Check, ...] = Field(min_length=1)
     advice: str = Field(default="", description="What to do about it, in a sentence or two.")
     tables: tuple[Table, ...] = ()
     plots: tuple[Plot, ...] = ()
@@ -174,6 +181,19 @@ class Finding(Record):
     def passed(self) -> bool:
         """Whether every check is as expected."""
         return all(check.passed for check in self.checks)
+
+
+def require_tracer() -> None:
+    """See that paths can be traced at a useful speed.
+
+    Raises
+    ------
+    Missing
+        If not.
+    """
+    found = backend()
+    if not found.vectorised:
+        raise Missing(f"needs LLVM or a GPU to trace paths: {found.summary}")
 
 
 class Missing(Exception):  # noqa: N818 (nothing went wrong)
@@ -223,6 +243,7 @@ class Work:
     note: Callable[[str], None] = lambda text: None
     seconds: float = field(default=0.0, init=False)
     """Time that the steps took, now or before they were stored, s."""
+    _names: set[str] = field(default_factory=set, init=False)
 
     def step(self, name: str, kind: type[T], measure: Callable[[], T]) -> T:
         """What `measure` returns, of type `kind`; stored, and not measured again after a kill.
@@ -235,7 +256,15 @@ class Work:
             Type of the result: a dataclass, or anything that pydantic can write as JSON.
         measure
             Does the work.
+
+        Raises
+        ------
+        ValueError
+            If there was a step of that name.
         """
+        if name in self._names:
+            raise ValueError(f"two steps are called {name!r}")
+        self._names.add(name)
         path = None if self.store is None else self.store / f"{_slug(name)}.json"
         stored: TypeAdapter[_Step[T]] = TypeAdapter(_Step[kind])  # type: ignore[valid-type]
         if path is not None:
@@ -252,7 +281,8 @@ class Work:
         done = _Step(time.perf_counter() - begin, value)
         if path is not None:
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, stored.dump_json(done))
+            # JSON has no infinities, but Python's and Pydantic's reads them
+            write_whole(path, to_json(done, inf_nan_mode="constants"))
         self.seconds += done.seconds
         return done.value
 

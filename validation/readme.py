@@ -46,9 +46,9 @@ def readme(results: Mapping[str, Any]) -> str:
     }
 
     def quoted(name: str, form: str) -> str:
-        if figures.get(name) is None:
+        if name not in figures:
             raise InputError(f"the README quotes {name}, which the results do not have")
-        return form.format(figures[name])
+        return "never" if figures[name] is None else form.format(figures[name])
 
     environment = Environment(
         undefined=StrictUndefined, keep_trailing_newline=True, trim_blocks=True, lstrip_blocks=True

@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import traceback
 from collections.abc import Mapping, Sequence
@@ -27,11 +28,15 @@ from domesim.errors import InputError
 from domesim.frames import write_whole
 from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.tracer import all_or_nothing
-from validation.experiment import Finding, Missing, Record, Work, load_experiment
+from validation.experiment import Experiment, Finding, Missing, Record, Work, load_experiment
 from validation.experiments import EXPERIMENTS, GROUPS
 
 AS_EXPECTED, NOT_AS_EXPECTED = "as expected", "not as expected"
 NOT_RUN, BROKEN = "not run", "broken"
+STEPS = ".domesim-steps"
+"""Folder of finished steps, in the output folder."""
+_OF_STEPS = re.compile(r"[0-9a-f]{16}-(quick|full)-[0-9]+")
+
 FAILED = (NOT_AS_EXPECTED, BROKEN)
 """Of which one is enough for the run to have failed."""
 
@@ -69,9 +74,10 @@ class Results(Record):
     format: Literal["domesim validation 1"] = "domesim validation 1"
     quick: bool = Field(description="Whether minutes mattered more than accuracy.")
     seed: int
-    started: str = Field(description="When the run began, ISO 8601, UTC.")
+    started: str = Field(description="When it was started or resumed, ISO 8601, UTC.")
     seconds: float = Field(description="Time of all steps, those of resumed runs included, s.")
     planned: int = Field(description="How many experiments the run has, done or still to do.")
+    available: int = Field(description="How many there are.")
     machine: Mapping[str, str]
     versions: Mapping[str, str]
     code: str = Field(description="SHA-256 of the program and its scenes.")
@@ -140,24 +146,30 @@ def validate(
     Raises
     ------
     InputError
-        If there is no such experiment, or the folder cannot be written.
+        If there is no such experiment, the folder cannot be written, or the program changes while
+        it runs.
     """
     if unknown := [name for name in names if name not in EXPERIMENTS]:
         raise InputError(
             f"no experiment is called {', '.join(unknown)}; there are {', '.join(EXPERIMENTS)}"
         )
     code = source_digest()
-    steps = out / "steps"
+    experiments = {name: load_experiment(name) for name in names}
+    steps = out / STEPS
     kept = steps / f"{code[:16]}-{'quick' if quick else 'full'}-{seed}"
     for folder in steps.glob("*"):
-        if fresh or not folder.name.startswith(code[:16]):
+        if _OF_STEPS.fullmatch(folder.name) and not folder.name.startswith(code[:16]):
             shutil.rmtree(folder, ignore_errors=True)
+    for name in names if fresh else ():
+        shutil.rmtree(kept / name, ignore_errors=True)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     outcomes: list[Outcome] = []
     for name in names:
         listener.starts(name)
+        if source_digest() != code:
+            raise InputError("the program was changed while it ran; start again")
         work = Work(quick=quick, seed=seed, store=kept / name, note=listener.note)
-        outcomes.append(_outcome(name, work))
+        outcomes.append(_outcome(experiments[name], work))
         listener.ends(outcomes[-1])
         results = Results(
             quick=quick,
@@ -165,6 +177,7 @@ def validate(
             started=started,
             seconds=sum(one.seconds for one in outcomes),
             planned=len(names),
+            available=len(EXPERIMENTS),
             machine=_machine(),
             versions=_versions(),
             code=code,
@@ -214,7 +227,7 @@ def duration(seconds: float) -> str:
 
 def source_digest() -> str:
     """SHA-256 of the program, its scenes and the libraries' versions: the same figures' origin."""
-    digest = hashlib.sha256(repr(sorted(_versions().items())).encode())
+    digest = hashlib.sha256(repr([backend().variant, *sorted(_versions().items())]).encode())
     for package in _PACKAGES:
         root = Path(str(resources.files(package)))
         for path in sorted(root.rglob("*")):
@@ -224,14 +237,13 @@ def source_digest() -> str:
     return digest.hexdigest()
 
 
-def _outcome(name: str, work: Work) -> Outcome:
+def _outcome(experiment: Experiment, work: Work) -> Outcome:
     """One experiment; whatever goes wrong in it is its outcome."""
-    experiment = load_experiment(name)
 
     def outcome(status: str, note: str = "", finding: Finding | None = None) -> Outcome:
         return Outcome.model_validate(
             {
-                "name": name,
+                "name": experiment.name,
                 "claim": experiment.claim,
                 "rationale": experiment.rationale,
                 "expected": experiment.expected,

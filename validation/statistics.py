@@ -79,9 +79,8 @@ def assert_unbiased(
 
 
 def alarm_rate(
-    bias: float,
-    error: float,
-    cells: int,
+    bias: ArrayLike,
+    error: ArrayLike,
     *,
     false_alarm: float = FALSE_ALARM,
     trials: int = 2000,
@@ -92,19 +91,19 @@ def alarm_rate(
     Parameters
     ----------
     bias, error
-        Relative bias that all figures share, and their standard error.
-    cells
-        How many figures there are.
+        Relative biases of the figures, and their standard errors: shapes that broadcast to that of
+        the figures.
     false_alarm
         As for `assert_unbiased`.
     trials, seed
         How many simulations, and of their random numbers.
     """
     random = np.random.default_rng(seed)
+    bias, error = np.broadcast_arrays(np.asarray(bias, float), np.asarray(error, float))
     alarms = 0
     for _ in range(trials):
         try:
-            found = 1 + bias + error * random.standard_normal(cells)
+            found = 1 + bias + error * random.standard_normal(error.shape)
             assert_unbiased(found, error, 1.0, false_alarm=false_alarm)
         except AssertionError:
             alarms += 1

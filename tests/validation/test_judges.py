@@ -179,13 +179,14 @@ def found(tmp_path_factory):
 
 
 def _not_installed(*args):
-    raise Missing("needs ColorVideoVDP")
+    raise Missing("needs ColorVideoVDP: pip install 'domesim[metrics]'")
 
 
 def test_a_wrong_model_is_worth_having(found):
     finding, _ = found
     assert [check.what for check in finding.checks if not check.passed] == []
-    assert finding.left_out[-1] == "needs ColorVideoVDP"
+    missing = "The judge ColorVideoVDP: it needs pip install 'domesim[metrics]'"
+    assert finding.left_out[-1] == missing
     start = f"wrong_model.{THEATRE}."
     figures = {name.removeprefix(start): figure for name, figure in finding.figures.items()}
     assert figures["closed_form.visible"] < 0.5 * figures["untouched.visible"]
@@ -202,9 +203,10 @@ def test_compensation_for_nothing_would_be_noticed(found):
     wrong = replace(outcome, seen=idle, off_by=dict.fromkeys(outcome.off_by, Estimate(0.03, ())))
     failed = {check.what for check in wrong_model._checks("x", wrong) if not check.passed}
     assert failed == {
-        "x: visible error by the closed form, over that of nothing",
+        "x: visible error by the closed form, over the uncompensated one",
         "x: error of the tabulated prediction, over the mean added light",
-        "x: contrast of the soft one, closed form over nothing",
+        "x: contrast of the soft one, closed form over uncompensated",
+        "x: FLIP, closed form less uncompensated",
     }
 
 

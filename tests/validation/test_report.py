@@ -20,6 +20,7 @@ from validation import experiments, report
 from validation.cli import validate as command
 from validation.drawing import plot
 from validation.experiment import (
+    Check,
     Column,
     Experiment,
     Finding,
@@ -34,6 +35,7 @@ from validation.experiment import (
     equal,
     load_experiment,
 )
+from validation.experiments.eq15 import CASES
 
 SCHEMA = Path(report.__file__).parent / "results.schema.json"
 PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACH5BAAAAAAALAAAAAABAAEAAAICRAEAOw=="
@@ -189,7 +191,7 @@ def test_a_killed_run_goes_on(tmp_path, stubs):
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path)
     page = (tmp_path / "report.html").read_text()
-    assert "As expected: 1 of 1 experiment." in page
+    assert "1 of 1 experiment met" in page
     assert "still to come: 2." in page
     stubs[NAMES[1]].raises = None
     assert len(run(tmp_path).experiments) == 3
@@ -207,16 +209,67 @@ def test_what_was_measured_otherwise_is_measured_again(tmp_path, stubs, monkeypa
     assert first.runs == 3
     run(tmp_path)
     assert first.runs == 3  # the full run's are still there
-    run(tmp_path, fresh=True)
+    run(tmp_path, fresh=True, names=NAMES[:1])
     assert first.runs == 4
-    (file,) = (tmp_path / "steps").glob(f"*full-0/{NAMES[0]}/*.json")
+    assert stubs[NAMES[1]].runs == 3
+    (file,) = (tmp_path / report.STEPS).glob(f"*full-0/{NAMES[0]}/*.json")
     file.write_text(file.read_text()[:-5])
     run(tmp_path)
     assert first.runs == 5
+    other = tmp_path / report.STEPS / "precious"
+    other.mkdir()
     monkeypatch.setattr(report, "source_digest", lambda: "f" * 64)
     run(tmp_path)
     assert first.runs == 6
-    assert len(list((tmp_path / "steps").iterdir())) == 1
+    other.rmdir()
+    assert len(list((tmp_path / report.STEPS).iterdir())) == 1
+
+
+def test_a_program_that_changes_is_noticed(tmp_path, stubs, monkeypatch):
+    digests = iter("abcd")
+    monkeypatch.setattr(report, "source_digest", lambda: 16 * next(digests))
+    with pytest.raises(InputError, match="was changed while it ran"):
+        run(tmp_path)
+
+
+def test_a_selection_is_called_one(tmp_path, stubs):
+    run(tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert f"A selection: 3 of {len(experiments.EXPERIMENTS)} experiments" in page
+    assert "--only closed_form,bounces,eq15" in page
+
+
+def test_nothing_that_ran_is_not_green(tmp_path, stubs):
+    for name in NAMES:
+        stubs[name].raises = Missing("needs a telescope")
+    run(tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "Nothing could be run here" in page
+    assert 'class="verdict good"' not in page
+
+
+def test_there_is_something_to_fail():
+    with pytest.raises(ValueError, match="needs a bound"):
+        Check(what="x", found=1.0)
+    with pytest.raises(ValueError, match="needs a bound"):
+        at_most("x", 1.0, float("nan"))
+    with pytest.raises(ValueError, match="checks"):
+        Finding(result="Fine.", checks=())
+
+
+def test_infinite_figures_are_kept(tmp_path):
+    for _ in range(2):
+        work = Work(store=tmp_path)
+        assert work.step("far", tuple[float, float], lambda: (float("inf"), 1.0))[0] > 1e300
+    (tmp_path / next(tmp_path.iterdir()).name).read_text().index("Infinity")
+    assert Work(store=tmp_path).step("far", tuple[float, float], lambda: (0.0, 0.0))[0] > 1e300
+
+
+def test_two_steps_of_one_name_are_a_mistake():
+    work = Work()
+    work.step("a", float, lambda: 1.0)
+    with pytest.raises(ValueError, match="two steps are called 'a'"):
+        work.step("a", float, lambda: 2.0)
 
 
 def test_steps_have_files_of_their_own(tmp_path):
@@ -259,15 +312,18 @@ def test_a_real_run_survives_a_kill(tmp_path):
     line += ["--out", str(tmp_path)]
     process = subprocess.Popen(line, stdout=subprocess.DEVNULL)
     deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("steps/*/eq15/[!.]*.json")) and process.poll() is None:
+    while not list(tmp_path.glob(".domesim-steps/*/eq15/[!.]*.json")) and process.poll() is None:
         assert time.monotonic() < deadline
         time.sleep(0.01)
     process.kill()
     process.wait()
-    kept = {file: file.stat().st_mtime_ns for file in tmp_path.glob("steps/*/eq15/[!.]*.json")}
-    assert kept
+    kept = {
+        file: file.stat().st_mtime_ns for file in tmp_path.glob(".domesim-steps/*/eq15/[!.]*.json")
+    }
+    assert process.returncode == -9
+    assert 0 < len(kept) < len(CASES)
     assert subprocess.run(line, check=False, stdout=subprocess.DEVNULL).returncode == 0
-    assert len(list(tmp_path.glob("steps/*/eq15/[!.]*.json"))) == 4
+    assert len(list(tmp_path.glob(".domesim-steps/*/eq15/[!.]*.json"))) == len(CASES)
     assert all(file.stat().st_mtime_ns == when for file, when in kept.items())
 
 

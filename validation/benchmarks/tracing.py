@@ -6,14 +6,11 @@ a domemaster of SIZE² pixels in a process of its own and prints its peak memory
 
 from __future__ import annotations
 
-import resource
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -21,6 +18,7 @@ from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.scene import load_scene
 from domesim.theatre import Theatre
+from validation.benchmarks.commands import Job, run_command
 from validation.experiments.corrected_models import THEATRES
 
 
@@ -86,18 +84,13 @@ def application(size: int = 4096) -> tuple[float, float, float]:
     return forward, backward, abs(left / right - 1)
 
 
-def memory(size: int, scene: str = "dome_hemisphere") -> tuple[float, float]:
-    """Peak memory, GiB, and CPU time, s, of rendering a domemaster of `size`² pixels."""
+def render(size: int, scene: str = "dome_hemisphere") -> Job:
+    """Render a domemaster of `size`² pixels, two walks each."""
     with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "seen.exr"
-        command = [sys.executable, "-m", "domesim", "render", scene, "--quiet", "--out", str(out)]
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run(
-            [*command, "--size", str(size), "--samples", "2", "--error", "9"], check=True
-        )
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return after.ru_maxrss / 2**20, cpu
+        return run_command(
+            "render", scene, "--quiet", "--out", f"{folder}/seen.exr",
+            "--size", str(size), "--samples", "2", "--error", "9",
+        )  # fmt: skip
 
 
 if __name__ == "__main__":
@@ -110,5 +103,5 @@ if __name__ == "__main__":
     forward, backward, off = application()
     print(f"4096², tabulated: apply {forward:.2f} s, adjoint {backward:.2f} s, law to {off:.0e}")
     for argument in sys.argv[1:]:
-        peak, cpu = memory(int(argument))
-        print(f"render --size {argument} --samples 2: {peak:.1f} GiB, {cpu:.0f} CPU-s")
+        job = render(int(argument))
+        print(f"render --size {argument} --samples 2: {job.gib:.1f} GiB, {job.cpu_s:.0f} CPU-s")

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from validation.drawing import COLOURS, plot
-from validation.experiment import Column, Finding, Plot, Table, Work, at_least
+from validation.experiment import Column, Finding, Plot, Table, Work, at_least, require_tracer
 from validation.experiments.closed_form import BOUNCES, Cell, measure
 from validation.statistics import FALSE_ALARM, bias_p, calibration
 
@@ -28,6 +28,7 @@ CAPS = ((45, 0.3), (90, 0.5), (90, 0.8), (120, 0.6), (150, 0.9), (180, 0.7))
 
 def run(work: Work) -> Finding:
     """Trace the caps, bounce by bounce."""
+    require_tracer()
     error = 1e-3 if work.quick else 2e-4
     cells = [
         work.step(
@@ -39,7 +40,7 @@ def run(work: Work) -> Finding:
                 albedo,
                 error=error,
                 uneven=uneven,
-                seed=1000 * work.seed + 100 * (2 * number + uneven),
+                seed=100_000 * work.seed + 100 * (2 * number + uneven),
             ),
         )
         for number, (half_angle, albedo) in enumerate(CAPS[::2] if work.quick else CAPS)
@@ -50,10 +51,10 @@ def run(work: Work) -> Finding:
     return Finding(
         result=(
             f"Light of bounce k over that of bounce k - 1, k = 1 to {BOUNCES}, in {len(cells)} "
-            f"pictures: each is what the screen's albedo and area say, within its standard error "
-            f"(largest of {scores.size} z-scores {np.abs(scores).max():.1f}). After four bounces a "
-            f"white hemisphere of albedo 0.5 has {0.25**4:.1%} of its direct light left, one of "
-            f"albedo 0.8 {0.4**4:.1%}."
+            f"pictures: each is what the screen's albedo and area say, as closely as chance allows "
+            f"(largest of {scores.size} differences: {np.abs(scores).max():.1f} standard errors). "
+            f"After four bounces a white hemisphere of albedo 0.5 has {0.25**4:.1%} of its direct "
+            f"light left; at albedo 0.8, {0.4**4:.1%}."
         ),
         checks=(
             at_least("p-value, no bias of any ratio", spread, FALSE_ALARM / 2),

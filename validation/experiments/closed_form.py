@@ -29,7 +29,17 @@ from domesim.observation.spherical import ClosedFormDome, bare_gain
 from domesim.pathtrace.tracer import Settings, Traced, Tracer
 from domesim.theatre import Theatre
 from validation.drawing import plot
-from validation.experiment import Check, Column, Finding, Plot, Table, Work, at_least, at_most
+from validation.experiment import (
+    Check,
+    Column,
+    Finding,
+    Plot,
+    Table,
+    Work,
+    at_least,
+    at_most,
+    require_tracer,
+)
 from validation.statistics import FALSE_ALARM, alarm_rate, bias_p, calibration
 
 HALF_ANGLES = tuple(range(30, 181, 15))
@@ -167,7 +177,8 @@ def _ratio_scores(
 
 def run(work: Work) -> Finding:
     """Sweep the caps with both pictures, and test the test."""
-    error = 1e-3 if work.quick else 2.5e-4
+    require_tracer()
+    error = 8e-4 if work.quick else 2.5e-4
     half_angles = (30, 90, 180) if work.quick else HALF_ANGLES
     albedos = (0.1, 0.5, 0.9) if work.quick else ALBEDOS
     cells = {
@@ -181,7 +192,8 @@ def run(work: Work) -> Finding:
                     albedo,
                     error=error,
                     uneven=picture == "patch",
-                    seed=1000 * work.seed + 100 * number,
+                    # Another one for the patch: the same walks would err the same way
+                    seed=100_000 * work.seed + 100 * number + 50 * (picture == "patch"),
                 ),
             )
             for number, (half_angle, albedo) in enumerate(product(half_angles, albedos))
@@ -213,15 +225,16 @@ def run(work: Work) -> Finding:
             "white hemisphere of albedo 0.5: difference in standard errors", abs(headline.z), 3.3
         )
     )
-    rates, more = _test_of_the_test(work, error, len(cells["white"]))
+    rates, more = _test_of_the_test(work, cells["white"])
     cost = sum(cell.cpu_s for cell in every)
     return Finding(
         result=(
-            f"{len(every)} caps, half-angle {half_angles[0]}° to {half_angles[-1]}°, albedo "
-            f"{albedos[0]} to {albedos[-1]}, with a white picture and a bright patch: the closed "
-            f"form and path tracing differ by at most {max(abs(c.off_by) for c in every):.1e} of "
-            f"the reflected light, as their standard errors say "
-            f"({sum(cell.paths for cell in every) / 1e6:.0f} million paths, {cost:.0f} CPU-s). "
+            f"{len(cells['white'])} caps, half-angle {half_angles[0]}° to {half_angles[-1]}°, "
+            f"albedo {albedos[0]} to {albedos[-1]}, each with a white picture and a bright patch: "
+            f"the closed form and path tracing differ by at most "
+            f"{max(abs(c.off_by) for c in every):.1e} of the reflected light, as their standard "
+            f"errors say ({sum(cell.paths for cell in every) / 1e6:.0f} million paths, "
+            f"{cost:.0f} CPU-s). "
             f"A white hemisphere of albedo 0.5 reflects {headline.truth:.6f} of its direct light "
             f"by the closed form; traced: {headline.found:.6f} ± {headline.error:.6f}.\n\n"
             f"{rates}"
@@ -230,7 +243,7 @@ def run(work: Work) -> Finding:
         plots=(_against_albedo(cells["white"]), _deviations(every)),
         tables=tuple(_table(picture, group) for picture, group in cells.items()),
         figures={
-            "closed_form.cells": len(every),
+            "closed_form.cells": len(cells["white"]),
             "closed_form.worst": max(abs(cell.off_by) for cell in every),
             "closed_form.cpu_s": cost,
             "closed_form.hemisphere_off_by": headline.off_by,
@@ -240,29 +253,28 @@ def run(work: Work) -> Finding:
     )
 
 
-def _test_of_the_test(work: Work, error: float, cells: int) -> tuple[str, tuple[Check, ...]]:
-    """How often the assertion cries wolf, and what it catches, by simulation."""
+def _test_of_the_test(work: Work, cells: Sequence[Cell]) -> tuple[str, tuple[Check, ...]]:
+    """How often the assertion cries wolf, and what it catches, by simulation of these cells."""
     trials, often = 1000, 0.05
-    alarms = alarm_rate(0.0, error, cells, false_alarm=often, trials=trials, seed=work.seed)
+    error = np.array([cell.error / cell.truth for cell in cells])
+    one = np.eye(len(cells))[len(cells) // 2]
+    alarms = alarm_rate(0.0, error, false_alarm=often, trials=trials, seed=work.seed)
     power = {
-        (bias, count): alarm_rate(bias, error, count, trials=trials, seed=work.seed)
-        for bias, count in ((0.02, 1), (0.002, cells))
+        "2 % in one cell alone": alarm_rate(0.02 * one, error, trials=trials, seed=work.seed),
+        "0.2 % in all cells": alarm_rate(0.002, error, trials=trials, seed=work.seed),
     }
     bound = float(stats.binom.isf(1e-4, trials, often)) / trials
     text = (
         f"Can the test be trusted? Set to {often:.0%} false alarms it gave {alarms:.1%} in "
         f"{trials} simulated sweeps without a bias. Set to {FALSE_ALARM:.1%}, as here, it caught "
         + ", ".join(
-            f"{caught:.1%} of sweeps with a bias of {100 * bias:g} % "
-            f"({'in one cell alone' if count == 1 else 'in all cells'})"
-            for (bias, count), caught in power.items()
+            f"{caught:.1%} of sweeps with a bias of {bias}" for bias, caught in power.items()
         )
         + "."
     )
     return text, (
         at_most(f"false alarms when {often:.0%} are promised", alarms, bound),
-        at_least("share of biases of 2 % caught, one cell alone", power[0.02, 1], 0.99),
-        at_least("share of biases of 0.2 % caught, all cells", power[0.002, cells], 0.99),
+        *(at_least(f"share caught of biases of {bias}", power[bias], 0.99) for bias in power),
     )
 
 
@@ -303,17 +315,20 @@ def _deviations(cells: Sequence[Cell]) -> Plot:
         z = np.sort([cell.z for cell in cells])
         axes.plot(stats.norm.ppf((np.arange(len(z)) + 0.5) / len(z)), z, "o")
         axes.axline((0, 0), slope=1, color="#888888", lw=1)
+        axes.set(xlim=(-3.5, 3.5), ylim=(-3.5, 3.5), aspect="equal")
         axes.set(
             xlabel="expected by chance (standard normal)",
             ylabel="(traced - closed form)\n/ standard error",
         )
 
     return plot(
-        "All differences in units of their standard errors, in order, against those of pure "
-        "chance. On the line: nothing but noise, and its size is known.",
-        "A quantile plot: dots along the diagonal.",
+        "All differences in units of their standard errors, in order, against what pure chance "
+        f"would give: on the line there is nothing but noise. On average they lie "
+        f"{np.mean([cell.z for cell in cells]):+.2f} standard errors off; whether that is chance, "
+        "the p-values among the checks say.",
+        "A quantile plot: dots near the diagonal.",
         draw,
-        size=(4.6, 3.4),
+        size=(4.2, 4.0),
     )
 
 

@@ -1,4 +1,4 @@
-"""What the main jobs cost on this machine: seconds, memory, and counts that are any machine's.
+"""What the main jobs cost: seconds and memory here, and work counts that hold on any machine.
 
 Rationale
     A producer asks how long a frame takes and whether the machine is large enough. Seconds differ
@@ -6,64 +6,41 @@ Rationale
 Expected
     A 2048² frame is compensated within 3 GiB (quick: 1024², 1.5 GiB) and 200 FFTs of planes. An
     8192² domemaster of a theatre with one projector is path-traced within 8 GiB (full run only).
-    Aimed walks give the same error as plain ones for fewer.
+    Walks that are aimed at the picture's bright pixels give the same error as plain ones, with
+    fewer of them.
 """
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import tempfile
-import time
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.scene import load_scene
-from validation.benchmarks.tracing import Rate, application, memory, rates
+from validation.benchmarks.commands import Job, run_command
+from validation.benchmarks.tracing import Rate, application, rates, render
 from validation.experiment import Column, Finding, Missing, Table, Work, at_least, at_most
 from validation.masters import night
 
 
-@final
-@dataclass(frozen=True)
-class Job:
-    """One command in a process of its own.
-
-    Attributes
-    ----------
-    seconds
-        Wall-clock time, s.
-    gib
-        Peak memory, GiB.
-    figures
-        What it printed with --json.
-    """
-
-    seconds: float
-    gib: float
-    figures: dict[str, Any]
-
-
-def compensation(size: int) -> Job:
+def compensation(size: int, seed: int) -> Job:
     """``domesim compensate`` of one generated frame of `size`² pixels."""
     with tempfile.TemporaryDirectory() as folder:
         master = Path(folder) / "night.exr"
-        _write(master, night(size)[0])
-        return _measured(
-            "compensate", str(master), "--scene", "dome_imax", "--out", folder + "/out"
+        _write(master, night(size, seed)[0])
+        return run_command(
+            "compensate", str(master), "--scene", "dome_imax", "--out", f"{folder}/out", "--json"
         )
 
 
 def demo() -> Job:
     """``domesim demo``."""
     with tempfile.TemporaryDirectory() as folder:
-        return _measured("demo", "--out", folder)
+        return run_command("demo", "--out", folder, "--json")
 
 
 def aimed_gain(seed: int) -> float:
@@ -81,7 +58,7 @@ def aimed_gain(seed: int) -> float:
 def run(work: Work) -> Finding:
     """Run the jobs."""
     size = 1024 if work.quick else 2048
-    job = work.step(f"compensate {size}²", Job, lambda: compensation(size))
+    job = work.step(f"compensate {size}²", Job, lambda: compensation(size, work.seed))
     show = work.step("demo", Job, demo)
     frame = job.figures["frames"][0]
     checks = [
@@ -107,27 +84,27 @@ def run(work: Work) -> Finding:
         checks.append(at_least("plain over aimed walks for the same error", gain, 2))
         figures["costs.aimed_gain"] = gain
     if not work.quick and not left_out:
-        peak, cpu_s = work.step("render 8192²", tuple[float, float], lambda: memory(8192))
-        checks.append(at_most("render of 8192²: peak memory", peak, 8.0, "GiB"))
-        rows.append(("domesim render, 8192² domemaster, one projector", cpu_s, peak, None))
-        figures |= {"costs.render_8192.gib": peak, "costs.render_8192.cpu_s": cpu_s}
+        large = work.step("render 8192²", Job, lambda: render(8192))
+        checks.append(at_most("render of 8192²: peak memory", large.gib, 8.0, "GiB"))
+        rows.append(
+            ("domesim render, 8192² domemaster, one projector", large.seconds, large.gib, None)
+        )
+        figures |= {"costs.render_8192.gib": large.gib, "costs.render_8192.cpu_s": large.cpu_s}
         found = work.step("paths a second", tuple[Rate, ...], lambda: tuple(rates()))
         apply = work.step("apply a transport", tuple[float, float, float], application)
         checks.append(at_most("adjoint of a tabulated transport, 4096²", apply[2], 1e-6))
-        rows += [
-            ("apply a tabulated transport, 4096²", apply[0], None, None),
-            ("its adjoint", apply[1], None, None),
-        ]
-        tables.append(_rates(found))
+        tables += [_rates(found), _application(apply)]
         figures |= {
             f"costs.{rate.theatre}.{'aimed' if rate.aimed else 'plain'}": rate.paths
             for rate in found
         }
     return Finding(
         result=(
-            f"On this machine the demo takes {show.seconds:.0f} s, and a {size}² frame "
-            f"{job.seconds:.0f} s and {job.gib:.1f} GiB, most of it {frame['ffts']} FFTs of "
-            f"planes. With other work running at the same time, seconds are longer."
+            f"On this machine the demo takes {show.seconds:.0f} s ("
+            f"{show.figures['methods']['perceptual']['ffts']} FFTs of planes for its perceptual "
+            f"compensation), and a generated {size}² frame {job.seconds:.0f} s, {job.gib:.1f} GiB "
+            f"and {frame['ffts']} FFTs. With other work running at the same time, seconds are "
+            f"longer."
         ),
         checks=tuple(checks),
         tables=(
@@ -148,6 +125,14 @@ def run(work: Work) -> Finding:
     )
 
 
+def _application(apply: tuple[float, float, float]) -> Table:
+    return Table(
+        caption="A tabulated transport applied to a picture of 4096² pixels, float32.",
+        columns=(Column(name=""), Column(name="time", unit="s", digits=".2f")),
+        rows=(("observe", apply[0]), ("its adjoint", apply[1])),
+    )
+
+
 def _rates(found: tuple[Rate, ...]) -> Table:
     return Table(
         caption="Path tracing: walks a CPU-second. Aimed walks look for the picture's bright "
@@ -161,25 +146,6 @@ def _rates(found: tuple[Rate, ...]) -> Table:
             (rate.theatre, "aimed" if rate.aimed else "plain", rate.paths) for rate in found
         ),
     )
-
-
-def _measured(*arguments: str) -> Job:
-    """Run a command; its peak memory is read from its own process, by a wrapper."""
-    wrapper = (
-        "import resource, subprocess, sys; "
-        "done = subprocess.run([sys.executable, '-m', 'domesim', *sys.argv[1:]]); "
-        "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss); sys.exit(done.returncode)"
-    )
-    started = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-c", wrapper, *arguments, "--json"],
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    seconds = time.perf_counter() - started
-    figures, _, peak = done.stdout.rstrip().rpartition("\n")
-    return Job(seconds, int(peak) / 2**20, json.loads(figures))
 
 
 def _write(path: Path, pixels: np.ndarray[Any, Any]) -> None:

@@ -1,4 +1,4 @@
-"""What the paper prints of its user study proves a preference, but not all that it concludes.
+"""The paper's user study shows a preference if choices are independent, but not all it concludes.
 
 Rationale
     The paper (section 4.1) prints two numbers of its user study: chi² = 283.0 of 960 choices
@@ -344,8 +344,10 @@ def _videos(meanings: tuple[Videos, ...]) -> Table:
 def _sets_drawn(still: Stills) -> Plot:
     won = [totals for totals in still.totals if totals.perceptual_won]
     kinds = {
-        "certainly preferred to both others": [t for t in won if t.concluded == t.ways],
-        "perhaps not": [t for t in won if t.concluded < t.ways],
+        "significantly preferred in every possible outcome": [
+            t for t in won if t.concluded == t.ways
+        ],
+        "not in every one": [t for t in won if t.concluded < t.ways],
         "not what won most": [t for t in still.totals if not t.perceptual_won],
     }
 

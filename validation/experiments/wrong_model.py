@@ -1,17 +1,19 @@
-"""Compensation by the closed form is worth most of what it could be in a real theatre.
+"""Compensation by the closed form is worth most of what it could be, in simulated theatres with
+floor and seats.
 
 Rationale
     The closed form knows nothing but the bare screen. A real theatre has a floor, seats, walls and
     lamps, perhaps a gain lobe: its model is wrong there. Light that is taken off for reflections
     that were thought too weak leaves the rest of them; that rest is what a wrong model costs. So
     compensate with the closed form, observe in the path-traced theatre, and compare with
-    compensation by the tabulated operator, and with doing nothing.
+    compensation by the tabulated operator, with plain subtraction, and with doing nothing.
 Expected
     In every theatre the closed form beats doing nothing, in visible error and to two judges that
-    nobody optimised for. Tabulation, which predicts the added light within 2 %, is never worse; but
-    behind a perforated screen whose shell is lit the picture shines back through the holes, too
-    sharp for its smooth patterns: by more than 5 %. Neither raises the contrast of a full
-    checkerboard, whose black cannot be projected any blacker; both raise a soft one's.
+    nobody optimised for; whether it beats subtraction, each judge is asked. Tabulation, which
+    predicts the added light within 2 %, is never worse; but behind a perforated screen whose shell
+    is lit the picture shines back through the holes, too sharp for its smooth patterns: by more
+    than 5 %. Neither raises the contrast of a full checkerboard, whose black cannot be projected
+    any blacker; both raise a soft one's.
 """
 
 from __future__ import annotations
@@ -45,13 +47,14 @@ from validation.experiment import (
     Work,
     at_least,
     at_most,
+    require_tracer,
 )
 from validation.masters import bundled_night
 
 Images: TypeAlias = NDArray[np.float64]
 
 METHODS: Mapping[str, str] = {
-    "untouched": "nothing",
+    "untouched": "uncompensated",
     "subtractive": "subtraction, closed form",
     "closed_form": "perceptual, closed form",
     "tabulated": "perceptual, tabulated",
@@ -60,6 +63,13 @@ METHODS: Mapping[str, str] = {
 
 SOFT = 0.25
 """Light of the soft checkerboard's dark fields."""
+
+_TITLES: Mapping[str, str] = {
+    "untouched": "seen, uncompensated",
+    "subtractive": "seen: subtraction",
+    "closed_form": "seen: perceptual, closed form",
+    "tabulated": "seen: perceptual, tabulated",
+}
 
 PATTERNS: Mapping[
     str, tuple[str, Callable[[Scene, int], Light], Callable[[Light, Scene], float]]
@@ -168,6 +178,54 @@ class Seen:
 
 @final
 @dataclass(frozen=True)
+class Judge:
+    """One who says how near to the master something looks.
+
+    Parameters
+    ----------
+    name, introduced
+        For people.
+    perfect
+        Its score of the master itself.
+    score
+        None if it is not installed.
+    unit, digits
+        Of its scores.
+    """
+
+    name: str
+    introduced: str
+    perfect: int
+    score: Callable[[Seen], Estimate | None]
+    unit: str = ""
+    digits: str = ".3f"
+
+
+OUTSIDERS = (
+    Judge("FLIP", "FLIP, which nobody optimised for,", 0, lambda seen: seen.flip),
+    Judge(
+        "ColorVideoVDP",
+        "ColorVideoVDP, which nobody optimised for either,",
+        10,
+        lambda seen: seen.jod,
+        "JOD",
+    ),
+)
+JUDGES = (
+    Judge(
+        "the vision model",
+        "the vision model that compensation minimises,",
+        0,
+        lambda seen: seen.visible,
+        "JND rms",
+        ".2f",
+    ),
+    *OUTSIDERS,
+)
+
+
+@final
+@dataclass(frozen=True)
 class Outcome:
     """One theatre.
 
@@ -200,7 +258,7 @@ class Outcome:
 
     @property
     def kept(self) -> float:
-        """Share of what tabulation gains over doing nothing that the closed form gains."""
+        """Share of tabulation's improvement in visible error that the closed form gives."""
         nothing, closed, best = (
             self.seen[name].visible.value for name in ("untouched", "closed_form", "tabulated")
         )
@@ -268,10 +326,7 @@ def measure(name: str, effort: Effort, seed: int = 0) -> Outcome:
             f"{name}: the master, and what is seen of it in the path-traced theatre, "
             f"{1 / SHOWN_WHITE:g} times brighter than it is.",
             {"master": wanted[None]}
-            | {
-                f"seen: {METHODS[method]}": real.smooth(looks[method])[None]
-                for method in ("untouched", "closed_form", "tabulated")
-            },
+            | {_TITLES[method]: real.smooth(looks[method])[None] for method in METHODS},
             scene,
             brightest=SHOWN_WHITE,
         ),
@@ -280,6 +335,7 @@ def measure(name: str, effort: Effort, seed: int = 0) -> Outcome:
 
 def run(work: Work) -> Finding:
     """Compensate for, and look at, each theatre."""
+    require_tracer()
     efforts = QUICK if work.quick else FULL
     found = work.each(
         {name: (name, effort) for name, effort in efforts.items()},
@@ -288,10 +344,15 @@ def run(work: Work) -> Finding:
     )
     missing = {reason: None for outcome in found.values() for reason in outcome.missing}
     return Finding(
-        result="\n\n".join(_theatre(name, outcome) for name, outcome in found.items()),
+        result="\n\n".join(
+            (
+                *(_theatre(name, outcome) for name, outcome in found.items()),
+                "What becomes of broad faint structures is seen in fig9_dome.",
+            )
+        ),
         advice=_advice(found),
         checks=tuple(check for name, outcome in found.items() for check in _checks(name, outcome)),
-        tables=tuple(_table(name, outcome) for name, outcome in found.items()),
+        tables=tuple(table for name, outcome in found.items() for table in _tables(name, outcome)),
         plots=(_plot(found),),
         pictures=tuple(outcome.shown for outcome in found.values()),
         figures=_figures(found),
@@ -380,14 +441,17 @@ class _Real:
         """(judge, method) -> by halves of the repeats; and which judges are missing."""
         found: dict[tuple[str, str], Estimate] = {}
         missing = []
-        for name, judge in (("flip", judges.flip), ("jod", judges.colorvideovdp)):
+        for outsider, name, judge in zip(
+            OUTSIDERS, ("flip", "jod"), (judges.flip, judges.colorvideovdp), strict=True
+        ):
             try:
                 for method, look in looks.items():
                     halves = [self.smooth(look, slice(part, None, 2)) for part in (0, 1)]
                     scores = tuple(judge(wanted[None], half[None], self.scene) for half in halves)
                     found[name, method] = Estimate(sum(scores) / 2, scores)
             except Missing as reason:
-                missing.append(str(reason))
+                needs = str(reason).replace(f"{outsider.name}: ", "")
+                missing.append(f"The judge {outsider.name}: it {needs}")
         return found, tuple(missing)
 
 
@@ -438,12 +502,16 @@ def _visible_error(residuals: Images, posed: Posed) -> Estimate:
     return energy.root(thresholds / float(np.sqrt(np.count_nonzero(posed.screen))))
 
 
+_NOTICED = 0.005
+"""Least difference of a judge's scores that is one."""
+
+
 def _checks(name: str, outcome: Outcome) -> Iterator[Check]:
     nothing, closed, best = (
         outcome.seen[method] for method in ("untouched", "closed_form", "tabulated")
     )
     yield at_most(
-        f"{name}: visible error by the closed form, over that of nothing",
+        f"{name}: visible error by the closed form, over the uncompensated one",
         closed.visible.value / nothing.visible.value,
         0.75,
     )
@@ -462,35 +530,60 @@ def _checks(name: str, outcome: Outcome) -> Iterator[Check]:
         yield at_most(what, outcome.off_by["tabulated"].value, 0.02)
     yield at_most(f"{name}: what blurring leaves out, over it", outcome.rough.value, 0.05)
     if closed.flip is not None and nothing.flip is not None:
-        fall = closed.flip.less(nothing.flip).value
-        yield at_most(f"{name}: FLIP, closed form less nothing", fall, 0)
+        fall = closed.flip.less(nothing.flip)
+        what = f"{name}: FLIP, closed form less uncompensated"
+        yield at_most(what, fall.value, -2 * fall.error - _NOTICED)
     if closed.jod is not None and nothing.jod is not None:
-        rise = closed.jod.less(nothing.jod).value
-        yield at_least(f"{name}: ColorVideoVDP, closed form less nothing", rise, 0, "JOD")
+        rise = closed.jod.less(nothing.jod)
+        what = f"{name}: ColorVideoVDP, closed form less uncompensated"
+        yield at_least(what, rise.value, 2 * rise.error + _NOTICED, "JOD")
     full, soft = (
         closed.contrast[pattern].value / nothing.contrast[pattern].value
         for pattern in ("checkerboard", "soft_checkerboard")
     )
-    yield at_most(f"{name}: contrast of the checkerboard, closed form over nothing", full, 1.01)
-    yield at_least(f"{name}: contrast of the soft one, closed form over nothing", soft, 1.1)
+    yield at_most(
+        f"{name}: contrast of the checkerboard, closed form over uncompensated", full, 1.01
+    )
+    yield at_least(f"{name}: contrast of the soft one, closed form over uncompensated", soft, 1.1)
 
 
 def _advice(found: Mapping[str, Outcome]) -> str:
-    name, worst = min(found.items(), key=lambda item: item[1].kept)
+    kept = [outcome.kept for outcome in found.values()]
+    ends = dict.fromkeys(map(_percent, (min(kept), max(kept))))
+    theatres = f"{len(found)} simulated theatres" if len(found) > 1 else "one simulated theatre"
     return (
-        f"Compensate by the closed form if a theatre is not tabulated: in a real room it is worth "
-        f"{worst.kept:.0%} or more of what tabulation is ({name} is the worst of {len(found)}). "
-        f"No compensation raises the contrast of white and black fields, whose black cannot be "
-        f"projected any blacker: that takes paint."
+        f"No tabulation yet? Compensate anyway: in the {theatres} here the bare dome's formula "
+        f"gives {' to '.join(ends)} of the improvement in visible error that the tabulated room "
+        f"gives. {_preference(found)} Where the picture is black, nothing helps but a darker "
+        f"screen."
     )
+
+
+def _preference(found: Mapping[str, Outcome]) -> str:
+    """Whether perceptual compensation looks better than subtraction, to all judges everywhere."""
+    orders = [
+        list(order)
+        for outcome in found.values()
+        for judge in JUDGES
+        if (order := _ranked(judge, outcome))
+    ]
+    better = {order.index("perceptual") < order.index("subtraction") for order in orders}
+    question = "Whether perceptual compensation looks better than plain subtraction"
+    if len(orders) == len(found):
+        return f"{question}, no outside judge has said: compare both on your screen."
+    if len(better) > 1:
+        return f"{question}, judges disagree on: compare both on your screen."
+    return f"{question}, judges agree on: {'yes' if better.pop() else 'no'}."
 
 
 def _theatre(name: str, outcome: Outcome) -> str:
     """What was found in one theatre, for people."""
-    nothing, closed, best = (
-        outcome.seen[method] for method in ("untouched", "closed_form", "tabulated")
-    )
-    soft = [seen.contrast["soft_checkerboard"].value for seen in (nothing, closed, best)]
+    nothing, subtracted, closed, best = (outcome.seen[method] for method in METHODS)
+    soft = [
+        f"{seen.contrast['soft_checkerboard'].value:.2f}"
+        for seen in (nothing, subtracted, closed, best)
+    ]
+    plain = "does the same" if soft[1] == soft[2] else f"gives {soft[1]}"
     ghost = (
         " What shines back through the holes from the lit shell behind the screen is a blurred "
         "picture, which the operator's smooth patterns cannot carry."
@@ -498,70 +591,107 @@ def _theatre(name: str, outcome: Outcome) -> str:
     return (
         f"{name}: projected as it is, the night has a visible error of "
         f"{_with_error(nothing.visible)} JND. Compensated by the closed form it has "
-        f"{_with_error(closed.visible)} (believed: {closed.believed:.3g}), by the tabulated "
-        f"operator {_with_error(best.visible)}: the closed form is worth {outcome.kept:.1%} of "
-        f"tabulation, although it is {outcome.off_by['closed_form'].value:.0%} off about the added "
-        f"light (tabulated: {outcome.off_by['tabulated'].value:.1%}). {outcome.clipped:.0%} of the "
-        f"screen would need less light than none, and there no model helps. A soft checkerboard of "
-        f"{1 / SOFT:g} : 1 is seen as {soft[0]:.2f} untouched, {soft[1]:.2f} by the closed form "
-        f"and {soft[2]:.2f} tabulated.{ghost * outcome.ghost}{_verdicts(outcome)}"
+        f"{_with_error(closed.visible)} (predicted by its own model: {closed.believed:.2f}), by "
+        f"the tabulated operator {_with_error(best.visible)}: the closed form gives "
+        f"{_percent(outcome.kept, 1)} of the improvement that tabulation gives, although it is "
+        f"{_percent(outcome.off_by['closed_form'].value)} off about the added light (tabulated: "
+        f"{_percent(outcome.off_by['tabulated'].value, 1)}). On {_percent(outcome.clipped)} of the "
+        f"screen exact correction would need negative light; a better model of the room cannot "
+        f"help there. A soft checkerboard of {1 / SOFT:g} : 1 is seen as {soft[0]} uncompensated, "
+        f"{soft[2]} compensated by the closed form (plain subtraction {plain}) and {soft[3]} "
+        f"tabulated.{ghost * outcome.ghost} {_verdicts(outcome)}"
     )
+
+
+def _ranked(judge: Judge, outcome: Outcome) -> dict[str, float]:
+    """What can be done without a tabulation, best first; empty without the judge."""
+    scores = {
+        METHODS[method].partition(",")[0]: judge.score(outcome.seen[method])
+        for method in ("untouched", "subtractive", "closed_form")
+    }
+    known = {method: score.value for method, score in scores.items() if score is not None}
+    return dict(sorted(known.items(), key=lambda item: abs(item[1] - judge.perfect)))
 
 
 def _verdicts(outcome: Outcome) -> str:
-    """How the judges order the methods, best first."""
-    said = ""
-    for judge, scores, best_first in (
-        ("FLIP", {method: seen.flip for method, seen in outcome.seen.items()}, 1),
-        ("ColorVideoVDP", {method: seen.jod for method, seen in outcome.seen.items()}, -1),
-    ):
-        known = {method: score.value for method, score in scores.items() if score is not None}
-        order = sorted(known, key=lambda method: best_first * known[method])
-        ranked = ", ".join(f"{METHODS[method]} {known[method]:.3f}" for method in order)
-        said += f" {judge}, best first: {ranked}." if known else ""
+    """Which method each judge finds best, and whether they agree."""
+    orders = {judge: order for judge in JUDGES if (order := _ranked(judge, outcome))}
+    absent = " and ".join(judge.name for judge in JUDGES if judge not in orders)
+    favourites = {next(iter(order)) for order in orders.values()}
+    if len(orders) == 1:
+        said = f"No outside judge ran: {absent} are not installed."
+    elif len(favourites) > 1:
+        said = "The judges disagree."
+    else:
+        said = f"The judges agree that {favourites.pop()} is best."
+    for judge, order in orders.items():
+        best, other, worst = (
+            (method, format(score, judge.digits)) for method, score in order.items()
+        )
+        said += (
+            f" By {judge.introduced} {best[0]} is best ({best[1]}) and {worst[0]} worst "
+            f"({worst[1]}; {other[0]} {other[1]}; {judge.perfect} is perfect)."
+        )
+    if len(orders) == len(JUDGES) - 1:
+        said += f" Only one outside judge ran; {absent} is not installed."
     return said
 
 
+def _percent(share: float, digits: int = 0) -> str:
+    return f"{100 * share:.{digits}f} %"
+
+
 def _with_error(estimate: Estimate) -> str:
-    return f"{estimate.value:.3g} ± {estimate.error:.1g}"
+    digits = max(0, -int(np.floor(np.log10(estimate.error)))) if estimate.error else 3
+    return f"{estimate.value:.{digits}f} ± {estimate.error:.{digits}f}"
 
 
-def _table(name: str, outcome: Outcome) -> Table:
-    rows = tuple(
-        (
-            METHODS[method],
-            seen.believed,
-            seen.visible.value,
-            seen.visible.error,
-            seen.added.value,
-            *(None if score is None else score.value for score in (seen.flip, seen.jod)),
-            *(seen.contrast[pattern].value for pattern in PATTERNS),
-        )
-        for method, seen in outcome.seen.items()
-    )
-    errors = [max(seen.added.error for seen in outcome.seen.values())]
-    errors += [
-        max(seen.contrast[pattern].error for seen in outcome.seen.values()) for pattern in PATTERNS
-    ]
-    return Table(
+def _tables(name: str, outcome: Outcome) -> Iterator[Table]:
+    """The night, by all judges that ran, and the test patterns."""
+    looks = outcome.seen.values()
+    ran = [judge for judge in OUTSIDERS if all(judge.score(seen) is not None for seen in looks)]
+    added = max(seen.added.error for seen in looks)
+    yield Table(
         caption=(
-            f"{name}, the bundled night and test patterns, observed by path tracing. FLIP: 0 is "
-            f"the same as the master. ColorVideoVDP: 10 is. Checkerboards: bright over dark; black "
-            f"in white: the black disc over the white. Standard errors are at most "
-            f"{errors[0]:.1g} cd/m² of the added light, and "
-            f"{', '.join(f'{error:.1g}' for error in errors[1:])} of the patterns."
+            f"{name}, the bundled night, observed by path tracing. "
+            + "".join(f"{judge.name}: {judge.perfect} is perfect. " for judge in ran)
+            + f"Standard errors of the added light are at most {added:.1g} cd/m²."
         ),
         columns=(
             Column(name="compensation"),
-            Column(name="visible error, believed", unit="JND rms"),
-            Column(name="visible error, seen", unit="JND rms"),
+            Column(name="visible error, predicted by its own model", unit="JND rms", digits=".4g"),
+            Column(name="visible error, seen", unit="JND rms", digits=".4g"),
             Column(name="± standard error", unit="JND rms", digits=".1g"),
             Column(name="added light, mean", unit="cd/m²"),
-            Column(name="FLIP"),
-            Column(name="ColorVideoVDP", unit="JOD", digits=".3f"),
+            *(Column(name=judge.name, unit=judge.unit, digits=judge.digits) for judge in ran),
+        ),
+        rows=tuple(
+            (
+                METHODS[method],
+                seen.believed,
+                seen.visible.value,
+                seen.visible.error,
+                seen.added.value,
+                *(score.value for judge in ran if (score := judge.score(seen)) is not None),
+            )
+            for method, seen in outcome.seen.items()
+        ),
+    )
+    errors = (max(seen.contrast[pattern].error for seen in looks) for pattern in PATTERNS)
+    yield Table(
+        caption=(
+            f"{name}, test patterns, observed by path tracing. Checkerboards: bright over dark; "
+            f"black in white: the black disc over the white. Standard errors are at most "
+            f"{', '.join(f'{error:.1g}' for error in errors)}."
+        ),
+        columns=(
+            Column(name="compensation"),
             *(Column(name=title) for title, _, _ in PATTERNS.values()),
         ),
-        rows=rows,
+        rows=tuple(
+            (METHODS[method], *(seen.contrast[pattern].value for pattern in PATTERNS))
+            for method, seen in outcome.seen.items()
+        ),
     )
 
 
@@ -577,14 +707,14 @@ def _plot(found: Mapping[str, Outcome]) -> Plot:
             error = [2 * one.visible.error for one in seen] / nothing
             axes.bar(place, height, 0.19, yerr=error, label=title)
             axes.plot(place, [one.believed for one in seen] / nothing, "_", color="black", ms=12)
-        axes.set(xticks=across, ylabel="visible error, that of nothing = 1")
+        axes.set(xticks=across, ylabel="visible error, uncompensated = 1")
         axes.set_xticklabels(found)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
 
     return plot(
         "Visible error of the bundled night as it is seen in the path-traced theatres (bars, with "
         "two standard errors), and what the model that was compensated with makes of it (dashes).",
-        "Groups of four bars: both perceptual ones are far below those of nothing and subtraction.",
+        "Groups of four bars: both perceptual ones are far below the others.",
         draw,
     )
 
