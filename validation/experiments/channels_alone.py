@@ -54,6 +54,7 @@ def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[st
     slack = 1e-5  # of white
     outside = np.any((rgb < -slack) | (rgb > 1 + slack), axis=-1)[0]
     return {
+        "clipped": posed.clipped,
         "out_of_gamut": float(outside[screen].mean()),
         "excess_clipped": problem.cost(problem.project(rgb)) / joint.cost - 1,
         "excess_subtractive": problem.cost(posed.subtractive) / joint.cost - 1,
@@ -69,8 +70,8 @@ def run(work: Work) -> Finding:
         result=(
             f'The paper: "For color images we solve Equation 3 separately for each channel." Then '
             f"{out_of_gamut:.1%} of the screen is out of the projector's gamut; clipped back into "
-            f"it, the cost is {excess:.1%} above what solving the channels together reaches. Both "
-            f"are small: the paper's way is wrong, but not by much."
+            f"it, the cost is {excess:.1%} above what solving the channels together reaches. The "
+            f"paper's way costs little on this easy picture."
         ),
         checks=(
             at_least("share of the screen out of gamut", out_of_gamut, 1e-3),
@@ -81,7 +82,11 @@ def run(work: Work) -> Finding:
         ),
         tables=(
             Table(
-                caption=f"Cost over that of the joint solution; a generated night, {size}².",
+                caption=(
+                    f"Excess over the cost of the joint solution; a generated night, {size}². "
+                    f"Exact subtraction clips only {found['clipped']:.1%} of this picture (of the "
+                    f"bundled night about three quarters): an easy problem."
+                ),
                 columns=(Column(name="solution"), Column(name="excess cost", unit="%")),
                 rows=(
                     ("channels alone, clipped into the gamut (the paper's)", 100 * excess),

@@ -1,4 +1,4 @@
-"""The product's solver finds the minimum, with fewer FFTs than any other solver here.
+"""The product's solver finds the minimum, with the fewest FFTs to a gap of 1e-2 to 1e-4.
 
 Rationale
     A solver can agree with itself and be wrong. At a size where the whole operator fits in a matrix
@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -217,13 +217,14 @@ def run(work: Work) -> Finding:
     errors = work.step("adjoints", dict[str, float], lambda: adjoints(15, work.seed))
     found = {size: _costs(work, size) for size in sizes}
     largest = max(sizes)
+    clipped = {n: work.step(f"{n} clipped", float, _clipped(work, n)) for n in sizes}
     return Finding(
-        result=_result(small, largest, found[largest]),
+        result=_result(small, largest, found),
         checks=(
             *_small_checks(small, errors),
             *(check for size, costs in found.items() for check in _checks(size, costs)),
         ),
-        tables=(_small_table(small), _table(found)),
+        tables=(_small_table(small), _table(found, clipped)),
         plots=tuple(_plot(size, costs) for size, costs in found.items()),
         figures={
             f"convergence.{size}.{name}.ffts_{label}": math.inf if ffts is None else ffts
@@ -232,6 +233,10 @@ def run(work: Work) -> Finding:
             for label, ffts in zip(("1e-2", "1e-3", "1e-4"), cost.ffts, strict=True)
         },
     )
+
+
+def _clipped(work: Work, size: int) -> Callable[[], float]:
+    return lambda: Case(size, SCENE, work.seed).single.clipped
 
 
 def _costs(work: Work, size: int) -> dict[str, Cost]:
@@ -243,7 +248,10 @@ def _costs(work: Work, size: int) -> dict[str, Cost]:
     }
 
 
-def _result(small: Truth, size: int, costs: Mapping[str, Cost]) -> str:
+def _result(small: Truth, size: int, found: Mapping[int, Mapping[str, Cost]]) -> str:
+    costs = found[size]
+    levels = ", ".join(f"{one['frozen'].final_gap:.0e} ({n}²)" for n, one in found.items())
+
     def to(name: str) -> str:
         ffts = costs[name].ffts[GAPS.index(1e-3)]
         return "never" if ffts is None else f"{ffts}"
@@ -256,9 +264,9 @@ def _result(small: Truth, size: int, costs: Mapping[str, Cost]) -> str:
         f"pollution {to('gpcg')}, with the paper's frozen pollution {to('frozen')}, L-BFGS-B "
         f"{to('lbfgsb')}, TNC {to('tnc')}.\n\n"
         f'The paper: "performance and convergence is slow". It held for its solver, which needs '
-        f"{_ffts(costs['gpcg'], 1e-3) / _ffts(costs['admm'], 1e-3):.1f} times as many FFTs as ours "
-        f"with exact pollution, and with frozen pollution stays {costs['frozen'].final_gap:.0e} "
-        f"above the minimum; it need not be so."
+        f"about {_ffts(costs['gpcg'], 1e-3) / _ffts(costs['admm'], 1e-3):.0f} times as many FFTs "
+        f"as ours with exact pollution. Frozen pollution levels off above the minimum, "
+        f"by {levels}; other sizes hold other pictures (Table 1). It need not be so."
     )
 
 
@@ -287,9 +295,13 @@ def _checks(size: int, costs: Mapping[str, Cost]) -> Iterator[Check]:
     )
     for name in ("gpcg", "lbfgsb"):
         yield at_most(f"{size}², {costs[name].solver}: true gap", costs[name].final_gap, 1e-3)
-    ffts = {name: _ffts(cost, 1e-3) for name, cost in costs.items()}
-    others = min(count for name, count in ffts.items() if name != "admm")
-    yield at_least(f"{size}²: FFTs to 1e-3, the best other's over ours", others / ffts["admm"], 1.2)
+    for gap, bound in zip(GAPS, (1, 1.2, 1), strict=True):
+        best = min(_ffts(cost, gap) for name, cost in costs.items() if name != "admm")
+        yield at_least(
+            f"{size}²: FFTs to {gap:.0e}, the best other's over ours",
+            best / _ffts(ours, gap),
+            bound,
+        )
 
 
 def _ffts(cost: Cost, gap: float) -> float:
@@ -311,28 +323,22 @@ def _small_table(small: Truth) -> Table:
     )
 
 
-def _table(found: Mapping[int, Mapping[str, Cost]]) -> Table:
-    rows = []
-    for size, costs in found.items():
-        for cost in costs.values():
-            reached = next((seen for seen in cost.seen if seen.gap <= 1e-3), None)
-            rows.append(
-                (
-                    f"{size} × {size}",
-                    cost.solver,
-                    *cost.ffts,
-                    None if reached is None else reached.seconds,
-                    cost.final_gap,
-                    cost.certified_gap,
-                )
-            )
+def _table(found: Mapping[int, Mapping[str, Cost]], clipped: Mapping[int, float]) -> Table:
+    rows = [
+        (f"{size} × {size}", cost.solver, *cost.ffts, cost.final_gap, cost.certified_gap)
+        for size, costs in found.items()
+        for cost in costs.values()
+    ]
     return Table(
-        caption="FFTs of a plane to a relative gap, on this machine's processors.",
+        caption=(
+            f"FFTs of a plane to a relative gap. Exact subtraction clips only "
+            f"{', '.join(f'{share:.1%} (at {size}²)' for size, share in clipped.items())} of the "
+            f"picture (of the bundled night about three quarters): easy problems."
+        ),
         columns=(
             Column(name="resolution"),
             Column(name="solver"),
             *(Column(name=f"FFTs to {gap:.0e}") for gap in GAPS),
-            Column(name="time to 1e-03", unit="s"),
             Column(name="gap in the end", digits=".1e"),
             Column(name="certified", digits=".1e"),
         ),

@@ -33,6 +33,7 @@ def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[st
     exact = GPCG(tolerance=1e-5, max_iterations=60)(problem, start)
     return {
         "pollution_cd_m2": posed.pollution,
+        "clipped": posed.clipped,
         "excess_frozen": frozen.cost / least - 1,
         "excess_exact": exact.cost / least - 1,
         "excess_subtractive": problem.cost(start) / least - 1,
@@ -48,6 +49,7 @@ def run(work: Work) -> Finding:
         lambda scene: measure(size, scene, work.seed),
     )
     by_theatre = dict(zip(THEATRES, found.values(), strict=True))
+    clipped = [one["clipped"] for one in by_theatre.values()]
     excesses = [one["excess_frozen"] for one in by_theatre.values()]
     return Finding(
         result=(
@@ -59,7 +61,12 @@ def run(work: Work) -> Finding:
         checks=tuple(_checks(by_theatre)),
         tables=(
             Table(
-                caption=f"Cost over the certified minimum; a generated night, {size}².",
+                caption=(
+                    f"Excess over the certified least cost; a generated night, {size}². Exact "
+                    f"subtraction clips only {min(clipped):.1%} to {max(clipped):.1%} of this "
+                    f"picture (of the bundled night in dome_imax about three quarters): an easy "
+                    f"problem."
+                ),
                 columns=(
                     Column(name="theatre"),
                     Column(name="pollution", unit="cd/m²"),
@@ -67,7 +74,16 @@ def run(work: Work) -> Finding:
                     Column(name="exact", digits=".1e"),
                     Column(name="subtraction, the start", digits=".1e"),
                 ),
-                rows=tuple((name, *one.values()) for name, one in by_theatre.items()),
+                rows=tuple(
+                    (
+                        name,
+                        one["pollution_cd_m2"],
+                        one["excess_frozen"],
+                        _excess(one["excess_exact"]),
+                        one["excess_subtractive"],
+                    )
+                    for name, one in by_theatre.items()
+                ),
             ),
         ),
         figures={
@@ -76,6 +92,11 @@ def run(work: Work) -> Finding:
             for kind in ("frozen", "exact")
         },
     )
+
+
+def _excess(found: float) -> float | str:
+    """The least cost is certified to 1e-7."""
+    return found if abs(found) > 1e-7 else "0 (within 1e-7)"
 
 
 def _checks(by_theatre: dict[str, dict[str, float]]) -> Iterator[Check]:
