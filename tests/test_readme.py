@@ -11,11 +11,15 @@ import sys
 from pathlib import Path
 from typing import get_args
 
+import jsonschema
 import numpy as np
 import pytest
 from pydantic import BaseModel
 
 from domesim import scene
+from domesim.errors import InputError
+from validation.readme import RESULTS, readme
+from validation.report import schema
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -67,6 +71,46 @@ def test_figures(folder):
     )
     share = float(re.search(r"subtraction on (\d+) % of the screen", README)[1])
     assert share == pytest.approx(100 * found["none"]["clipped"], abs=0.6)
+
+
+def test_every_figure_is_of_the_kept_results():
+    results = json.loads(RESULTS.read_text())
+    assert readme(results) == README, "make readme writes it anew"
+    jsonschema.validate(results, schema())
+
+
+def test_what_the_readme_says_of_the_judges():
+    """Its words, not only its figures."""
+    results = json.loads(RESULTS.read_text())
+    figures = {
+        name: figure
+        for one in results["experiments"]
+        for name, figure in one["finding"]["figures"].items()
+    }
+    jod, flip = (
+        [
+            figures[f"wrong_model.dome_planetarium.{method}.{judge}"]
+            for method in ("untouched", "subtractive", "closed_form")
+        ]
+        for judge in ("jod", "flip")
+    )
+    assert jod[2] > max(jod[0], jod[1])
+    assert flip[0] > flip[2] > flip[1]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda r: r.update(quick=True), "a quick one"),
+        (lambda r: r["experiments"][0].update(status="not as expected"), "others: closed_form"),
+        (lambda r: r["experiments"][0]["finding"]["figures"].clear(), "quotes closed_form.cells"),
+    ],
+)
+def test_results_that_are_not_to_be_quoted(spoil, message):
+    results = json.loads(RESULTS.read_text())
+    spoil(results)
+    with pytest.raises(InputError, match=message):
+        readme(results)
 
 
 def test_python():

@@ -384,8 +384,8 @@ def test_extreme_outcomes_are_what_they_are_called(stills):
 
 
 def test_stored_steps_are_read_back(finding, tmp_path):
-    work = Work(store=tmp_path)
-    assert user_study.run(work) == user_study.run(work) == finding
+    for _ in range(2):
+        assert user_study.run(Work(store=tmp_path)) == finding
 
 
 @pytest.mark.parametrize(
