@@ -394,6 +394,9 @@ def _limits(families: Mapping[str, Sequence[tuple[float, Deviation]]]) -> list[s
             f"the dome is more than {float(np.interp(TOLERABLE, errors, values)):.0%} flatter than "
             f"a sphere"
         )
+    seats = [one for _, one in families.get("seats and audience, black floor, albedo", ())]
+    if seats and max(one.largest for one in seats) > TOLERABLE:
+        found.append(f"there are seats and people (up to {max(x.largest for x in seats):.0%})")
     return found
 
 
