@@ -281,7 +281,7 @@ class Work:
         done = _Step(time.perf_counter() - begin, value)
         if path is not None:
             path.parent.mkdir(parents=True, exist_ok=True)
-            # JSON has no infinities, but Python's and Pydantic's reads them
+            # JSON has no infinities, but Pydantic reads and writes them
             write_whole(path, to_json(done, inf_nan_mode="constants"))
         self.seconds += done.seconds
         return done.value

@@ -163,6 +163,7 @@ def validate(
     for name in names if fresh else ():
         shutil.rmtree(kept / name, ignore_errors=True)
     started = datetime.now(UTC).isoformat(timespec="seconds")
+    machine, versions = _machine(), _versions()
     outcomes: list[Outcome] = []
     for name in names:
         listener.starts(name)
@@ -178,8 +179,8 @@ def validate(
             seconds=sum(one.seconds for one in outcomes),
             planned=len(names),
             available=len(EXPERIMENTS),
-            machine=_machine(),
-            versions=_versions(),
+            machine=machine,
+            versions=versions,
             code=code,
             experiments=tuple(outcomes),
         )

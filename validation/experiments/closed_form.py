@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from domesim.dome import Dome
+from domesim.observation.base import AdjointObservation
 from domesim.observation.spherical import ClosedFormDome, bare_gain
 from domesim.pathtrace.tracer import Settings, Traced, Tracer
 from domesim.theatre import Theatre
@@ -117,8 +118,6 @@ def measure(
     source = tracer.picture(picture)
     share = dome.screen_areas(SIZE, SIZE) / dome.screen_area
     observation = ClosedFormDome(dome, SIZE, SIZE, albedo=albedo)
-    shown = picture[None].astype(np.float64)
-    reflected = (observation.observe(shown) - observation.direct(shown))[0, ..., 0]
     areas = dome.pixel_areas(SIZE, SIZE)
     direct = float(np.sum(picture[..., 0] * areas) / areas.sum())
     pilot = _trace(tracer, source, 64, seed + RUNS)
@@ -131,7 +130,7 @@ def measure(
     return Cell(
         half_angle,
         albedo,
-        truth=float(np.sum(share * reflected) / share[dome.inside(SIZE, SIZE)].sum()) / direct,
+        truth=float(np.sum(share * reflected(observation, picture)[..., 0])) / direct,
         found=float(pooled[:, 0].mean()) / direct,
         error=float(np.sqrt(np.mean(pooled[:, 1] ** 2) / RUNS)) / direct,
         bounces=tuple(float(light) / direct for light in bounces.mean(0)),
@@ -140,6 +139,14 @@ def measure(
         paths=int(dome.inside(SIZE, SIZE).sum()) * walks * RUNS,
         cpu_s=sum(run.seconds for run in runs),
     )
+
+
+def reflected(
+    observation: AdjointObservation, picture: NDArray[np.floating[Any]]
+) -> NDArray[np.float64]:
+    """(row, col, primary): what an observation adds to the direct light of a domemaster."""
+    shown = picture[None].astype(np.float64)
+    return np.asarray((observation.linear(shown) - observation.direct(shown))[0])
 
 
 def patch(size: int) -> NDArray[np.float32]:

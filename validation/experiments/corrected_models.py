@@ -20,6 +20,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, final
 
 import numpy as np
@@ -44,6 +45,7 @@ from validation.experiment import (
     at_most,
     require_tracer,
 )
+from validation.experiments.closed_form import reflected
 from validation.statistics import rms_difference
 
 DOME = Dome(5.0, np.pi / 2)
@@ -181,7 +183,7 @@ def _comparison(
     mean = float(np.einsum("ij,ijp->p", share, (first.mean + second.mean) / 2).mean())
     variance = np.prod([one.standard_error[..., 0].astype(np.float64) for one in pair], 0)
     noise = np.sqrt(2 * np.sqrt(np.sum((share * variance) ** 2)))
-    reflected = model.reflected(light(picture, SIZE))
+    found = model.reflected(light(picture, SIZE))
     return Comparison(
         model=model.name,
         rank=model.rank,
@@ -189,7 +191,7 @@ def _comparison(
         claimed=model.claimed,
         picture=picture,
         mean=mean,
-        rms=rms_difference(reflected, first.mean, second.mean, share) / mean,
+        rms=rms_difference(found, first.mean, second.mean, share) / mean,
         noise=float(noise / mean),
     )
 
@@ -206,13 +208,7 @@ def _models(
     areas = theatre.dome.pixel_areas(SIZE, SIZE)
     share = areas / areas.sum()
 
-    def by_closed_form(picture: NDArray[np.float32]) -> NDArray[np.float64]:
-        shown = np.asarray(picture[None], np.float64)
-        reflected = np.asarray((closed.observe(shown) - closed.direct(shown))[0])
-        # The rim cuts pixels whose centre is off the screen
-        return np.where(closed.screen[..., None], reflected, reflected.max())
-
-    yield Model(CLOSED_FORM, 1, 0.0, None, by_closed_form)
+    yield Model(CLOSED_FORM, 1, 0.0, None, partial(reflected, closed))
     if not theatre.beyond_enclosure:
         gain = one_node_a_surface(theatre)
         yield Model(
@@ -242,12 +238,7 @@ def _transported(
     name: str, transport: Transport, cpu_s: float, claimed: float | None = None
 ) -> Model:
     observation = transport.observation(SIZE, SIZE)
-
-    def reflected(picture: NDArray[np.float32]) -> NDArray[np.float64]:
-        shown = np.asarray(picture[None], np.float64)
-        return np.asarray((observation.linear(shown) - observation.direct(shown))[0])
-
-    return Model(name, transport.rank, cpu_s, claimed, reflected)
+    return Model(name, transport.rank, cpu_s, claimed, partial(reflected, observation))
 
 
 def one_node_a_surface(theatre: Theatre) -> float:

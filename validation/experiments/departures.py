@@ -41,7 +41,7 @@ from validation.experiment import (
     at_most,
     require_tracer,
 )
-from validation.experiments.closed_form import patch
+from validation.experiments.closed_form import patch, reflected
 from validation.statistics import rms_difference
 
 SIZE = 64
@@ -104,8 +104,6 @@ class Deviation:
         Error of the closed form for a bright patch, mean over the screen.
     radiosity
         By radiosity, where it applies.
-    cpu_s
-        Of tracing, s.
     """
 
     traced: float
@@ -114,7 +112,6 @@ class Deviation:
     unevenness: float
     patch_off_by: float
     radiosity: float | None
-    cpu_s: float
 
     @property
     def off_by(self) -> float:
@@ -225,7 +222,6 @@ def measure(case: Case, *, error: float, resolution: int, seed: int) -> Deviatio
     errors: list[float] = []
     models: list[float] = []
     uneven: list[float] = []
-    cpu_s = 0.0
     for picture in (np.ones((SIZE, SIZE, 3), np.float32), patch(SIZE)):
         source = tracer.picture(picture)
         pair = [
@@ -244,10 +240,7 @@ def measure(case: Case, *, error: float, resolution: int, seed: int) -> Deviatio
         one, other = (traced.pooled_error(share)[1] for traced in pair)
         errors.append(float(np.hypot(one, other)) / 2)
         uneven.append(rms_difference(even, pair[0].mean, pair[1].mean, share) / mean)
-        shown = picture[None].astype(np.float64)
-        reflected = (closed.observe(shown) - closed.direct(shown))[0, ..., 0]
-        models.append(float(np.sum(share * reflected) / share[closed.screen].sum()))
-        cpu_s += sum(traced.seconds for traced in pair)
+        models.append(float(np.sum(share * reflected(closed, picture)[..., 0])))
     second = None
     others = theatre.floor is not None or theatre.dome.height_ratio != 1
     if others and not theatre.beyond_enclosure:
@@ -259,7 +252,6 @@ def measure(case: Case, *, error: float, resolution: int, seed: int) -> Deviatio
         unevenness=max(0.0, uneven[0]),
         patch_off_by=models[1] / means[1] - 1,
         radiosity=second,
-        cpu_s=cpu_s,
     )
 
 

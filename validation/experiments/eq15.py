@@ -35,6 +35,7 @@ from validation.experiment import (
     between,
     require_tracer,
 )
+from validation.experiments.closed_form import reflected
 
 SIZE = 64
 ALBEDO = 0.5
@@ -85,9 +86,8 @@ def measure(half_angle: float, radius: float, *, error: float, seed: int) -> Cas
         walks = max(64, round(0.3 / error**2 / SIZE**2))
         settings = Settings(least=walks, most=walks, seed=seed + number)
         traced = tracer.screen(tracer.picture(picture), SIZE, SIZE, settings)
-        shown = picture[None].astype(np.float64)
-        reflected = (observation.observe(shown) - observation.direct(shown))[0]
-        model = float(np.sum(areas[..., None] * reflected) / areas.sum() / 3)
+        light = reflected(observation, picture)
+        model = float(np.sum(areas[..., None] * light) / areas.sum() / 3)
         found.append((*traced.pooled_error(areas), model))
     (white, white_error, white_model), (dim, dim_error, dim_model) = found
     lit = float(areas[half[..., 0] > 0].sum())
