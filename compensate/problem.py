@@ -56,10 +56,11 @@ class Problem:
         regularisation: float = 0.0,
         negligible: float = 0.0,
     ) -> None:
-        require_light(desired, observation.shape, who="Problem's desired light")
-        if weighting.shape != observation.shape:
+        require_light(desired, observation.seen_shape, who="Problem's desired light")
+        if weighting.shape != observation.seen_shape:
             raise ValueError(
-                f"weighting takes {weighting.shape}, but the observation gives {observation.shape}"
+                f"weighting takes {weighting.shape}, but the observation gives "
+                f"{observation.seen_shape}"
             )
         if regularisation and anchor is None:
             raise ValueError("a regularised problem needs an anchor, got none")
@@ -126,9 +127,20 @@ class Problem:
 
     def frozen(self, at: Light) -> Problem:
         """The same problem with the pollution of the light `at` (eq. 9)."""
+        return self.observed_by(Frozen(self.observation, at))
+
+    def observed_by(self, observation: AdjointObservation) -> Problem:
+        """The same problem with another `observation` of the same shapes."""
+        return self._with(observation, self.weighting)
+
+    def weighted_by(self, weighting: Weighting) -> Problem:
+        """The same problem with another `weighting` of the same shape."""
+        return self._with(self.observation, weighting)
+
+    def _with(self, observation: AdjointObservation, weighting: Weighting) -> Problem:
         return Problem(
-            Frozen(self.observation, at),
-            self.weighting,
+            observation,
+            weighting,
             self.desired,
             (self.lower, self.upper),
             anchor=self.anchor,

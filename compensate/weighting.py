@@ -93,6 +93,11 @@ class CsfWeighting(Weighting):
         (rows, cols) of the padded grid.
     peak
         Sensitivity at Omega = 1: weighted contrast times this is in just-noticeable differences.
+    views
+        How many views residuals have: 1, 2 for a stereo pair, more for several seats; each is
+        weighted alone.
+    importance
+        (view,) how much the energy of each view's residual counts; 1 each if None.
     """
 
     def __init__(
@@ -102,6 +107,8 @@ class CsfWeighting(Weighting):
         support: NDArray[np.bool_],
         padded: tuple[int, int],
         peak: float = 1.0,
+        views: int = 1,
+        importance: NDArray[np.floating[Any]] | None = None,
     ) -> None:
         expected = (len(opponent), padded[0], padded[1] // 2 + 1)
         if gains.shape not in (expected, (1, *expected[1:])):
@@ -112,13 +119,29 @@ class CsfWeighting(Weighting):
         self.opponent = opponent
         self.support = support
         self._peak = peak
+        self.importance = np.ones(views) if importance is None else importance
+        self._alike = bool(np.all(self.importance == 1))
         self._fourier = Fourier(*padded)
-        self._converted: dict[tuple[str, ...], tuple[Array, Array, Array]] = {}
+        self._converted: dict[tuple[str, ...], tuple[Array, Array, Array, Array]] = {}
+
+    def with_importance(self, importance: NDArray[np.floating[Any]]) -> CsfWeighting:
+        """The same weighting of views that count otherwise; its transforms are counted together."""
+        other = CsfWeighting(
+            self.gains,
+            self.opponent,
+            self.support,
+            (self.fourier.rows, self.fourier.cols),
+            self.peak,
+            len(importance),
+            importance,
+        )
+        other._fourier = self._fourier
+        return other
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
-        """(1, row, col, primary)."""
-        return (1, *self.support.shape, self.opponent.shape[1])
+        """(view, row, col, primary)."""
+        return (len(self.importance), *self.support.shape, self.opponent.shape[1])
 
     @property
     def fourier(self) -> Fourier:
@@ -153,11 +176,11 @@ class CsfWeighting(Weighting):
         return self._to_light(self._fourier.inverse(spectrum))
 
     def _weighted_spectrum(self, residual: Light) -> Array:
-        gains, opponent, support = self._like(residual)
+        gains, opponent, support, _ = self._like(residual)
         xp = namespace(residual)
         rows, cols = self.support.shape
         channels = xp.permute_dims(
-            (residual * support[None, :, :, None]) @ opponent.T, (0, 3, 1, 2)
+            (residual * self._counting(residual, support)) @ opponent.T, (0, 3, 1, 2)
         )
         planes = xp.zeros(
             (*channels.shape[:2], self._fourier.rows, self._fourier.cols),
@@ -170,18 +193,27 @@ class CsfWeighting(Weighting):
         return spectrum
 
     def _to_light(self, planes: Array) -> Light:
-        _, opponent, support = self._like(planes)
+        _, opponent, support, _ = self._like(planes)
         rows, cols = self.support.shape
         channels = namespace(planes).permute_dims(planes[:, :, :rows, :cols], (0, 2, 3, 1))
-        return (channels @ opponent) * support[None, :, :, None]
+        return (channels @ opponent) * self._counting(planes, support)
 
-    def _like(self, light: Light) -> tuple[Array, Array, Array]:
+    def _counting(self, light: Light, support: Array) -> Array:
+        """(view or 1, row, col, 1): the root of how much each pixel counts."""
+        if self._alike:
+            return support[None, :, :, None]
+        root = self._like(light)[3]
+        return root[:, None, None, None] * support[None, :, :, None]
+
+    def _like(self, light: Light) -> tuple[Array, Array, Array, Array]:
         xp, key = namespace(light), kind(light)
         if key not in self._converted:
-            self._converted[key] = tuple(
+            root = np.sqrt(self.importance)
+            gains, opponent, support, importance = (
                 xp.asarray(array, dtype=light.dtype, device=light.device)
-                for array in (self.gains, self.opponent, self.support.astype(np.uint8))
+                for array in (self.gains, self.opponent, self.support.astype(np.uint8), root)
             )
+            self._converted[key] = (gains, opponent, support, importance)
         return self._converted[key]
 
 
@@ -253,9 +285,13 @@ class PerceptualWeighting:
     padding: int = 64
 
     def __call__(
-        self, viewing: Viewing, luminance_weights: NDArray[np.floating[Any]], support: Array
+        self,
+        viewing: Viewing,
+        luminance_weights: NDArray[np.floating[Any]],
+        support: Array,
+        views: int = 1,
     ) -> CsfWeighting:
-        """The weighting of pictures with that `support` (row, col) seen that way.
+        """The weighting of `views` pictures with that `support` (row, col) seen that way.
 
         All channels get Daly's achromatic sensitivity, as in the paper, but for the policies at low
         frequencies.
@@ -268,7 +304,7 @@ class PerceptualWeighting:
         else:
             chroma, _ = csf_gains(viewing, (rows, cols), padded, self.chroma_low_frequency)
             gains = np.stack([luma, chroma, chroma])
-        return CsfWeighting(gains, linear_ycbcr(luminance_weights), support, padded, peak)
+        return CsfWeighting(gains, linear_ycbcr(luminance_weights), support, padded, peak, views)
 
 
 def csf_gains(

@@ -4,7 +4,7 @@ With w = D x the problem splits into a quadratic that Fourier diagonalises and b
 separate for each pixel:
 
     min f(w) + g(z)   s.t. w = z
-    f(w) = 1/2 ||A (C w - t)||²            (`PlaneModel`)
+    f(w) = 1/2 ||A (C w - t)||²            (`DomeSplit`, `PairSplit`)
     g(z) = 1/2 mu ||z / D - x_0||² + [D lower <= z <= D upper]
 
 The alternating direction method of multipliers (Boyd et al. 2011, *Foundations and Trends in
@@ -24,19 +24,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
 from compensate.problem import Problem
-from compensate.solver.certificate import gap_bound
-from compensate.solver.fourier_step import NormalInverse, PlaneModel
+from compensate.solver.dome_split import DomeSplit
+from compensate.solver.pair_split import PairSplit
 from compensate.solver.result import Result, Status
+from compensate.solver.split import Planes, Split
 from compensate.weighting import CsfWeighting
-from domesim.light import Light, dot
-from domesim.observation.lowrank import LowRankObservation
-
-Planes = Any
+from domesim.light import Light
+from domesim.observation.stereo import StereoObservation
 
 
 @final
@@ -82,8 +81,8 @@ class ADMM:
         Raises
         ------
         ValueError
-            If the problem is not one dome view under a `CsfWeighting`, has no regulariser, or its
-            pixels are not pinned where the weighting has no support.
+            If the problem is neither a dome's nor a stereo pair's under a `CsfWeighting`, has no
+            regulariser, or its pixels are not pinned where the weighting has no support.
         """
         if not isinstance(start, np.ndarray):
             raise ValueError(f"ADMM takes NumPy light, got {type(start).__name__}")
@@ -91,17 +90,24 @@ class ADMM:
         start = problem.project(start)
         if _nothing_to_do(problem, start):
             return Result(start, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
-        split = _Split(problem, start)
+        split = split_of(problem, start)
         best = _Best(split, start, problem.negligible if self.stop_when_invisible else 0.0)
-        state = split.planes(start)
+        primal = state = split.planes(start)
         dual = np.zeros_like(state)
-        floor = self.penalty_floor * split.model.strength**1.5
+        floor = self.penalty_floor * split.strength**1.5
         rho = max(self.penalty, 2 * floor)
-        inverse = NormalInverse(split.model, rho * split.metric)
+        inverse = split.inverse(rho)
         iteration, status = 0, best.verdict(self.tolerance)
         while status is None and iteration < self.max_iterations:
             iteration += 1
-            state, dual = self._step(split, inverse, rho, state, dual)
+            weight = (rho * split.metric).astype(split.dtype)[:, None, None]
+            primal = split.step(inverse, weight, state - dual, primal)
+            relaxed = self.relaxation * primal
+            relaxed += (1 - self.relaxation) * state
+            relaxed += dual
+            state = split.nearest(relaxed, weight)
+            dual = relaxed
+            dual -= state
             if (
                 iteration >= self.first_check
                 and (iteration - self.first_check) % self.check_every == 0
@@ -114,7 +120,7 @@ class ADMM:
                 lowered = max(floor, rho * self.penalty_decay)
                 dual *= rho / lowered
                 rho = lowered
-                inverse = NormalInverse(split.model, rho * split.metric)
+                inverse = split.inverse(rho)
         light = split.light(best.planes)
         cost, gradient = problem.quadratic(light)
         optimality = problem.kkt_residual(light, gradient)
@@ -129,94 +135,28 @@ class ADMM:
             gap,
         )
 
-    def _step(
-        self, split: _Split, inverse: NormalInverse, rho: float, z: Planes, y: Planes
-    ) -> tuple[Planes, Planes]:
-        weight = (rho * split.metric).astype(split.model.dtype)[:, None, None]
-        right = split.model.fourier.forward(weight * (z - y))
-        right += split.target
-        w = split.model.fourier.inverse(inverse(right))
-        w *= self.relaxation
-        w += (1 - self.relaxation) * z
-        w += y
-        z = split.nearest(w, weight)
-        return z, w - z
 
+def split_of(problem: Problem, start: Light) -> Split:
+    """How the problem splits: by what is observed.
 
-class _Split:
-    """The problem in w = D x, on padded planes (primary, row, col)."""
-
-    def __init__(self, problem: Problem, start: Light) -> None:
-        observation, weighting = problem.observation, problem.weighting
-        if not isinstance(observation, LowRankObservation):
-            raise ValueError(f"ADMM takes a low-rank observation, got {type(observation).__name__}")
-        if not isinstance(weighting, CsfWeighting):
-            raise ValueError(f"ADMM takes a CsfWeighting, got {type(weighting).__name__}")
-        if not problem.regularisation > 0:
-            raise ValueError("ADMM certifies regularised problems only, got regularisation 0")
-        off = ~weighting.support[None, :, :, None]
-        pinned = np.broadcast_to(problem.lower == problem.upper, start.shape)
-        if bool(np.any(off & ~pinned)):
-            raise ValueError("ADMM takes a problem whose pixels off the support are pinned")
-        self.model = PlaneModel(observation, weighting, problem.desired.dtype)
-        self._gain = observation.factors.direct_gain.astype(self.model.dtype)
-        self._off_light = np.where(off, start, 0)
-        self.mu = problem.regularisation
-        model = self.model
-        self.gain = model.padded(
-            np.broadcast_to(self._gain[None, :, :, None], (1, *self._gain.shape, model.primaries))
-        )
-        self.gain[self.gain == 0] = 1
-        self.lower = self.planes(np.broadcast_to(problem.lower, start.shape))
-        self.upper = self.planes(np.broadcast_to(problem.upper, start.shape))
-        # What is seen of the pinned light off the support, and of ambient light, is given.
-        given = observation.observe(self._off_light)
-        target = model.fourier.forward(model.padded(problem.desired - given))
-        self.constant = target
-        self.target = model.polluted_adjoint(model.normal(target))
-        self.anchor = self.planes(problem.anchor)
-        diagonal = np.sqrt(np.sum(weighting.opponent**2, axis=0))
-        self.metric = diagonal / diagonal.max()
-        sigma = self.mu / float(self.gain.max()) ** 2
-        self.certifying = NormalInverse(model, np.full(model.primaries, sigma))
-
-    def planes(self, light: Light) -> Planes:
-        """The planes w = D x of `light`."""
-        return self.model.padded(light * self._gain[None, :, :, None])
-
-    def light(self, planes: Planes) -> Light:
-        """The light x = w / D on the support, the start's elsewhere."""
-        rows, cols = self.model.support.shape
-        inner = np.moveaxis(planes[:, :rows, :cols], 0, -1)[None] / self._gain[None, :, :, None]
-        support = self.model.support[None, :, :, None]
-        return np.where(support, inner, self._off_light).astype(self._off_light.dtype)
-
-    def nearest(self, planes: Planes, weight: Planes) -> Planes:
-        """The z-step: the regulariser's and the bounds' proximal map."""
-        mu = self.mu / self.gain**2
-        z = (weight * planes + mu * self.anchor) / (weight + mu)
-        return np.clip(z, self.lower, self.upper)
-
-    def quadratic(self, planes: Planes) -> tuple[float, Planes]:
-        """Cost and gradient in w, with two FFTs a primary."""
-        model = self.model
-        residual = model.polluted(model.fourier.forward(planes)) - self.constant
-        weighted = model.normal(residual)
-        energy = sum(model.fourier.dot(r, s) for r, s in zip(residual, weighted, strict=True))
-        change = (planes - self.anchor) / self.gain
-        gradient = model.fourier.inverse(model.polluted_adjoint(weighted))
-        gradient += self.mu * change / self.gain
-        return 0.5 * (energy + self.mu * dot(change, change)), gradient
+    Raises
+    ------
+    ValueError
+        If ADMM cannot solve it.
+    """
+    if isinstance(problem.observation, StereoObservation):
+        return PairSplit(problem, start)
+    return DomeSplit(problem, start)
 
 
 class _Best:
     """The best feasible planes so far, and the best lower bound of the minimum."""
 
-    def __init__(self, split: _Split, start: Light, negligible: float) -> None:
+    def __init__(self, split: Split, start: Light, negligible: float) -> None:
         self._split = split
         self._negligible = negligible
         # Costs and bounds are sums of rounded numbers: a bound is only as good as they are.
-        self._rounding = 64 * float(np.finfo(split.model.dtype).eps)
+        self._rounding = 64 * float(np.finfo(split.dtype).eps)
         self._lower_bound = 0.0
         self._last_progress, self._idle = np.inf, 0
         self.planes = split.planes(start)
@@ -227,9 +167,7 @@ class _Best:
         """Keep `planes` if they are better, and what they tell of the minimum."""
         split = self._split
         cost, gradient = split.quadratic(planes)
-        bound = gap_bound(
-            split.model, split.certifying, planes, gradient, (split.lower, split.upper)
-        )
+        bound = split.gap(planes, gradient)
         self._lower_bound = max(self._lower_bound, cost * (1 - self._rounding) - bound)
         if cost < self.cost:
             self.cost, self.planes = cost, planes.copy()

@@ -14,11 +14,10 @@ quadratic, for a typical curvature h. (The choice matters little: any split is v
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-
-from compensate.solver.fourier_step import NormalInverse, PlaneModel
 
 Planes = Any
 
@@ -26,22 +25,19 @@ _CURVATURE = 0.1  # h, with weights of peak 1
 
 
 def gap_bound(
-    model: PlaneModel,
-    inverse: NormalInverse,
+    dual_energy: Callable[[Planes], float],
     planes: Planes,
     gradient: Planes,
     bounds: tuple[Planes, Planes],
 ) -> float:
-    """Upper bound on f(w) - f*, with one FFT a primary.
+    """Upper bound on f(w) - f*.
 
     Parameters
     ----------
-    model
-        The problem on its padded plane.
-    inverse
-        H^-1 with a sigma that is at most the regulariser's true one.
+    dual_energy
+        g' H^-1 g of planes g, or an upper bound of it.
     planes, gradient
-        (primary, padded row, padded col) w, within its bounds, and the gradient there.
+        (plane, padded row, padded col) w, within its bounds, and the gradient there.
     bounds
         Lower and upper planes (or broadcastable).
     """
@@ -50,8 +46,5 @@ def gap_bound(
     size = np.abs(gradient)
     bound = distance * (2 * _CURVATURE) <= size
     at_bounds = float(np.sum(size * distance, where=bound, dtype=np.float64))
-    spectrum = model.fourier.forward(
-        np.where(bound, 0, gradient).astype(gradient.dtype, copy=False)
-    )
-    free = sum(model.fourier.dot(g, s) for g, s in zip(spectrum, inverse(spectrum), strict=True))
-    return 0.5 * free + at_bounds
+    free = np.where(bound, 0, gradient).astype(gradient.dtype, copy=False)
+    return 0.5 * dual_energy(free) + at_bounds

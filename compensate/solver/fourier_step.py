@@ -28,6 +28,7 @@ from typing import Any, final
 import numpy as np
 
 from compensate.fourier import Fourier
+from compensate.solver.blocks import blocks_times, inverted
 from compensate.weighting import CsfWeighting
 from domesim.light import Array
 from domesim.observation.lowrank import LowRankObservation
@@ -84,7 +85,7 @@ class PlaneModel:
 
     def normal(self, spectrum: Spectrum) -> Spectrum:
         """W of a spectrum."""
-        return _blocks_times(self.normal_blocks, spectrum)
+        return blocks_times(self.normal_blocks, spectrum)
 
     def polluted(self, spectrum: Spectrum) -> Spectrum:
         """C w = w + U V' w."""
@@ -138,16 +139,16 @@ class NormalInverse:
         damped = [list(row) for row in model.normal_blocks]
         for p, value in enumerate(self._sigma):
             damped[p][p] = damped[p][p] + model.dtype.type(value)
-        self._inverse = _inverted(damped)
+        self._inverse = inverted(damped)
         self._small = np.linalg.inv(model.overlap.small_system(self._inverse, self._sigma))
 
     def __call__(self, spectrum: Spectrum) -> Spectrum:
         """H^-1 of a spectrum."""
         model, sigma = self._model, self._sigma[:, None]
-        h = _blocks_times(self._inverse, spectrum)
+        h = blocks_times(self._inverse, spectrum)
         known = np.stack([model.collected(h), model.shown(spectrum) - sigma * model.shown(h)])
         c, e = (self._small @ known.ravel()).reshape(known.shape)
-        correction = _blocks_times(self._inverse, model.gathered(c) - model.spread(sigma * e))
+        correction = blocks_times(self._inverse, model.gathered(c) - model.spread(sigma * e))
         h -= correction
         h -= model.spread(e)
         return h
@@ -246,46 +247,9 @@ def _normal_blocks(weighting: CsfWeighting, dtype: Any) -> list[list[Array]]:
     return blocks
 
 
-def _blocks_times(blocks: list[list[Array]], spectrum: Spectrum) -> Spectrum:
-    result = np.empty_like(spectrum)
-    term = np.empty_like(spectrum[0])
-    for p, row in enumerate(blocks):
-        np.multiply(row[0], spectrum[0], out=result[p])
-        for q in range(1, len(row)):
-            np.multiply(row[q], spectrum[q], out=term)
-            result[p] += term
-    return result
-
-
 def _combined(modes: Spectrum, coefficients: Any) -> Spectrum:
     weights = np.asarray(coefficients, modes.real.dtype)
     result = np.multiply.outer(weights[:, 0], modes[0])
     for k in range(1, len(modes)):
         result += np.multiply.outer(weights[:, k], modes[k])
     return result
-
-
-def _inverted(matrix: list[list[Array]]) -> list[list[Array]]:
-    """Inverse of a symmetric positive definite matrix of planes, in place, by sweeps.
-
-    A sweep of every pivot turns a symmetric matrix into minus its inverse and keeps it symmetric,
-    so that only one triangle is computed (Goodnight 1979, *The American Statistician* 33, 149).
-    """
-    size = len(matrix)
-    a = {(p, q): matrix[p][q].copy() for p in range(size) for q in range(p, size)}
-
-    def entry(p: int, q: int) -> Array:
-        return a[min(p, q), max(p, q)]
-
-    for k in range(size):
-        pivot = 1 / a[k, k]
-        scaled = {p: entry(p, k) * pivot for p in range(size) if p != k}
-        for p, q in a:
-            if k not in (p, q):
-                a[p, q] -= entry(p, k) * scaled[q]
-        for p, plane in scaled.items():
-            a[min(p, k), max(p, k)] = plane
-        a[k, k] = -pivot
-    for plane in a.values():
-        np.negative(plane, out=plane)
-    return [[entry(p, q) for q in range(size)] for p in range(size)]

@@ -20,6 +20,13 @@ class Observation(ABC):
     def shape(self) -> tuple[int, int, int, int]:
         """(view, row, col, primary) of the light that it observes."""
 
+    @property
+    def seen_shape(self) -> tuple[int, int, int, int]:
+        """(view, row, col, primary) of observed light: other views than those of `shape` only if
+        several seats look at once.
+        """
+        return self.shape
+
     @abstractmethod
     def _observe(self, light: Light) -> Light: ...
 
@@ -27,7 +34,7 @@ class Observation(ABC):
     def _direct(self, light: Light) -> Light: ...
 
     def observe(self, light: Light) -> Light:
-        """Observed light psi(x) of projected `light`, both (view, row, col, primary).
+        """Observed light psi(x), of `seen_shape`, of projected `light`, of `shape`.
 
         Raises
         ------
@@ -66,8 +73,12 @@ class AdjointObservation(Observation):
 
     def adjoint(self, light: Light) -> Light:
         """A' y: the adjoint of `linear`."""
-        return self._adjoint(self._guarded(light, "has an adjoint for"))
+        return self._adjoint(self._guarded_seen(light))
 
     def direct_adjoint(self, light: Light) -> Light:
         """D' y: the adjoint of `direct`."""
-        return self._direct_adjoint(self._guarded(light, "has an adjoint for"))
+        return self._direct_adjoint(self._guarded_seen(light))
+
+    def _guarded_seen(self, light: Light) -> Light:
+        require_light(light, self.seen_shape, who=f"{type(self).__name__} has an adjoint for")
+        return light

@@ -156,7 +156,7 @@ def _closed_form(size: int) -> ClosedFormDome:
 
 def dense(problem: Problem) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """The problem as 1/2 ||M v - b||² over its free values v, and which values are free."""
-    shape = problem.desired.shape
+    shape = problem.observation.shape
     free = np.broadcast_to(problem.lower < problem.upper, shape)
     fixed = np.where(free, 0, np.broadcast_to(problem.lower, shape))
     columns = []

@@ -1,0 +1,226 @@
+"""Crosstalk: some of the light for one eye reaches the other (eq. 8 of the paper).
+
+    psi(x)_v = x_v + s_v M_v x_u + black_v        v: the eye that sees, u: the other one's picture
+
+M_v is a matrix over the primaries, for coloured filters leak some colours more than others, and
+differently from left to right than from right to left. s_v, a map over the screen, says how it
+varies from the sweet spot to the edge: 1.1 % to 2.0 % in the cinema of the paper's section 7.
+
+An entry of M_v may be negative: a ghost more saturated than the seeing eye's own primaries has no
+other description. What cannot be is a white picture that *takes* light from the other eye (a
+negative row sum; the readings were taken with the filters exchanged, or without subtracting black),
+nor a leak as bright as the picture itself, which no projector could undo.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domesim.errors import InputError
+from domesim.light import Array, Light, kind, namespace
+from domesim.observation.stereo import VIEWS, StereoObservation, require_black
+
+
+@final
+class Crosstalk(StereoObservation):
+    """Linear crosstalk of two views of a flat screen.
+
+    Parameters
+    ----------
+    rows, cols
+        Size of the views.
+    matrices
+        (view, primary, primary) M: light of the other view (last axis) that the eye of that view
+        sees as its own primaries (see `leak_matrices`).
+    share
+        (view, row, col) s; 1 everywhere if None.
+    black
+        (view, primary) light that each eye sees without any picture, in units of white.
+
+    Raises
+    ------
+    InputError
+        If crosstalk is impossible (see the module's docstring), the map is negative, or a number
+        is not finite.
+    ValueError
+        If shapes disagree.
+    """
+
+    def __init__(
+        self,
+        rows: int,
+        cols: int,
+        matrices: NDArray[Any],
+        *,
+        share: NDArray[Any] | None = None,
+        black: ArrayLike = 0.0,
+    ) -> None:
+        matrices = np.asarray(matrices, np.float64)
+        if matrices.ndim != 3 or len(matrices) != 2 or matrices.shape[1] != matrices.shape[2]:
+            raise ValueError(f"Crosstalk takes matrices (2, p, p), got {matrices.shape}")
+        if share is None:
+            share = np.ones((2, 1, 1))
+        elif share.shape != (2, rows, cols):
+            raise ValueError(f"Crosstalk takes a map {(2, rows, cols)}, got {share.shape}")
+        primaries = matrices.shape[1]
+        self._shape = (2, rows, cols, primaries)
+        self._matrices = matrices
+        self._share = np.asarray(share, np.float64)
+        self._black = require_black(black, primaries)
+        _require_possible(self._matrices, self._share)
+        self._converted: dict[tuple[str, ...], tuple[Array, Array, Array]] = {}
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """(2, row, col, primary)."""
+        return self._shape
+
+    @property
+    def matrices(self) -> NDArray[np.float64]:
+        """(view, primary, primary) M."""
+        return self._matrices
+
+    @property
+    def share(self) -> NDArray[np.float64]:
+        """(view, row, col) s, or (view, 1, 1)."""
+        return self._share
+
+    @property
+    def central(self) -> NDArray[Any]:
+        """(view, primary, view, primary): that of the mean of the map."""
+        leaks = self._share.mean(axis=(1, 2))[:, None, None] * self._matrices
+        primaries = self._shape[3]
+        result = np.zeros((2, primaries, 2, primaries))
+        for view in range(2):
+            result[view, :, view] = np.eye(primaries)
+            result[view, :, 1 - view] = leaks[view]
+        return result
+
+    @property
+    def uniform(self) -> bool:
+        """Whether the map is flat."""
+        return bool(np.ptp(self._share, axis=(1, 2)).max() == 0)
+
+    @property
+    def strength(self) -> float:
+        """The largest share of the other view's light that any pixel sees: ||s_v M_v||."""
+        norms = np.linalg.norm(self._matrices, 2, axis=(1, 2))
+        return float(np.max(norms * self._share.max(axis=(1, 2))))
+
+    def leaked(self, light: Light) -> Light:
+        """phi(x): what each eye sees of the other's picture, (view, row, col, primary)."""
+        matrices, share, _ = self._like(light)
+        xp = namespace(light)
+        return xp.stack([share[v] * (light[1 - v, ...] @ matrices[v].T) for v in range(2)])
+
+    def invert(self, seen: Light) -> Light:
+        """The light whose observation is `seen`; negative where no projector could do it.
+
+        Solved by substitution, x = seen - black - phi(x), which gains ||s M|| a round.
+        """
+        seen = self._guarded(seen, "inverts")
+        wanted = seen - self._like(seen)[2]
+        light = wanted
+        tiny = float(namespace(seen).finfo(seen.dtype).eps)
+        rounds = math.ceil(math.log(tiny) / math.log(max(self.strength, 1e-16))) + 1
+        for _ in range(rounds):
+            light = wanted - self.leaked(light)
+        return light
+
+    def _observe(self, light: Light) -> Light:
+        return light + self.leaked(light) + self._like(light)[2]
+
+    def _direct(self, light: Light) -> Light:
+        return light
+
+    def _linear(self, light: Light) -> Light:
+        return light + self.leaked(light)
+
+    def _adjoint(self, light: Light) -> Light:
+        matrices, share, _ = self._like(light)
+        xp = namespace(light)
+        back = [(share[1 - u] * light[1 - u, ...]) @ matrices[1 - u] for u in range(2)]
+        return light + xp.stack(back)
+
+    def _direct_adjoint(self, light: Light) -> Light:
+        return light
+
+    def _like(self, light: Light) -> tuple[list[Array], list[Array], Array]:
+        """Matrices and maps (row, col, 1) by view, and black (view, 1, 1, primary)."""
+        key = kind(light)
+        if key not in self._converted:
+            xp = namespace(light)
+
+            def convert(array: NDArray[Any]) -> Array:
+                return xp.asarray(array, dtype=light.dtype, device=light.device)
+
+            self._converted[key] = (
+                [convert(matrix) for matrix in self._matrices],
+                [convert(plane[..., None]) for plane in self._share],
+                convert(self._black[:, None, None, :]),
+            )
+        return self._converted[key]
+
+
+def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float64]:
+    """(view, primary, primary) matrices of crosstalk that is described with fewer numbers.
+
+    Parameters
+    ----------
+    crosstalk
+        A share of light (0.02 is 2 %); or one for each seeing eye, (2, 1); or for each primary,
+        (primary,), or both, (2, primary); or a matrix, (primary, primary), or one for each eye,
+        (2, primary, primary).
+    primaries
+        How many primaries light has.
+
+    Raises
+    ------
+    ValueError
+        If it has another shape.
+    """
+    given = np.asarray(crosstalk, np.float64)
+    shapes = {
+        (): lambda: np.broadcast_to(given, (2, primaries)),
+        (2, 1): lambda: np.broadcast_to(given, (2, primaries)),
+        (primaries,): lambda: np.broadcast_to(given, (2, primaries)),
+        (2, primaries): lambda: given,
+        (primaries, primaries): lambda: np.broadcast_to(given, (2, primaries, primaries)),
+        (2, primaries, primaries): lambda: given,
+    }
+    if given.shape not in shapes:
+        raise ValueError(
+            f"leak_matrices takes crosstalk of shape {', '.join(map(str, shapes))}, "
+            f"got {given.shape}"
+        )
+    found = shapes[given.shape]()
+    if found.ndim == 2:
+        found = found[:, :, None] * np.eye(primaries)
+    return np.array(found)
+
+
+def _require_possible(matrices: NDArray[np.float64], share: NDArray[np.float64]) -> None:
+    for name, values in (("crosstalk", matrices), ("crosstalk map", share)):
+        if not np.isfinite(values).all():
+            raise InputError(f"{name} must be finite, got NaN or infinity")
+    if share.min() < 0:
+        raise InputError(f"crosstalk map must be light >= 0, got {share.min():g}")
+    largest = share.max(axis=(1, 2))
+    for view, other in ((0, 1), (1, 0)):
+        matrix = largest[view] * matrices[view]
+        white = matrix.sum(axis=1)
+        if white.min() < -1e-9:
+            raise InputError(
+                f"crosstalk to the {VIEWS[view]} eye: a white {VIEWS[other]} picture must add "
+                f"light there, got {white.min():.3g} of white. Were the filters exchanged, or "
+                f"black not subtracted?"
+            )
+        if not np.linalg.norm(matrix, 2) < 0.9:
+            raise InputError(
+                f"crosstalk to the {VIEWS[view]} eye must be well below the picture itself, got "
+                f"{np.linalg.norm(matrix, 2):.0%}. Is it in percent, or are the eyes exchanged?"
+            )

@@ -1,0 +1,53 @@
+"""What all two-view systems share: each eye sees its own view and some of the other's."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domesim.errors import InputError
+from domesim.observation.base import AdjointObservation
+
+VIEWS = ("left", "right")
+"""Names of the views, in `Light`'s order."""
+
+
+class StereoObservation(AdjointObservation):
+    """An affine observation of two views that mixes no pixels, but views and primaries.
+
+    Direct light D is the identity (for each seat): a frame is what an eye sees of its own
+    projector.
+    """
+
+    @property
+    @abstractmethod
+    def central(self) -> NDArray[Any]:
+        """(seen view, primary, view, primary): the one matrix nearest to all pixels' own."""
+
+    @property
+    @abstractmethod
+    def uniform(self) -> bool:
+        """Whether all pixels have that matrix."""
+
+
+def require_black(black: ArrayLike, primaries: int) -> NDArray[np.float64]:
+    """(view, primary) light without any picture, from one number, or one for some of them.
+
+    Raises
+    ------
+    InputError
+        If it is negative or not finite.
+    ValueError
+        If it has another shape.
+    """
+    given = np.asarray(black, np.float64)
+    if given.shape not in {(), (2, 1), (primaries,), (2, primaries)}:
+        raise ValueError(f"black takes shape (2, {primaries}), got {given.shape}")
+    if not np.isfinite(given).all():
+        raise InputError("black must be finite, got NaN or infinity")
+    if given.min() < 0:
+        raise InputError(f"black must be light >= 0, got {given.min():g}")
+    return np.broadcast_to(given, (2, primaries))

@@ -1,0 +1,176 @@
+"""Stereo pairs: the product's solver against solvers that we did not write, and its certificate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pairs import OBSERVATIONS, grey, pair, pair_problem, two_views
+from scipy.optimize import lsq_linear, minimize
+
+from compensate.problem import Problem
+from compensate.solver.admm import ADMM
+from compensate.solver.gpcg import GPCG
+from compensate.solver.relinearised import Relinearised, true_cost
+from compensate.solver.result import Status
+from compensate.solver.worst_seat import WorstSeat, seat_importance
+from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from validation.experiments.convergence import dense
+
+
+def bvls(posed: Problem) -> np.ndarray:
+    matrix, offset, free = dense(posed)
+    answer = lsq_linear(matrix, offset, (0, 1), method="bvls", tol=1e-14, max_iter=2000)
+    light = np.zeros(free.shape)
+    light[free] = answer.x
+    return light
+
+
+@pytest.mark.parametrize("name", OBSERVATIONS)
+@pytest.mark.parametrize(
+    "solver",
+    [
+        ADMM(tolerance=1e-12, max_iterations=4000),
+        GPCG(tolerance=1e-7, max_iterations=2000, max_cg_steps=80),
+    ],
+    ids=["admm", "gpcg"],
+)
+def test_the_minimiser_is_that_of_a_dense_active_set_method(name, solver):
+    posed, start = pair_problem(OBSERVATIONS[name](6, 7))
+    wanted = bvls(posed)
+    assert np.mean(wanted == 0) > 0.02
+    assert np.abs(wanted - start).max() > 0.01
+    found = solver(posed, start)
+    assert np.abs(found.light - wanted).max() <= 1e-5
+    assert found.cost <= posed.cost(wanted) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("name", OBSERVATIONS)
+@pytest.mark.parametrize("seed", range(4))
+def test_the_certificate_bounds_the_true_gap(name, seed):
+    posed, start = pair_problem(OBSERVATIONS[name](8, 9), seed=seed, mu=(1e-4, 1e-3)[seed % 2])
+    least = ADMM(tolerance=1e-9, max_iterations=4000)(posed, start).cost
+    certified = []
+    for steps in (2, 5, 10, 25):
+        early = ADMM(tolerance=1e-12, max_iterations=steps, first_check=steps)(posed, start)
+        if early.gap is not None:
+            certified.append(early.gap)
+            assert early.gap >= (early.cost / least - 1) * (1 - 1e-9) - 1e-9
+    assert certified
+    assert certified[-1] < 0.1
+
+
+@pytest.mark.parametrize("name", OBSERVATIONS)
+def test_it_stops_by_its_certificate_in_single_precision(name):
+    posed, start = pair_problem(OBSERVATIONS[name](24, 31), mu=1e-4)
+    single = Problem(
+        posed.observation,
+        posed.weighting,
+        posed.desired.astype(np.float32),
+        anchor=start.astype(np.float32),
+        regularisation=1e-4,
+    )
+    found = ADMM()(single, start.astype(np.float32))
+    assert found.status is Status.CONVERGED
+    assert found.light.dtype == np.float32
+    assert found.iterations <= 80
+    least = ADMM(tolerance=1e-8, max_iterations=4000)(posed, start).cost
+    assert posed.cost(found.light.astype(np.float64)) <= least * 1.001
+
+
+def test_frozen_crosstalk_converges_elsewhere():
+    """The paper's eq. 9 on one pixel, without regulariser: 0.4 instead of 0.39653."""
+    observation = Crosstalk(1, 1, leak_matrices(0.1, 1))
+    flat = _Plain(observation.shape)
+    master = np.array([0.005, 0.4]).reshape(2, 1, 1, 1)
+    posed = Problem(observation, flat, master)
+    exact = GPCG(tolerance=1e-12)(posed, master)
+    frozen = GPCG(frozen=True, tolerance=1e-12)(posed, master)
+    assert exact.light.ravel() == pytest.approx([0, (0.4 + 0.1 * 0.005) / 1.01], abs=1e-9)
+    assert frozen.light.ravel() == pytest.approx([0, 0.4], abs=1e-9)
+    assert frozen.cost > exact.cost
+
+
+@pytest.mark.parametrize("name", ["constant", "3x3", "map of 3x3"])
+def test_where_nothing_clips_the_audience_sees_the_master(name):
+    observation = OBSERVATIONS[name](8, 9)
+    master = 0.3 + 0.4 * pair(8, 9)
+    start = observation.invert(master)
+    posed = Problem(observation, two_views(8, 9), master, anchor=start, regularisation=1e-3)
+    found = ADMM()(posed, start)
+    assert found.status is Status.EXACT
+    assert found.ffts == 0
+    assert np.abs(observation.observe(found.light) - master).max() <= 1e-6
+
+
+def test_a_grey_to_grey_table_is_minimised_as_it_is():
+    exact = grey(9, 8)
+    master = pair(9, 8)
+    posed = Problem(
+        exact.linearised(master), two_views(9, 8), master, anchor=master, regularisation=1e-3
+    )
+    found = Relinearised(ADMM(tolerance=1e-8, max_iterations=2000), tolerance=1e-9)(posed, master)
+    assert found.status is Status.CONVERGED
+    assert found.cost == pytest.approx(true_cost(posed, exact, found.light))
+    assert found.cost < 0.5 * true_cost(posed, exact, master)
+    once = ADMM(tolerance=1e-8, max_iterations=2000)(posed, master).light
+    assert found.cost < true_cost(posed, exact, once)
+
+    def cost(v: np.ndarray) -> tuple[float, np.ndarray]:
+        light = v.reshape(master.shape)
+        local = posed.observed_by(exact.linearised(light))
+        return local.quadratic(light)[0], local.gradient(light).ravel()
+
+    options = {"maxiter": 3000, "maxfun": 6000, "ftol": 1e-15, "gtol": 1e-10}
+    scipy = minimize(
+        cost,
+        master.ravel(),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(0, 1)] * master.size,
+        options=options,
+    )
+    assert found.cost <= scipy.fun * 1.001
+
+
+def test_the_worst_seat_is_made_better_than_by_the_mean():
+    posed, start = pair_problem(OBSERVATIONS["several seats"](8, 9))
+
+    def costs(light: np.ndarray) -> np.ndarray:
+        return np.array(
+            [
+                posed.weighted_by(posed.weighting.with_importance(seat_importance(one))).cost(light)
+                for one in np.eye(3)
+            ]
+        )
+
+    worst = WorstSeat(tolerance=1e-3, max_rounds=200)(posed, start)
+    assert worst.status is Status.CONVERGED
+    assert worst.gap <= 1e-3
+    assert worst.cost == pytest.approx(costs(worst.light).max())
+    even = posed.weighted_by(posed.weighting.with_importance(seat_importance(np.ones(3))))
+    mean = ADMM(tolerance=1e-6, max_iterations=2000)(even, start)
+    assert costs(worst.light).max() < 0.99 * costs(mean.light).max()
+    assert costs(mean.light).mean() < costs(worst.light).mean()
+
+
+def test_pairs_only():
+    posed, start = pair_problem(OBSERVATIONS["constant"](5, 6))
+    with pytest.raises(ValueError, match="several seats"):
+        WorstSeat()(posed, start)
+    with pytest.raises(ValueError, match="linearised table"):
+        Relinearised()(posed, start)
+
+
+class _Plain:
+    """Every residual counts the same: the identity, for hand-computed cases."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        from compensate.fourier import Fourier  # noqa: PLC0415
+
+        self.shape, self.fourier = shape, Fourier(1, 1)
+
+    def energy(self, residual: np.ndarray) -> float:
+        return float(np.sum(residual**2))
+
+    def quadratic(self, residual: np.ndarray) -> tuple[float, np.ndarray]:
+        return self.energy(residual), residual
