@@ -5,38 +5,47 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from compensate.comparison import Comparison, compare_methods
-from compensate.master import METHODS, Figures, Solver, compensate_frame
+from compensate.comparison import Comparison, compare_methods, shown_methods
+from compensate.master import Figures, compensate_frame
+from compensate.methods import METHODS, Solver, require_method
 from compensate.solver.admm import ADMM
+from compensate.solver.relinearised import Relinearised
+from compensate.solver.worst_seat import WorstSeat
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 from domesim.cli import (
     Bits,
     Format,
     Frames,
+    Identical,
     Json,
-    Master,
+    Left,
+    MasterName,
     OutFolder,
+    PackingName,
     Quiet,
     Repair,
+    Right,
     SceneName,
+    SeatName,
     TransportFile,
+    about_scene,
     finish,
+    scene_of,
     suffix_of,
-    theatre_of,
 )
 from domesim.console import Console, about, each_frame, prepare
 from domesim.errors import InputError
-from domesim.frames import Frame, read_frame, write_frame
-from domesim.scene import Scene
-from domesim.sequences import find_frames
+from domesim.frames import Master, read_master, write_master
+from domesim.scene import DomeScene, Scene, StereoScene
+from domesim.shows import find_show
 
 Method = Annotated[
     str, typer.Option(help=f"What to project: {', '.join(METHODS)}.", show_default=True)
@@ -57,9 +66,13 @@ LowFrequencyGain = Annotated[
 
 
 def compensate(
-    master: Master,
     scene: SceneName,
     out: OutFolder,
+    master: MasterName = None,
+    left: Left = None,
+    right: Right = None,
+    packing: PackingName = None,
+    seat: SeatName = None,
     transport: TransportFile = None,
     method: Method = "perceptual",
     tolerance: Tolerance = 1e-3,
@@ -68,18 +81,19 @@ def compensate(
     file_format: Format = None,
     bits: Bits = None,
     repair: Repair = False,
+    allow_identical: Identical = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Compute the frames to project, so that the audience sees the master as closely as can be."""
     console = Console(quiet=quiet, json=json)
-    theatre = theatre_of(scene, transport, console)
+    theatre = scene_of(scene, transport, console, seat)
     weighting = _weighting(low_frequency_gain)
-    solver = _solver(method, tolerance, console)
+    solver = _solver(method, theatre, tolerance, console, worst=seat == "worst")
 
-    def work(frame: Frame, write: Callable[[Frame], Frame]) -> tuple[dict[str, Any], str]:
+    def work(source: Master, write: Callable[[Master], Master]) -> tuple[dict[str, Any], str]:
         outcome = compensate_frame(
-            frame, theatre, method=method, solver=solver, weighting=weighting
+            source, theatre, method=method, solver=solver, weighting=weighting
         )
         written = write(outcome.frame)
         stored = outcome.stored_error(written)
@@ -90,8 +104,11 @@ def compensate(
             )
         return {**asdict(outcome.figures), "error_stored": stored}, line
 
+    show = find_show(
+        master, left, right, packing=packing, frames=frames, allow_identical=allow_identical
+    )
     done, failed = each_frame(
-        find_frames(master, frames),
+        show,
         out,
         work,
         console,
@@ -100,16 +117,19 @@ def compensate(
         suffix=suffix_of(file_format),
         bits=bits,
     )
-    facts = {"scene": theatre.name, "approximation": theatre.approximation, "frames": done}
-    finish(console, facts, failed)
+    finish(console, {**about_scene(theatre), "frames": done}, failed)
 
 
 def compare(
-    master: Master,
     scene: SceneName,
     out: Annotated[
         Path, typer.Option("--out", help="The page to write, an .html file.", show_default=False)
     ],
+    master: MasterName = None,
+    left: Left = None,
+    right: Right = None,
+    packing: PackingName = None,
+    seat: SeatName = None,
     transport: TransportFile = None,
     tolerance: Tolerance = 1e-3,
     low_frequency_gain: LowFrequencyGain = 0.1,
@@ -117,33 +137,30 @@ def compare(
         int, typer.Option(help="Largest side of the pictures on the page, pixels.", min=16)
     ] = 1024,
     repair: Repair = False,
+    allow_identical: Identical = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Write a page that compares the master with what is seen, uncompensated and compensated."""
     console = Console(quiet=quiet, json=json)
-    theatre = theatre_of(scene, transport, console)
-    paths = find_frames(master)
-    if len(paths) > 1:
-        raise InputError(f"{master}: a page shows one frame, got {len(paths)}; name one of them")
+    theatre = scene_of(scene, transport, console, seat)
+    show = find_show(master, left, right, packing=packing, allow_identical=allow_identical)
+    if len(show.moments) > 1:
+        raise InputError(
+            f"{master or left}: a page shows one frame, got {len(show.moments)}; name one of them"
+        )
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{out}: a page is an .html file; give it such a name")
-    solver = _solver("perceptual", tolerance, console)
+    solver = _solver("perceptual", theatre, tolerance, console, worst=seat == "worst")
     weighting = _weighting(low_frequency_gain)
     prepare(out.parent)
-    with about(paths[0]):
-        frame = read_frame(paths[0], repair=repair)
+    (moment,) = show.moments
+    with about(moment[0]):
+        frame = show.read(moment, repair=repair)
         comparison = _compared(frame, theatre, console, solver, weighting)
     comparison.write_page(out, size=size, command=_command_line())
     console.say(f"Open {out.resolve()}")
-    console.figures(
-        {
-            "scene": theatre.name,
-            "approximation": theatre.approximation,
-            "page": str(out),
-            "methods": comparison.figures(),
-        }
-    )
+    console.figures({**about_scene(theatre), "page": str(out), "methods": comparison.figures()})
 
 
 def demo(
@@ -155,23 +172,24 @@ def demo(
 ) -> None:
     """Run the main job on the bundled night scene: frames to project, what is seen, the page."""
     console = Console(quiet=quiet, json=json)
-    theatre = theatre_of(scene, transport, console)
+    theatre = scene_of(scene, transport, console)
+    if not isinstance(theatre, DomeScene):
+        raise InputError(f"--scene {scene}: the demo's master is a domemaster; use a dome theatre")
     with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
-        frame = read_frame(path)
+        frame = read_master([path])
     console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
     prepare(out)
     comparison = _compared(frame, theatre, console, ADMM(), PerceptualWeighting())
     files = []
     for name, written in comparison.frames():
-        write_frame(written, out / f"{name}.exr")
+        write_master(written, [out / f"{name}.exr"])
         files.append(str(out / f"{name}.exr"))
     page = out / "compare.html"
     comparison.write_page(page, size=1024, command=_command_line())
     console.say(f"Frames: {', '.join(files)}\nOpen {page.resolve()}")
     console.figures(
         {
-            "scene": theatre.name,
-            "approximation": theatre.approximation,
+            **about_scene(theatre),
             "files": files,
             "page": str(page),
             "methods": comparison.figures(),
@@ -180,13 +198,13 @@ def demo(
 
 
 def _compared(
-    frame: Frame,
+    frame: Master,
     theatre: Scene,
     console: Console,
     solver: Solver | None,
     weighting: PerceptualWeighting,
 ) -> Comparison:
-    with console.progress("solving", len(METHODS)) as start:
+    with console.progress("solving", len(shown_methods(theatre))) as start:
         comparison = compare_methods(
             frame,
             theatre,
@@ -199,9 +217,11 @@ def _compared(
     return comparison
 
 
-def _solver(method: str, tolerance: float, console: Console) -> Solver | None:
-    if method not in METHODS:
-        raise InputError(f"method {method!r} is not known; use one of {', '.join(METHODS)}")
+def _solver(
+    method: str, scene: Scene, tolerance: float, console: Console, *, worst: bool = False
+) -> Solver | None:
+    """The perceptual method's solver, or None for the others' own."""
+    require_method(method, scene)
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance must lie between 0 and 1, got {tolerance:g}")
     if method != "perceptual":
@@ -210,7 +230,12 @@ def _solver(method: str, tolerance: float, console: Console) -> Solver | None:
     def note(iteration: int, gap: float) -> None:
         console.note(f"iteration {iteration}, within {gap:.1e} of the optimum")
 
-    return ADMM(tolerance=tolerance, progress=note)
+    admm = ADMM(tolerance=tolerance, progress=note)
+    if isinstance(scene, StereoScene) and scene.table is not None:
+        return Relinearised(admm)
+    if isinstance(scene, StereoScene) and worst and len(scene.chosen) > 1:
+        return WorstSeat(replace(admm, tolerance=tolerance / 5, stop_when_invisible=False))
+    return admm
 
 
 def _weighting(low_frequency_gain: float) -> PerceptualWeighting:

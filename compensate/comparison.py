@@ -10,28 +10,37 @@ from typing import Any, final
 
 import numpy as np
 
-from compensate.master import Outcome, Posed, Solver, pose_frame, solve_frame
+from compensate.master import Outcome, Posed, pose_frame, solve_frame
+from compensate.methods import Solver
 from compensate.page import Figure, View, write_page
 from compensate.weighting import PerceptualWeighting
-from domesim.frames import Frame
+from domesim.frames import Master
 from domesim.light import Light
-from domesim.scene import Scene
+from domesim.scene import DomeScene, Scene
 from domesim.screening import encoded
 
-SEEN = {
+PERCEPTUAL = ("Seen, perceptual", "the least visible error within the projector's range")
+DOME = {
     "none": ("Seen, untouched", "the master projected as it is: reflected light greys the blacks"),
     "subtractive": ("Seen, subtractive", "reflected light subtracted, clipped at black"),
     "raised-black": ("Seen, raised black", "the whole picture lifted until nothing clips"),
-    "perceptual": ("Seen, perceptual", "the least visible error within the projector's range"),
+    "perceptual": PERCEPTUAL,
 }
+STEREO = {
+    "none": ("Seen, untouched", "the master projected as it is: each eye sees a ghost"),
+    "subtractive": ("Seen, subtractive", "the ghost subtracted, clipped at black"),
+    "raised-black-local": ("Seen, raised black", "lifted around ghosts until nothing clips"),
+    "perceptual": PERCEPTUAL,
+}
+"""Methods that are shown: name -> title and note."""
 
 
 @final
 @dataclass(frozen=True)
 class Comparison:
-    """The outcomes of all methods for one frame in one theatre."""
+    """The outcomes of the methods that are shown, for one master in one scene."""
 
-    frame: Frame
+    frame: Master
     posed: Posed
     outcomes: Mapping[str, Outcome]
 
@@ -39,7 +48,7 @@ class Comparison:
         """Method -> figures."""
         return {method: asdict(outcome.figures) for method, outcome in self.outcomes.items()}
 
-    def frames(self) -> Iterator[tuple[str, Frame]]:
+    def frames(self) -> Iterator[tuple[str, Master]]:
         """Name and frame of what to project, and of what is seen with each method."""
         posed = self.posed
         yield "project", self.outcomes["perceptual"].frame
@@ -54,49 +63,57 @@ class Comparison:
         InputError
             If it cannot be written.
         """
-        scene, wanted = self.posed.scene, self.posed.problem.desired
-        views = [View("Master", self._shown(wanted), "what the audience should see", "master")]
+        scene = self.posed.scene
+        titles = shown_methods(scene)
+        views = [self._view("Master", self._wanted, "what the audience should see", "master")]
         for method, seen in self._seen():
-            views.append(View(SEEN[method][0], self._shown(seen), SEEN[method][1], "seen"))
+            views.append(self._view(titles[method][0], seen, titles[method][1], "seen"))
         views.append(
-            View(
+            self._view(
                 "Projected, perceptual",
-                self._shown(self.outcomes["perceptual"].light),
-                "the frame that the projectors are sent",
+                self.outcomes["perceptual"].light,
+                "what the projectors are sent",
                 "projected",
             )
         )
+        dome = scene.dome if isinstance(scene, DomeScene) else None
         write_page(
             path,
             views,
-            title=self.frame.path.name,
+            title=" and ".join(file.name for file in self.frame.paths),
             subtitle=f"{scene.name}: {scene.description}",
             white=scene.projector.white,
             figures=self._table(),
             facts=self._facts(command),
             size=size,
-            mask=self.posed.screen,
-            half_angle_deg=float(np.degrees(scene.dome.half_angle)),
+            mask=None if dome is None else self.posed.screen,
+            half_angle_deg=None if dome is None else float(np.degrees(dome.half_angle)),
         )
+
+    @property
+    def _wanted(self) -> Light:
+        return self.posed.problem.desired[: self.posed.scene.views, ...]
+
+    def _view(self, name: str, light: Light, note: str, kind: str) -> View:
+        pictures = [np.maximum(eye, 0) for eye in self.posed.scene.projector.to_display(light)]
+        return View(name, pictures[0], note, kind, *pictures[1:])
 
     def _seen(self) -> Iterator[tuple[str, Light]]:
         for method, outcome in self.outcomes.items():
-            yield method, self.posed.problem.observation.observe(outcome.light)
-
-    def _shown(self, light: Light) -> Any:
-        return np.maximum(self.posed.scene.projector.to_display(light), 0)
+            yield method, self.posed.seen(outcome.light)
 
     def _table(self) -> list[Figure]:
         screen, projector = self.posed.screen, self.posed.scene.projector
         weights = projector.luminance_weights * projector.white
-        names = {method: SEEN[method][0] for method in self.outcomes}
-        pictures = {"Master": self.posed.problem.desired}
+        titles = shown_methods(self.posed.scene)
+        names = {method: titles[method][0] for method in self.outcomes}
+        pictures = {"Master": self._wanted}
         pictures |= {names[method]: seen for method, seen in self._seen()}
         darkest = {
-            name: float(np.percentile(seen[0][screen] @ weights, 1))
+            name: float(np.percentile(seen[:, screen] @ weights, 1))
             for name, seen in pictures.items()
         }
-        return [
+        table = [
             Figure(
                 "Visible error",
                 "JND rms",
@@ -111,52 +128,58 @@ class Comparison:
                 "Luminance below which the darkest hundredth of the screen lies.",
             ),
         ]
+        if self.posed.scene.views == 2:
+            edges = {names[m]: f"{o.figures.ghost_edges:.0%}" for m, o in self.outcomes.items()}
+            table.append(
+                Figure(
+                    "Ghost edges",
+                    "of the untouched",
+                    edges,
+                    "Contours that are seen but are not the master's: the root of their energy.",
+                )
+            )
+        return table
 
     def _facts(self, command: str) -> dict[str, str]:
         scene, best = self.posed.scene, self.outcomes["perceptual"].figures
+        other = "Reflected" if scene.views == 1 else "The other eye's"
         return {
             "Master": self.frame.described(),
-            "Theatre": f"{scene.name}, radius {scene.dome.radius:g} m, half-angle "
-            f"{np.degrees(scene.dome.half_angle):g}°, albedo "
-            f"{', '.join(f'{a:.3g}' for a in scene.albedo)} (holes counted in)",
-            "Projector": f"white {scene.projector.white:g} cd/m², black "
-            f"{scene.projector.black:g} cd/m², {scene.projector.primaries} primaries",
-            "Reflected and stray light": f"{best.pollution:.3g} cd/m² on average, untouched",
+            **scene.facts(),
+            f"{other} and stray light": f"{best.pollution:.3g} cd/m² on average, untouched",
             "Too dark for exact subtraction": f"{best.clipped:.1%} of the screen",
             "Out of the projector's range": f"{best.out_of_range:.1%} of the screen",
             "Solver": f"{best.status} {best.iterations} iterations, {best.ffts} FFTs, "
             f"{best.seconds:.1f} s"
             + ("" if best.gap is None else f", within {best.gap:.1e} of the optimum"),
-            "Model": (
-                "closed-form cross-reflection of a Lambertian cap (all bounces), as computed by "
-                "the program; not a measurement"
-                if scene.transport is None
-                else "the whole theatre's light transport as tabulated by path tracing"
-            )
-            + ("" if scene.approximation is None else f"; {scene.approximation}"),
             "Version": f"domesim {metadata.version('domesim')}",
             "Command": command,
         }
 
 
+def shown_methods(scene: Scene) -> Mapping[str, tuple[str, str]]:
+    """The methods that a comparison shows: name -> title and note."""
+    return DOME if isinstance(scene, DomeScene) else STEREO
+
+
 def compare_methods(
-    frame: Frame,
+    frame: Master,
     scene: Scene,
     *,
     solver: Solver | None,
     weighting: PerceptualWeighting,
     progress: Callable[[str], None] = lambda name: None,
 ) -> Comparison:
-    """Run all methods on one frame; `solver` is the perceptual one's.
+    """Run the methods that are shown on one master; `solver` is the perceptual one's.
 
     Raises
     ------
     InputError
-        If the frame is no domemaster.
+        If the frame is no master for the scene.
     """
     posed, out_of_range = pose_frame(frame, scene, weighting)
     outcomes = {}
-    for method in SEEN:
+    for method in shown_methods(scene):
         progress(method)
         outcomes[method] = solve_frame(
             frame, posed, out_of_range, method, solver if method == "perceptual" else None

@@ -9,33 +9,28 @@ encoding, and the figures that say what was done and how good it is.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias, final
+from typing import cast, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.ghosts import edge_energy
+from compensate.methods import Solver, methods_of, require_method
 from compensate.problem import Problem
-from compensate.solver.admm import ADMM
-from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched, clipped_subtraction
+from compensate.solver import baselines, deghosting
 from compensate.solver.result import Result
-from compensate.weighting import PerceptualWeighting, Weighting
+from compensate.solver.worst_seat import seat_importance
+from compensate.weighting import CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
-from domesim.frames import Frame
+from domesim.frames import Master
 from domesim.light import Light, require_light
-from domesim.scene import Scene
+from domesim.observation.base import AdjointObservation, Observation
+from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.lowrank import LowRankObservation
+from domesim.observation.seats import SeveralSeats
+from domesim.scene import Scene, StereoScene
 from domesim.screening import decoded, encoded, mean_luminance, within_range
-
-Solver: TypeAlias = Callable[[Problem, Light], Result]
-
-METHODS: Mapping[str, Callable[[], Solver]] = {
-    "perceptual": ADMM,
-    "subtractive": Subtractive,
-    "raised-black": RaisedBlack,
-    "none": Untouched,
-}
-"""What may be projected: name -> solver with its default settings."""
 
 REGULARISATION = 1e-4
 """Default mu, of the peak squared: keeps invisible frequencies from filling with noise."""
@@ -54,9 +49,10 @@ class Figures:
     Parameters
     ----------
     method
-        Which of `METHODS`.
+        Which of `compensate.methods`.
     clipped
-        Share of the screen's pixels where exact subtraction needs less light than none.
+        Share of the screen's pixels, of all views, where exact subtraction needs less light than
+        none.
     out_of_range
         Share of the screen's pixels that the projector cannot show even without pollution.
     pollution
@@ -65,6 +61,8 @@ class Figures:
         Root-mean-square of the weighted residual over the screen, in just-noticeable differences
         (multiples of Daly's threshold contrast at the adaptation luminance), before rounding to
         the file's code values.
+    ghost_edges
+        Of a stereo pair: ghost edge energy (`compensate.ghosts`), 1 for the untouched master.
     file_clipped
         Share of the screen's pixels whose colour the file's encoding cannot hold.
     status
@@ -84,6 +82,7 @@ class Figures:
     error_before: float
     error_subtractive: float
     error_after: float
+    ghost_edges: float | None
     file_clipped: float
     status: str
     gap: float | None
@@ -95,16 +94,20 @@ class Figures:
 @final
 @dataclass(frozen=True)
 class Posed:
-    """A master and a theatre as an optimisation problem.
+    """A master and a scene as an optimisation problem.
 
     Parameters
     ----------
     scene
-        The theatre.
+        The theatre, or stereo system.
     desired
-        (1, row, col, primary) master light, in 0..1 on the screen.
+        (view, row, col, primary) master light, in 0..1 on the screen.
     problem
         What to minimise.
+    observation
+        What the audience sees, exactly: `problem` may know it linearised.
+    single
+        The problem for methods that know one seat only: of several, the mean one.
     subtractive
         The light of exact clipped subtraction: where solvers start.
     screen
@@ -114,43 +117,65 @@ class Posed:
     scene: Scene
     desired: Light
     problem: Problem
+    observation: Observation
+    single: Problem
     subtractive: Light
     screen: NDArray[np.bool_]
 
     @property
     def clipped(self) -> float:
         """Share of the screen's pixels where subtraction needs less light than none."""
-        too_bright = self.problem.residual(self.subtractive)[0][self.screen] > _INVISIBLE_LIGHT
+        error = self.single.observation.observe(self.subtractive) - self.single.desired
+        too_bright = error[:, self.screen] > _INVISIBLE_LIGHT
         return float(np.mean(np.any(too_bright, axis=-1)))
 
     @property
     def pollution(self) -> float:
         """Mean luminance that pollution and ambient light add to the untouched master, cd/m²."""
-        seen = self.problem.observation.observe(self.desired)
-        return mean_luminance(seen - self.problem.desired, self.scene)
+        return mean_luminance(self.residual(self.desired), self.scene)
+
+    def residual(self, light: Light) -> Light:
+        """psi(x) - seen, of all seats: (seen view, row, col, primary)."""
+        return self.observation.observe(light) - self.problem.desired
+
+    def seen(self, light: Light) -> Light:
+        """(view, row, col, primary) what is seen of projected `light`, at the first seat."""
+        return self.observation.observe(light)[: self.scene.views, ...]
 
     def visible_error(self, light: Light) -> float:
         """Root-mean-square weighted residual over the screen, in just-noticeable differences.
 
         A weighted residual is in light (1.0 = white) at the eye's most sensitive frequency; over
         the adaptation luminance it is a contrast, times the CSF's peak a multiple of the threshold.
+        Several seats count by their weights.
         """
-        energy = self.problem.weighting.energy(self.problem.residual(light))
-        mean_square = energy / np.count_nonzero(self.screen)
+        energy = self.problem.weighting.energy(self.residual(light))
+        mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
         return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
+
+    def ghost_edges(self, light: Light) -> float | None:
+        """Ghost edge energy of a stereo pair at the first seat; None for a dome."""
+        if self.scene.views == 1:
+            return None
+        seen = self.problem.desired[:2]
+        ghosts = self.seen(self.desired) - seen
+        weights = self.scene.projector.luminance_weights
+        density = self.scene.viewing.pixels_per_degree(*self.screen.shape)
+        error = np.asarray(self.seen(light) - seen, np.float64) @ weights
+        return edge_energy(error, np.asarray(ghosts, np.float64) @ weights, density)
 
 
 @final
 @dataclass(frozen=True)
 class Outcome:
-    """A compensated frame: to project, as Light, and the figures."""
+    """A compensated master: to project, as Light, and the figures."""
 
-    frame: Frame
+    frame: Master
     light: Light
     figures: Figures
     posed: Posed
 
-    def stored_error(self, stored: Frame) -> float:
+    def stored_error(self, stored: Master) -> float:
         """Visible error (JND rms) of `frame` as a file holds it, with its rounding."""
         return self.posed.visible_error(decoded(stored, self.posed.scene))
 
@@ -167,10 +192,10 @@ def compensate(
     Parameters
     ----------
     desired
-        (1, row, col, primary) master light in 0..1, a domemaster. It is wanted *without* pollution
-        and ambient light.
+        (view, row, col, primary) master light in 0..1: a domemaster, or left and right. It is
+        wanted *without* pollution and ambient light.
     scene
-        The theatre.
+        The theatre, or stereo system.
     solver
         Any of `compensate.solver`; the product's by default.
     weighting
@@ -182,15 +207,17 @@ def compensate(
         If the master leaves 0..1 on the screen (see `domesim.screening.within_range`).
     """
     posed = pose(desired, scene, weighting)
-    return (solver or ADMM())(posed.problem, posed.subtractive)
+    chosen = solver or methods_of(scene)["perceptual"](scene, posed.problem)
+    return chosen(posed.problem, posed.subtractive)
 
 
 def pose(desired: Light, scene: Scene, weighting: PerceptualWeighting | None = None) -> Posed:
-    """The optimisation problem of a master in a theatre; parameters as for `compensate`."""
+    """The optimisation problem of a master in a scene; parameters as for `compensate`."""
     require_light(desired, who="compensate")
-    observation = scene.solvable(*desired.shape[1:3])
+    rows, cols = desired.shape[1:3]
+    observation = scene.observation(rows, cols)
     require_light(desired, observation.shape, who="compensate")
-    screen = observation.screen
+    screen = scene.screen(rows, cols)
     on = screen[None, :, :, None]
     outside = int(np.count_nonzero(on & ~((desired >= 0) & (desired <= 1))))
     if outside:
@@ -199,22 +226,59 @@ def pose(desired: Light, scene: Scene, weighting: PerceptualWeighting | None = N
             f"bring it within range first (domesim.screening.within_range)"
         )
     lambda_ = (weighting or PerceptualWeighting())(
-        scene.viewing, scene.projector.luminance_weights, screen
+        scene.viewing, scene.projector.luminance_weights, screen, scene.views
     )
-    bounds = (np.where(on, 0, desired), np.where(on, 1, desired))
-    seen = observation.direct(desired)
-    subtractive, _ = clipped_subtraction(Problem(observation, lambda_, seen, bounds))
-    negligible = np.count_nonzero(screen) * (NEGLIGIBLE / _differences(scene, lambda_)) ** 2 / 2
+    if isinstance(scene, StereoScene):
+        single, subtractive = _subtracted_pair(desired, scene, lambda_)
+    else:
+        single, subtractive = _subtracted_dome(desired, scene, lambda_)
+    solvable = single.observation
+    if isinstance(observation, SeveralSeats):
+        assert isinstance(scene, StereoScene)
+        lambda_ = lambda_.with_importance(seat_importance(scene.weights))
+        solvable = observation
+    negligible = np.count_nonzero(screen) * scene.views / 2
+    negligible *= (NEGLIGIBLE / _differences(scene, lambda_)) ** 2
     problem = Problem(
-        observation,
+        solvable,
         lambda_,
-        seen,
-        bounds,
+        solvable.direct(desired),
+        (single.lower, single.upper),
         anchor=subtractive,
         regularisation=REGULARISATION,
         negligible=float(negligible),
     )
-    return Posed(scene, desired, problem, subtractive, screen)
+    exact = observation if isinstance(observation, GreyToGrey) else solvable
+    return Posed(scene, desired, problem, exact, single, subtractive, screen)
+
+
+def _subtracted_dome(desired: Light, scene: Scene, lambda_: CsfWeighting) -> tuple[Problem, Light]:
+    """The plain problem of a domemaster, and its exact clipped subtraction."""
+    observation = scene.solvable(*desired.shape[1:3])
+    assert isinstance(observation, LowRankObservation)
+    on = observation.screen[None, :, :, None]
+    bounds = (np.where(on, 0, desired), np.where(on, 1, desired))
+    problem = Problem(observation, lambda_, observation.direct(desired), bounds)
+    return problem, baselines.clipped_subtraction(problem)[0]
+
+
+def _subtracted_pair(
+    desired: Light, scene: StereoScene, lambda_: CsfWeighting
+) -> tuple[Problem, Light]:
+    """The plain problem of a pair at the mean seat, and its exact clipped subtraction.
+
+    A table is linearised there.
+    """
+    rows, cols = desired.shape[1:3]
+    observation = scene.observation(rows, cols)
+    if isinstance(observation, SeveralSeats):
+        observation = scene.mean_seat(rows, cols)
+    # Subtraction needs no adjoint, so that it knows a table as it is.
+    plain = Problem(cast("AdjointObservation", observation), lambda_, desired)
+    light, _ = deghosting.clipped_subtraction(plain)
+    if isinstance(observation, GreyToGrey):
+        plain = plain.observed_by(observation.linearised(light))
+    return plain, light
 
 
 def _differences(scene: Scene, weighting: Weighting) -> float:
@@ -223,7 +287,7 @@ def _differences(scene: Scene, weighting: Weighting) -> float:
 
 
 def compensate_frame(
-    frame: Frame,
+    frame: Master,
     scene: Scene,
     *,
     method: str = "perceptual",
@@ -235,11 +299,11 @@ def compensate_frame(
     Parameters
     ----------
     frame
-        A domemaster.
+        A domemaster, or left and right.
     scene
-        The theatre.
+        The theatre, or stereo system.
     method
-        One of `METHODS`.
+        One of the scene's methods (`compensate.methods`).
     solver
         The method's solver with other settings than its default ones.
     weighting
@@ -248,31 +312,30 @@ def compensate_frame(
     Raises
     ------
     InputError
-        If the method is not known or the frame is no domemaster.
+        If the scene has no such method, or the frame is no master for it.
     """
-    if method not in METHODS:
-        raise InputError(f"method {method!r} is not known; use one of {', '.join(METHODS)}")
+    require_method(method, scene)
     posed, out_of_range = pose_frame(frame, scene, weighting)
     return solve_frame(frame, posed, out_of_range, method, solver)
 
 
 def pose_frame(
-    frame: Frame, scene: Scene, weighting: PerceptualWeighting | None = None
+    frame: Master, scene: Scene, weighting: PerceptualWeighting | None = None
 ) -> tuple[Posed, float]:
-    """`pose` for a frame, and the share of its screen that is out of the projector's range."""
+    """`pose` for a master, and the share of its screen that is out of the projector's range."""
     light = decoded(frame, scene)
-    screen = scene.dome.inside(*light.shape[1:3])
+    screen = scene.screen(*light.shape[1:3])
     desired, out_of_range = within_range(light, screen)
     return pose(desired, scene, weighting), out_of_range
 
 
 def solve_frame(
-    frame: Frame, posed: Posed, out_of_range: float, method: str, solver: Solver | None = None
+    frame: Master, posed: Posed, out_of_range: float, method: str, solver: Solver | None = None
 ) -> Outcome:
-    """One method's outcome for a frame that `pose_frame` has posed."""
+    """One method's outcome for a master that `pose_frame` has posed."""
     begin = time.perf_counter()
-    start = posed.desired if method == "none" else posed.subtractive
-    result = (solver or METHODS[method]())(posed.problem, start)
+    result = solved(posed, method, solver)
+    seconds = time.perf_counter() - begin
     stored, file_clipped = frame, 0.0
     if method != "none":
         stored, file_clipped = encoded(frame, result.light, posed.scene, posed.screen)
@@ -284,11 +347,31 @@ def solve_frame(
         error_before=posed.visible_error(posed.desired),
         error_subtractive=posed.visible_error(posed.subtractive),
         error_after=posed.visible_error(result.light),
+        ghost_edges=posed.ghost_edges(result.light),
         file_clipped=file_clipped,
         status=result.status.value,
         gap=result.gap,
         iterations=result.iterations,
         ffts=result.ffts,
-        seconds=time.perf_counter() - begin,
+        seconds=seconds,
     )
     return Outcome(stored, result.light, figures, posed)
+
+
+def solved(posed: Posed, method: str, solver: Solver | None = None) -> Result:
+    """What one method projects; `solver` is the method's with other settings.
+
+    Raises
+    ------
+    InputError
+        If the method cannot solve this problem.
+    """
+    problem = posed.problem if method == "perceptual" else posed.single
+    start = posed.desired if method == "none" else posed.subtractive
+    chosen = solver or require_method(method, posed.scene)(posed.scene, problem)
+    try:
+        return chosen(problem, start)
+    except ValueError as error:
+        if method == "perceptual":
+            raise
+        raise InputError(f"method {method!r} does not fit {posed.scene.name}: {error}") from None

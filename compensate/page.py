@@ -10,8 +10,10 @@ root spends codes where the eye does: the relative error is 1.5 / v, that is und
 white, and under 1e-3 there as long as the peak is below 8 times white.
 
 Each view is three planes (R, G, B) of little-endian 16-bit codes, every row stored as differences
-between neighbours (modulo 65536), deflated (zlib) and written in base64. The page asks for nothing
-from outside: style and script are inlined, and its content security policy forbids all requests.
+between neighbours (modulo 65536), deflated (zlib) and written in base64. In a stereo page each view
+has two pictures, all left eyes' stored before all right eyes'. What two eyes make of a view (their
+difference, an anaglyph, the ghost) is computed in the browser. The page asks for nothing from
+outside: style and script are inlined, and its content security policy forbids all requests.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ FloatArray: TypeAlias = NDArray[np.floating[Any]]
 Mask: TypeAlias = NDArray[np.bool_]
 
 KINDS = ("master", "seen", "projected")
-SCRIPTS = ("compare-light.js", "compare-plots.js", "compare.js")
+SCRIPTS = ("compare-light.js", "compare-stereo.js", "compare-plots.js", "compare.js")
 POWER = 3.0
 TOP_CODE = 65535
 ROUNDING = 1e-6  # of white: light this little below zero is a solver's rounding, not a mistake
@@ -52,11 +54,14 @@ class View:
     name : str
         What the reader calls it; unique in a page.
     light : (row, col, 3) float32 or float64
-        Linear, 1.0 = projector white, in the primaries of the display (BT.709).
+        Linear, 1.0 = projector white, in the primaries of the display (BT.709). The left eye's if
+        there is a right one's.
     note : str
         One line below the name.
     kind : "master" | "seen" | "projected"
         What should be seen, what is seen, or what the projectors are sent.
+    right : (row, col, 3) float32 or float64, optional
+        The right eye's light; the views of a page have it all, or none.
 
     """
 
@@ -64,6 +69,7 @@ class View:
     light: FloatArray
     note: str = ""
     kind: str = "seen"
+    right: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,8 @@ def write_page(
     path : path-like
         The HTML file; its folder exists.
     views : sequence of View
-        All of one shape. The first of kind "master" is what the others are compared with.
+        All of one shape, all mono or all stereo. The first of kind "master" is what the others
+        are compared with.
     title, subtitle : str
         The page's heading.
     white : float
@@ -124,7 +131,8 @@ def write_page(
     _require_figures(figures, views)
     rows, cols = views[0].light.shape[:2]
     on_screen = np.ones((rows, cols), np.bool_) if mask is None else mask
-    shown = [_reduce(view.light, on_screen, size) for view in views]
+    rights = [view.right for view in views if view.right is not None]
+    shown = [_reduce(light, on_screen, size) for light in [*(v.light for v in views), *rights]]
     light = [picture for picture, _ in shown]
     small_mask = shown[0][1]
     peak = max(float(picture.max()) for picture in light) or 1.0
@@ -136,6 +144,7 @@ def write_page(
         "white": float(white),
         "peak": peak,
         "power": POWER,
+        "stereo": bool(rights),
         "halfAngle": None if half_angle_deg is None else float(half_angle_deg),
         "views": [{"name": v.name, "note": v.note, "kind": v.kind} for v in views],
     }
@@ -185,28 +194,37 @@ def _require_views(views: Sequence[View], mask: Mask | None) -> None:
         )
     if mask is not None and not mask.any():
         raise InputError("the mask must be True somewhere on the screen, got False everywhere")
-    for view in views:
-        _require_view(view, first.light.shape, mask)
-
-
-def _require_view(view: View, shape: tuple[int, ...], mask: Mask | None) -> None:
-    if view.kind not in KINDS:
-        raise InputError(f"view {view.name!r} must be of kind {' | '.join(KINDS)}, got {view.kind}")
-    if view.light.shape != shape:
+    mono = [view.name for view in views if view.right is None]
+    if 0 < len(mono) < len(views):
         raise InputError(
-            f"view {view.name!r} must have the first view's shape {shape}, got {view.light.shape}; "
-            "resample it first"
+            f"the views of a compare page must all have a right eye's picture or none, got {mono} "
+            "without"
         )
-    if not np.issubdtype(view.light.dtype, np.floating):
+    for view in views:
+        if view.kind not in KINDS:
+            raise InputError(
+                f"view {view.name!r} must be of kind {' | '.join(KINDS)}, got {view.kind}"
+            )
+        _require_light(f"view {view.name!r}", view.light, first.light.shape, mask)
+        if view.right is not None:
+            _require_light(f"view {view.name!r}, right eye,", view.right, first.light.shape, mask)
+
+
+def _require_light(who: str, light: FloatArray, shape: tuple[int, ...], mask: Mask | None) -> None:
+    if light.shape != shape:
         raise InputError(
-            f"view {view.name!r} must be float32 or float64 linear light, got {view.light.dtype}; "
+            f"{who} must have the first view's shape {shape}, got {light.shape}; resample it first"
+        )
+    if not np.issubdtype(light.dtype, np.floating):
+        raise InputError(
+            f"{who} must be float32 or float64 linear light, got {light.dtype}; "
             "decode its code values first"
         )
-    light = view.light if mask is None else view.light[mask]
-    if not np.isfinite(light).all():
-        raise InputError(f"view {view.name!r} must be finite on the screen, got NaN or infinity")
-    if light.min() < -ROUNDING:
-        raise InputError(f"view {view.name!r} must be light >= 0, got {light.min():.3g}")
+    lit = light if mask is None else light[mask]
+    if not np.isfinite(lit).all():
+        raise InputError(f"{who} must be finite on the screen, got NaN or infinity")
+    if lit.min() < -ROUNDING:
+        raise InputError(f"{who} must be light >= 0, got {lit.min():.3g}")
 
 
 def _require_figures(figures: Sequence[Figure], views: Sequence[View]) -> None:

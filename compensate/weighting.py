@@ -130,7 +130,7 @@ class CsfWeighting(Weighting):
             self.gains,
             self.opponent,
             self.support,
-            (self.fourier.rows, self.fourier.cols),
+            self.padded,
             self.peak,
             len(importance),
             importance,
@@ -147,6 +147,11 @@ class CsfWeighting(Weighting):
     def fourier(self) -> Fourier:
         """The padded grid's transforms."""
         return self._fourier
+
+    @property
+    def padded(self) -> tuple[int, int]:
+        """(rows, cols) of the padded grid."""
+        return self._fourier.rows, self._fourier.cols
 
     @property
     def peak(self) -> float:

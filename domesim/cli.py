@@ -17,21 +17,54 @@ import typer
 
 from domesim.console import Console, about, complain, each_frame
 from domesim.errors import InputError
-from domesim.frames import Frame
+from domesim.frames import Master
 from domesim.frames.formats import SUFFIXES
 from domesim.observation.transport import load_transport
-from domesim.scene import Scene, load_scene
+from domesim.scene import DomeScene, Scene, StereoScene, load_scene
+from domesim.scene.crosstalk_maps import load_maps
 from domesim.screening import decoded, encoded, mean_luminance
-from domesim.sequences import find_frames
+from domesim.shows import PACKINGS, find_show
 
 BAD_INPUT = 2
 INTERRUPTED = 130
 
-Master = Annotated[
-    str,
+MasterName = Annotated[
+    str | None,
     typer.Argument(
-        help="The domemaster: an EXR, PNG, TIFF, DPX or JPEG file, or a numbered sequence such as "
-        "'show.####.png'.",
+        metavar="MASTER",
+        help="The domemaster, or a file of two views: an EXR, PNG, TIFF, DPX or JPEG file, or a "
+        "numbered sequence such as 'show.####.png'.",
+        show_default=False,
+    ),
+]
+Left = Annotated[
+    str | None,
+    typer.Option(
+        "--left",
+        help="Stereo: the left eye's file or numbered sequence, instead of a master.",
+        show_default=False,
+    ),
+]
+Right = Annotated[
+    str | None, typer.Option("--right", help="Stereo: the right eye's.", show_default=False)
+]
+PackingName = Annotated[
+    str | None,
+    typer.Option(
+        "--packing",
+        help=f"Stereo, in one file: {', '.join(PACKINGS)}. EXR files say so themselves.",
+        show_default=False,
+    ),
+]
+Identical = Annotated[
+    bool, typer.Option("--allow-identical", help="Stereo: take left and right that are the same.")
+]
+SeatName = Annotated[
+    str | None,
+    typer.Option(
+        "--seat",
+        help="Stereo: the seat to look from; 'all' for the weighted mean of all seats, 'worst' for "
+        "the one that is worst off.",
         show_default=False,
     ),
 ]
@@ -39,8 +72,9 @@ SceneName = Annotated[
     str,
     typer.Option(
         "--scene",
-        help="The theatre: dome_hemisphere, dome_imax, dome_planetarium, dome_led, dome_dark, or "
-        "the path of a .toml file.",
+        help="The theatre: dome_hemisphere, dome_imax, dome_planetarium, dome_led, dome_dark; the "
+        "stereo system: stereo_cinema_silver, stereo_polarised_paper, stereo_shutter, "
+        "stereo_spectral; or the path of a .toml file.",
         show_default=False,
     ),
 ]
@@ -48,8 +82,9 @@ TransportFile = Annotated[
     Path | None,
     typer.Option(
         "--transport",
-        help="The theatre's whole light transport, a .npz file of 'domesim tabulate'; without it "
-        "reflections are those of the bare screen.",
+        help="The theatre's whole light transport, or the stereo system's crosstalk maps: a .npz "
+        "file of 'domesim tabulate'. Without it reflections are those of the bare screen, and "
+        "crosstalk is estimated.",
     ),
 ]
 OutFolder = Annotated[
@@ -81,31 +116,38 @@ Json = Annotated[
 
 
 def observe(
-    master: Master,
     scene: SceneName,
     out: OutFolder,
+    master: MasterName = None,
+    left: Left = None,
+    right: Right = None,
+    packing: PackingName = None,
+    seat: SeatName = None,
     transport: TransportFile = None,
     frames: Frames = None,
     file_format: Format = None,
     bits: Bits = None,
     repair: Repair = False,
+    allow_identical: Identical = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Simulate what the audience sees of a frame or sequence, with all reflected light."""
+    """Simulate what the audience sees of a frame or sequence: reflected light, or crosstalk."""
     console = Console(quiet=quiet, json=json)
-    theatre = theatre_of(scene, transport, console)
+    theatre = scene_of(scene, transport, console, seat)
+    if isinstance(theatre, StereoScene) and len(theatre.chosen) > 1:
+        raise InputError(f"--seat {seat}: what is seen is seen from one seat; name one of them")
 
-    def work(frame: Frame, write: Callable[[Frame], Frame]) -> tuple[dict[str, Any], str]:
-        light = decoded(frame, theatre)
+    def work(source: Master, write: Callable[[Master], Master]) -> tuple[dict[str, Any], str]:
+        light = decoded(source, theatre)
         observation = theatre.observation(*light.shape[1:3])
         seen = observation.observe(light)
-        screen = observation.screen
-        result, clipped = encoded(frame, seen, theatre, screen)
+        result, clipped = encoded(source, seen, theatre, theatre.screen(*light.shape[1:3]))
         direct = observation.direct(light)
         pollution = mean_luminance(seen - direct, theatre)
         mean = mean_luminance(direct, theatre)
-        line = f"mean {mean:.3g} cd/m² direct, {pollution:.3g} cd/m² reflected and stray light"
+        other = "reflected" if theatre.views == 1 else "the other eye's"
+        line = f"mean {mean:.3g} cd/m² direct, {pollution:.3g} cd/m² {other} and stray light"
         if clipped:
             line += (
                 f"; {clipped:.1%} of the screen is brighter than the file's format can hold and "
@@ -119,8 +161,11 @@ def observe(
         write(result)
         return figures, line
 
+    show = find_show(
+        master, left, right, packing=packing, frames=frames, allow_identical=allow_identical
+    )
     done, failed = each_frame(
-        find_frames(master, frames),
+        show,
         out,
         work,
         console,
@@ -129,25 +174,45 @@ def observe(
         suffix=suffix_of(file_format),
         bits=bits,
     )
-    facts = {"scene": theatre.name, "approximation": theatre.approximation, "frames": done}
-    finish(console, facts, failed)
+    finish(console, {**about_scene(theatre), "frames": done}, failed)
 
 
-def theatre_of(scene: str, transport: Path | None, console: Console) -> Scene:
-    """The scene of a command, with a stored transport if one is given; says what is approximate.
+def about_scene(scene: Scene) -> dict[str, Any]:
+    """What a command's figures say of its scene."""
+    facts: dict[str, Any] = {"scene": scene.name, "approximation": scene.approximation}
+    if isinstance(scene, StereoScene):
+        facts["seats"] = list(scene.chosen)
+    return facts
+
+
+def scene_of(name: str, transport: Path | None, console: Console, seat: str | None = None) -> Scene:
+    """The scene of a command, with stored light transport and seats if given.
+
+    What is approximate is said.
 
     Raises
     ------
     InputError
-        If either cannot be read, or they do not belong together.
+        If a file cannot be read, they do not belong together, or there is no such seat.
     """
-    theatre = load_scene(scene)
+    scene = load_scene(name)
     if transport is not None:
         with about(transport):
-            theatre = theatre.with_transport(load_transport(transport))
-    if theatre.approximation is not None:
-        console.say(f"{theatre.name}: {theatre.approximation}")
-    return theatre
+            if isinstance(scene, StereoScene):
+                scene = scene.with_maps(load_maps(transport))
+            elif isinstance(scene, DomeScene):
+                scene = scene.with_transport(load_transport(transport))
+    if isinstance(scene, StereoScene):
+        if seat in ("all", "worst"):
+            scene = scene.seen_from(*scene.seats)
+        elif seat is not None:
+            scene = scene.seen_from(seat)
+        console.say(f"{scene.name}: crosstalk {scene.facts()['Crosstalk']}")
+    elif seat is not None:
+        raise InputError(f"--seat {seat}: a dome theatre has no seats to choose from")
+    if scene.approximation is not None:
+        console.say(f"{scene.name}: {scene.approximation}")
+    return scene
 
 
 def suffix_of(file_format: str | None) -> str | None:

@@ -7,9 +7,8 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any, final
 
@@ -25,9 +24,9 @@ from rich.progress import (
 )
 
 from domesim.errors import InputError
-from domesim.frames import Frame, read_frame, write_frame
+from domesim.frames import Master, read_master, write_master
 from domesim.frames.messages import reason
-from domesim.sequences import output_path
+from domesim.shows import Show
 
 
 @final
@@ -134,9 +133,9 @@ def about(path: Path) -> Iterator[None]:
 
 
 def each_frame(
-    paths: Sequence[Path],
+    show: Show,
     folder: Path,
-    work: Callable[[Frame, Callable[[Frame], Frame]], tuple[dict[str, Any], str]],
+    work: Callable[[Master, Callable[[Master], Master]], tuple[dict[str, Any], str]],
     console: Console,
     *,
     what: str,
@@ -144,18 +143,19 @@ def each_frame(
     suffix: str | None = None,
     bits: int | None = None,
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """Read each frame, do `work` on it, write its result to `folder` under the same name.
+    """Read each master of a show, do `work` on it, write its result to `folder` under its name.
 
     With a `suffix`, such as ``.png``, or `bits` a sample, results are written so.
 
-    `work` takes a frame and a function that writes its result and gives it back as it was stored;
-    it returns figures and a line for a person. A frame that fails is named and leaves nothing
+    `work` takes a master and a function that writes its result and gives it back as it was stored;
+    it returns figures and a line for a person. A master that fails is named and leaves nothing
     behind; the others go on.
 
     Returns
     -------
     figures
-        Of the frames that were written, in order, with ``input`` and ``output`` added.
+        Of the masters that were written, in order, with ``input`` and ``output`` added: a path, or
+        the paths of left and right.
     failed
         Messages of those that were not.
 
@@ -164,32 +164,39 @@ def each_frame(
     InputError
         If the folder cannot be made or written to, or an output would replace its input.
     """
-    outputs = [output_path(path, folder, suffix) for path in paths]
-    prepare(folder)
+    outputs = show.outputs(folder, suffix)
+    for place in {path.parent for output in outputs for path in output} | {folder}:
+        prepare(place)
     done, failed = [], []
-    with console.progress(what, len(paths)) as start:
-        for path, output in zip(paths, outputs, strict=True):
-            start(path.name)
+    with console.progress(what, len(outputs)) as start:
+        for moment, output in zip(show.moments, outputs, strict=True):
+            start(moment[0].name)
+
+            def write(result: Master, output: tuple[Path, ...] = output) -> Master:
+                """Write it, and read it as others will."""
+                write_master(result, output, bits=bits)
+                packing = None if result.packing in ("single", "files") else result.packing
+                return read_master(output, packing=packing, repair=True, allow_identical=True)
+
             try:
-                with about(path):
-                    frame = read_frame(path, repair=repair)
-                    figures, line = work(frame, partial(_stored, path=output, bits=bits))
+                with about(moment[0]):
+                    master = show.read(moment, repair=repair)
+                    figures, line = work(master, write)
             except InputError as error:
                 failed.append(str(error))
                 complain(error)
                 continue
-            done.append({"input": str(path), "output": str(output), **figures})
-            if frame.repaired:
-                done[-1]["repaired"] = frame.repaired
-                line += f"; {frame.repaired} impossible samples repaired"
-            console.say(f"{path.name}: {line}\n  -> {output}")
+            done.append({"input": _named(moment), "output": _named(output), **figures})
+            if master.repaired:
+                done[-1]["repaired"] = master.repaired
+                line += f"; {master.repaired} impossible samples repaired"
+            names = " and ".join(path.name for path in moment)
+            console.say(f"{names}: {line}\n  -> {', '.join(map(str, output))}")
     return done, failed
 
 
-def _stored(frame: Frame, path: Path, bits: int | None) -> Frame:
-    """Write `frame`, and read it as others will."""
-    write_frame(frame, path, bits=bits)
-    return read_frame(path, repair=True)
+def _named(paths: tuple[Path, ...]) -> str | list[str]:
+    return str(paths[0]) if len(paths) == 1 else [str(path) for path in paths]
 
 
 def prepare(folder: Path) -> None:

@@ -71,21 +71,20 @@ class Projector:
             )
 
     def decode(self, pixels: Pixels, transfer: Transfer, primaries: str) -> Light:
-        """Light (view 1, row, col, primary) of one picture's code values (row, col, RGB).
+        """Light (view, row, col, primary) of code values (view, row, col, RGB).
 
         The result may leave 0..1 where the picture has colours or highlights that the projector
         has not; it is not clamped here.
         """
-        light = transfer.decode(pixels)
-        return _convert(light, primaries, self.primaries)[np.newaxis]
+        return _convert(transfer.decode(pixels), primaries, self.primaries)
 
     def encode(self, light: Light, transfer: Transfer, primaries: str) -> Pixels:
-        """Code values (row, col, RGB) of Light (view 1, row, col, primary): inverse of `decode`."""
-        return transfer.encode(_convert(light[0], self.primaries, primaries))
+        """Code values (view, row, col, RGB) of Light: inverse of `decode`."""
+        return transfer.encode(_convert(light, self.primaries, primaries))
 
     def to_display(self, light: Light) -> Pixels:
-        """(row, col, RGB) light in BT.709 primaries, for showing on a computer screen."""
-        return _convert(light[0], self.primaries, "BT.709")
+        """(view, row, col, RGB) light in BT.709 primaries, for showing on a computer screen."""
+        return _convert(light, self.primaries, "BT.709")
 
     @property
     def luminance_weights(self) -> NDArray[np.float64]:

@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from domesim.cli import INTERRUPTED, Json, Quiet, Repair, finish
 from domesim.console import Console, about, prepare_file
 from domesim.errors import InputError
-from domesim.frames import read_frame
+from domesim.frames import read_master
 from domesim.projector import conversion
-from domesim.scene import Scene, load_scene
+from domesim.scene import DomeScene, StereoScene, load_dome, load_scene
+from domesim.scene.crosstalk_maps import CrosstalkMaps
+from domesim.scene.stereo import MAP_CELLS
 from domesim.screening import decoded
 
 if TYPE_CHECKING:
@@ -79,7 +81,7 @@ def render(
 ) -> None:
     """Path-trace what is seen in a theatre: layers of direct and reflected light in cd/m²."""
     console = Console(quiet=quiet, json=json)
-    theatre = load_scene(scene)
+    theatre = load_dome(scene)
     if size is not None and not 2 <= size <= 16384:
         raise InputError(f"--size must lie in 2..16384, got {size}")
     if samples < 2:
@@ -126,7 +128,7 @@ def tabulate(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Measure a theatre's reflected light by path tracing, for 'compensate --transport'."""
+    """Trace a dome's reflected light, or a polarised 3D cinema's crosstalk, for --transport."""
     console = Console(quiet=quiet, json=json)
     theatre = load_scene(scene)
     if out.suffix != ".npz":
@@ -136,6 +138,11 @@ def tabulate(
     _require_seed(seed)
     prepare_file(out)
     from domesim.pathtrace.llvm import backend  # noqa: PLC0415
+
+    if isinstance(theatre, StereoScene):
+        _tabulate_crosstalk(theatre, out, seed, console)
+        return
+    assert isinstance(theatre, DomeScene)
     from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
     from domesim.pathtrace.tracer import Status  # noqa: PLC0415
 
@@ -179,6 +186,62 @@ def tabulate(
     _finish(console, figures, interrupted)
 
 
+def _tabulate_crosstalk(scene: StereoScene, out: Path, seed: int, console: Console) -> None:
+    """Store the crosstalk maps of all seats, and say how far the estimate by hand was off."""
+    from domesim.pathtrace.polarised import crosstalk_map  # noqa: PLC0415
+
+    if scene.theatre is None:
+        raise InputError(
+            f"{scene.name}: wanted hardware to trace light through ([crosstalk.polarisation]), got "
+            f"crosstalk as {scene.model}. It is used as it is: leave --transport out"
+        )
+    maps, rows = [], []
+    with console.share("tracing") as progress:
+        for number, seat in enumerate(scene.seats):
+
+            def told(done: float, n: int = number, name: str = seat) -> None:
+                progress((n + done) / len(scene.seats), name)
+
+            found = crosstalk_map(scene.theatre, seat, *MAP_CELLS, seed=seed, progress=told)
+            maps.append(found)
+            estimate = scene.seats[seat].share
+            assert estimate is not None
+            middle = tuple(cells // 2 for cells in MAP_CELLS)
+            figures = {
+                "mean": float(found.share.mean()),
+                "middle": float(found.share[(0, *middle)]),
+                "middle_standard_error": float(found.standard_error[(0, *middle)]),
+                "largest": float(found.share.max()),
+                "off_the_estimate": float(np.max(np.abs(found.share / estimate - 1))),
+            }
+            rows.append({"seat": seat, **figures})
+            console.say(
+                f"{seat}: crosstalk {figures['mean']:.2%} on average, {figures['middle']:.3%} ± "
+                f"{2 * figures['middle_standard_error']:.3%} in the middle, up to "
+                f"{figures['largest']:.2%}; at most {figures['off_the_estimate']:.1%} off the "
+                f"estimate without tracing"
+            )
+    provenance = {
+        "scene": scene.name,
+        "digest": scene.digest,
+        "seed": seed,
+        "samples": maps[0].samples,
+        "version": version("domesim"),
+    }
+    stored = CrosstalkMaps(
+        tuple(scene.seats),
+        np.stack([found.share for found in maps]),
+        np.stack([found.standard_error for found in maps]),
+        provenance,
+    )
+    stored.save(out)
+    console.say(
+        f"  -> {out}\nUse it: domesim compensate --left L.####.exr --right R.####.exr "
+        f"--scene {scene.name} --transport {out}"
+    )
+    finish(console, {"scene": scene.name, "output": str(out), "seats": rows}, [])
+
+
 def _finish(console: Console, figures: dict[str, Any], interrupted: bool) -> None:
     """Print the figures; what is not as sure as was asked for is no success."""
     finish(console, figures, [])
@@ -197,13 +260,13 @@ def _per_primary(values: NDArray[np.float64]) -> str:
     return " / ".join(f"{value:.4f}" for value in values)
 
 
-def _closed_gain(scene: Scene) -> NDArray[np.float64]:
+def _closed_gain(scene: DomeScene) -> NDArray[np.float64]:
     from domesim.observation.spherical import bare_gain  # noqa: PLC0415
 
     return np.array([bare_gain(rho, scene.dome) for rho in scene.albedo])
 
 
-def _second_opinion(scene: Scene, found: Tabulation, console: Console) -> dict[str, Any] | None:
+def _second_opinion(scene: DomeScene, found: Tabulation, console: Console) -> dict[str, Any] | None:
     """The mean light by the other method: radiosity, or walks where radiosity was the first."""
     from domesim.observation.radiosity import radiosity  # noqa: PLC0415
     from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
@@ -226,14 +289,14 @@ def _second_opinion(scene: Scene, found: Tabulation, console: Console) -> dict[s
 
 
 def _picture(
-    scene: Scene, master: Path | None, size: int | None, repair: bool, console: Console
+    scene: DomeScene, master: Path | None, size: int | None, repair: bool, console: Console
 ) -> NDArray[np.float32]:
     """(row, col, primary) light of the master, at another size if wanted."""
     path = master
     if path is None:
         path = Path(str(resources.files("scenes").joinpath("masters", "night.exr")))
     with about(path):
-        frame = read_frame(path, repair=repair)
+        frame = read_master([path], repair=repair)
         if frame.repaired:
             console.say(f"{path.name}: {frame.repaired} impossible samples repaired")
         light = np.asarray(decoded(frame, scene)[0], np.float32)
@@ -262,7 +325,7 @@ def _small(picture: NDArray[Any]) -> NDArray[Any]:
 
 
 def _cutaway(
-    scene: Scene, picture: NDArray[np.float32], out: Path, width: int, console: Console
+    scene: DomeScene, picture: NDArray[np.float32], out: Path, width: int, console: Console
 ) -> None:
     from domesim.pathtrace.cutaway import cutaway, to_png  # noqa: PLC0415
 
@@ -274,7 +337,7 @@ def _cutaway(
 
 
 def _domemaster(
-    scene: Scene, picture: NDArray[np.float32], settings: Settings, console: Console
+    scene: DomeScene, picture: NDArray[np.float32], settings: Settings, console: Console
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     from domesim.pathtrace.observation import PathTracedDome  # noqa: PLC0415
 
@@ -299,7 +362,7 @@ def _domemaster(
 
 
 def _from_seat(
-    scene: Scene,
+    scene: DomeScene,
     picture: NDArray[np.float32],
     view: str,
     width: int,
@@ -383,7 +446,7 @@ def _facts(parts: Sequence[Traced], on: NDArray[np.bool_]) -> dict[str, Any]:
 
 
 def _write(
-    scene: Scene,
+    scene: DomeScene,
     view: str,
     layers: dict[str, NDArray[Any]],
     facts: dict[str, Any],
@@ -437,12 +500,12 @@ def _write(
     )
 
 
-def _display(scene: Scene, picture: NDArray[Any]) -> NDArray[Any]:
+def _display(scene: DomeScene, picture: NDArray[Any]) -> NDArray[Any]:
     """(row, col, RGB) linear BT.709."""
-    return np.asarray(scene.projector.to_display(np.asarray(picture, np.float32)[None]))
+    return np.asarray(scene.projector.to_display(np.asarray(picture, np.float32)[None])[0])
 
 
-def _chromaticities(scene: Scene) -> tuple[float, ...]:
+def _chromaticities(scene: DomeScene) -> tuple[float, ...]:
     """(x, y) of red, green, blue and white of the projector."""
     matrix = conversion(scene.projector.primaries, "XYZ")
     columns = [*matrix.T, matrix.sum(axis=1)]

@@ -1,6 +1,6 @@
-"""A frame on the screen: file -> Light -> what the audience sees -> file.
+"""A master on the screen: file -> Light -> what the audience sees -> file.
 
-Off the screen (outside a domemaster's circle) a frame's code values are never touched.
+Off the screen (outside a domemaster's circle) a master's code values are never touched.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from domesim import transfer
 from domesim.errors import InputError
-from domesim.frames import Frame
+from domesim.frames import Master
 from domesim.light import Light
 from domesim.projector import require_primaries
 from domesim.scene import Scene
@@ -20,50 +20,66 @@ BRIGHTEST = 1e9
 overflows when light is summed and squared."""
 
 
-def decoded(frame: Frame, scene: Scene) -> Light:
-    """Light (1, row, col, primary) of a frame, by its own encoding.
+def decoded(master: Master, scene: Scene) -> Light:
+    """Light (view, row, col, primary) of a master, by its own encoding.
 
     Raises
     ------
     InputError
-        If its transfer function or primaries are not known, or it is brighter than `BRIGHTEST`.
+        If it has other views than the scene, its transfer function or primaries are not known, or
+        it is brighter than `BRIGHTEST`.
     """
-    require_primaries(frame.colour.primaries)
-    curve = transfer.named(frame.colour.transfer, white=scene.projector.white)
+    _require_views(master, scene)
+    require_primaries(master.colour.primaries)
+    curve = transfer.named(master.colour.transfer, white=scene.projector.white)
     with np.errstate(over="ignore", invalid="ignore"):
-        light = scene.projector.decode(frame.pixels, curve, frame.colour.primaries)
+        light = scene.projector.decode(master.pixels, curve, master.colour.primaries)
     if not light.max() <= BRIGHTEST:
         raise InputError(
-            f"{frame.path}: wanted light up to {BRIGHTEST:g} (projector white is 1), got "
+            f"{master.path}: wanted light up to {BRIGHTEST:g} (projector white is 1), got "
             f"{light.max():g}. Render it again, or clamp it (oiiotool IN --clamp:max=100 -o OUT)."
         )
     return light
 
 
+def _require_views(master: Master, scene: Scene) -> None:
+    if len(master.frames) == scene.views:
+        return
+    if scene.views == 1:
+        raise InputError(
+            f"{master.path}: wanted a domemaster for {scene.name}, got left and right. Do each "
+            f"alone, or choose a stereo scene."
+        )
+    raise InputError(
+        f"{master.path}: wanted left and right for {scene.name}, got one picture. Name both "
+        f"(--left L.####.exr --right R.####.exr), or say how they are packed (--packing)."
+    )
+
+
 def encoded(
-    frame: Frame, light: Light, scene: Scene, screen: NDArray[np.bool_]
-) -> tuple[Frame, float]:
-    """`frame` with the picture on the screen replaced by `light`, and the share that was clipped.
+    master: Master, light: Light, scene: Scene, screen: NDArray[np.bool_]
+) -> tuple[Master, float]:
+    """`master` with the picture on the screen replaced by `light`, and the share that was clipped.
 
     No format holds all code values: light brighter than the white of an integer format (what the
     audience sees of a white master) or the largest half is clipped there, and the share of such
     pixels returned.
     """
-    curve = transfer.named(frame.colour.transfer, white=scene.projector.white)
-    pixels = scene.projector.encode(light, curve, frame.colour.primaries)
-    least, largest = frame.code_range
+    curve = transfer.named(master.colour.transfer, white=scene.projector.white)
+    pixels = scene.projector.encode(light, curve, master.colour.primaries)
+    least, largest = master.code_range
     # Half a code of 16 bit: rounding, not clipping
     slack = 0.5 / 65535
     beyond = np.any((pixels < least - slack) | (pixels > largest + slack), axis=-1)
-    clipped = float(np.mean(beyond[screen]))
+    clipped = float(np.mean(beyond[:, screen]))
     pixels = np.clip(pixels, least, largest)
-    return frame.with_pixels(np.where(screen[..., None], pixels, frame.pixels)), clipped
+    return master.with_pixels(np.where(screen[..., None], pixels, master.pixels)), clipped
 
 
 def mean_luminance(light: Light, scene: Scene) -> float:
-    """Mean luminance over the screen's area of light on the screen, cd/m²."""
-    areas = scene.dome.screen_areas(*light.shape[1:3])
-    mean = np.einsum("ij,ijp->p", areas, light[0]) / areas.sum()
+    """Mean luminance over the screen's area, and all views, of light on the screen, cd/m²."""
+    areas = scene.pixel_areas(*light.shape[1:3])
+    mean = np.einsum("ij,vijp->p", areas, light) / (areas.sum() * len(light))
     return float(mean @ scene.projector.luminance_weights) * scene.projector.white
 
 
@@ -76,5 +92,5 @@ def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]
     on = screen[None, :, :, None]
     # Decoding rounds: a white of 1 + 1e-7 is no highlight.
     slack = 8 * np.finfo(np.float32).eps
-    beyond = np.any((light < -slack) | (light > 1 + slack), axis=-1)[0]
-    return np.where(on, np.clip(light, 0, 1), light), float(np.mean(beyond[screen]))
+    beyond = np.any((light < -slack) | (light > 1 + slack), axis=-1)
+    return np.where(on, np.clip(light, 0, 1), light), float(np.mean(beyond[:, screen]))

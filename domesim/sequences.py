@@ -1,5 +1,7 @@
 """Sequences: which files a numbered pattern such as ``show.####.exr`` means, in order.
 
+Of a stereo show in two sequences, files of one number belong together.
+
 A missing frame is an error, not a shorter film: a producer who rendered 5 000 frames wants to hear
 of the one that is not there before the night's run, and says `frames` when a part is meant.
 
@@ -11,9 +13,10 @@ from __future__ import annotations
 
 import re
 import stat
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
+from itertools import chain, pairwise
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import fileseq
 
@@ -38,29 +41,37 @@ def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, .
         If `pattern` is a folder, there is no such file or no frame, two files have one number, or
         frames are missing: in a gap if `frames` is None, else of those in `frames`.
     """
-    path = Path(pattern)
-    kind = _kind(path)
-    if kind == "folder":
-        raise _is_a_folder(path)
-    sequence = _numbered(path)
-    if sequence is None or kind == "file":
-        return (_single(path, kind, frames),)
-    found = _on_disk(path, sequence)
-    numbers = sorted(found)
-    frames = frames or sequence.frameRange()  # show.1-5####.exr names its frames itself
-    if frames:
-        numbers = sorted(parse_frames(frames))
-        missing = _ranges([number for number in numbers if number not in found])
-        wanted, way = frames, "choose from"
-    else:
-        missing = _gaps(numbers)
-        wanted, way = f"{numbers[0]}-{numbers[-1]}", "name those to use:"
-    if missing:
+    return tuple(_find(Path(pattern), frames).values())
+
+
+def find_pairs(
+    left: str | Path, right: str | Path, frames: str | None = None
+) -> tuple[tuple[Path, Path], ...]:
+    """The files of a left and a right sequence that belong together, by frame number.
+
+    Parameters
+    ----------
+    left, right
+        Two existing files, or two numbered patterns, as for `find_frames`.
+    frames
+        Which frames of both, as for `find_frames`.
+
+    Raises
+    ------
+    InputError
+        As for `find_frames`; if one is a file and the other a pattern; or if one has frames that
+        the other has not.
+    """
+    found = _find(Path(left), frames), _find(Path(right), frames)
+    single = [None in side for side in found]
+    if any(single) and not all(single):
         raise InputError(
-            f"{path}: wanted frames {wanted}, missing {missing}. "
-            f"Render what is missing, or {way} --frames {_ranges(sorted(found))}"
+            f"{left} and {right}: wanted two files or two numbered patterns, got one of each. "
+            "Write the frame's number as #### in both (show.####.exr)."
         )
-    return tuple(found[number] for number in numbers)
+    if not any(single):
+        _refuse_unmatched(f"{left} and {right}", *({*side} for side in found))
+    return tuple((found[0][number], found[1][number]) for number in found[0])
 
 
 def parse_frames(text: str) -> fileseq.FrameSet:
@@ -89,13 +100,98 @@ def output_path(source: Path, folder: Path, suffix: str | None = None) -> Path:
     InputError
         If that is `source` itself.
     """
-    path = folder / (source.name if suffix is None else source.with_suffix(suffix).name)
-    # A link to the source is the source, too.
-    if path.resolve() == source.resolve():
-        raise InputError(
-            f"{path}: wanted a place for the result, got the input itself. Choose another folder."
-        )
+    path = folder / _output_name(source, suffix)
+    _refuse_inputs([path], [source])
     return path
+
+
+def output_pairs(
+    pairs: Sequence[tuple[Path, Path]], folder: Path, suffix: str | None = None
+) -> tuple[tuple[Path, Path], ...]:
+    """Where in `folder` the results for pairs of left and right go.
+
+    Under their own names, with `suffix` if given. Where left and right are told apart by their
+    folders (``L/0001.exr`` and ``R/0001.exr``), in `folder`'s subfolders ``left`` and ``right``;
+    whoever writes there makes them.
+
+    Raises
+    ------
+    InputError
+        If two files that lie in one folder would have one result, or a result would go over one
+        of the sources.
+    """
+    lefts, rights = ([_output_name(pair[side], suffix) for pair in pairs] for side in (0, 1))
+    places = (folder, folder)
+    if not set(lefts).isdisjoint(rights):
+        for left, right in pairs:
+            if left.parent.resolve() == right.parent.resolve():
+                raise InputError(
+                    f"{left} and {right}: wanted two names for two results, got "
+                    f"{_output_name(left, suffix)} for both. Rename one, or keep left and right in "
+                    "two folders."
+                )
+        places = (folder / "left", folder / "right")
+    results = tuple(
+        (places[0] / left, places[1] / right) for left, right in zip(lefts, rights, strict=True)
+    )
+    _refuse_inputs(chain(*results), chain(*pairs))
+    return results
+
+
+def _output_name(source: Path, suffix: str | None) -> str:
+    return source.name if suffix is None else source.with_suffix(suffix).name
+
+
+def _refuse_inputs(results: Iterable[Path], sources: Iterable[Path]) -> None:
+    # A link to the source is the source, too.
+    taken = {source.resolve() for source in sources}
+    for path in results:
+        if path.resolve() in taken:
+            raise InputError(
+                f"{path}: wanted a place for the result, got the input itself. "
+                "Choose another folder."
+            )
+
+
+def _find(path: Path, frames: str | None) -> dict[int | None, Path]:
+    """Files by frame number, in order; a single file has none."""
+    kind = _kind(path)
+    if kind == "folder":
+        raise _is_a_folder(path)
+    sequence = _numbered(path)
+    if sequence is None or kind == "file":
+        return {None: _single(path, kind, frames)}
+    found = _on_disk(path, sequence)
+    numbers = sorted(found)
+    frames = frames or sequence.frameRange()  # show.1-5####.exr names its frames itself
+    if frames:
+        numbers = sorted(parse_frames(frames))
+        missing = _ranges([number for number in numbers if number not in found])
+        wanted, way = frames, "choose from"
+    else:
+        missing = _gaps(numbers)
+        wanted, way = f"{numbers[0]}-{numbers[-1]}", "name those to use:"
+    if missing:
+        raise InputError(
+            f"{path}: wanted frames {wanted}, missing {missing}. "
+            f"Render what is missing, or {way} --frames {_ranges(sorted(found))}"
+        )
+    return {number: found[number] for number in numbers}
+
+
+def _refuse_unmatched(where: str, left: set[Any], right: set[Any]) -> None:
+    missing = {"left": right - left, "right": left - right}
+    if not any(missing.values()):
+        return
+    sides = " and ".join(
+        f"{_ranges(sorted(numbers))} on the {side}" for side, numbers in missing.items() if numbers
+    )
+    both = _ranges(sorted(left & right))
+    way = f"name those that both have: --frames {both}" if both else "check the patterns."
+    raise InputError(
+        f"{where}: wanted the same frames on both sides, missing {sides}. "
+        f"Render what is missing, or {way}"
+    )
 
 
 _Kind = Literal["file", "folder", "nothing", "device or pipe"]

@@ -128,7 +128,7 @@ def test_the_keys_of_theatres_exist():
     )
     assert len(listed) >= 12
     for section, keys in listed:
-        model = scene.SceneFile
+        model = scene.DomeFile
         for part in section.split("."):
             if part == "NAME":
                 continue

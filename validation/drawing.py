@@ -79,9 +79,9 @@ def pictures(
 
 def _coded(light: Light, scene: Scene, brightest: float) -> NDArray[np.uint8]:
     """(row, col, 3) sRGB codes; white outside the screen, as the page is."""
-    shown = np.clip(scene.projector.to_display(light) / brightest, 0, 1).astype(np.float32)
+    shown = np.clip(scene.projector.to_display(light)[0] / brightest, 0, 1).astype(np.float32)
     codes = np.round(255 * named("srgb", white=1.0).encode(shown)).astype(np.uint8)
-    codes[~scene.dome.inside(*codes.shape[:2])] = 255
+    codes[~scene.screen(*codes.shape[:2])] = 255
     return np.asarray(codes)
 
 

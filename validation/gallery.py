@@ -13,7 +13,7 @@ from pathlib import Path
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
 from domesim.rendering import render
-from domesim.scene import load_scene, scene_names
+from domesim.scene import load_dome, scene_names
 
 SIZES = {"cutaway": 720, "domemaster": 480, "seat:centre": 720}
 
@@ -23,7 +23,7 @@ def main(folder: Path, scenes: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for scene in scenes:
         for view, size in SIZES.items():
-            if view.startswith("seat:") and not load_scene(scene).theatre.viewpoints:
+            if view.startswith("seat:") and not load_dome(scene).theatre.viewpoints:
                 continue
             with tempfile.TemporaryDirectory() as temporary:
                 suffix = ".png" if view == "cutaway" else ".exr"

@@ -2,8 +2,9 @@
 
 The objective of the compensation cannot show that the objective is right. FLIP [1] and
 ColorVideoVDP [2] are others' models of visible differences; contrasts [3] are what a photometer
-finds. All take Light (1, row, col, primary), 1.0 = projector white, of a domemaster, and see only
-the dome's circle: outside it both pictures are black.
+finds. All take Light (view, row, col, primary), 1.0 = projector white, of a domemaster, and see
+only the dome's circle: outside it both pictures are black; or of left and right, which the metrics
+judge one by one: their mean is given.
 
 FLIP comes in two kinds. Here it is LDR-FLIP on sRGB-coded light, projector white = display white:
 its colour differences are relative to a display's white, as the projector's is the brightest that
@@ -22,7 +23,7 @@ screens.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
@@ -65,6 +66,8 @@ def flip(reference: Light, test: Light, scene: Scene) -> float:
     except ImportError as error:
         raise Missing("needs FLIP: pip install 'domesim[metrics]'") from error
     require_light(test, reference.shape, who="flip")
+    if len(reference) > 1:
+        return _of_both(flip, reference, test, scene)
     times, density = _enlargement(scene, *reference.shape[1:3])
     curve = named("srgb", white=1.0)
     shown = (
@@ -91,6 +94,8 @@ def colorvideovdp(reference: Light, test: Light, scene: Scene) -> float:
     """
     cvvdp, torch = _colorvideovdp()
     require_light(test, reference.shape, who="colorvideovdp")
+    if len(reference) > 1:
+        return _of_both(colorvideovdp, reference, test, scene)
     rows, cols = reference.shape[1:3]
     times, density = _enlargement(scene, rows, cols)
     shown = [
@@ -137,10 +142,17 @@ def black_over_white(seen: Light, scene: Scene) -> float:
     return black / white
 
 
+def _of_both(
+    judge: Callable[[Light, Light, Scene], float], reference: Light, test: Light, scene: Scene
+) -> float:
+    eyes = [(slice(v, v + 1),) for v in range(len(reference))]
+    return float(np.mean([judge(reference[eye], test[eye], scene) for eye in eyes]))
+
+
 def _on_display(light: Light, scene: Scene) -> NDArray[np.float32]:
     """(row, col, RGB) linear light in BT.709, at least 0; black outside the screen."""
-    inside = scene.dome.inside(*light.shape[1:3])[..., None]
-    shown = np.where(inside, np.maximum(scene.projector.to_display(light), 0), 0)
+    inside = scene.screen(*light.shape[1:3])[..., None]
+    shown = np.where(inside, np.maximum(scene.projector.to_display(light)[0], 0), 0)
     return np.asarray(shown, np.float32)
 
 
@@ -161,14 +173,14 @@ def _luminance(light: Light, scene: Scene) -> NDArray[np.float64]:
 
 def _mean(values: NDArray[Any], scene: Scene, part: NDArray[np.bool_] | None = None) -> float:
     """Mean of (row, col) values over the screen's area, or a part of it."""
-    areas = scene.dome.screen_areas(*values.shape)
+    areas = scene.pixel_areas(*values.shape)
     if part is not None:
         areas = areas * part
     return float(np.sum(areas * values) / areas.sum())
 
 
 def _grey(picture: NDArray[np.float64], scene: Scene) -> Light:
-    inside = scene.dome.inside(*picture.shape)
+    inside = scene.screen(*picture.shape)
     grey = np.where(inside, picture, 0).astype(np.float32)
     return np.repeat(grey[None, :, :, None], 3, axis=3)
 

@@ -7,7 +7,7 @@ from importlib import resources
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from domesim.frames import Frame, read_frame
+from domesim.frames import Master, read_master
 from domesim.light import Light
 
 
@@ -23,7 +23,7 @@ def night(size: int, seed: int = 0) -> Light:
     return (light[None, :, :, None] * np.array([1.0, 0.9, 0.75])).astype(np.float32)
 
 
-def bundled_night() -> Frame:
+def bundled_night() -> Master:
     """The bundled night scene."""
     with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
-        return read_frame(path)
+        return read_master([path])

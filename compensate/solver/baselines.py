@@ -35,7 +35,7 @@ class Untouched:
 
     def __call__(self, problem: Problem, start: Light) -> Result:
         """The start, clipped to the bounds."""
-        return _result(problem, problem.project(start), 0)
+        return computed(problem, problem.project(start), 0)
 
 
 @final
@@ -61,7 +61,7 @@ class Subtractive:
         """
         light, steps = clipped_subtraction(problem, self.max_iterations)
         status = Status.CLOSED_FORM if steps < self.max_iterations else Status.EXHAUSTED
-        return _result(problem, light, steps, status)
+        return computed(problem, light, steps, status)
 
 
 @final
@@ -84,7 +84,7 @@ class RaisedBlack:
         needed = np.divide(short, rise, out=np.zeros_like(short), where=short > 0)
         black = float(needed.max())
         light = (1 - black) * low + black * high
-        return _result(problem, problem.project(light.astype(start.dtype)), 1)
+        return computed(problem, problem.project(light.astype(start.dtype)), 1)
 
 
 def clipped_subtraction(problem: Problem, max_iterations: int = 50) -> tuple[Light, int]:
@@ -130,9 +130,10 @@ def _low_rank(problem: Problem) -> LowRankObservation:
     return problem.observation
 
 
-def _result(
+def computed(
     problem: Problem, light: Light, iterations: int, status: Status = Status.CLOSED_FORM
 ) -> Result:
+    """The result of a baseline: its light, with the cost that it happens to have."""
     before = problem.ffts
     cost, gradient = problem.quadratic(light)
     optimality = problem.kkt_residual(light, gradient)

@@ -26,12 +26,12 @@ const domesimLight = (() => {
     return codes;
   }
 
-  const levels = []; // levels[view][k]: the view at 1/2^k of its size
+  const levels = []; // levels[picture][k]: the picture at 1/2^k of its size
   async function read(progress) {
     const packed = new Uint8Array(await inflate(document.querySelector("[data-payload=mask]")));
     const alpha = new Uint8Array(rows * cols);
     for (let i = 0; i < alpha.length; i++) alpha[i] = packed[i >> 3] & (128 >> (i & 7)) ? 255 : 0;
-    for (const node of document.querySelectorAll("[data-payload=view]")) {
+    for (const node of document.querySelectorAll("[data-payload=view], [data-payload=right]")) {
       progress(levels.length + 1);
       const codes = integrate(new Uint16Array(await inflate(node)));
       levels.push([{ rows, cols, codes, alpha }]);
@@ -67,9 +67,9 @@ const domesimLight = (() => {
     return to;
   }
 
-  function levelOf(view, k) {
-    while (levels[view].length <= k) levels[view].push(halve(levels[view].at(-1)));
-    return levels[view][k];
+  function levelOf(picture, k) {
+    while (levels[picture].length <= k) levels[picture].push(halve(levels[picture].at(-1)));
+    return levels[picture][k];
   }
 
   function luminance(level, i) {

@@ -1,6 +1,6 @@
 "use strict";
 // The two plots of the compare page: luminance along a row, and the histogram of the screen. A
-// curve is [view, name of its colour in the style sheet, dash].
+// curve is [picture, name of its colour in the style sheet, dash].
 const domesimPlots = (() => {
   const { page, brightest, levels, luminance } = domesimLight;
   const { rows, cols } = page;
@@ -65,8 +65,8 @@ const domesimPlots = (() => {
     pen.restore();
   }
 
-  function luminanceAlong(row, view) {
-    const level = levels[view][0];
+  function luminanceAlong(row, picture) {
+    const level = levels[picture][0];
     return Array.from({ length: cols }, (_, col) => {
       const i = row * cols + col;
       return level.alpha[i] ? luminance(level, i) : null;
@@ -76,7 +76,7 @@ const domesimPlots = (() => {
   // `at` is the probe's { row, col }, or null; the linear axis ends at one of `steps`.
   function drawProfile(curves, at, axis, steps) {
     const to = plot("profile"), across = Math.max(1, cols - 1);
-    const lines = at ? curves.map(([view, ...look]) => [luminanceAlong(at.row, view), ...look]) : [];
+    const lines = at ? curves.map(([picture, ...look]) => [luminanceAlong(at.row, picture), ...look]) : [];
     let share = logShare;
     if (axis === "log") decades.forEach((text, i) => tickY(to, i / DECADES, text));
     else {
@@ -95,14 +95,14 @@ const domesimPlots = (() => {
   }
 
   const histograms = new Map();
-  function histogramOf(view) {
-    if (!histograms.has(view)) {
-      const level = levels[view][0], bins = new Float64Array(BINS + 1);
+  function histogramOf(picture) {
+    if (!histograms.has(picture)) {
+      const level = levels[picture][0], bins = new Float64Array(BINS + 1);
       for (let i = 0; i < rows * cols; i++)
         if (level.alpha[i]) bins[Math.round(logShare(luminance(level, i)) * BINS)]++;
-      histograms.set(view, bins);
+      histograms.set(picture, bins);
     }
-    return histograms.get(view);
+    return histograms.get(picture);
   }
 
   // `black` and `white`: the luminances (cd/m²) between which the display now tells light apart.
@@ -113,9 +113,9 @@ const domesimPlots = (() => {
     decades.forEach((text, i) => tickX(to, i / DECADES, i ? text : `≤ ${text}`));
     // What is darker than the axis gathers in the first bin and would dwarf the rest: it may run
     // off the top. The root keeps small populations (stars) in sight.
-    const most = Math.max(1, ...curves.flatMap(([view]) => [...histogramOf(view).subarray(1)]));
-    for (const [view, ...look] of curves)
-      drawCurve(to, [...histogramOf(view)].map((count, i) => [i / BINS, Math.sqrt(count / most)]), ...look);
+    const most = Math.max(1, ...curves.flatMap(([picture]) => [...histogramOf(picture).subarray(1)]));
+    for (const [picture, ...look] of curves)
+      drawCurve(to, [...histogramOf(picture)].map((count, i) => [i / BINS, Math.sqrt(count / most)]), ...look);
   }
 
   return { drawProfile, drawHistogram };

@@ -1,6 +1,7 @@
 "use strict";
 // The viewer of the compare page. The data's way: 16-bit codes (compare-light.js) -> exposure and display
-// encoding, one table of 65536 entries -> 8-bit canvas per view -> placed in cells on the picture.
+// encoding, one table of 65536 entries -> 8-bit canvas per picture -> placed in cells on the picture.
+// A view has one picture, or one for each eye (compare-stereo.js).
 // Everything on screen follows from `state`; handlers change it and call `draw`.
 (() => {
   const byId = (id) => document.getElementById(id);
@@ -8,8 +9,10 @@
   const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 
   const { page, brightest, LUMA, nits, codeOf, levels, levelOf, luminance, RAMP, ramps } = domesimLight;
+  const { PLAIN, pictureOf, anaglyph, ghost, meanResidual } = domesimStereo;
   const { drawProfile, drawHistogram } = domesimPlots;
-  const { rows, cols, white, views } = page;
+  const { rows, cols, white, views, stereo } = page;
+  const pictures = stereo ? 2 * views.length : views.length;
   const NEUTRAL = { exposure: 0, gamma: "sRGB" };
   const MAX_ZOOM = 64;
   const HOLD_MS = 350; // a press longer than this was a look, not a flip
@@ -34,6 +37,12 @@
     scaleStep: 0,
     scaleAuto: true,
     axis: "log",
+    eye: "left", // left, right, both, difference, anaglyph, wiggle or ghost
+    phase: "left", // the wiggle's eye
+    playing: false, // the wiggle
+    rate: 4, // of the wiggle, pictures a second
+    ghostOf: "both",
+    ghostGain: 4, // stops, on top of the exposure
   };
   state.shown = state.a;
   const reference = () => (master >= 0 ? master : state.a);
@@ -76,9 +85,9 @@
     return entry.canvas;
   }
 
-  function paintView(view, k) {
-    const level = levelOf(view, k), { key, codes: display } = displayTable();
-    return paint(`${view}/${k}`, key, level, (pixels) => {
+  function paintPicture(picture, k) {
+    const level = levelOf(picture, k), { key, codes: display } = displayTable();
+    return paint(`${picture}/${k}`, key, level, (pixels) => {
       const size = level.rows * level.cols, { codes } = level;
       for (let i = 0; i < size; i++) {
         pixels[4 * i] = display[codes[i]];
@@ -86,6 +95,31 @@
         pixels[4 * i + 2] = display[codes[2 * size + i]];
       }
     });
+  }
+
+  // `lightAt` puts a pixel's linear light, cd/m², into its second argument.
+  function paintLight(name, level, gainStops, lightAt) {
+    const gain = 2 ** (state.exposure + gainStops) / white, light = [0, 0, 0];
+    return paint(name, `${displayTable().key} ${gainStops}`, level, (pixels) => {
+      for (let i = 0; i < level.alpha.length; i++) {
+        lightAt(i, light);
+        for (let c = 0; c < 3; c++) pixels[4 * i + c] = Math.round(255 * encode(clamp(gain * light[c], 0, 1)));
+      }
+    });
+  }
+
+  function paintView(view, eye, k) {
+    const at = (of, which) => levelOf(pictureOf(of, which), k);
+    const left = at(view, "left"), right = stereo && at(view, "right"), shown = at(view, eye);
+    if (state.eye === "difference") return paintDifference(`eyes/${view}/${k}`, left, right);
+    if (state.eye === "anaglyph")
+      return paintLight(`anaglyph/${view}/${k}`, left, 0, (i, light) => anaglyph(left, right, i, light));
+    if (state.eye === "ghost") {
+      const wanted = at(reference(), eye);
+      return paintLight(`ghost/${view}/${reference()}/${eye}/${k}`, shown, state.ghostGain,
+        (i, light) => ghost(shown, wanted, i, light));
+    }
+    return paintPicture(pictureOf(view, eye), k);
   }
 
   // ---------------------------------------------------------------- difference
@@ -98,12 +132,19 @@
     return luminance(level, i) - luminance(other, i);
   }
 
+  // The two pictures that the scale is made for. Between the eyes it is the reference's: all views
+  // get one scale.
+  function pictureDifference() {
+    if (state.eye === "difference") return [pictureOf(reference(), "left"), pictureOf(reference(), "right")];
+    return [pictureOf(state.b, plottedEye()), pictureOf(reference(), plottedEye())];
+  }
+
   // The smallest step that holds 95 % of the picture; a quarter-size level is enough to tell.
   let automatic = { key: "", step: 0 };
   function automaticStep() {
-    const key = `${state.b} ${reference()}`;
+    const [one, other] = pictureDifference(), key = `${one} ${other}`;
     if (automatic.key === key) return automatic.step;
-    const b = levelOf(state.b, 2), m = levelOf(reference(), 2), sizes = [];
+    const b = levelOf(one, 2), m = levelOf(other, 2), sizes = [];
     for (let i = 0; i < b.alpha.length; i++) if (b.alpha[i]) sizes.push(Math.abs(differenceAt(b, m, i)));
     const most = quantile(Float64Array.from(sizes), 0.95);
     const step = steps.findIndex((value) => value >= most);
@@ -111,15 +152,19 @@
     return automatic.step;
   }
 
+  function paintFromReference(eye, k) {
+    const b = pictureOf(state.b, eye), wanted = pictureOf(reference(), eye);
+    return paintDifference(`${b}-${wanted}/${k}`, levelOf(b, k), levelOf(wanted, k));
+  }
+
   function quantile(values, share) {
     return values.length ? values.sort()[Math.min(values.length - 1, Math.floor(share * values.length))] : 0;
   }
 
-  function paintDifference(k) {
-    const level = levelOf(state.b, k), other = levelOf(reference(), k);
+  function paintDifference(name, level, other) {
     const { signed } = state, scale = steps[state.scaleStep];
     const ramp = signed ? ramps.signed : ramps.magnitude;
-    return paint(`difference/${k}`, `${state.b} ${reference()} ${signed} ${scale}`, level, (pixels) => {
+    return paint(name, `${signed} ${scale}`, level, (pixels) => {
       for (let i = 0; i < level.alpha.length; i++) {
         const t = differenceAt(level, other, i) / scale;
         const at = signed ? (t + 1) / 2 : Math.abs(t);
@@ -138,27 +183,36 @@
   const ratio = () => window.devicePixelRatio || 1;
   const GAP = 4, LABEL = 22; // CSS pixels of the grid
 
-  // Cells of the picture in device pixels; every mode but the grid has one.
+  // The eyes that are shown beside each other. What is made of both eyes counts as the left's.
+  function eyesShown() {
+    const eye = { wiggle: state.phase, ghost: state.ghostOf }[state.eye] || state.eye;
+    return eye === "both" ? ["left", "right"] : [eye === "right" ? "right" : "left"];
+  }
+  const plottedEye = () => (state.eye === "wiggle" ? "left" : eyesShown()[0]);
+
+  // Cells of the picture in device pixels: one for each view of the grid, and for each eye shown.
   function cells() {
-    const { width, height } = picture;
-    if (state.mode !== "grid") return [{ view: state.shown, x: 0, y: 0, w: width, h: height }];
+    const { width, height } = picture, eyes = eyesShown(), grid = state.mode === "grid";
+    if (!grid && eyes.length === 1) return [{ view: state.shown, eye: eyes[0], x: 0, y: 0, w: width, h: height }];
     const gap = Math.round(GAP * ratio()), label = Math.round(LABEL * ratio());
+    const tiles = grid ? views.map((_, view) => view) : [state.shown];
     let best = null;
-    for (let across = 1; across <= views.length; across++) {
-      const down = Math.ceil(views.length / across);
-      const w = Math.floor((width - gap * (across - 1)) / across);
+    for (let across = 1; across <= tiles.length; across++) {
+      const down = Math.ceil(tiles.length / across), columns = across * eyes.length;
+      const w = Math.floor((width - gap * (columns - 1)) / columns);
       const room = Math.floor((height - gap * (down - 1)) / down);
-      const h = Math.min(room, Math.ceil((w * rows) / cols) + label); // no gap below the names
+      const h = grid ? Math.min(room, Math.ceil((w * rows) / cols) + label) : room; // no gap below the names
       const scale = Math.min(w / cols, (h - label) / rows), top = Math.floor((room - h) * down / 2);
       if (!best || scale > best.scale) best = { scale, across, w, h, top };
     }
-    return views.map((_, view) => ({
+    return tiles.flatMap((view, tile) => eyes.map((eye, side) => ({
       view,
-      x: (view % best.across) * (best.w + gap),
-      y: best.top + Math.floor(view / best.across) * (best.h + gap) + label,
+      eye,
+      x: ((tile % best.across) * eyes.length + side) * (best.w + gap),
+      y: best.top + Math.floor(tile / best.across) * (best.h + gap) + label,
       w: best.w,
       h: best.h - label,
-    }));
+    })));
   }
 
   const fitZoom = (cell) => Math.max(1 / 64, 0.985 * Math.min(cell.w / cols, cell.h / rows));
@@ -228,21 +282,32 @@
   }
 
   function drawNow() {
-    if (levels.length < views.length) return;
+    if (levels.length < pictures) return;
     settleZoom();
     if (state.scaleAuto) state.scaleStep = automaticStep();
-    context.clearRect(0, 0, picture.width, picture.height);
-    const cut = Math.round(state.split * picture.width);
-    for (const cell of cells()) {
-      if (state.mode === "split") {
-        place(cell, { ...cell, w: cut }, (k) => paintView(state.a, k));
-        place(cell, { ...cell, x: cut, w: cell.w - cut }, (k) => paintView(state.b, k));
-      } else if (state.mode === "difference") place(cell, cell, paintDifference);
-      else place(cell, cell, (k) => paintView(cell.view, k));
-      markProbe(cell);
-    }
+    drawPicture();
     drawControls();
     drawReadings();
+  }
+
+  function drawPicture() {
+    context.clearRect(0, 0, picture.width, picture.height);
+    cells().forEach((cell, number) => {
+      if (state.mode === "split") drawSplit(cell, number > 0);
+      else if (state.mode === "difference") place(cell, cell, (k) => paintFromReference(cell.eye, k));
+      else place(cell, cell, (k) => paintView(cell.view, cell.eye, k));
+      markProbe(cell);
+    });
+  }
+
+  // The first cell's line is the handle; the second eye's is drawn.
+  function drawSplit(cell, drawLine) {
+    const cut = Math.round(state.split * cell.w);
+    place(cell, { ...cell, w: cut }, (k) => paintView(state.a, cell.eye, k));
+    place(cell, { ...cell, x: cell.x + cut, w: cell.w - cut }, (k) => paintView(state.b, cell.eye, k));
+    if (!drawLine) return;
+    context.fillStyle = getComputedStyle(picture).getPropertyValue("--strong");
+    context.fillRect(cell.x + cut, cell.y, ratio(), cell.h);
   }
 
   // Put a painted view into `cell`, as far as it lies in `part`.
@@ -260,7 +325,7 @@
   }
 
   function markProbe(cell) {
-    if (!state.probe || !(state.pinned || state.mode === "grid")) return;
+    if (!state.probe || !(state.pinned || cells().length > 1)) return;
     const { x, y } = origin(cell), { row, col } = state.probe, unit = ratio();
     const half = Math.max((state.area / 2) * state.zoom, 4 * unit);
     const px = x + (col + 0.5) * state.zoom, py = y + (row + 0.5) * state.zoom;
@@ -286,11 +351,18 @@
     return Object.assign(document.createElement(element), { className, textContent: text });
   }
 
-  function label(view, tag = "") {
+  function label(view, tag = "", eye = "") {
     const node = make("span", "label", "");
     if (tag) node.append(make("b", `tag-${tag.toLowerCase()}`, tag));
     node.append(make("span", "number", view + 1), make("span", "name", views[view].name));
+    if (eye) node.append(make("span", "eye", eye));
     return node;
+  }
+
+  function eyeText(eye) {
+    if (!stereo) return "";
+    const made = { difference: "left minus right", anaglyph: "anaglyph", ghost: `ghost only, ${eye} eye` };
+    return made[state.eye] || (state.playing ? "wiggle" : `${eye} eye`);
   }
   const tagOf = (view) => (view === state.a ? "A" : view === state.b ? "B" : "");
 
@@ -298,20 +370,22 @@
   function drawLabels() {
     const strip = byId("labels"), grid = [];
     strip.style.setProperty("--split", `${100 * state.split}%`);
-    const key = JSON.stringify([state.mode, state.a, state.b, state.shown, cells()]);
+    const key = JSON.stringify([state.mode, state.a, state.b, state.shown, state.eye, state.playing, cells()]);
     if (key === labelled) return;
     labelled = key;
-    strip.className = `strip top ${state.mode}`;
-    if (state.mode === "split") strip.replaceChildren(label(state.a, "A"), label(state.b, "B"));
-    else if (state.mode === "flip") strip.replaceChildren(label(state.shown, tagOf(state.shown)));
-    else if (state.mode === "difference") strip.replaceChildren(label(state.b, "B"), "minus", label(reference()));
-    else {
-      strip.replaceChildren("All views, one exposure and zoom");
-      for (const cell of cells()) {
-        const node = label(cell.view, tagOf(cell.view));
-        node.style.cssText = `left:${cell.x / ratio()}px;top:${cell.y / ratio() - LABEL}px;width:${cell.w / ratio()}px`;
-        grid.push(node);
-      }
+    const eyes = eyesShown(), paired = eyes.length > 1, eye = paired ? "" : eyeText(eyes[0]);
+    strip.className = `strip top ${state.mode === "split" && paired ? "" : state.mode}`;
+    if (state.mode === "split") strip.replaceChildren(label(state.a, "A", eye), label(state.b, "B", eye));
+    else if (state.mode === "flip") strip.replaceChildren(label(state.shown, tagOf(state.shown), eye));
+    else if (state.mode === "difference") strip.replaceChildren(label(state.b, "B"), "minus", label(reference(), "", eye));
+    else strip.replaceChildren(["All views", eye || eyeText("left and right"), "one exposure and zoom"].filter(Boolean).join(", "));
+    for (const cell of state.mode === "grid" || paired ? cells() : []) {
+      const named = state.mode === "grid"; // once, above both eyes
+      if (named && cell.eye !== eyes[0]) continue;
+      const node = named ? label(cell.view, tagOf(cell.view)) : make("span", "label", eyeText(cell.eye));
+      const width = (named ? eyes.length : 1) * cell.w;
+      node.style.cssText = `left:${cell.x / ratio()}px;top:${cell.y / ratio() - LABEL}px;width:${width / ratio()}px`;
+      grid.push(node);
     }
     byId("cell-labels").replaceChildren(...grid);
   }
@@ -319,16 +393,18 @@
   const stops = (value) => `${value > 0 ? "+" : value < 0 ? "−" : ""}${Math.abs(value).toFixed(1)}`;
   function drawControls() {
     drawLabels();
-    const split = byId("split"), difference = state.mode === "difference";
+    const split = byId("split"), cell = cells()[0];
+    const difference = state.mode === "difference" || state.eye === "difference", ghostly = state.eye === "ghost";
     split.hidden = state.mode !== "split";
-    split.style.left = `${100 * state.split}%`;
+    split.style.top = `${cell.y / ratio()}px`;
+    split.style.left = `${(100 * (cell.x + state.split * cell.w)) / picture.width}%`;
     split.setAttribute("aria-valuenow", Math.round(100 * state.split));
     split.setAttribute("aria-valuetext", `${Math.round(100 * state.split)} % A`);
     byId("zoom-value").textContent = `${Math.round(100 * state.zoom)} %`;
     byId("zoom-fit").setAttribute("aria-pressed", state.fit);
     byId("zoom-one").setAttribute("aria-pressed", state.zoom === 1);
 
-    for (const name of ["mode", "a", "b", "gamma", "area", "axis"])
+    for (const name of ["mode", "a", "b", "gamma", "area", "axis", "eye", "ghostOf"])
       for (const input of all(`input[name=${name}]`)) input.checked = input.value === String(state[name]);
     const visible = { split: [state.a, state.b], flip: [state.shown], grid: [], difference: [] }[state.mode];
     for (const button of all("[data-show]"))
@@ -342,23 +418,46 @@
     if (state.exposure !== 0) changed.push(`${stops(state.exposure)} stops`);
     if (state.gamma !== NEUTRAL.gamma) changed.push(`gamma ${state.gamma}`);
     byId("badge").textContent = `Not neutral: ${changed.join(", ")}`;
-    byId("badge").hidden = difference || !changed.length;
-    byId("display-white").hidden = difference;
+    byId("badge").hidden = difference || ghostly || !changed.length;
+    byId("display-white").hidden = difference || ghostly;
     byId("display-white").textContent = `display white = ${format(white / 2 ** state.exposure)} cd/m²`;
 
-    byId("reference").textContent = views[reference()].name;
+    byId("difference-of").textContent =
+      state.eye === "difference" ? "left minus right" : `B against ${views[reference()].name}`;
     byId("scale").value = state.scaleStep;
     byId("scale-value").textContent = `${state.signed ? "±" : ""}${steps[state.scaleStep]} cd/m²`;
     byId("scale-auto").setAttribute("aria-pressed", state.scaleAuto);
     byId("legend").hidden = !difference;
     if (difference) drawLegend();
+    if (stereo) drawEyes();
+  }
+
+  function drawEyes() {
+    for (const part of all("[data-eye-only]")) part.hidden = part.dataset.eyeOnly !== state.eye;
+    byId("wiggle-play").textContent = state.playing ? "Pause" : "Play";
+    byId("wiggle-rate").value = state.rate;
+    byId("wiggle-rate-value").textContent = `${state.rate} a second`;
+    if (state.eye !== "ghost") return;
+    const gain = 2 ** state.ghostGain;
+    byId("ghost-gain").value = state.ghostGain;
+    byId("ghost-gain-value").textContent = `× ${gain}`;
+    byId("ghost-full").textContent = `full colour = ${format(white / gain / 2 ** state.exposure)} cd/m²`;
+    for (const line of all("#ghost-left tbody tr")) {
+      const parts = ["left", "right"].map((eye) =>
+        meanResidual(pictureOf(Number(line.dataset.view), eye), pictureOf(reference(), eye)));
+      const texts = [...parts.map(({ excess }) => excess), ...parts.map(({ lack }) => lack)];
+      line.querySelectorAll("td").forEach((field, i) =>
+        (field.textContent = texts[i] < 5e-4 ? "0" : String(Number(texts[i].toPrecision(2)))));
+    }
   }
 
   function drawLegend() {
     const ramp = state.signed ? ramps.signed : ramps.magnitude, top = steps[state.scaleStep];
     const colours = Array.from({ length: 33 }, (_, i) => `rgb(${ramp[Math.round((i * (RAMP - 1)) / 32)]})`);
+    const eyes = state.eye === "difference";
     byId("darker").hidden = !state.signed;
-    byId("brighter").textContent = state.signed ? "brighter, cd/m²" : "cd/m²";
+    byId("darker").textContent = eyes ? "right brighter" : "darker";
+    byId("brighter").textContent = state.signed ? `${eyes ? "left " : ""}brighter, cd/m²` : "cd/m²";
     byId("ramp").style.background = `linear-gradient(to right, ${colours.join(",")})`;
     const amount = (share) => String(Number((share * top).toPrecision(3)));
     const ticks = state.signed
@@ -389,12 +488,14 @@
     for (let y = Math.max(0, row - half); y <= Math.min(rows - 1, row + half); y++)
       for (let x = Math.max(0, col - half); x <= Math.min(cols - 1, col + half); x++)
         if (alpha[y * cols + x]) inside.push(y * cols + x);
-    const values = views.map(({ name }, view) => {
-      const { codes } = levels[view][0];
+    const meanIn = (picture) => {
+      const { codes } = levels[picture][0];
       const meanOf = (plane) => inside.reduce((sum, i) => sum + nits[codes[plane * rows * cols + i]], 0) / inside.length;
       const [r, g, b] = [0, 1, 2].map(meanOf);
-      return { name, r, g, b, y: LUMA[0] * r + LUMA[1] * g + LUMA[2] * b };
-    });
+      return { r, g, b, y: LUMA[0] * r + LUMA[1] * g + LUMA[2] * b };
+    };
+    const values = views.map(({ name }, view) =>
+      ({ name, ...meanIn(view), ...(stereo && { right: meanIn(pictureOf(view, "right")) }) }));
     return { row, col, onScreen, direction: directionOf(row, col), views: values };
   }
 
@@ -416,20 +517,26 @@
       : `row ${reading.row}, col ${reading.col}` + (!reading.onScreen ? ": outside the screen"
         : reading.direction ? ` · zenith angle ${reading.direction.zenith.toFixed(1)}°, azimuth ${reading.direction.azimuth.toFixed(1)}°` : "");
     const display = displayTable().codes;
-    all(".probe tbody tr").forEach((line, view) => {
-      const value = reading && reading.views[view], fields = line.querySelectorAll("td");
+    for (const line of all(".probe tbody tr")) {
+      const view = Number(line.dataset.view), fields = line.querySelectorAll("td");
+      const ofEye = (of) => reading.onScreen && (line.dataset.eye === "right" ? reading.views[of].right : reading.views[of]);
+      const value = reading && ofEye(view);
       const texts = !value ? Array(5).fill("–")
         : [value.r, value.g, value.b, value.y].map(format).concat(
-          master < 0 || view === master ? "–" : signedText(value.y - reading.views[master].y));
+          master < 0 || view === master ? "–" : signedText(value.y - ofEye(master).y));
       fields.forEach((field, i) => (field.textContent = texts[i]));
       line.className = tagOf(view).toLowerCase();
       const colour = value && [value.r, value.g, value.b].map((v) => display[codeOf(v)]);
       line.querySelector(".swatch").style.background = colour ? `rgb(${colour})` : "";
-    });
-    const curves = [[state.a, "--a", []], [state.b, "--b", []]].filter(([view]) => view !== master);
-    if (master >= 0) curves.unshift([master, "--strong", [4, 3]]);
+    }
+    const eye = plottedEye(), curves = [[state.a, "--a", []], [state.b, "--b", []]]
+      .filter(([view]) => view !== master)
+      .concat(master >= 0 ? [[master, "--strong", [4, 3]]] : [])
+      .map(([view, ...look]) => [pictureOf(view, eye), ...look]);
     const inside = reading && reading.row >= 0 && reading.row < rows;
-    byId("profile-row").textContent = inside ? `row ${reading.row}` : "";
+    byId("profile-row").textContent =
+      [inside ? `row ${reading.row}` : "", stereo ? `${eye} eye` : ""].filter(Boolean).join(", ");
+    if (stereo) byId("histogram-of").textContent = `${eye} eye, by cd/m²`;
     drawProfile(curves, inside ? reading : null, state.axis, steps);
     drawHistogram(curves, nits[display.findIndex((code) => code > 0)], white / 2 ** state.exposure);
   }
@@ -439,7 +546,29 @@
 
   function setMode(mode, shown = state.shown) {
     Object.assign(state, { mode, shown });
+    if (mode === "difference" && !PLAIN.includes(state.eye)) state.eye = "left";
     draw();
+  }
+
+  // The difference from the master and what is made of both eyes exclude each other.
+  const stillness = matchMedia("(prefers-reduced-motion: reduce)");
+  function setEye(eye) {
+    if (state.mode === "difference" && !PLAIN.includes(eye)) Object.assign(state, { mode: "flip", shown: state.b });
+    Object.assign(state, { eye, phase: "left" });
+    setPlaying(eye === "wiggle" && !stillness.matches);
+  }
+
+  let beat = 0;
+  function setPlaying(playing, rate = state.rate) {
+    Object.assign(state, { playing, rate });
+    clearInterval(beat);
+    if (playing) beat = setInterval(wiggle, 1000 / rate);
+    draw();
+  }
+
+  function wiggle() {
+    state.phase = state.phase === "left" ? "right" : "left";
+    drawPicture();
   }
 
   function flip() {
@@ -567,8 +696,8 @@
     const split = byId("split");
     split.addEventListener("pointerdown", (event) => split.setPointerCapture(event.pointerId));
     split.addEventListener("pointermove", (event) => {
-      const box = picture.getBoundingClientRect();
-      if (split.hasPointerCapture(event.pointerId)) setSplit((event.clientX - box.left) / box.width);
+      const cell = cells()[0];
+      if (split.hasPointerCapture(event.pointerId)) setSplit((toDevice(event).x - cell.x) / cell.w);
     });
     split.addEventListener("keydown", (event) => {
       const step = event.shiftKey ? 0.1 : 0.01;
@@ -589,6 +718,12 @@
       "?": () => byId("help").showModal(),
       Escape: () => { Object.assign(state, { pinned: false, probe: null }); draw(); },
     };
+    if (stereo)
+      Object.assign(keys, {
+        e: () => setEye(state.eye === "left" ? "right" : "left"), p: () => setEye("both"), m: () => setEye("difference"),
+        c: () => setEye("anaglyph"), o: () => setEye("ghost"),
+        w: () => (state.eye === "wiggle" ? setPlaying(!state.playing) : setEye("wiggle")),
+      });
     const arrows = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] };
     document.addEventListener("keydown", (event) => {
       if (byId("help").open || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -640,6 +775,7 @@
     onChange("area", (value) => (state.area = Number(value)));
     onChange("sign", (value) => (state.signed = value === "signed"));
     onChange("axis", (value) => (state.axis = value));
+    if (stereo) listenToEyes(onClick, onChange);
     byId("exposure").addEventListener("input", (event) => setExposure(Number(event.target.value)));
     byId("scale").max = steps.length - 1;
     byId("scale").addEventListener("input", (event) => {
@@ -657,13 +793,24 @@
     });
   }
 
+  function listenToEyes(onClick, onChange) {
+    onChange("eye", setEye);
+    onChange("ghostOf", (value) => (state.ghostOf = value));
+    onClick("wiggle-play", () => setPlaying(!state.playing));
+    byId("wiggle-rate").addEventListener("input", (event) => setPlaying(state.playing, Number(event.target.value)));
+    byId("ghost-gain").addEventListener("input", (event) => {
+      state.ghostGain = Number(event.target.value);
+      draw();
+    });
+  }
+
   function resize() {
     const box = frame.getBoundingClientRect();
     const width = Math.max(1, Math.round(box.width * ratio())), height = Math.max(1, Math.round(box.height * ratio()));
     if (picture.width === width && picture.height === height) return;
     picture.width = width;
     picture.height = height;
-    if (levels.length === views.length) drawNow(); // at once: a resized canvas is empty
+    if (levels.length === pictures) drawNow(); // at once: a resized canvas is empty
   }
 
   async function start() {
@@ -673,7 +820,7 @@
       return;
     }
     resize();
-    await domesimLight.read((n) => (byId("message").textContent = `Unpacking ${n} of ${views.length}…`));
+    await domesimLight.read((n) => (byId("message").textContent = `Unpacking ${n} of ${pictures}…`));
     byId("message").hidden = true;
     listenToPicture();
     listenToSplit();

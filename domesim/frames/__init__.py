@@ -4,6 +4,9 @@
 and a header that keeps everything else the file holds; `write_frame` takes them back. What a user
 did not ask to change survives: bit depth, metadata, channel order, alpha and other channels.
 
+`read_master` and `write_master` do the same for a moment of a show, which may be two frames: left
+and right, in two files or packed in one.
+
 Two promises shape the code. A damaged file is an error, never a picture with a black or grey part
 (``integrity.py``, ``reading.py``). And an output is whole or not there (``writing.py``).
 
@@ -14,6 +17,7 @@ carried along). An EXR is read over its display window.
 from domesim.frames.colour import ColourTag
 from domesim.frames.frame import LARGEST_SIDE, Frame, Pixels
 from domesim.frames.reading import read_frame
+from domesim.frames.views import Master, Packing, read_master, write_master
 from domesim.frames.whole import write_whole
 from domesim.frames.writing import write_frame
 
@@ -21,8 +25,12 @@ __all__ = [
     "LARGEST_SIDE",
     "ColourTag",
     "Frame",
+    "Master",
+    "Packing",
     "Pixels",
     "read_frame",
+    "read_master",
     "write_frame",
+    "write_master",
     "write_whole",
 ]

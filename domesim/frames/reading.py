@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.frames.colour import colour_of
+from domesim.frames.colour import ColourTag, colour_of
 from domesim.frames.formats import FLOATING, INTEGER, LABELS, label
 from domesim.frames.frame import LARGEST_SIDE, Frame, Header, Pixels
-from domesim.frames.integrity import damaged, examine
+from domesim.frames.integrity import Container, damaged, examine
 from domesim.frames.messages import one_line, problem_of
 
 
@@ -36,45 +37,24 @@ def read_frame(path: str | Path, *, repair: bool = False) -> Frame:
         encoded in a way that is not supported, larger than its display window (overscan), or
         holds NaN, Inf or negative samples and `repair` is off.
     """
-    path = Path(path)
+    return read_image(Path(path), repair=repair)
+
+
+def read_image(path: Path, *, repair: bool, grey: bool = False) -> Frame:
+    """`read_frame`; with `grey`, an EXR whose only picture is a channel Y is R = G = B = Y."""
     container = examine(path)
-    reader = _open(path)
+    reader = open_image(path)
     try:
-        layout = _layout(path, reader)
-        colour = colour_of(path, reader.spec(), layout.format, container.colour_chunks)
-        rgb, extra = _read_channels(path, reader, layout)
-        _refuse_several_images(path, reader)
+        layout = layout_of(path, reader, container, grey=grey)
+        samples = read_channels(path, reader, layout)
+        refuse_several_images(path, reader)
     finally:
         reader.close()
-
-    pixels = _code_values(rgb, layout.bits)
-    repaired = 0
-    if layout.floating:
-        pixels, repaired = _without_impossible_samples(path, pixels, repair=repair)
-    header = Header(
-        format=layout.format,
-        attributes=layout.attributes,
-        channels=layout.channels,
-        kinds=layout.kinds,
-        rgb=layout.rgb,
-        extra=tuple(_over_display_window(plane, layout) for plane in extra),
-        origin=layout.display[:2],
-        colour=colour,
-        colour_chunks=container.colour_chunks,
-        big_endian=container.big_endian,
-    )
-    return Frame(
-        pixels=_over_display_window(pixels, layout),
-        path=path,
-        colour=colour,
-        bits=layout.bits,
-        floating=layout.floating,
-        repaired=repaired,
-        header=header,
-    )
+    return frame_of(path, layout, samples, repair=repair)
 
 
-def _open(path: Path) -> Any:
+def open_image(path: Path) -> Any:
+    """OpenImageIO's reader of the file."""
     try:
         name = str(path).encode().decode()
     except UnicodeEncodeError:
@@ -98,22 +78,49 @@ def _open(path: Path) -> Any:
 # The header: where the samples are.
 
 
+Window: TypeAlias = tuple[int, int, int, int]
+"""Left, top, cols, rows."""
+
+
 @dataclass(frozen=True)
-class _Layout:
-    """What a header says of where the samples are."""
+class View:
+    """One view of a file that holds several: its name, and its channels.
+
+    Parameters
+    ----------
+    name
+        As the file has it: "left".
+    channels
+        Which of the part's channels -> what they are called in the view: without the view's name.
+    """
+
+    name: str
+    channels: Mapping[int, str]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a header says of where a frame's samples are."""
 
     format: str
+    places: tuple[int, ...]  # which of the part's channels
     channels: tuple[str, ...]
     kinds: tuple[str, ...]
     rgb: tuple[int, int, int]
     bits: int
     floating: bool
-    data: tuple[int, int, int, int]  # window: left, top, cols, rows
-    display: tuple[int, int, int, int]
+    data: Window
+    display: Window
     attributes: tuple[tuple[str, str, Any], ...]
+    colour: ColourTag
+    container: Container
+    view: str = ""
 
 
-def _layout(path: Path, reader: Any) -> _Layout:
+def layout_of(
+    path: Path, reader: Any, container: Container, *, view: View | None = None, grey: bool = False
+) -> Layout:
+    """Where the samples of the reader's present part are, or of one `view` of it."""
     spec = reader.spec()
     name = reader.format_name()
     if name not in LABELS:
@@ -122,21 +129,66 @@ def _layout(path: Path, reader: Any) -> _Layout:
         )
     if spec.deep:
         raise InputError(f"{path}: wanted a flat image, got deep samples. Flatten it first.")
-    channels = tuple(spec.channelnames)
-    kinds = tuple(str(kind) for kind in spec.channelformats) or (str(spec.format),) * len(channels)
     data, display = _windows(path, spec, name)
-    _refuse_implausible_size(path, spec, name, data, display)
-    rgb = _find_rgb(path, spec, channels)
+    refuse_implausible_size(path, spec, name, data, display)
+    channels, places = channels_of(path, spec), tuple(range(spec.nchannels))
+    if view is not None:
+        channels, places = tuple(view.channels.values()), tuple(view.channels)
+    rgb = find_grey(channels) if grey and name == "openexr" else None
+    if rgb is None:
+        rgb = _find_rgb(path, spec, channels, "" if view is None else view.name)
+    kinds = tuple(kinds_of(spec)[place] for place in places)
     bits, floating = _depth(path, spec, {kinds[channel] for channel in rgb})
+    return Layout(
+        format=name,
+        places=places,
+        channels=channels,
+        kinds=kinds,
+        rgb=rgb,
+        bits=bits,
+        floating=floating,
+        data=data,
+        display=display,
+        attributes=attributes_of(path, spec),
+        colour=colour_of(path, spec, name, container.colour_chunks),
+        container=container,
+        view="" if view is None else view.name,
+    )
+
+
+def kinds_of(spec: Any) -> tuple[str, ...]:
+    """Each channel's type."""
+    each = tuple(str(kind) for kind in spec.channelformats)
+    return each or (str(spec.format),) * spec.nchannels
+
+
+def attributes_of(path: Path, spec: Any) -> tuple[tuple[str, str, Any], ...]:
+    """Name, type and value of each attribute."""
     attributes = tuple(
         (attribute.name, str(attribute.type), attribute.value) for attribute in spec.extra_attribs
     )
-    return _Layout(name, channels, kinds, rgb, bits, floating, data, display, attributes)
+    _refuse_unprintable(path, "attributes", [name for name, _, _ in attributes])
+    return attributes
 
 
-def _windows(
-    path: Path, spec: Any, name: str
-) -> tuple[tuple[int, int, int, int], tuple[int, int, int, int]]:
+def channels_of(path: Path, spec: Any) -> tuple[str, ...]:
+    """Each channel's name."""
+    names = tuple(spec.channelnames)
+    _refuse_unprintable(path, "channels", names)
+    return names
+
+
+def _refuse_unprintable(path: Path, what: str, names: Sequence[str]) -> None:
+    # OpenImageIO reads any bytes as names, but does not write all of them.
+    for name in names:
+        if not name.isprintable():
+            raise InputError(
+                f"{path}: wanted {what} with printable names, got '{one_line(name)}'. "
+                "It is probably damaged: copy or render it again."
+            )
+
+
+def _windows(path: Path, spec: Any, name: str) -> tuple[Window, Window]:
     """The data and the display window: left, top, cols, rows."""
     data = (spec.x, spec.y, spec.width, spec.height)
     # Only EXR means it: what PNG (oFFs) and TIFF (XPosition) tell is a place on a sheet of paper.
@@ -158,7 +210,7 @@ def _windows(
     return data, display
 
 
-def _window(window: tuple[int, int, int, int]) -> str:
+def _window(window: Window) -> str:
     left, top, cols, rows = window
     return f"{cols}x{rows}{left:+d}{top:+d}"
 
@@ -169,13 +221,14 @@ _LARGEST_RATIO = {"openexr": 1100.0, "png": 1100.0, "tiff": 1100.0, "jpeg": 1100
 _UNLIMITED_COMPRESSION = ("piz", "dwaa", "dwab", "htj2k")
 
 
-def _refuse_implausible_size(
+def refuse_implausible_size(
     path: Path,
     spec: Any,
     name: str,
-    data: tuple[int, int, int, int],
-    display: tuple[int, int, int, int],
+    data: Window,
+    display: Window,
 ) -> None:
+    """Before memory is asked for."""
     for cols, rows in (data[2:], display[2:]):
         if not (0 < cols <= LARGEST_SIDE and 0 < rows <= LARGEST_SIDE):
             raise InputError(
@@ -194,7 +247,16 @@ def _refuse_implausible_size(
         )
 
 
-def _find_rgb(path: Path, spec: Any, channels: tuple[str, ...]) -> tuple[int, int, int]:
+def find_grey(channels: Sequence[str]) -> tuple[int, int, int] | None:
+    """Which channel is Y, for R, G and B; None if Y is not the only picture that there is."""
+    upper = [name.upper() for name in channels]
+    # X: CIE XYZ. RY, BY: chroma, which OpenEXR keeps at half the size.
+    if upper.count("Y") != 1 or not {"R", "G", "B", "X", "RY", "BY"}.isdisjoint(upper):
+        return None
+    return (upper.index("Y"),) * 3
+
+
+def _find_rgb(path: Path, spec: Any, channels: tuple[str, ...], view: str) -> tuple[int, int, int]:
     """Which channels are R, G, B."""
     # OpenImageIO turns these into an RGB of its own making.
     for attribute in ("jpeg:ColorSpace", "tiff:ColorSpace"):
@@ -207,11 +269,21 @@ def _find_rgb(path: Path, spec: Any, channels: tuple[str, ...]) -> tuple[int, in
         return red, green, blue
     grey = next((name for name in channels if name.upper() in ("Y", "L", "I")), None)
     way = "R=Y,G=Y,B=Y".replace("Y", grey) if grey else "R=...,G=...,B=..."
-    names = one_line(", ".join(channels[:8])) + (", ..." if len(channels) > 8 else "")
+    names = listed(channels)
+    if view:
+        raise InputError(
+            f"{path}: wanted one each of channels R, G, B, or Y alone, in view {view}, got "
+            f"{names or 'none'}. Name them so (oiiotool IN --chnames ... -o OUT)."
+        )
     raise InputError(
         f"{path}: wanted one each of channels R, G, B, got {names}. "
         f"Convert it to RGB first (oiiotool IN --ch {way} -o OUT)."
     )
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first of `names`, for a message."""
+    return one_line(", ".join(names[:8])) + (", ..." if len(names) > 8 else "")
 
 
 def _depth(path: Path, spec: Any, kinds: set[str]) -> tuple[int, bool]:
@@ -231,55 +303,66 @@ def _depth(path: Path, spec: Any, kinds: set[str]) -> tuple[int, bool]:
 # The samples.
 
 
-def _read_channels(
-    path: Path, reader: Any, layout: _Layout
-) -> tuple[NDArray[Any], list[NDArray[Any]]]:
-    """(row, col, 3) R, G, B and (row, col) others, as they are stored (R, G, B may be widened)."""
+Samples: TypeAlias = tuple[NDArray[Any], list[NDArray[Any]]]
+"""(row, col, 3) R, G, B and (row, col) others, as they are stored (R, G, B may be widened)."""
+
+
+def read_channels(path: Path, reader: Any, layout: Layout) -> Samples:
+    """The samples that `layout` tells of."""
     others = [k for k in range(len(layout.channels)) if k not in layout.rgb]
     if len(set(layout.kinds)) == 1:
         # One pass, in the file's own type: OpenImageIO converts half to float 4 times slower
         # than NumPy does.
-        samples = _read(path, reader, layout, range(len(layout.channels)), layout.kinds[0])
-        plain = layout.rgb == (0, 1, 2) and not others
-        rgb = samples if plain else samples[..., list(layout.rgb)]
-        return rgb, [np.ascontiguousarray(samples[..., k]) for k in others]
-    span = range(min(layout.rgb), max(layout.rgb) + 1)
-    rgb = _read(path, reader, layout, span, "float")[..., [span.index(k) for k in layout.rgb]]
-    extra = []
-    for k in others:
-        plane = _read(path, reader, layout, range(k, k + 1), layout.kinds[k])[..., 0]
-        _refuse_large_integers(path, layout, k, plane)
-        extra.append(plane)
-    return rgb, extra
+        span = range(min(layout.places), max(layout.places) + 1)
+        samples = read_samples(path, reader, span, layout.kinds[0])
+        at = [span.index(place) for place in layout.places]
+        plain = [at[k] for k in layout.rgb] == [0, 1, 2] and len(span) == 3
+        rgb = samples if plain else samples[..., [at[k] for k in layout.rgb]]
+        return rgb, [np.ascontiguousarray(samples[..., at[k]]) for k in others]
+    places = [layout.places[k] for k in layout.rgb]
+    span = range(min(places), max(places) + 1)
+    rgb = read_samples(path, reader, span, "float")[..., [span.index(k) for k in places]]
+    return rgb, [
+        read_plane(path, reader, layout.places[k], layout.channels[k], layout.kinds[k])
+        for k in others
+    ]
 
 
-def _read(path: Path, reader: Any, layout: _Layout, channels: range, kind: str) -> NDArray[Any]:
+def read_plane(path: Path, reader: Any, place: int, channel: str, kind: str) -> NDArray[Any]:
+    """(row, col) of one channel among several types, as stored."""
+    plane = read_samples(path, reader, range(place, place + 1), kind)[..., 0]
+    # Channels of several types can only be written through float32, which scales integers to
+    # 0..1: below 2^22 each comes back exactly (tried), above it does not.
+    if kind == "uint" and plane.max() >= 2**22:
+        raise InputError(
+            f"{path}: wanted integers below {2**22} in channel {channel}, got "
+            f"{plane.max()}. Remove the channel (oiiotool IN --ch R,G,B -o OUT)."
+        )
+    return plane
+
+
+def read_samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray[Any]:
+    """(row, col, channel) of the data window of the reader's present part."""
+    spec = reader.spec()
     try:
-        samples = reader.read_image(0, 0, channels.start, channels.stop, kind)
+        samples = reader.read_image(
+            reader.current_subimage(), 0, channels.start, channels.stop, kind
+        )
     except MemoryError as error:
         raise InputError(
-            f"{path}: wanted memory for {_window(layout.data)} px, got none. Use a smaller image."
+            f"{path}: wanted memory for {spec.width} x {spec.height} px, got none. "
+            "Use a smaller image."
         ) from error
     problem = problem_of(reader)
     if samples is None or problem:
         got = f"one that does not decode ({problem})"
-        raise damaged(path, label(layout.format), got)
+        raise damaged(path, label(reader.format_name()), got)
     result: NDArray[Any] = samples
     return result
 
 
-def _refuse_large_integers(path: Path, layout: _Layout, channel: int, plane: NDArray[Any]) -> None:
-    # Channels of several types can only be written through float32, which scales integers to
-    # 0..1: below 2^22 each comes back exactly (tried), above it does not.
-    if layout.kinds[channel] == "uint" and plane.max() >= 2**22:
-        raise InputError(
-            f"{path}: wanted integers below {2**22} in channel {layout.channels[channel]}, got "
-            f"{plane.max()}. Remove the channel (oiiotool IN --ch R,G,B -o OUT)."
-        )
-
-
-def _refuse_several_images(path: Path, reader: Any) -> None:
-    """Last, for a reader may not find its way back from a second image."""
+def refuse_several_images(path: Path, reader: Any) -> None:
+    """To be called last, for a reader may not find its way back from a second image."""
     several = bool(reader.seek_subimage(1, 0))
     problem_of(reader)
     if several:
@@ -287,6 +370,42 @@ def _refuse_several_images(path: Path, reader: Any) -> None:
             f"{path}: wanted one image, got a file of several parts or pages. "
             "Split it first (oiiotool IN --sisplit -o OUT)."
         )
+
+
+# The frame.
+
+
+def frame_of(path: Path, layout: Layout, samples: Samples, *, repair: bool) -> Frame:
+    """What was read, as a frame; `repair` as for `read_frame`."""
+    rgb, extra = samples
+    pixels = _code_values(rgb, layout.bits)
+    repaired = 0
+    if layout.floating and len(set(layout.rgb)) == 1:
+        grey, repaired = _without_impossible_samples(path, pixels[..., :1], layout, repair=repair)
+        pixels = np.repeat(grey, 3, axis=-1)
+    elif layout.floating:
+        pixels, repaired = _without_impossible_samples(path, pixels, layout, repair=repair)
+    header = Header(
+        format=layout.format,
+        attributes=layout.attributes,
+        channels=layout.channels,
+        kinds=layout.kinds,
+        rgb=layout.rgb,
+        extra=tuple(_over_display_window(plane, layout) for plane in extra),
+        origin=layout.display[:2],
+        colour=layout.colour,
+        colour_chunks=layout.container.colour_chunks,
+        big_endian=layout.container.big_endian,
+    )
+    return Frame(
+        pixels=_over_display_window(pixels, layout),
+        path=path,
+        colour=layout.colour,
+        bits=layout.bits,
+        floating=layout.floating,
+        repaired=repaired,
+        header=header,
+    )
 
 
 def _code_values(samples: NDArray[Any], bits: int) -> Pixels:
@@ -301,7 +420,7 @@ def _code_values(samples: NDArray[Any], bits: int) -> Pixels:
     return pixels
 
 
-def _over_display_window(samples: NDArray[Any], layout: _Layout) -> NDArray[Any]:
+def _over_display_window(samples: NDArray[Any], layout: Layout) -> NDArray[Any]:
     """`samples` of the data window, with 0 around them up to the display window."""
     if layout.data == layout.display:
         return samples
@@ -312,7 +431,9 @@ def _over_display_window(samples: NDArray[Any], layout: _Layout) -> NDArray[Any]
     return whole
 
 
-def _without_impossible_samples(path: Path, pixels: Pixels, *, repair: bool) -> tuple[Pixels, int]:
+def _without_impossible_samples(
+    path: Path, pixels: Pixels, layout: Layout, *, repair: bool
+) -> tuple[Pixels, int]:
     """`pixels` without NaN, Inf and negative samples, and how many of them were replaced."""
     # NaN makes a minimum NaN, and so fails the first comparison.
     if pixels.min() >= 0 and pixels.max() < np.inf:
@@ -323,9 +444,11 @@ def _without_impossible_samples(path: Path, pixels: Pixels, *, repair: bool) -> 
         kinds = {"NaN": nan, "Inf": infinite, "negative": negative}
         counts = ", ".join(f"{mask.sum()} {kind}" for kind, mask in kinds.items() if mask.any())
         row, col, channel = np.unravel_index(bad.argmax(), bad.shape)
+        where = "channel " + ("Y" if pixels.shape[-1] == 1 else "RGB"[channel])
+        where += f" of view {layout.view}" if layout.view else ""
         raise InputError(
             f"{path}: wanted finite samples >= 0, got {counts}, the first at row {row}, col {col}, "
-            f"channel {'RGB'[channel]}. Add --repair to replace them."
+            f"{where}. Add --repair to replace them."
         )
     largest = np.where(bad, np.float32(0), pixels).max(axis=(0, 1))
     repaired = np.where(infinite, largest, np.where(bad, np.float32(0), pixels))

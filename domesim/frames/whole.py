@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -19,16 +20,39 @@ def write_whole(path: Path, content: bytes) -> None:
     InputError
         If it cannot be written.
     """
-    temporary = path.with_name(f".{path.stem}.tmp-{os.getpid()}{path.suffix}")
+    write_together([(path, content)])
+
+
+def write_together(contents: Sequence[tuple[Path, bytes]]) -> None:
+    """Put each content at its path: all under temporary names first, then renamed.
+
+    A full disk or an interruption thus leaves all the old files or, from the first renaming on,
+    which takes no space and next to no time, some new ones beside old ones; never half a file.
+
+    Raises
+    ------
+    InputError
+        If one of them cannot be written.
+    """
+    temporaries = [
+        path.with_name(f".{path.stem}.tmp-{os.getpid()}{path.suffix}") for path, _ in contents
+    ]
     try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
+        for (path, content), temporary in zip(contents, temporaries, strict=True):  # noqa: B007
+            with temporary.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+        for path, _ in contents:
+            # Found by the renaming itself, it would come after others' renaming.
+            if path.is_dir():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        for (path, _), temporary in zip(contents, temporaries, strict=True):
+            temporary.replace(path)
     except BaseException as error:
-        with suppress(OSError):
-            temporary.unlink()
+        for temporary in temporaries:
+            with suppress(OSError):
+                temporary.unlink()
         if not isinstance(error, OSError):
             raise
         ways = {

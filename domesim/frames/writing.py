@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,21 +59,26 @@ def write_frame(frame: Frame, path: str | Path, *, bits: int | None = None) -> N
         If pixels are not finite, or not what the format can hold.
     """
     path = Path(path)
-    target = _target(frame, path, bits)
-    spec, samples = _specification(frame, target), _samples(frame, target)
-    encoded = _encode(path, target.format, spec, samples)
+    write_whole(path, encoded(frame, path, bits))
+
+
+def encoded(frame: Frame, path: Path, bits: int | None) -> bytes:
+    """What `write_frame` puts at `path`."""
+    target = target_of(frame, path, bits)
+    part = (specification(frame, target), samples_of(frame, target))
+    content = encode(path, target.format, [part])
     if target.format == "png":
-        encoded = with_colour_chunks(encoded, _png_colour(frame, target))
+        content = with_colour_chunks(content, _png_colour(frame, target))
     if target.format == "dpx":
-        encoded = _with_dpx_name(encoded, path.name)
-    write_whole(path, encoded)
+        content = _with_dpx_name(content, path.name)
+    return content
 
 
 # Which file, of which samples.
 
 
 @dataclass(frozen=True)
-class _Target:
+class Target:
     """What is to be written: the format, its depth, and its channels in order."""
 
     format: str
@@ -80,11 +86,15 @@ class _Target:
     floating: bool
     channels: tuple[str, ...]
     kinds: tuple[str, ...]
-    sources: tuple[int, ...]  # 0, 1, 2: R, G, B; 3 + k: extra channel k
+    sources: tuple[int, ...]  # 0, 1, 2: R, G, B; 3 + k: extra channel k; -1: luminance
     same_format: bool
 
 
-def _target(frame: Frame, path: Path, bits: int | None) -> _Target:
+_LUMINANCE = -1
+
+
+def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
+    """What to write at `path`."""
     name = SUFFIXES.get(path.suffix.lower())
     if name is None:
         raise InputError(
@@ -102,7 +112,7 @@ def _target(frame: Frame, path: Path, bits: int | None) -> _Target:
         bits = bits or _fitting_depth(name, frame)
         floating = name == "openexr" or (name == "tiff" and bits == 32)
     channels, kinds, sources = _channels(frame, name, _kind(bits, floating), kept=kept)
-    return _Target(name, bits, floating, channels, kinds, sources, same)
+    return Target(name, bits, floating, channels, kinds, sources, same)
 
 
 def _fitting_depth(name: str, frame: Frame) -> int:
@@ -128,7 +138,8 @@ def _channels(
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[int, ...]]:
     """Names, types and sources of the channels that are written."""
     header = frame.header
-    place = {channel: k for k, channel in enumerate(header.rgb)}
+    grey = len(set(header.rgb)) == 1
+    place = {channel: _LUMINANCE if grey else k for k, channel in enumerate(header.rgb)}
     others = iter(range(3, 3 + len(header.extra)))
     sources = [place[k] if k in place else next(others) for k in range(len(header.channels))]
     alpha = [channel.upper() == "A" for channel in header.channels]
@@ -142,6 +153,9 @@ def _channels(
     if name == "openexr" and header.format != name:
         # EXR has no integers of 8 or 16 bits.
         chosen = [(channel, kind, source) for channel, _, source in chosen]
+    if name != "openexr" and grey:
+        rgb = [(channel, kind, source) for source, channel in enumerate("RGB")]
+        chosen = rgb + [each for each in chosen if each[2] != _LUMINANCE]
     channels, kinds, order = zip(*chosen, strict=True)
     return channels, kinds, order
 
@@ -149,21 +163,43 @@ def _channels(
 # The samples.
 
 
-def _samples(frame: Frame, target: _Target) -> NDArray[Any]:
+def samples_of(frame: Frame, target: Target) -> NDArray[Any]:
     """(row, col, channel) in the type that the encoder takes."""
-    rgb = _encoded_rgb(frame.pixels, target)
     if target.sources == (0, 1, 2):
-        return rgb
-    mixed = len(set(target.kinds)) > 1
-    kind = np.dtype(np.float32) if mixed else _dtype(target.kinds[0])
-    samples = np.empty((*rgb.shape[:2], len(target.sources)), kind)
-    for channel, source in enumerate(target.sources):
-        plane = rgb[..., source] if source < 3 else frame.header.extra[source - 3]
+        return _encoded_rgb(frame.pixels, target)
+    return interleaved(planes_of(frame, target), target.kinds)
+
+
+def planes_of(frame: Frame, target: Target) -> list[NDArray[Any]]:
+    """(row, col) of each channel, not yet of one type."""
+    rgb = _encoded_rgb(frame.pixels, target)
+    return [
+        _luminance(frame.pixels).astype(rgb.dtype)
+        if source == _LUMINANCE
+        else rgb[..., source]
+        if source < 3
+        else frame.header.extra[source - 3]
+        for source in target.sources
+    ]
+
+
+def interleaved(planes: Sequence[NDArray[Any]], kinds: Sequence[str]) -> NDArray[Any]:
+    """(row, col, channel) of (row, col) planes, in the type that the encoder takes."""
+    kind = np.dtype(np.float32) if len(set(kinds)) > 1 else _dtype(kinds[0])
+    samples = np.empty((*planes[0].shape, len(planes)), kind)
+    for channel, plane in enumerate(planes):
         samples[..., channel] = plane if plane.dtype == kind else _rescaled(plane, kind)
     return samples
 
 
-def _encoded_rgb(pixels: Pixels, target: _Target) -> NDArray[Any]:
+def _luminance(pixels: Pixels) -> NDArray[np.float64]:
+    """(row, col) by ITU-R BT.709-6, 3.2; in float64, so that grey comes back to the bit."""
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    luminance: NDArray[np.float64] = pixels.astype(np.float64) @ weights
+    return luminance
+
+
+def _encoded_rgb(pixels: Pixels, target: Target) -> NDArray[Any]:
     rows, cols, *last = pixels.shape
     if last != [3] or not (0 < rows <= LARGEST_SIDE and 0 < cols <= LARGEST_SIDE):
         # libjpeg ends the process above 65500.
@@ -209,7 +245,8 @@ def _dtype(kind: str) -> np.dtype[Any]:
 
 # What a format says of how it is stored, not of the image; it is said anew.
 _STORAGE = re.compile(
-    r"oiio:.*|tiff:.*|ICCProfile:.*|compression|planarconfig|openexr:lineOrder|jpeg:subsampling",
+    r"oiio:.*|tiff:.*|ICCProfile:.*|compression|planarconfig|jpeg:subsampling|"
+    r"openexr:(lineOrder|chunkCount)",
     re.IGNORECASE,
 )
 _COLOUR_ATTRIBUTES = ("ICCProfile", "CICP", "chromaticities", "colorInteropID", "Exif:ColorSpace")
@@ -219,23 +256,35 @@ _FORMAT_PREFIXES = tuple(f"{name}:" for name in LABELS)
 _WRITABLE_TYPES = {"vector2i": "int[2]", "vectori": "int[3]", "vector2i[2]": "box2i"}
 
 
-def _specification(frame: Frame, target: _Target) -> Any:
+def specification(frame: Frame, target: Target) -> Any:
+    """OpenImageIO's description of what is to be written."""
     rows, cols = frame.pixels.shape[:2]
-    spec = oiio.ImageSpec(cols, rows, len(target.channels), target.kinds[0])
-    spec.channelnames = target.channels
-    if len(set(target.kinds)) > 1:
-        spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in target.kinds)
-    upper = [name.upper() for name in target.channels]
-    spec.alpha_channel = upper.index("A") if "A" in upper else -1
+    attributes = [each for each in frame.header.attributes if _survives(frame, target, each[0])]
+    spec = bare_specification(target.channels, target.kinds, (cols, rows), attributes)
     spec.x, spec.y = spec.full_x, spec.full_y = frame.header.origin
-    # OpenImageIO would fill in the present time: the same input would give another output.
-    spec.attribute("DateTime", "")
-    for name, kind, value in frame.header.attributes:
-        if _survives(frame, target, name):
-            _set(spec, name, kind, value)
     _state_storage(frame, target, spec)
     if not (target.same_format and _keeps_colour(frame)):
         state_colour(frame.colour, target.format, spec)
+    return spec
+
+
+def bare_specification(
+    channels: tuple[str, ...],
+    kinds: tuple[str, ...],
+    size: tuple[int, int],
+    attributes: Sequence[tuple[str, str, Any]],
+) -> Any:
+    """Channels of `kinds` over `size` (cols, rows) px, and nothing of how they are stored."""
+    spec = oiio.ImageSpec(*size, len(channels), kinds[0])
+    spec.channelnames = channels
+    if len(set(kinds)) > 1:
+        spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in kinds)
+    upper = [name.upper() for name in channels]
+    spec.alpha_channel = upper.index("A") if "A" in upper else -1
+    # OpenImageIO would fill in the present time: the same input would give another output.
+    spec.attribute("DateTime", "")
+    for name, kind, value in attributes:
+        _set(spec, name, kind, value)
     return spec
 
 
@@ -247,10 +296,13 @@ def _set(spec: Any, name: str, kind: str, value: Any) -> None:
         spec.attribute(name, oiio.TypeDesc(_WRITABLE_TYPES.get(kind, kind)), value)
 
 
-def _survives(frame: Frame, target: _Target, name: str) -> bool:
-    if name == "oiio:subimagename":
-        return True
-    if _STORAGE.fullmatch(name) or (name in _COLOUR_ATTRIBUTES and not _keeps_colour(frame)):
+def is_of_storage(name: str) -> bool:
+    """Whether an attribute is of how a file was stored, and so to be said anew."""
+    return name != "oiio:subimagename" and _STORAGE.fullmatch(name) is not None
+
+
+def _survives(frame: Frame, target: Target, name: str) -> bool:
+    if is_of_storage(name) or (name in _COLOUR_ATTRIBUTES and not _keeps_colour(frame)):
         return False
     return target.same_format or not name.startswith((*_FORMAT_PREFIXES, "openexr:"))
 
@@ -264,12 +316,16 @@ def _stated(frame: Frame, name: str) -> Any:
     return next((value for key, _, value in frame.header.attributes if key == name), None)
 
 
-def _state_storage(frame: Frame, target: _Target, spec: Any) -> None:
+def state_exr_compression(spec: Any, compression: str | None) -> None:
+    """ZIP: others do not notice damage (zlib has a checksum), or lose precision."""
+    spec.attribute("compression", compression if compression == "zips" else "zip")
+
+
+def _state_storage(frame: Frame, target: Target, spec: Any) -> None:
     """Compression and the like."""
     compression = _stated(frame, "compression") if target.same_format else None
     if target.format == "openexr":
-        # Other compressions do not notice damage (zlib has a checksum), or lose precision.
-        spec.attribute("compression", compression if compression == "zips" else "zip")
+        state_exr_compression(spec, compression)
     if target.format == "tiff":
         lossless = compression in ("none", "lzw", "packbits", "zip")
         spec.attribute("compression", compression if lossless else "zip")
@@ -290,7 +346,7 @@ def _state_storage(frame: Frame, target: _Target, spec: Any) -> None:
 # The bytes.
 
 
-def _png_colour(frame: Frame, target: _Target) -> bytes:
+def _png_colour(frame: Frame, target: Target) -> bytes:
     """The colour chunks that the frame was read with, if they still hold."""
     if _keeps_colour(frame) and (target.same_format or _stated(frame, "ICCProfile") is not None):
         return frame.header.colour_chunks
@@ -303,16 +359,18 @@ def _with_dpx_name(dpx: bytes, name: str) -> bytes:
     return dpx[:36] + padded + dpx[136:]
 
 
-def _encode(path: Path, name: str, spec: Any, samples: NDArray[Any]) -> bytes:
-    """The file's bytes."""
+def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> bytes:
+    """The file's bytes; several `parts` (specification, samples) only of an EXR."""
     with os.fdopen(os.memfd_create("frame"), "rb+") as memory:
         place = f"/proc/self/fd/{memory.fileno()}"
         writer: Any = oiio.ImageOutput.create(name)
-        written = (
-            writer.open(place, spec)
+        specs = tuple(spec for spec, _ in parts)
+        written = all(
+            (writer.open(place, spec, "AppendSubimage") if k else _begin(writer, place, specs))
             and writer.write_image(np.ascontiguousarray(samples))
             # A close that succeeds may still leave an error here: TIFF complains of empty Exif.
             and not writer.has_error
+            for k, (spec, samples) in enumerate(parts)
         )
         problem = problem_of(writer)
         closed = writer.close()
@@ -323,3 +381,8 @@ def _encode(path: Path, name: str, spec: Any, samples: NDArray[Any]) -> bytes:
             )
         memory.seek(0)
         return memory.read()
+
+
+def _begin(writer: Any, place: str, specs: tuple[Any, ...]) -> bool:
+    # An EXR's header tells of all parts.
+    return bool(writer.open(place, specs[0] if len(specs) == 1 else specs))

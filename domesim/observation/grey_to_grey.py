@@ -74,6 +74,11 @@ class GreyToGrey(Observation):
         """(2, row, col, primary)."""
         return self._shape
 
+    @property
+    def levels(self) -> NDArray[np.float64]:
+        """(level,) light that the table is for: the ends of its straight pieces."""
+        return self._levels
+
     def linearised(self, at: Light) -> Linearised:
         """The affine observation that agrees with this one, and with its slopes, at `at`."""
         at = self._guarded(at, "is linearised at")

@@ -19,8 +19,6 @@ projector white, light that is there without a picture, but for projector black)
 
 from __future__ import annotations
 
-import hashlib
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -32,7 +30,7 @@ from numpy.typing import NDArray
 
 from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.frames import write_whole
+from domesim.frames.arrays import read_arrays, write_arrays
 from domesim.light import Array, Light, kind, namespace
 from domesim.observation.base import AdjointObservation
 from domesim.observation.basis import disc_quadrature
@@ -41,6 +39,7 @@ from domesim.observation.lowrank import LowRank, LowRankObservation
 Floats = NDArray[np.float64]
 
 FORMAT = "domesim transport 1"
+_FIELDS = ("modes", "core", "core_error", "ambient")
 NODES = 97
 """Nodes a side of the coarse grid; it reaches `MARGIN` intervals beyond the picture."""
 MARGIN = 2
@@ -217,10 +216,7 @@ class Transport:
         InputError
             If it cannot be written.
         """
-        arrays = self._arrays()
-        content = io.BytesIO()
-        np.savez_compressed(content, allow_pickle=False, **arrays, sha256=_digest(arrays))
-        write_whole(path, content.getvalue())
+        write_arrays(path, self._arrays())
 
     def _arrays(self) -> dict[str, Any]:
         dome = self.dome
@@ -254,30 +250,18 @@ def load_transport(path: Path) -> Transport:
     InputError
         If it is no such file, or damaged.
     """
-    none = f"{path}: wanted a transport stored by 'domesim tabulate', this is none or damaged"
+    arrays = read_arrays(path, FORMAT, "transport", ("dome", *_FIELDS, "provenance"))
     try:
-        # Of a damaged file NumPy would leave its own handle open.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-        written, digest = str(arrays["format"]), str(arrays.pop("sha256"))
-    except OSError as error:
-        reason = error.strerror or "not a .npz file"
-        raise InputError(f"{path}: wanted a stored transport, got '{reason}'") from error
-    except Exception as error:  # whatever NumPy, zipfile and zlib run into
-        raise InputError(none) from error
-    if written != FORMAT:
-        raise InputError(f"{path}: wanted format {FORMAT!r}, got {written!s:.40}")
-    try:
-        if digest != _digest(arrays):
-            raise InputError(f"{path}: is damaged (its checksum does not fit); tabulate it again")
         radius, half_angle, tilt, ratio, cut = (float(value) for value in arrays["dome"])
         dome = Dome(radius, half_angle, tilt, ratio, None if np.isnan(cut) else cut)
         provenance = json.loads(str(arrays["provenance"]))
-        fields = {name: arrays[name] for name in ("modes", "core", "core_error", "ambient")}
+        fields = {name: arrays[name] for name in _FIELDS}
     except InputError:
         raise
     except (KeyError, ValueError, TypeError) as error:
-        raise InputError(none) from error
+        raise InputError(
+            f"{path}: wanted a transport stored by 'domesim tabulate', this is none or damaged"
+        ) from error
     return Transport(dome, **fields, provenance=provenance)
 
 
@@ -485,10 +469,3 @@ def _strips(weights: Floats, height: int = 32) -> list[tuple[int, int, int, int]
         reached = np.flatnonzero(weights[:, first:last].any(axis=1))
         strips.append((first, last, int(reached[0]), int(reached[-1]) + 1))
     return strips
-
-
-def _digest(arrays: Mapping[str, Any]) -> str:
-    digest = hashlib.sha256()
-    for name in ("format", "dome", "modes", "core", "core_error", "ambient", "provenance"):
-        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
-    return digest.hexdigest()

@@ -13,12 +13,21 @@ import numpy as np
 import pytest
 from theatres import DATA, needs_data
 
-from compensate.master import METHODS, compensate, compensate_frame, pose, pose_frame
+from compensate.master import compensate, compensate_frame, pose, pose_frame
+from compensate.methods import DOME as METHODS
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import Subtractive
 from compensate.solver.result import Status
 from domesim.errors import InputError
-from domesim.frames import ColourTag, Frame, read_frame, write_frame
+from domesim.frames import (
+    ColourTag,
+    Frame,
+    Master,
+    read_frame,
+    read_master,
+    write_frame,
+    write_master,
+)
 from domesim.projector import Projector
 from domesim.scene import load_scene
 from domesim.screening import decoded, encoded, within_range
@@ -28,15 +37,14 @@ from validation.masters import night
 SRGB = ColourTag("srgb", "BT.709", "the test")
 
 
-def frame(size: int = 96, bits: int = 8, seed: int = 0) -> Frame:
+def frame(size: int = 96, bits: int = 8, seed: int = 0) -> Master:
     """A dark sky with a bright building, and content in the corners off the screen."""
     random = np.random.default_rng(seed)
     pixels = 0.2 * random.random((size, size, 3), np.float32)
     pixels[size // 2 : size * 3 // 4, size // 3 : size * 2 // 3] = 1.0
     levels = 2**bits - 1
-    return Frame(
-        np.rint(pixels * levels) / np.float32(levels), Path("night.png"), SRGB, bits, False
-    )
+    codes = np.rint(pixels * levels) / np.float32(levels)
+    return Master((Frame(codes, Path("night.png"), SRGB, bits, False),))
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +59,8 @@ def test_a_frame_stays_in_range_and_off_the_screen_as_it_was(scene, method):
     pixels, screen = outcome.frame.pixels, scene.dome.inside(96, 96)
     assert pixels.min() >= 0
     assert pixels.max() <= 1
-    assert (pixels[~screen] == master.pixels[~screen]).all()
-    changed = (pixels != master.pixels)[screen].any()
+    assert (pixels[:, ~screen] == master.pixels[:, ~screen]).all()
+    changed = (pixels != master.pixels)[:, screen].any()
     assert changed == (method != "none")
 
 
@@ -107,15 +115,15 @@ def test_light_out_of_range_is_refused_on_the_screen_only(scene, value):
 
 
 def test_highlights_are_clipped_and_counted(scene):
-    master = replace(
-        frame(64), floating=True, bits=32, colour=ColourTag("linear", "BT.709", "the test")
-    )
+    (one,) = frame(64).frames
+    linear = ColourTag("linear", "BT.709", "the test")
+    master = Master((replace(one, floating=True, bits=32, colour=linear),))
     pixels = master.pixels.copy()
-    pixels[40:44, 30:34] = 300.0
+    pixels[0, 40:44, 30:34] = 300.0
     outcome = compensate_frame(master.with_pixels(pixels), scene)
     screen = scene.dome.inside(64, 64)
     assert outcome.figures.out_of_range == pytest.approx(16 / screen.sum())
-    assert outcome.frame.pixels[screen].max() <= 1
+    assert outcome.frame.pixels[0, screen].max() <= 1
 
 
 def test_within_range_counts_pixels_of_the_screen():
@@ -134,7 +142,7 @@ def test_an_observed_white_that_no_integer_format_holds_is_counted(scene):
     observation = scene.observation(64, 64)
     seen = observation.observe(decoded(master, scene))
     result, clipped = encoded(master, seen, scene, observation.screen)
-    white = (master.pixels == 1).all(-1) & observation.screen
+    white = (master.pixels[0] == 1).all(-1) & observation.screen
     assert clipped == pytest.approx(white.sum() / observation.screen.sum())
     assert result.pixels.max() == 1
 
@@ -147,7 +155,7 @@ def test_an_unknown_method_is_refused(scene):
 def test_the_frame_need_not_be_stereo_or_square(scene):
     with pytest.raises(InputError, match="a domemaster is square, got 64 x 32"):
         compensate_frame(
-            frame(64).__class__(frame(64).pixels[:32], Path("wide.png"), SRGB, 8, False), scene
+            Master((Frame(frame(64).pixels[0, :32], Path("wide.png"), SRGB, 8, False),)), scene
         )
     with pytest.raises(ValueError, match="view, row, col, primary"):
         compensate(np.zeros((16, 16, 3)), scene)
@@ -192,21 +200,21 @@ def test_what_a_file_cannot_hold_is_told(scene):
 def test_the_error_of_the_stored_file_is_told(scene, tmp_path, bits, worse):
     outcome = compensate_frame(frame(96, bits), scene)
     path = tmp_path / "out.png"
-    write_frame(outcome.frame, path, bits=bits)
-    stored = outcome.stored_error(read_frame(path))
+    write_master(outcome.frame, [path], bits=bits)
+    stored = outcome.stored_error(read_master([path]))
     assert stored >= outcome.figures.error_after * (1 - 1e-3)
     assert (stored > outcome.figures.error_after * (1 + 1e-3)) == worse
 
 
 def test_a_jpeg_changes_off_the_screen_by_its_own_rounding_only(scene, tmp_path):
     source, target = tmp_path / "m.jpg", tmp_path / "out.jpg"
-    write_frame(replace(frame(256), path=source), source)
-    master = read_frame(source)
+    write_master(frame(256), [source])
+    master = read_master([source])
     outcome = compensate_frame(master, scene, method="subtractive")
-    write_frame(outcome.frame, target)
+    write_master(outcome.frame, [target])
     off = ~scene.dome.inside(256, 256)
-    assert (outcome.frame.pixels[off] == master.pixels[off]).all()
-    change = np.abs(read_frame(target).pixels - master.pixels)[off] * 255
+    assert (outcome.frame.pixels[:, off] == master.pixels[:, off]).all()
+    change = np.abs(read_master([target]).pixels - master.pixels)[:, off] * 255
     assert change.max() <= 5
 
 

@@ -16,16 +16,16 @@ from domesim.viewing import Viewing, from_dome_centre, of_flat_screen
 @pytest.mark.parametrize("target", [name for name in PRIMARIES if name != "XYZ"])
 def test_decode_and_encode_are_inverses(source, target):
     projector = Projector(target, white=48.0)
-    pixels = np.random.default_rng(0).random((5, 7, 3), np.float32)
+    pixels = np.random.default_rng(0).random((2, 5, 7, 3), np.float32)
     light = projector.decode(pixels, SRGB(), source)
-    assert light.shape == (1, 5, 7, 3)
+    assert light.shape == (2, 5, 7, 3)
     assert light.dtype == np.float32
     assert projector.encode(light, SRGB(), source) == pytest.approx(pixels, abs=2e-5)
 
 
 def test_the_same_primaries_change_nothing():
-    pixels = np.random.default_rng(0).random((5, 7, 3), np.float32)
-    assert (Projector("BT.709", 10.0).decode(pixels, Linear(), "BT.709")[0] == pixels).all()
+    pixels = np.random.default_rng(0).random((2, 5, 7, 3), np.float32)
+    assert (Projector("BT.709", 10.0).decode(pixels, Linear(), "BT.709") == pixels).all()
 
 
 @pytest.mark.parametrize("source", [name for name in PRIMARIES if name != "XYZ"])

@@ -19,7 +19,7 @@ from domesim.furniture import EYE_HEIGHT, box
 from domesim.lenses import lens_gains, seen_gain
 from domesim.observation.spherical import ClosedFormDome
 from domesim.observation.transport import Transport
-from domesim.scene import Scene, SceneFile, load_scene, scene_names
+from domesim.scene import DomeFile, Scene, load_scene, scene_names
 from domesim.theatre import Cavity, Floor, Lamp, Lobe, Theatre, Wall
 
 BARE = """
@@ -752,7 +752,7 @@ def test_what_light_does_not_depend_on_leaves_the_digest(
 
 def test_every_figure_of_the_theatre_is_in_the_digest() -> None:
     """Each number of the file, changed a little, but for those that light does not depend on."""
-    digest = SceneFile.model_validate(tomllib.loads(FULL)).digest
+    digest = DomeFile.model_validate(tomllib.loads(FULL)).digest
     spared = {"viewing", "viewpoints", "ambient"}
     lines = FULL.splitlines()
     section, tried = "", 0
@@ -766,7 +766,7 @@ def test_every_figure_of_the_theatre_is_in_the_digest() -> None:
         if value == "0.0":  # of the lamp's red, which must not be below 0
             other = "0.5"
         text = "\n".join([*lines[:index], line.replace(value, other, 1), *lines[index + 1 :]])
-        assert SceneFile.model_validate(tomllib.loads(text)).digest != digest, line
+        assert DomeFile.model_validate(tomllib.loads(text)).digest != digest, line
         tried += 1
     assert tried > 40
 

@@ -25,7 +25,7 @@ from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
 from domesim.light import Light
-from domesim.scene import load_scene
+from domesim.scene import load_dome
 from validation.masters import night
 
 GAPS = (1e-2, 1e-3, 1e-4)
@@ -115,12 +115,12 @@ class Case:
     @cached_property
     def single(self) -> Posed:
         """The problem in float32."""
-        return pose(night(self.size, self._seed), load_scene(self._scene))
+        return pose(night(self.size, self._seed), load_dome(self._scene))
 
     @cached_property
     def double(self) -> Posed:
         """The problem in float64."""
-        return pose(night(self.size, self._seed).astype(np.float64), load_scene(self._scene))
+        return pose(night(self.size, self._seed).astype(np.float64), load_dome(self._scene))
 
     def least(self, tolerance: float = 1e-7) -> float:
         """The least cost, certified to `tolerance`, in float64."""

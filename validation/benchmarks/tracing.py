@@ -16,7 +16,7 @@ import numpy as np
 
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.scene import load_scene
+from domesim.scene import load_dome
 from domesim.theatre import Theatre
 from validation.benchmarks.commands import Job, run_command
 from validation.experiments.corrected_models import THEATRES
@@ -45,9 +45,9 @@ class Rate:
 def rates(walks: int = 256, size: int = 128) -> Iterator[Rate]:
     """Throughput of the bounce loop for a white picture, from the bare cap to a furnished room."""
     theatres: dict[str, Theatre] = {
-        "bare hemisphere": load_scene("dome_hemisphere").theatre,
+        "bare hemisphere": load_dome("dome_hemisphere").theatre,
         "floor and wall": THEATRES["recessed floor"],
-        "planetarium (meshes)": load_scene("dome_planetarium").theatre,
+        "planetarium (meshes)": load_dome("dome_planetarium").theatre,
     }
     for name, theatre in theatres.items():
         tracer = Tracer(theatre)

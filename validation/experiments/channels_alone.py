@@ -19,7 +19,7 @@ from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
 from compensate.weighting import CsfWeighting
 from domesim.observation.spherical import ClosedFormDome
-from domesim.scene import load_scene
+from domesim.scene import load_dome
 from validation.experiment import Column, Finding, Table, Work, at_least
 from validation.masters import night
 
@@ -28,7 +28,7 @@ _RANGES = ((0.0, 1.0), (-0.5, 0.5), (-0.5, 0.5))  # of Y, Cb, Cr
 
 def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[str, float]:
     """Share of the screen out of gamut, and costs of joint and separate solutions."""
-    theatre = load_scene(scene)
+    theatre = load_dome(scene)
     posed = pose(night(size, seed), theatre)
     problem, screen, lambda_ = posed.problem, posed.screen, posed.problem.weighting
     assert isinstance(lambda_, CsfWeighting)

@@ -19,8 +19,9 @@ from compensate.master import pose_frame
 from compensate.solver.admm import ADMM
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
+from domesim.frames import Frame, Master
 from domesim.projector import conversion
-from domesim.scene import load_scene
+from domesim.scene import load_dome
 from validation.experiment import Column, Finding, Table, Work, at_least, at_most
 from validation.masters import bundled_night
 
@@ -32,11 +33,10 @@ def measure(scene: str = "dome_imax", step: int = 1) -> dict[str, float]:
 
     `step` takes each step-th pixel of the master, for a quick look.
     """
-    frame = bundled_night()
-    frame = type(frame)(
-        frame.pixels[::step, ::step], frame.path, frame.colour, frame.bits, frame.floating
-    )
-    theatre = load_scene(scene)
+    (whole,) = bundled_night().frames
+    coarse = whole.pixels[::step, ::step]
+    frame = Master((Frame(coarse, whole.path, whole.colour, whole.bits, whole.floating),))
+    theatre = load_dome(scene)
     to_xyz = conversion(theatre.projector.primaries, "XYZ")
     white = np.ones(3) @ to_xyz.T
     errors = {}

@@ -20,7 +20,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.scene import load_scene
+from domesim.scene import load_dome
 from validation.benchmarks.commands import Job, run_command
 from validation.benchmarks.tracing import Rate, application, rates, render
 from validation.experiment import Column, Finding, Missing, Table, Work, at_least, at_most
@@ -45,7 +45,7 @@ def demo() -> Job:
 
 def aimed_gain(seed: int) -> float:
     """Walks that plain tracing needs over what aimed walks need; a night in dome_imax."""
-    tracer = Tracer(load_scene("dome_imax").theatre)
+    tracer = Tracer(load_dome("dome_imax").theatre)
     source = tracer.picture(night(128)[0])
     areas = tracer.theatre.dome.screen_areas(64, 64)
     errors = []

@@ -32,7 +32,7 @@ from compensate.comparison import Comparison, compare_methods
 from compensate.solver.admm import ADMM
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
-from domesim.scene import Scene, load_scene
+from domesim.scene import Scene, load_dome
 from validation.drawing import pictures
 from validation.experiment import Check, Column, Finding, Pictures, Table, Work, at_least, at_most
 from validation.masters import bundled_night
@@ -118,7 +118,7 @@ class Outcome:
 def measure(scene: str = THEATRE) -> Outcome:
     """The bundled night in a theatre."""
     frame = bundled_night()
-    theatre = load_scene(scene)
+    theatre = load_dome(scene)
     comparison = compare_methods(frame, theatre, solver=ADMM(), weighting=PerceptualWeighting())
     best = comparison.outcomes["perceptual"].figures
     problem = comparison.posed.problem

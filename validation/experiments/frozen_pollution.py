@@ -17,7 +17,7 @@ import numpy as np
 from compensate.master import pose
 from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
-from domesim.scene import load_scene
+from domesim.scene import load_dome
 from validation.experiment import Check, Column, Finding, Table, Work, at_least, between
 from validation.masters import night
 
@@ -26,7 +26,7 @@ THEATRES = ("dome_imax", "dome_planetarium", "dome_hemisphere")
 
 def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[str, float]:
     """Relative excess cost of GPCG with frozen and exact pollution over the certified minimum."""
-    posed = pose(night(size, seed).astype(np.float64), load_scene(scene))
+    posed = pose(night(size, seed).astype(np.float64), load_dome(scene))
     problem, start = posed.problem, posed.subtractive
     least = ADMM(tolerance=1e-7, max_iterations=600, stop_when_invisible=False)(problem, start).cost
     frozen = GPCG(frozen=True, tolerance=1e-5, max_iterations=60)(problem, start)

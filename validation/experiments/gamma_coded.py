@@ -14,7 +14,7 @@ import numpy as np
 
 from compensate.master import pose
 from compensate.solver.admm import ADMM
-from domesim.scene import load_scene
+from domesim.scene import load_dome
 from validation.experiment import Column, Finding, Table, Work, at_least, at_most
 from validation.masters import night
 
@@ -23,7 +23,7 @@ def measure(
     size: int = 256, scene: str = "dome_imax", gamma: float = 2.2, seed: int = 0
 ) -> dict[str, float]:
     """Visible errors (JND rms) by what is projected, and the share that subtraction clips."""
-    theatre = load_scene(scene)
+    theatre = load_dome(scene)
     light = night(size, seed)
     posed, coded = pose(light, theatre), pose(light ** np.float32(1 / gamma), theatre)
     linear = ADMM()(posed.problem, posed.subtractive).light

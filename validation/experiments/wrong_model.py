@@ -32,7 +32,7 @@ from domesim.light import Light
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.scene import Scene, load_scene
+from domesim.scene import DomeScene, load_dome
 from domesim.screening import decoded, mean_luminance, within_range
 from validation import judges
 from validation.drawing import pictures, plot
@@ -72,7 +72,7 @@ _TITLES: Mapping[str, str] = {
 }
 
 PATTERNS: Mapping[
-    str, tuple[str, Callable[[Scene, int], Light], Callable[[Light, Scene], float]]
+    str, tuple[str, Callable[[DomeScene, int], Light], Callable[[Light, DomeScene], float]]
 ] = {
     "checkerboard": ("checkerboard", judges.checkerboard, judges.checkerboard_contrast),
     "soft_checkerboard": (
@@ -281,7 +281,7 @@ class _Look:
 
 def measure(name: str, effort: Effort, seed: int = 0) -> Outcome:
     """Compensate the bundled night for a bundled theatre by each method, and look at it there."""
-    scene = load_scene(name)
+    scene = load_dome(name)
     tracer = Tracer(scene.theatre)
     transport = tabulate(
         scene.theatre,
@@ -360,7 +360,7 @@ def run(work: Work) -> Finding:
     )
 
 
-def _night(scene: Scene, size: int) -> Light:
+def _night(scene: DomeScene, size: int) -> Light:
     """(1, size, size, primary): the bundled night in mean light, within the projector's range."""
     light = decoded(bundled_night(), scene)[0]
     finer = len(light) // size
@@ -384,7 +384,7 @@ def _projected(posed: Mapping[str, Posed]) -> dict[str, Light]:
 class _Real:
     """The theatre as the path tracer sees it: the truth, but for noise."""
 
-    scene: Scene
+    scene: DomeScene
     tracer: Tracer
     effort: Effort
     seed: int
@@ -455,7 +455,7 @@ class _Real:
         return found, tuple(missing)
 
 
-def _contrasts(models: Mapping[str, Scene], real: _Real) -> dict[str, dict[str, Estimate]]:
+def _contrasts(models: Mapping[str, DomeScene], real: _Real) -> dict[str, dict[str, Estimate]]:
     """Method -> pattern -> its figure."""
     found: dict[str, dict[str, Estimate]] = {method: {} for method in METHODS}
     for pattern, (_, draw, figure) in PATTERNS.items():
@@ -466,7 +466,9 @@ def _contrasts(models: Mapping[str, Scene], real: _Real) -> dict[str, dict[str, 
     return found
 
 
-def _jackknife(images: Images, figure: Callable[[Light, Scene], float], scene: Scene) -> Estimate:
+def _jackknife(
+    images: Images, figure: Callable[[Light, DomeScene], float], scene: DomeScene
+) -> Estimate:
     """A figure of the mean of (repeat, row, col, primary) images."""
     total, count = images.sum(0), len(images)
     without = tuple(figure((total - image)[None] / (count - 1), scene) for image in images)

@@ -1,0 +1,161 @@
+"""How much of the ghosts is left: figures for tables and plots, never what a solver minimises.
+
+With Y the luminance of light, the residual and the ghost of the untouched master are
+
+    e = Y(psi(x) - desired)          g = Y(psi(desired) - desired)
+
+(view, row, col) each. Four figures say what became of g:
+
+*Clipped share*: the share of all pixels, of both eyes, where exact clipped subtraction
+(`compensate.solver.deghosting`) would need negative light in some primary. It tells how hard a
+picture is, and is the same for all methods.
+
+*Residual rms*: the root of the mean of e² over both eyes' pixels, in cd/m²; and relative, to that
+of Y(desired).
+
+*Ghost edge energy*:
+
+    sqrt(sum |grad e|² / sum |grad g|²)
+
+over both eyes' pixels, for it is edges that disturb stereopsis (van Baar et al. 2011, section 1).
+1: the ghost's edges are all there, as when nothing is done. 0: none are. It has no unit, and does
+not depend on the brightness of the projector. Gradients are of Gaussian-smoothed planes,
+
+    grad e = e * grad G,    sigma = pixels per degree / (2 pi 3 cycles/degree),  at least 0.7 pixels
+
+Such a derivative passes a frequency f as f exp(-2 pi² sigma² f²), most at 3 cycles/degree, where
+the eye resolves contrast best. A ghost that is smoothed keeps its light and loses its edges: an
+edge blurred by s keeps (1 + s²/sigma²)^(-1/4). Only the picture's pixels are counted, and its
+border is no edge: beyond it planes go on as they are there. *All* of the residual's edges count,
+so those of a veil, and of contrast that was lost everywhere (by range compression), do too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from compensate.problem import Problem
+from compensate.solver.deghosting import clipped_subtraction, uncorrectable
+from domesim.light import Light
+
+BEST_FREQUENCY = 3.0
+"""Where the eye's contrast sensitivity is highest, cycles/degree."""
+
+FINEST_SIGMA = 0.7
+"""The narrowest Gaussian, pixels, whose sampled derivative still is one."""
+
+Floats = NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True)
+class Ghosts:
+    """What is left of the ghosts, as the module's docstring defines it.
+
+    Parameters
+    ----------
+    clipped_share
+        Share of pixels where exact subtraction would need negative light, 0..1.
+    residual_rms
+        Root mean square of the residual luminance, cd/m².
+    relative_rms
+        The same relative to the desired picture's.
+    edge_energy
+        Ghost edge energy: 1 for the untouched master, 0 for none.
+    """
+
+    clipped_share: float
+    residual_rms: float
+    relative_rms: float
+    edge_energy: float
+
+
+def measure_ghosts(
+    problem: Problem,
+    light: Light,
+    *,
+    luminance_weights: NDArray[np.floating[Any]],
+    white: float,
+    pixels_per_degree: float,
+) -> Ghosts:
+    """Figures of the projected `light` of a stereo `problem`.
+
+    Parameters
+    ----------
+    problem
+        Its observation and its desired light are used, and its bounds for the clipped share.
+    light
+        (view, row, col, primary) that is projected.
+    luminance_weights
+        (primary,) share of each primary in the luminance of white.
+    white
+        Luminance of the projector's white, cd/m².
+    pixels_per_degree
+        Resolution of the picture as the audience sees it.
+
+    Raises
+    ------
+    ValueError
+        If the observation is not of two views.
+    """
+    desired, observation = problem.desired, problem.observation
+
+    def luminance(seen: Light) -> Floats:
+        planes: Floats = np.asarray(seen, np.float64) @ luminance_weights
+        return planes
+
+    share = clipped_share(problem)
+    error = luminance(problem.residual(light))
+    ghost = luminance(observation.observe(desired) - observation.direct(desired))
+    rms, picture = _rms(error), _rms(luminance(desired))
+    return Ghosts(
+        clipped_share=share,
+        residual_rms=white * rms,
+        relative_rms=_ratio(rms, picture),
+        edge_energy=edge_energy(error, ghost, pixels_per_degree),
+    )
+
+
+def clipped_share(problem: Problem) -> float:
+    """Share of pixels (of both eyes) where exact subtraction would need negative light.
+
+    Raises
+    ------
+    ValueError
+        If the observation is not of two views.
+    """
+    light, _ = clipped_subtraction(problem)
+    at_lower = np.asarray(light <= problem.lower)
+    return float(np.mean(np.any(uncorrectable(problem, light) & at_lower, axis=-1)))
+
+
+def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
+    """Ghost edge energy of planes of luminance (view, row, col): infinite if there was no ghost."""
+    sigma = max(FINEST_SIGMA, pixels_per_degree / (2 * np.pi * BEST_FREQUENCY))
+    return float(
+        np.sqrt(_ratio(_squared_gradients(error, sigma), _squared_gradients(ghost, sigma)))
+    )
+
+
+def _squared_gradients(planes: Floats, sigma: float) -> float:
+    """Sum of |grad (G * plane)|² over all pixels of all planes."""
+    result = 0.0
+    for order in ((0, 1, 0), (0, 0, 1)):
+        slope = gaussian_filter(planes, (0, sigma, sigma), order=order, mode="nearest")
+        result += float(np.sum(slope**2))
+    return result
+
+
+def _rms(planes: Floats) -> float:
+    return float(np.sqrt(np.mean(planes**2)))
+
+
+def _ratio(part: float, whole: float) -> float:
+    if whole == 0:
+        return 0.0 if part == 0 else float("inf")
+    return part / whole

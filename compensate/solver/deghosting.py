@@ -1,0 +1,520 @@
+"""Methods for two views without vision models, or with one that looks at single pixels.
+
+The audience sees psi(x)_v = x_v + phi(x)_v + black_v, where phi mixes views and primaries, but no
+pixels. The other eye's light can be subtracted where a picture has enough light. Where it has not,
+a method decides what becomes of the rest:
+
+*Subtraction* [1] leaves it. Showing clip(desired - black - phi(desired)) subtracts the ghost of a
+picture that is not shown; the exact solution subtracts the ghost of the picture that is *shown*:
+
+    x = clip(desired - black - phi(x))
+
+The right side is a contraction (||phi|| < 1), so the solution is unique, and iteration finds it to
+rounding; along a table, with each eye's own light solved for in every round. It is not the
+least-squares solution: an eye that can see its picture exactly does, and does not share the other
+eye's error. With c = 0.1 and desired (0.005, 0.4) it shows (0, 0.4); least squares show
+(0, 0.39653).
+
+*Range compression* [1] asks for b + (1 - b) desired, with the smallest b that needs no negative
+light. The light for it is linear in b, so each pixel says at once how large b must be. (Then light
+above white is not needed either, unless a matrix has negative entries: x = seen - phi(x) <= 1.)
+
+*The player's shader*, Bino's "ghostbust" [2] for one, shows (1 - c) x + c (1 - x_u), which never
+leaves [0, 1] and so never clips. Here it works on linear light. The audience then sees
+
+    c + c² + (1 - c - c²) x - c² x_u
+
+which to first order has no ghost, but black raised to c and contrast 1 - c everywhere.
+
+*Perceptual subtraction* [3] shows, where subtraction clips, the colour that *looks* nearest: that
+minimises the CIE 1976 Delta E*ab between what is seen and what is desired. If a ghost clips only
+one primary, subtraction changes the hue; the nearest colour trades hue for lightness.
+
+*A locally raised black* is what [1] does to the whole picture and what retouchers do by hand: a
+veil b(row, col) >= 0 of smooth bumps that ask for b + (1 - b) desired only around places where
+subtraction clips.
+
+[1] J. Konrad, B. Lacotte, E. Dubois, "Cancellation of image crosstalk in time-sequential displays
+    of stereoscopic video", IEEE Trans. Image Processing 9, 897-908, 2000.
+[2] M. Lambers, Bino, https://bino3d.org; ``ghostbust`` in its colour shader.
+[3] F. A. Smit, R. van Liere, B. Froehlich, "Three extensions to subtractive crosstalk reduction",
+    Eurographics Symposium on Virtual Environments, 2007.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import correlate1d
+
+from compensate.problem import Problem
+from compensate.solver.baselines import computed
+from compensate.solver.result import Result, Status
+from domesim.light import Array, Light, namespace
+from domesim.observation.base import Observation
+from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.stereo import StereoObservation
+from domesim.projector import conversion
+
+Floats = NDArray[np.float64]
+
+PIXELS_AT_ONCE = 65536
+"""Of perceptual subtraction, which needs about 1 kB a pixel."""
+
+NEGLIGIBLE_DELTA_E = 1e-3
+"""A thousandth of a just-noticeable difference, and about float32's rounding."""
+
+MAX_ROUNDS = 1000
+"""Crosstalk of 90 %, the most that there can be, takes 340 to float64's rounding."""
+
+
+@final
+@dataclass(frozen=True)
+class ClippedSubtraction:
+    """Clipped subtraction of the ghost of what is shown.
+
+    Parameters
+    ----------
+    max_rounds
+        Most rounds of the iteration; crosstalk of 5 % takes about twelve in float64.
+    """
+
+    max_rounds: int = MAX_ROUNDS
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """The fixed point; the start is not used.
+
+        Raises
+        ------
+        ValueError
+            If the observation is not of two views.
+        """
+        light, rounds = clipped_subtraction(problem, self.max_rounds)
+        status = Status.CLOSED_FORM if rounds < self.max_rounds else Status.EXHAUSTED
+        return computed(problem, light, rounds, status)
+
+
+@final
+@dataclass(frozen=True)
+class RangeCompression:
+    """Compress both views to [b, 1], until subtraction needs no negative light."""
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """Light that shows b + (1 - b) desired, with the smallest b; the start is not used.
+
+        It does so exactly, but for light above white that a matrix with negative entries may ask
+        for (at most as much as those), and where an ambient black outshines even white.
+
+        Raises
+        ------
+        ValueError
+            If the observation is not an affine one of two views.
+        """
+        observation = _affine(problem)
+        xp = namespace(problem.desired)
+        low, rounds = _unclipped(observation, problem.desired)
+        high, more = _unclipped(observation, xp.ones_like(problem.desired))
+        # x(b) = (1 - b) low + b high must rise to the lower bound
+        black = float(xp.max(_share(problem.lower - low, high - low)))
+        light = problem.project((1 - black) * low + black * high)
+        return computed(problem, light, rounds + more)
+
+
+@final
+@dataclass(frozen=True)
+class PlayerShader:
+    """(1 - c) x + c (1 - x_u): no ghosts to first order, for c of black and 1 - c of contrast.
+
+    c is one number for each eye and primary, as in the players: how much of a white picture leaks,
+    the row sums of the crosstalk's central matrix.
+    """
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """That light; the start is not used.
+
+        Raises
+        ------
+        ValueError
+            If the observation is not an affine one of two views.
+        """
+        observation, desired = _affine(problem), problem.desired
+        xp = namespace(desired)
+        leak = np.stack([observation.central[v, :, 1 - v].sum(axis=1) for v in range(2)])
+        c = xp.asarray(leak.clip(0, 1)[:, None, None], dtype=desired.dtype, device=desired.device)
+        light = (1 - c) * desired + c * (1 - xp.flip(desired, axis=0))
+        return computed(problem, problem.project(light), 1)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class PerceptualSubtraction:
+    """Where subtraction clips, the colours that look nearest to the desired ones (CIE 1976).
+
+    Smit et al. subtract in CIELab and, where that leaves the gamut, look for the nearest colour
+    within. Our reading: each eye shows the colour of the box that minimises *its* Delta E*ab, given
+    what the other shows; the eyes take turns until neither changes. No eye gives way to the other:
+    bright pixels are not dimmed to hide the ghosts that they make. Where an eye would look
+    worse than with subtraction (both eyes clip, and the other's change lights this one),
+    subtraction stays, as where it is exact; so Delta E never is above subtraction's. Each turn is a
+    step of Levenberg-Marquardt within the box, from subtraction: a descent to a local minimum. It
+    needs three primaries, and computes in NumPy.
+
+    Parameters
+    ----------
+    rgb_to_xyz
+        (3, 3) matrix from light in the projector's primaries to XYZ. Lab is relative to the
+        projector's white (1, 1, 1).
+    max_rounds
+        Turns of both eyes.
+    tolerance
+        It stops where steps would change no light by more than this, in units of white.
+    """
+
+    rgb_to_xyz: Floats = field(default_factory=lambda: conversion("BT.709", "XYZ"))
+    max_rounds: int = 100
+    tolerance: float = 1e-7
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """The displayed colours; the start is not used.
+
+        Raises
+        ------
+        ValueError
+            If the observation is not an affine one of two views and three primaries.
+        """
+        observation = _affine(problem)
+        if problem.desired.shape[-1] != 3:
+            raise ValueError(
+                f"PerceptualSubtraction takes 3 primaries, got {problem.desired.shape[-1]}"
+            )
+        light, rounds = clipped_subtraction(problem)
+        ghosts = np.any(uncorrectable(problem, light), axis=(0, 3), keepdims=True)[0, :, :, 0]
+        if not ghosts.any():
+            return computed(problem, light, rounds, Status.EXACT)
+        pixels = _Pixels(problem, observation, ghosts, self.rgb_to_xyz)
+        result = np.array(light)
+        x, steps = pixels.nearest(_picked(result, ghosts), self.max_rounds, self.tolerance)
+        result[:, ghosts] = x.transpose(1, 0, 2)
+        status = Status.CLOSED_FORM if steps < self.max_rounds else Status.EXHAUSTED
+        shown = namespace(light).asarray(result, dtype=light.dtype, device=light.device)
+        return computed(problem, shown, rounds + steps, status)
+
+
+@final
+@dataclass(frozen=True)
+class LocallyRaisedBlack:
+    """Raise black only around places where subtraction clips, as smoothly as `degrees` says.
+
+    The veil b is a sum (in the 64-norm) of Gaussian bumps, one over each pixel that needs it and as
+    high as that: at least the highest bump everywhere, equal to it far from others, and up to about
+    a tenth more amid many. It ends at three sigmas. Each eye has its own, white, so that a veil
+    changes no hue towards the ghost's complement. A veil lights the other eye too, whose veil must
+    then rise a little; this repeats, and gains about the crosstalk a round.
+
+    Parameters
+    ----------
+    pixels_per_degree
+        Resolution of the picture as the audience sees it.
+    degrees
+        Standard deviation of the bumps.
+    max_rounds
+        Rounds after which it gives up; the status then is `EXHAUSTED`, and black still clips.
+    """
+
+    pixels_per_degree: float
+    degrees: float = 1.0
+    max_rounds: int = 50
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """Light that shows b + (1 - b) desired; the start is not used.
+
+        It does so exactly, but for light above white that a matrix with negative entries may ask
+        for (at most as much as those).
+
+        Raises
+        ------
+        ValueError
+            If the observation is not an affine one of two views.
+        """
+        observation, desired = _affine(problem), problem.desired
+        xp = namespace(desired)
+        sigma = self.degrees * self.pixels_per_degree
+        negligible = _rounding(desired)
+        needed = np.zeros((2, *desired.shape[1:3]))
+        black = np.zeros_like(needed)
+        status = Status.EXHAUSTED
+        rounds = 0
+        while rounds < self.max_rounds:
+            rounds += 1
+            veil = xp.asarray(black[..., None], dtype=desired.dtype, device=desired.device)
+            light, _ = _unclipped(observation, desired + veil * (1 - desired))
+            lacking = np.asarray(xp.max(_share(problem.lower - light, 1 - desired), axis=-1))
+            if lacking.max() <= negligible:
+                exact = not black.any() and float(xp.max(light - problem.upper)) <= negligible
+                status = Status.EXACT if exact else Status.CLOSED_FORM
+                break
+            # a hair more, so that the last rounds end
+            needed = np.where(lacking > 0, np.minimum(black + 1.001 * lacking, 1), needed)
+            black = np.minimum(np.stack([bumps(plane, sigma) for plane in needed]), 1)
+        return computed(problem, problem.project(light), rounds, status)
+
+
+def clipped_subtraction(problem: Problem, max_rounds: int = MAX_ROUNDS) -> tuple[Light, int]:
+    """Light that solves x = clip(desired - black - phi(x)), and the rounds of iteration done.
+
+    If those are `max_rounds`, it has not been reached. `problem.observation` may also be the exact
+    `GreyToGrey`, which is not affine and which no other solver takes.
+
+    Raises
+    ------
+    ValueError
+        If the observation is not of two views.
+    """
+    observation = _two_views(problem)
+    return _fixed_point(observation, problem.desired, problem.lower, problem.upper, max_rounds)
+
+
+def uncorrectable(problem: Problem, light: Light) -> NDArray[np.bool_]:
+    """(view, row, col, primary): where clipped subtraction, `light`, cannot show what is desired.
+
+    That is where more, or less, light is seen than desired, by more than rounding.
+    """
+    error = np.asarray(problem.observation.observe(light) - problem.desired)
+    found: NDArray[np.bool_] = np.abs(error) > max(1e-9, 10 * _rounding(light))
+    return found
+
+
+def bumps(needed: Floats, sigma: float) -> Floats:
+    """(row, col) smooth veil, at least `needed` everywhere and 0 beyond 3 `sigma` (pixels) of it.
+
+    (sum_q (needed_q g(p - q))^64)^(1/64) with a Gaussian g of height 1: a convolution, for g^64
+    is a Gaussian too. Outside the picture nothing is needed.
+    """
+    top = needed.max()
+    if top <= 0:
+        return np.zeros_like(needed)
+    power = 64
+    reach = np.arange(-int(np.ceil(3 * sigma)), int(np.ceil(3 * sigma)) + 1)
+    kernel = np.exp(-power * reach**2 / (2 * sigma**2))
+    result = (needed / top) ** power
+    for axis in range(2):
+        result = correlate1d(result, kernel, axis=axis, mode="constant")
+    # The root of a tiny number that underflowed to 0 is what is needed there.
+    veil: Floats = np.maximum(top * result ** (1 / power), needed)
+    return veil
+
+
+def _fixed_point(
+    observation: Observation, desired: Light, lower: Array, upper: Array, max_rounds: int
+) -> tuple[Light, int]:
+    """Light with psi = desired as far as the bounds allow, each eye in turn of the other's last.
+
+    Own light is found exactly, by slope or along the table; so rounds gain what the *other's* does.
+    """
+    xp = namespace(desired)
+    light = xp.minimum(xp.maximum(desired, lower), upper)
+    slopes = None if isinstance(observation, GreyToGrey) else _own_slopes(observation, light)
+    tiny = float(xp.finfo(desired.dtype).eps)
+    best, since_best = np.inf, 0
+    for rounds in range(1, max_rounds + 1):
+        if isinstance(observation, GreyToGrey):
+            own = _along_table(observation, desired, light)
+        else:
+            own = light + (desired - observation.observe(light)) / slopes
+        new = xp.minimum(xp.maximum(own, lower), upper)
+        change = float(xp.max(xp.abs(new - light)))
+        light = new
+        since_best = 0 if change < best else since_best + 1
+        best = min(best, change)
+        # Rounding can keep the last digits moving.
+        if change <= tiny or (change <= 16 * tiny and since_best > 2):
+            return light, rounds
+    return light, max_rounds
+
+
+def _along_table(observation: GreyToGrey, seen: Light, light: Light) -> Light:
+    """Each eye's own light that shows it `seen` beside the other's `light`.
+
+    psi rises with own light, in straight pieces between the levels: each piece gives its share.
+    """
+    xp = namespace(seen)
+    levels = [float(level) for level in observation.levels]
+
+    def at(level: float) -> Light:
+        own = xp.full_like(light[:1, ...], level)
+        left = observation.observe(xp.concat([own, light[1:, ...]]))[:1, ...]
+        right = observation.observe(xp.concat([light[:1, ...], own]))[1:, ...]
+        return xp.concat([left, right])
+
+    low = at(levels[0])
+    own = xp.minimum(seen - low, xp.zeros_like(seen))
+    for first, last in pairwise(levels):
+        high = at(last)
+        own = own + (last - first) * xp.clip((seen - low) / (high - low), 0, 1)
+        low = high
+    return own + xp.maximum(seen - low, xp.zeros_like(seen))
+
+
+def _unclipped(observation: StereoObservation, seen: Light) -> tuple[Light, int]:
+    """Light, of whatever sign, whose observation is `seen`."""
+    xp = namespace(seen)
+    infinity = xp.asarray(np.inf, dtype=seen.dtype, device=seen.device)
+    return _fixed_point(observation, seen, -infinity, infinity, MAX_ROUNDS)
+
+
+def _own_slopes(observation: Any, light: Light) -> Light:
+    """(view, row, col, primary) d psi_v / d x_v, which mixes no primaries."""
+    xp = namespace(light)
+    one, none = xp.ones_like(light[:1, ...]), xp.zeros_like(light[:1, ...])
+    left = observation.linear(xp.concat([one, none]))[:1, ...]
+    right = observation.linear(xp.concat([none, one]))[1:, ...]
+    return xp.concat([left, right])
+
+
+def _share(short: Array, rise: Array) -> Array:
+    """How much of `rise` makes up for what is `short`: 0 where nothing is, at most 1."""
+    xp = namespace(short)
+    some = short > 0
+    enough = xp.where(some, xp.maximum(rise, short), xp.ones_like(short))
+    return xp.where(some, short, xp.zeros_like(short)) / enough
+
+
+def _rounding(light: Light) -> float:
+    return 32 * float(namespace(light).finfo(light.dtype).eps)
+
+
+def _two_views(problem: Problem) -> Observation:
+    observation: Observation = problem.observation
+    shape = (2, *observation.shape[1:])
+    if isinstance(observation, StereoObservation | GreyToGrey) and (
+        observation.shape == shape == observation.seen_shape
+    ):
+        return observation
+    raise ValueError(
+        f"deghosting takes an observation of two views by one seat, got "
+        f"{type(observation).__name__} {observation.seen_shape}"
+    )
+
+
+def _affine(problem: Problem) -> StereoObservation:
+    observation = _two_views(problem)
+    if not isinstance(observation, StereoObservation):
+        raise ValueError(
+            f"this baseline takes an affine observation, got {type(observation).__name__}; "
+            f"use its linearised()"
+        )
+    return observation
+
+
+class _Pixels:
+    """Uncorrectable pixels: lights are (pixel, view, primary)."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        observation: StereoObservation,
+        where: NDArray[np.bool_],
+        rgb_to_xyz: Floats,
+    ) -> None:
+        self._to_xyz = np.asarray(rgb_to_xyz) / np.sum(rgb_to_xyz, axis=1)[:, None]
+        self._wanted = _lab(_picked(problem.desired, where) @ self._to_xyz.T)[0]
+        self._lower, self._upper = (
+            _picked(np.broadcast_to(np.asarray(bound), problem.desired.shape), where)
+            for bound in (problem.lower, problem.upper)
+        )
+        dark = problem.desired * 0
+        self._black = _picked(observation.observe(dark), where)
+        xp = namespace(dark)
+        self._matrices = np.empty((*self._black.shape, 2, 3))
+        for view, p in np.ndindex(2, 3):
+            unit = np.zeros((2, 1, 1, 3))
+            unit[view, :, :, p] = 1
+            lit = dark + xp.asarray(unit, dtype=dark.dtype, device=dark.device)
+            self._matrices[..., view, p] = _picked(observation.linear(lit), where)
+
+    def nearest(self, light: Floats, max_rounds: int, tolerance: float) -> tuple[Floats, int]:
+        """Lights within the box that look nearest to the desired ones, and rounds taken."""
+        parts = np.array_split(np.arange(len(light)), -(-len(light) // PIXELS_AT_ONCE))
+        found = [self._nearest(light, part, max_rounds, tolerance) for part in parts]
+        return np.concatenate([x for x, _ in found]), max(rounds for _, rounds in found)
+
+    def _nearest(
+        self, light: Floats, part: NDArray[np.intp], max_rounds: int, tolerance: float
+    ) -> tuple[Floats, int]:
+        """Levenberg-Marquardt of the pixels `part`, each with its own damping."""
+        x = light[part]
+        going, damping = np.arange(len(x)), np.full((len(x), 2), 1e-3)
+        rounds = 0
+        while len(going) and rounds < max_rounds:
+            rounds += 1
+            now, at = x[going], part[going]
+            changes = np.zeros(len(now))
+            for view in range(2):
+                error, slopes = self._errors(now, view, at)
+                moved = self._moved(now[:, view], view, error, slopes, damping[:, view], at)
+                trial = now.copy()
+                trial[:, view] = moved
+                new_error, _ = self._errors(trial, view, at)
+                better = np.sum(new_error**2, axis=1) < np.sum(error**2, axis=1)
+                changes = np.maximum(changes, np.abs(moved - now[:, view]).max(axis=1))
+                now[better, view] = moved[better]
+                damping[:, view] *= np.where(better, 0.2, 8)
+            x[going] = now
+            going, damping = going[changes > tolerance], damping[changes > tolerance]
+        worse = np.zeros(len(x), bool)
+        for view in range(2):
+            before, after = (
+                np.linalg.norm(self._errors(some, view, part)[0], axis=1)
+                for some in (light[part], x)
+            )
+            worse |= after > before + NEGLIGIBLE_DELTA_E
+        x[worse] = light[part][worse]
+        return x, rounds
+
+    def _moved(
+        self,
+        x: Floats,
+        view: int,
+        error: Floats,
+        slopes: Floats,
+        damping: Floats,
+        at: NDArray[np.intp],
+    ) -> Floats:
+        """A damped Gauss-Newton step on the lights that the bounds do not hold back."""
+        lower, upper = self._lower[at, view], self._upper[at, view]
+        gradient = np.einsum("nij,ni->nj", slopes, error)
+        free = ~(((x <= lower) & (gradient >= 0)) | ((x >= upper) & (gradient <= 0)))
+        normal = np.einsum("nij,nik->njk", slopes, slopes)
+        scale = np.einsum("njj->n", normal) / 3
+        normal = normal * (free[:, :, None] & free[:, None, :])
+        normal += np.eye(3) * (damping * scale)[:, None, None]
+        step = np.linalg.solve(normal, np.where(free, gradient, 0)[..., None])[..., 0]
+        return np.clip(x - step, lower, upper)
+
+    def _errors(self, x: Floats, view: int, at: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """Lab errors (pixel, 3) of an eye, and their slopes (pixel, 3, 3) over its own light."""
+        matrices = self._matrices[at, view]
+        seen = np.einsum("nivj,nvj->ni", matrices, x) + self._black[at, view]
+        lab, over_xyz = _lab(seen @ self._to_xyz.T)
+        return lab - self._wanted[at, view], over_xyz @ (self._to_xyz @ matrices[:, :, view])
+
+
+def _picked(light: Light, where: NDArray[np.bool_]) -> Floats:
+    """(pixel, view, primary) lights at the pixels (row, col) `where`."""
+    found = np.asarray(light, np.float64)[:, where]
+    return np.ascontiguousarray(found.transpose(1, 0, 2))
+
+
+def _lab(xyz: Floats) -> tuple[Floats, Floats]:
+    """CIE 1976 L*, a*, b* of XYZ relative to white (..., 3), and their slopes (..., 3, 3)."""
+    delta = 6 / 29
+    bright = xyz > delta**3
+    root = np.cbrt(np.where(bright, xyz, 1))
+    f = np.where(bright, root, xyz / (3 * delta**2) + 4 / 29)
+    slope = np.where(bright, 1 / (3 * root**2), 1 / (3 * delta**2))
+    mix = np.array([[0, 116, 0], [500, -500, 0], [0, 200, -200]], float)
+    return f @ mix.T - np.array([16, 0, 0]), mix * slope[..., None, :]

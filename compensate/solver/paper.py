@@ -1,0 +1,103 @@
+"""The paper's own method for stereo pairs, kept faithful: what ours is compared with.
+
+Section 3.4: x_L and x_R are stacked; each channel of YCbCr is a problem of its own (section 3.1),
+weighted by Daly's sensitivity as it is, and solved by GPCG with the pollution frozen during each
+iteration (eq. 9). Cb and Cr have no bounds of their own in the paper; here they keep to their
+range, and the result is clipped into the projector's gamut at the end.
+
+The paper measures crosstalk in XYZ, takes it to RGB, "gamma corrects" it and transforms it to
+YCbCr. Our reading: to *linear* YCbCr, for crosstalk is linear in light only (the other reading is
+worse than doing nothing: ``validation/experiments/gamma_coded.py``). Crosstalk that mixes channels
+cannot be solved channel by channel: what mixes them is left out, as the paper's equations do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+
+from compensate.problem import Problem
+from compensate.solver.gpcg import GPCG
+from compensate.solver.result import Result, Status
+from compensate.vision.csf import LowFrequencyFloor
+from compensate.weighting import CsfWeighting, PerceptualWeighting
+from domesim.light import Light
+from domesim.observation.crosstalk import Crosstalk
+from domesim.viewing import Viewing
+
+RANGES = ((0.0, 1.0), (-0.5, 0.5), (-0.5, 0.5))
+"""Of Y, Cb and Cr."""
+
+
+@final
+@dataclass(frozen=True)
+class PaperMethod:
+    """Settings of the method; call it with a problem of two views, and a start.
+
+    Parameters
+    ----------
+    viewing
+        How the pair is seen; the paper's: a screen of 2.5 m, 16:9, at 3.0 m, 5 cd/m².
+    solver
+        What solves each channel.
+    """
+
+    viewing: Viewing
+    solver: GPCG = field(default_factory=lambda: GPCG(frozen=True))
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """The three channels' solutions from `start`, clipped into the gamut.
+
+        Raises
+        ------
+        ValueError
+            If the problem is not one of linear crosstalk of two views and three primaries.
+        """
+        observation, weighting = problem.observation, problem.weighting
+        if not isinstance(observation, Crosstalk) or observation.shape[3] != 3:
+            raise ValueError(
+                f"PaperMethod takes crosstalk of three primaries, got "
+                f"{type(observation).__name__} {observation.shape}"
+            )
+        if not isinstance(weighting, CsfWeighting):
+            raise ValueError(f"PaperMethod takes a CsfWeighting, got {type(weighting).__name__}")
+        to_ycc = weighting.opponent
+        pure = LowFrequencyFloor(0.0)
+        daly = PerceptualWeighting(pure, pure)(self.viewing, to_ycc[0], weighting.support)
+        black = observation.observe(np.zeros_like(problem.desired))
+        wanted = (problem.desired - black) @ to_ycc.T.astype(start.dtype)
+        channels = start @ to_ycc.T.astype(start.dtype)
+        mixed = to_ycc @ observation.matrices @ np.linalg.inv(to_ycc)
+        iterations = ffts = 0
+        converged = True
+        for c, (low, high) in enumerate(RANGES):
+            one = (slice(None),) * 3 + (slice(c, c + 1),)
+            leak = Crosstalk(
+                *observation.shape[1:3], mixed[:, c : c + 1, c : c + 1], share=_map(observation)
+            )
+            alone = CsfWeighting(
+                daly.gains[:1], np.eye(1), weighting.support, weighting.padded, daly.peak, 2
+            )
+            found = self.solver(
+                Problem(leak, alone, wanted[one], (low, high)), np.clip(channels[one], low, high)
+            )
+            channels[one] = found.light
+            iterations, ffts = max(iterations, found.iterations), ffts + found.ffts
+            converged &= found.status is Status.CONVERGED
+        light = problem.project((channels @ np.linalg.inv(to_ycc).T).astype(start.dtype))
+        before = problem.ffts
+        cost, gradient = problem.quadratic(light)
+        return Result(
+            light,
+            cost,
+            problem.kkt_residual(light, gradient),
+            Status.CONVERGED if converged else Status.EXHAUSTED,
+            iterations,
+            ffts + problem.ffts - before,
+        )
+
+
+def _map(observation: Crosstalk) -> np.ndarray | None:
+    return None if observation.share.shape[1:] == (1, 1) else observation.share

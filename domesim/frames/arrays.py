@@ -1,0 +1,73 @@
+"""Arrays in a .npz file that knows what it is, and whether it is whole."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from domesim.errors import InputError
+from domesim.frames.whole import write_whole
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write `arrays`, one of which is called "format", and their checksum; whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    content = io.BytesIO()
+    np.savez_compressed(content, allow_pickle=False, **arrays, sha256=_digest(arrays))
+    write_whole(path, content.getvalue())
+
+
+def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> dict[str, Any]:
+    """The arrays that `write_arrays` wrote.
+
+    Parameters
+    ----------
+    path
+        The file.
+    wanted
+        The "format" that it must have.
+    kind
+        What such a file is called: "transport".
+    names
+        Of the arrays that it must have, besides "format".
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is of another format, or damaged.
+    """
+    none = f"{path}: wanted a {kind} stored by 'domesim tabulate', this is none or damaged"
+    try:
+        # Of a damaged file NumPy would leave its own handle open.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        written, digest = str(arrays["format"]), str(arrays.pop("sha256"))
+    except OSError as error:
+        reason = error.strerror or "not a .npz file"
+        raise InputError(f"{path}: wanted a stored {kind}, got '{reason}'") from error
+    except Exception as error:  # whatever NumPy, zipfile and zlib run into
+        raise InputError(none) from error
+    if written != wanted:
+        raise InputError(f"{path}: wanted format {wanted!r}, got {written!s:.40}")
+    if not set(names) <= set(arrays):
+        raise InputError(none)
+    if digest != _digest(arrays):
+        raise InputError(f"{path}: is damaged (its checksum does not fit); tabulate it again")
+    return arrays
+
+
+def _digest(arrays: Mapping[str, Any]) -> str:
+    digest = hashlib.sha256()
+    for name in arrays:
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()

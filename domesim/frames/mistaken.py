@@ -1,0 +1,91 @@
+"""Left and right that are no pair: each mistake in one line, with the way out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from domesim.errors import InputError
+from domesim.frames.colour import TRANSFER_NAMES
+from domesim.frames.frame import Frame, Pixels
+from domesim.frames.reading import listed
+from domesim.frames.stereo_exr import channels_by_view, stated_views
+
+
+def refuse_packing(paths: Sequence[Path], packing: str | None, got: str) -> None:
+    """Refuse a master that is not packed as was asked, if it was."""
+    if packing not in (None, got):
+        raise InputError(
+            f"{_named(paths)}: wanted a master packed as {packing}, got {got}. "
+            "Leave the packing out, or name other files."
+        )
+
+
+def refuse_one_file(left: Path, right: Path) -> None:
+    """Refuse one file given twice, by whatever name or link."""
+    try:
+        same = left.samefile(right)
+    except OSError:  # reading it will tell
+        return
+    if same:
+        raise InputError(
+            f"{left} and {right}: wanted two files for left and right, got the same file twice. "
+            "Name the other one, or add --allow-identical if the shot is meant to be flat."
+        )
+
+
+def refuse_other_view(frame: Frame, side: str) -> None:
+    """Refuse a file for `side`, "left" or "right", that says of itself that it is not that."""
+    attributes = frame.header.attributes
+    views = stated_views(attributes)
+    if len(views) > 1 and all(channels_by_view(frame.header.channels, views)[:2]):
+        raise InputError(
+            f"{frame.path}: wanted the {side} view, got an EXR of views {listed(views)}. "
+            "Give this file alone, without the other."
+        )
+    stated = next((str(value) for name, _, value in attributes if name == "view"), side)
+    if stated.casefold() != side and stated.casefold() in ("left", "right"):
+        raise InputError(
+            f"{frame.path}: wanted the {side} view, got a file that says it is {stated}. "
+            "Exchange left and right, or correct its attribute 'view'."
+        )
+
+
+def refuse_mistaken_pair(frames: Sequence[Frame], *, allow_identical: bool) -> None:
+    """Refuse left and right of several sizes or encodings, or that are one image."""
+    left, right = frames
+    where = _named(dict.fromkeys((left.path, right.path)))
+    if left.pixels.shape != right.pixels.shape:
+        sizes = [f"{frame.pixels.shape[1]} x {frame.pixels.shape[0]}" for frame in frames]
+        raise InputError(
+            f"{where}: wanted left and right of one size, got {' and '.join(sizes)} px. "
+            "Render both alike."
+        )
+    if not left.colour.means_the_same_as(right.colour):
+        encodings = [
+            f"{TRANSFER_NAMES.get(colour.transfer, colour.transfer)} {colour.primaries} "
+            f"({colour.source})"
+            for colour in (left.colour, right.colour)
+        ]
+        raise InputError(
+            f"{where}: wanted one encoding of left and right, got {' and '.join(encodings)}. "
+            "Convert one of them (oiiotool IN --colorconvert FROM TO -o OUT)."
+        )
+    identical = np.array_equal(left.pixels, right.pixels)
+    if identical and not allow_identical and not _is_plain(left.pixels):
+        raise InputError(
+            f"{where}: wanted left and right that differ, got the same image twice. Use the other "
+            "view's file, or one image alone (mono), or add --allow-identical if the shot is "
+            "meant to be flat."
+        )
+
+
+def _is_plain(pixels: Pixels) -> bool:
+    """Whether it is of one colour, such as the black before a show."""
+    return bool(np.all(pixels == pixels[0, 0]))
+
+
+def _named(paths: Iterable[Path]) -> str:
+    return " and ".join(str(path) for path in paths)

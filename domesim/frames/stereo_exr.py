@@ -1,0 +1,309 @@
+"""Left and right in one OpenEXR file, and back.
+
+There are two ways (*Storing Multi-View Images in OpenEXR Files*, openexr.com), and a file comes
+back the way it was:
+
+- multi-view: channels of one part. The attribute ``multiView`` lists the views; a channel is called
+  ``layer.view.channel``, and belongs to the first view listed if it has no layer and no view;
+- multi-part: parts with an attribute ``view`` each. One part for each view has the picture; what
+  else there is (depth, disparity, ...) is carried along as it is, tiles becoming lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.frames.frame import Frame
+from domesim.frames.integrity import Container, damaged, examine
+from domesim.frames.messages import one_line
+from domesim.frames.reading import (
+    View,
+    Window,
+    attributes_of,
+    channels_of,
+    find_grey,
+    frame_of,
+    kinds_of,
+    layout_of,
+    listed,
+    open_image,
+    read_channels,
+    read_plane,
+    read_samples,
+    refuse_implausible_size,
+)
+from domesim.frames.writing import (
+    bare_specification,
+    encode,
+    interleaved,
+    is_of_storage,
+    planes_of,
+    samples_of,
+    specification,
+    state_exr_compression,
+    target_of,
+)
+
+
+@dataclass(frozen=True)
+class MultiView:
+    """How views lie in the channels of one part."""
+
+    views: tuple[str, ...]  # in the file's order: the first is the default
+    names: tuple[tuple[str, ...], ...]  # of the left and the right frame's channels, in the file
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part that is carried along."""
+
+    channels: tuple[str, ...]
+    kinds: tuple[str, ...]
+    data: Window
+    display: Window
+    attributes: tuple[tuple[str, str, Any], ...]
+    planes: tuple[NDArray[Any], ...]  # (row, col) of the data window, as stored
+
+
+@dataclass(frozen=True, eq=False)
+class MultiPart:
+    """How views lie in parts."""
+
+    parts: tuple[int | Part, ...]  # 0: the left frame, 1: the right one
+
+
+StereoFile: TypeAlias = MultiView | MultiPart
+Pair: TypeAlias = tuple[Frame, Frame]
+
+
+def read_stereo_exr(path: Path, *, repair: bool) -> tuple[Pair, StereoFile] | None:
+    """The left and the right frame, and how they lie in the file; None if it is not of this kind.
+
+    Raises
+    ------
+    InputError
+        As for `read_frame`; or if the views are not left and right, or their pictures are not to
+        be told from other parts.
+    """
+    if not _is_exr(path):
+        return None
+    container = examine(path)
+    reader = open_image(path)
+    try:
+        count = reader.spec().get_int_attribute("oiio:subimages", 1)
+        if count > 1:
+            return _read_parts(path, reader, container, count, repair=repair)
+        views = stated_views(attributes_of(path, reader.spec()))
+        if len(views) < 2:
+            return None
+        return _read_views(path, reader, container, views, repair=repair)
+    finally:
+        reader.close()
+
+
+def encoded_stereo_exr(frames: Pair, file: StereoFile, path: Path, bits: int | None) -> bytes:
+    """A file's bytes in which `frames` lie as they did in `file`."""
+    if isinstance(file, MultiView):
+        return _encoded_views(frames, file, path, bits)
+    return _encoded_parts(frames, file, path, bits)
+
+
+def stated_views(attributes: Sequence[tuple[str, str, Any]]) -> tuple[str, ...]:
+    """What ``multiView`` lists; nothing if it is not there."""
+    stated = next(
+        (
+            value
+            for name, kind, value in attributes
+            if name == "multiView" and kind.startswith("string")
+        ),
+        (),
+    )
+    return (stated,) if isinstance(stated, str) else tuple(stated)
+
+
+def channels_by_view(channels: Sequence[str], views: Sequence[str]) -> tuple[dict[int, str], ...]:
+    """Of each view: which channels are its own -> what they are called without its name.
+
+    What belongs to no view (``disparity.x``) goes with the default view, which comes first.
+    """
+    of_view: tuple[dict[int, str], ...] = tuple({} for _ in views)
+    folded = [view.casefold() for view in views]
+    for place, channel in enumerate(channels):
+        *layer, last = channel.split(".")
+        view = layer.pop().casefold() if layer else folded[0]
+        if view in folded:
+            of_view[folded.index(view)][place] = ".".join([*layer, last])
+        else:
+            of_view[0][place] = channel
+    return of_view
+
+
+def _is_exr(path: Path) -> bool:
+    """By its first bytes, as OpenImageIO knows it; what cannot be read is for others to say."""
+    try:
+        with path.open("rb") as file:
+            return file.read(4) == b"v/1\x01"
+    except OSError:
+        return False
+
+
+# Multi-view.
+
+
+def _read_views(
+    path: Path, reader: Any, container: Container, views: tuple[str, ...], *, repair: bool
+) -> tuple[Pair, MultiView]:
+    left, right = _left_and_right(path, views)
+    channels = channels_of(path, reader.spec())
+    of_view = channels_by_view(channels, views)
+    missing = [view for view, found in zip(views, of_view, strict=True) if not found]
+    if missing:
+        raise InputError(
+            f"{path}: wanted channels of the views that multiView lists, got none of {missing[0]}. "
+            "Write both views, or remove that attribute (oiiotool IN --eraseattrib multiView -o "
+            "OUT)."
+        )
+
+    def read(index: int) -> Frame:
+        view = View(views[index], of_view[index])
+        layout = layout_of(path, reader, container, view=view, grey=True)
+        frame = frame_of(path, layout, read_channels(path, reader, layout), repair=repair)
+        # Alone, it is a file of one view, which says so by this attribute.
+        kept = [each for each in layout.attributes if each[0] not in ("multiView", "view")]
+        attributes = (*kept, ("view", "string", views[index]))
+        return replace(frame, header=replace(frame.header, attributes=attributes))
+
+    names = tuple(tuple(channels[k] for k in of_view[index]) for index in (left, right))
+    return (read(left), read(right)), MultiView(views, names)
+
+
+def _left_and_right(path: Path, views: Sequence[str]) -> tuple[int, int]:
+    folded = [view.casefold() for view in views]
+    if sorted(folded) != ["left", "right"]:
+        raise InputError(
+            f"{path}: wanted views left and right, got {listed(views)}. "
+            "Write these two alone, under these names."
+        )
+    return folded.index("left"), folded.index("right")
+
+
+def _encoded_views(frames: Pair, file: MultiView, path: Path, bits: int | None) -> bytes:
+    targets = [target_of(frame, path, bits) for frame in frames]
+    for target, names in zip(targets, file.names, strict=True):
+        if len(target.channels) != len(names):
+            raise ValueError(f"wanted frames with channels {names}, got {target.channels}")
+    kinds = targets[0].kinds + targets[1].kinds
+    channels = file.names[0] + file.names[1]
+    # Both frames have the part's attributes.
+    spec = specification(frames[0], replace(targets[0], channels=channels, kinds=kinds))
+    spec.erase_attribute("view")
+    spec.attribute("multiView", oiio.TypeDesc(f"string[{len(file.views)}]"), file.views)
+    planes = [*planes_of(frames[0], targets[0]), *planes_of(frames[1], targets[1])]
+    return encode(path, "openexr", [(spec, interleaved(planes, kinds))])
+
+
+# Multi-part.
+
+
+def _read_parts(
+    path: Path, reader: Any, container: Container, count: int, *, repair: bool
+) -> tuple[Pair, MultiPart] | None:
+    specs = [reader.spec(index) for index in range(count)]
+    views = [spec.get_string_attribute("view") for spec in specs]
+    if not any(views):
+        return None
+    _left_and_right(path, tuple(dict.fromkeys(view for view in views if view)))
+    pictures = [_picture(path, specs, views, side) for side in ("left", "right")]
+    frames: dict[int, Frame] = {}
+    parts: list[int | Part] = []
+    for index in range(count):
+        if not reader.seek_subimage(index, 0):
+            raise damaged(path, "EXR", f"one without part {index + 1} of {count}")
+        if index not in pictures:
+            parts.append(_read_part(path, reader))
+            continue
+        view = View(views[index], dict(enumerate(specs[index].channelnames)))
+        layout = layout_of(path, reader, container, view=view, grey=True)
+        samples = read_channels(path, reader, layout)
+        side = pictures.index(index)
+        frames[side] = frame_of(path, layout, samples, repair=repair)
+        parts.append(side)
+    return (frames[0], frames[1]), MultiPart(tuple(parts))
+
+
+def _picture(path: Path, specs: Sequence[Any], views: Sequence[str], side: str) -> int:
+    """Which part has the picture of that side."""
+    of_side = [index for index, view in enumerate(views) if view.casefold() == side]
+    found = [index for index in of_side if _has_picture(specs[index].channelnames)]
+    if len(found) != 1:
+        got = "; ".join(
+            f"{one_line(specs[index].get_string_attribute('oiio:subimagename'))} with "
+            f"{listed(specs[index].channelnames)}"
+            for index in of_side[:4]
+        )
+        raise InputError(
+            f"{path}: wanted one part of view {side} with channels R, G, B, or Y alone, "
+            f"got {got}. Keep one such part for each view."
+        )
+    return found[0]
+
+
+def _has_picture(channels: Sequence[str]) -> bool:
+    names = {name.upper() for name in channels}
+    return {"R", "G", "B"} <= names or find_grey(channels) is not None
+
+
+def _read_part(path: Path, reader: Any) -> Part:
+    spec = reader.spec()
+    if spec.deep:
+        raise InputError(
+            f"{path}: wanted flat parts beside the views, got one of deep samples. "
+            "Remove or flatten it first."
+        )
+    data: Window = (spec.x, spec.y, spec.width, spec.height)
+    display: Window = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
+    refuse_implausible_size(path, spec, "openexr", data, display)
+    kinds, channels = kinds_of(spec), channels_of(path, spec)
+    if len(set(kinds)) == 1:
+        samples = read_samples(path, reader, range(len(channels)), kinds[0])
+        planes = tuple(np.ascontiguousarray(samples[..., k]) for k in range(len(channels)))
+    else:
+        each = enumerate(zip(channels, kinds, strict=True))
+        planes = tuple(read_plane(path, reader, k, name, kind) for k, (name, kind) in each)
+    return Part(channels, kinds, data, display, attributes_of(path, spec), planes)
+
+
+def _encoded_parts(frames: Pair, file: MultiPart, path: Path, bits: int | None) -> bytes:
+    targets = [target_of(frame, path, bits) for frame in frames]
+    specs = [specification(*each) for each in zip(frames, targets, strict=True)]
+    # OpenEXR wants the same of all parts.
+    chromaticities = specs[0].getattribute("chromaticities")
+    parts = []
+    for part in file.parts:
+        if isinstance(part, Part):
+            spec = _specification_of(part)
+            spec.erase_attribute("chromaticities")
+            if chromaticities is not None:
+                spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), chromaticities)
+            parts.append((spec, interleaved(part.planes, part.kinds)))
+        else:
+            parts.append((specs[part], samples_of(frames[part], targets[part])))
+    return encode(path, "openexr", parts)
+
+
+def _specification_of(part: Part) -> Any:
+    kept = [each for each in part.attributes if not is_of_storage(each[0])]
+    spec = bare_specification(part.channels, part.kinds, part.data[2:], kept)
+    spec.x, spec.y = part.data[:2]
+    spec.full_x, spec.full_y, spec.full_width, spec.full_height = part.display
+    compression = next((value for name, _, value in part.attributes if name == "compression"), "")
+    state_exr_compression(spec, compression)
+    return spec

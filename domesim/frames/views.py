@@ -1,0 +1,326 @@
+"""Masters: one moment of a show, as one frame or as a left and a right one.
+
+A stereo master comes in two files, side by side or one above the other in one image, or as views
+of an OpenEXR file (``stereo_exr.py``). `read_master` takes it apart into ordinary frames, and
+refuses what is no pair (``mistaken.py``); `write_master` puts it back together the way it came.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domesim.errors import InputError
+from domesim.frames.colour import ColourTag
+from domesim.frames.formats import SUFFIXES
+from domesim.frames.frame import Frame
+from domesim.frames.mistaken import (
+    refuse_mistaken_pair,
+    refuse_one_file,
+    refuse_other_view,
+    refuse_packing,
+)
+from domesim.frames.reading import read_frame, read_image
+from domesim.frames.stereo_exr import (
+    MultiView,
+    StereoFile,
+    encoded_stereo_exr,
+    read_stereo_exr,
+)
+from domesim.frames.whole import write_together
+from domesim.frames.writing import encoded
+
+Packing: TypeAlias = Literal[
+    "single", "files", "side-by-side", "top-bottom", "multi-view", "multi-part"
+]
+"""How a master's frames lie in files."""
+
+_PACKINGS: tuple[Packing, ...] = get_args(Packing)
+_DESCRIPTIONS = {
+    "files": "left and right in two files",
+    "side-by-side": "left and right side by side",
+    "top-bottom": "left above right",
+    "multi-view": "left and right as views of one part",
+    "multi-part": "left and right in two parts",
+}
+_AXES: Mapping[Packing, int] = {"side-by-side": 1, "top-bottom": 0}
+
+
+@dataclass(frozen=True, eq=False)
+class Master:
+    """One moment of a show.
+
+    Attributes
+    ----------
+    frames
+        One frame, or two of one size: left, right. Each is as if it came from a file of its own.
+    packing
+        How they lie in files. Another one may be chosen by `dataclasses.replace`, except the two
+        of an EXR, which need a file to have come from.
+    file
+        What else such an EXR holds, and its order; None for other packings.
+
+    Raises
+    ------
+    ValueError
+        If count and packing disagree.
+    """
+
+    frames: tuple[Frame, ...]
+    packing: Packing = "single"
+    file: StereoFile | None = None
+
+    def __post_init__(self) -> None:
+        wanted = 1 if self.packing == "single" else 2
+        if len(self.frames) != wanted:
+            raise ValueError(f"Master of '{self.packing}' takes {wanted}, got {len(self.frames)}")
+
+    @property
+    def path(self) -> Path:
+        """The first file's."""
+        return self.frames[0].path
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Where it was read: left and right if these are two files."""
+        return tuple(dict.fromkeys(frame.path for frame in self.frames))
+
+    @property
+    def colour(self) -> ColourTag:
+        """What the code values mean."""
+        return self.frames[0].colour
+
+    @property
+    def bits(self) -> int:
+        """Of a sample; the most, should left and right differ."""
+        return max(frame.bits for frame in self.frames)
+
+    @property
+    def floating(self) -> bool:
+        """Whether values outside 0..1 are possible."""
+        return all(frame.floating for frame in self.frames)
+
+    @property
+    def code_range(self) -> tuple[float, float]:
+        """The least and the largest code value that each of its frames can hold."""
+        least, largest = zip(*(frame.code_range for frame in self.frames), strict=True)
+        return max(least), min(largest)
+
+    @property
+    def repaired(self) -> int:
+        """How many samples were NaN, infinite or negative and were replaced."""
+        return sum(frame.repaired for frame in self.frames)
+
+    @property
+    def pixels(self) -> NDArray[np.float32]:
+        """(view, row, col, 3) float32: a copy of the frames' code values."""
+        return np.stack([frame.pixels for frame in self.frames])
+
+    def with_pixels(self, pixels: ArrayLike) -> Master:
+        """The same files with other R, G, B.
+
+        Parameters
+        ----------
+        pixels
+            (view, row, col, 3).
+
+        Raises
+        ------
+        ValueError
+            If `pixels` has not this master's shape.
+        """
+        new = np.asarray(pixels, dtype=np.float32)
+        wanted = (len(self.frames), *self.frames[0].pixels.shape)
+        if new.shape != wanted:
+            raise ValueError(f"Master.with_pixels takes {wanted}, got {new.shape}")
+        changed = (frame.with_pixels(view) for frame, view in zip(self.frames, new, strict=True))
+        return replace(self, frames=tuple(changed))
+
+    def described(self) -> str:
+        """One phrase for a person: ``2 x 1920 x 1080 EXR, ..., left and right in two files``."""
+        first = self.frames[0].described()
+        if self.packing == "single":
+            return first
+        return f"2 x {first}, {_DESCRIPTIONS[self.packing]}"
+
+
+def read_master(
+    paths: Sequence[str | Path],
+    *,
+    packing: str | None = None,
+    repair: bool = False,
+    allow_identical: bool = False,
+) -> Master:
+    """Read one moment of a show.
+
+    An EXR whose only picture is a channel Y (or Y and right.Y) is grey as one of two views: its
+    frame has R = G = B = Y, and Y is written back as the frame's luminance by ITU-R BT.709
+    (0.2126 R + 0.7152 G + 0.0722 B). Any colour that it was given is lost.
+
+    Parameters
+    ----------
+    paths
+        One file; or left and right.
+    packing
+        How the frames lie in one file. If None, an EXR of views left and right is known by its
+        attributes, and anything else is one frame. "side-by-side" has left on the left,
+        "top-bottom" on top; the views are not stretched.
+    repair
+        As for `read_frame`. What is repaired in one image of two views counts for its left frame.
+    allow_identical
+        Take left and right that are the same image, even the same file: a flat shot in a stereo
+        show. Of one plain colour, such as black, they may always be.
+
+    Raises
+    ------
+    InputError
+        As for `read_frame`; if left and right differ in size or encoding, name themselves the
+        other way round, or are the same image; if an image cannot be halved; if an EXR's views
+        are not left and right; or if a file is not packed as `packing` says.
+    ValueError
+        If there are not one or two paths, or `packing` is not a `Packing`.
+    """
+    files = tuple(Path(path) for path in paths)
+    if len(files) not in (1, 2):
+        raise ValueError(f"read_master takes one or two paths, got {len(files)}")
+    if packing is not None and packing not in _PACKINGS:
+        raise ValueError(f"read_master takes packing {', '.join(_PACKINGS)}, got '{packing}'")
+    if len(files) == 2:
+        refuse_packing(files, packing, "files")
+        master = _read_pair(*files, repair=repair, allow_identical=allow_identical)
+    else:
+        master = _read_file(files[0], packing, repair=repair)
+        refuse_packing(files, packing, master.packing)
+    if len(master.frames) == 2:
+        refuse_mistaken_pair(master.frames, allow_identical=allow_identical)
+    return master
+
+
+def write_master(master: Master, paths: Sequence[str | Path], *, bits: int | None = None) -> None:
+    """Write `master` the way that its packing says, whole or not at all.
+
+    Both files of a pair are complete on the disk before the first of them takes its name. An EXR
+    of two views comes back with its views, channels, parts and metadata, losslessly compressed; of
+    other packings each frame is written as `write_frame` does, an image of two views with the
+    left frame's metadata.
+
+    Parameters
+    ----------
+    master
+        What to write; for pixels as for `write_frame`.
+    paths
+        One file, or left and right for "files".
+    bits
+        As for `write_frame`.
+
+    Raises
+    ------
+    InputError
+        As for `write_frame`; if both files of a pair are one; or if an EXR of two views is to
+        become another format.
+    ValueError
+        As for `write_frame`; if there are not as many paths as the packing has files; or if the
+        frames of what is to be one file differ in encoding or channels.
+    """
+    files = tuple(Path(path) for path in paths)
+    wanted = 2 if master.packing == "files" else 1
+    if len(files) != wanted:
+        raise ValueError(f"write_master takes {wanted} for '{master.packing}', got {len(files)}")
+    if wanted == 2 and files[0].resolve() == files[1].resolve():
+        raise InputError(
+            f"{files[0]}: wanted two files for left and right, got one twice. Name another."
+        )
+    if master.packing in ("single", "files"):
+        pairs = zip(master.frames, files, strict=True)
+        write_together([(path, encoded(frame, path, bits)) for frame, path in pairs])
+    else:
+        write_together([(files[0], _encoded_together(master, files[0], bits))])
+
+
+# Reading.
+
+
+def _read_pair(left: Path, right: Path, *, repair: bool, allow_identical: bool) -> Master:
+    if not allow_identical:
+        refuse_one_file(left, right)
+    frames = tuple(read_image(path, repair=repair, grey=True) for path in (left, right))
+    for frame, side in zip(frames, ("left", "right"), strict=True):
+        refuse_other_view(frame, side)
+    return Master(frames, "files")
+
+
+def _read_file(path: Path, packing: Packing | None, *, repair: bool) -> Master:
+    stereo = read_stereo_exr(path, repair=repair)
+    if stereo is not None:
+        frames, file = stereo
+        return Master(frames, "multi-view" if isinstance(file, MultiView) else "multi-part", file)
+    if packing is not None and packing in _AXES:
+        frame = read_image(path, repair=repair, grey=True)
+        return Master(_halves(frame, packing), packing)
+    return Master((read_frame(path, repair=repair),))
+
+
+def _halves(frame: Frame, packing: Packing) -> tuple[Frame, ...]:
+    axis = _AXES[packing]
+    rows, cols = frame.pixels.shape[:2]
+    if (rows, cols)[axis] % 2:
+        raise InputError(
+            f"{frame.path}: wanted an even {('height', 'width')[axis]} for two views packed as "
+            f"{packing}, got {cols} x {rows} px. Crop it first, or name another packing."
+        )
+    pixels = np.split(frame.pixels, 2, axis)
+    extra = [np.split(plane, 2, axis) for plane in frame.header.extra]
+    return tuple(
+        replace(
+            frame,
+            pixels=pixels[side],
+            repaired=repaired,
+            header=replace(frame.header, extra=tuple(planes[side] for planes in extra)),
+        )
+        for side, repaired in enumerate((frame.repaired, 0))
+    )
+
+
+# Writing.
+
+
+def _encoded_together(master: Master, path: Path, bits: int | None) -> bytes:
+    """Two frames in one file."""
+    left, right = master.frames
+    if not left.colour.means_the_same_as(right.colour):
+        raise ValueError(f"write_master takes one encoding, got {left.colour} and {right.colour}")
+    if master.packing in _AXES:
+        return encoded(_whole(left, right, master.packing), path, bits)
+    if master.file is None:
+        raise ValueError(f"write_master takes '{master.packing}' as read from such a file, got new")
+    if SUFFIXES.get(path.suffix.lower()) != "openexr":
+        raise InputError(
+            f"{path}: wanted .exr for left and right in one {master.packing} file, got "
+            f"'{path.suffix}'. Choose .exr, two files, or side-by-side."
+        )
+    return encoded_stereo_exr((left, right), master.file, path, bits)
+
+
+def _whole(left: Frame, right: Frame, packing: Packing) -> Frame:
+    """The image that `_halves` takes apart."""
+    axis = _AXES[packing]
+    if left.header.channels != right.header.channels:
+        raise ValueError(
+            f"write_master takes the same channels of left and right for '{packing}', "
+            f"got {left.header.channels} and {right.header.channels}"
+        )
+    extra = tuple(
+        np.concatenate(planes, axis)
+        for planes in zip(left.header.extra, right.header.extra, strict=True)
+    )
+    attributes = tuple(each for each in left.header.attributes if each[0] != "view")
+    return replace(
+        left,
+        pixels=np.concatenate((left.pixels, right.pixels), axis),
+        header=replace(left.header, extra=extra, attributes=attributes),
+    )

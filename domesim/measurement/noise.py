@@ -1,0 +1,96 @@
+"""How far a reading may be from what it would be on average.
+
+    sigma² = (relative x)² + absolute²
+
+for each of X, Y, Z on its own. Repeats of a reading tell both terms, by maximum likelihood: a
+sample variance s² of n repeats has -2 log L = (n - 1) (log sigma² + s²/sigma²). Few repeats tell
+too little, and then a stated figure stands in. An error that all readings share (the meter's
+calibration) is not in it, and cancels in ratios such as crosstalk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from domesim.errors import InputError
+
+Floats = NDArray[np.float64]
+
+MIN_FREEDOM = 20
+"""Degrees of freedom of repeats (X, Y and Z count each) below which the stated figure is used."""
+
+
+@final
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation of one reading.
+
+    Parameters
+    ----------
+    relative
+        Part that grows with the light, as a share of it.
+    absolute
+        Part that does not, cd/m².
+    origin
+        Where the figures come from, in words.
+
+    Raises
+    ------
+    InputError
+        If the relative one is below 0, or the absolute one not above.
+    """
+
+    relative: float = 0.01
+    absolute: float = 0.001
+    origin: str = "stated, not measured"
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.relative < np.inf and 0 < self.absolute < np.inf):
+            raise InputError(
+                f"noise of a reading must have a relative part of at least 0 and an absolute one "
+                f"above 0 cd/m², got {self.relative:g} and {self.absolute:g}"
+            )
+
+    def variance(self, xyz: Floats, repeats: int = 1) -> Floats:
+        """(..., 3) variance of the mean of `repeats` readings around `xyz`, (cd/m²)²."""
+        return np.asarray(((self.relative * xyz) ** 2 + self.absolute**2) / repeats)
+
+
+def estimated_noise(repeats: Iterable[Floats], stated: Noise) -> Noise:
+    """The noise that repeats show, or the `stated` one where they are too few.
+
+    Parameters
+    ----------
+    repeats
+        (repeat, 3) XYZ of each thing that was read more than once, cd/m².
+    stated
+        What stands in below `MIN_FREEDOM`.
+    """
+    groups = [group for group in repeats if len(group) > 1]
+    if not groups:
+        return stated
+    freedom = np.repeat([len(group) - 1 for group in groups], 3)
+    mean = np.concatenate([group.mean(axis=0) for group in groups])
+    spread = np.concatenate([group.var(axis=0, ddof=1) for group in groups])
+    # Readings that repeat to the last digit tell the digit, not the noise.
+    if freedom.sum() < MIN_FREEDOM or not spread.any():
+        return stated
+
+    def unlikelihood(logs: Floats) -> float:
+        variance = (np.exp(logs[0]) * mean) ** 2 + np.exp(2 * logs[1])
+        return float(np.sum(freedom * (np.log(variance) + spread / variance)))
+
+    scale = float(np.sqrt(np.sum(spread * freedom) / np.sum(mean**2 * freedom)))
+    dark = float(np.sqrt(np.median(spread))) + 1e-12
+    starts = [[np.log(scale), np.log(dark)], [np.log(scale), np.log(dark) - 5]]
+    tries = [minimize(unlikelihood, start, method="Nelder-Mead") for start in starts]
+    best = min(tries, key=lambda found: float(found.fun)).x
+    relative, absolute = (max(float(value), 1e-12) for value in np.exp(best))
+    count = int(freedom.sum())
+    return Noise(relative, absolute, f"from repeated readings, {count} degrees of freedom")

@@ -1,0 +1,215 @@
+"""Tables that people made, CSV or TOML: rows with the number of the line that they came from.
+
+A CSV file has one line of column names; lines that are empty or begin with # are skipped. The same
+table in TOML is a list of [[reading]] sections. Nothing is guessed: what cannot be read is a
+mistake, and all mistakes of a file are told in one go, each with its line.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import math
+import re
+import reprlib
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, final
+
+from domesim.errors import InputError
+
+
+@final
+@dataclass
+class Mistakes:
+    """What is wrong with a file, collected until `raise_any`."""
+
+    source: str
+    found: list[tuple[int, str]] = field(default_factory=list)
+
+    def add(self, line: int, text: str) -> None:
+        """Note a mistake of a line; line 0 is the whole file."""
+        if (line, text) not in self.found:
+            self.found.append((line, text))
+
+    @contextmanager
+    def collecting(self) -> Iterator[None]:
+        """Note an InputError instead of raising it."""
+        try:
+            yield
+        except InputError as error:
+            self.add(0, str(error))
+
+    def raise_any(self) -> None:
+        """Raise all mistakes, in the order of their lines.
+
+        Raises
+        ------
+        InputError
+            If there is one.
+        """
+        told = [f"line {line}: {text}" if line else text for line, text in sorted(self.found)]
+        if len(told) == 1:
+            raise InputError(f"{self.source}: {told[0]}")
+        if told:
+            raise InputError("\n  ".join([f"{self.source} has {len(told)} mistakes:", *told]))
+
+
+@final
+@dataclass(frozen=True)
+class Row:
+    """One row: its line and its cells by column name; absent and empty cells are missing."""
+
+    line: int
+    cells: Mapping[str, Any]
+
+
+@final
+@dataclass(frozen=True)
+class Table:
+    """The rows of a file, the columns that it has, and (TOML) the keys outside the rows."""
+
+    rows: tuple[Row, ...]
+    columns: frozenset[str]
+    header: int
+    settings: Mapping[str, Any]
+    mistakes: Mistakes
+
+    def require(self, known: Iterable[str], wanted: Iterable[str]) -> None:
+        """Note the columns that are not among the `known`, and the `wanted` that are missing."""
+        known = tuple(known)
+        for name in sorted(self.columns - set(known)):
+            near = difflib.get_close_matches(name, known, 1) or [
+                column for column in known if column.lower() == name.lower()
+            ]
+            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            self.mistakes.add(self.header, f"column {name!r} is not known; {hint}")
+        for name in wanted:
+            if name not in self.columns:
+                self.mistakes.add(
+                    self.header, f"column {name} is missing; got {', '.join(sorted(self.columns))}"
+                )
+
+    def word(self, row: Row, column: str, allowed: tuple[str, ...]) -> str | None:
+        """The cell's word, in the spelling of `allowed`; None and a mistake if it is not one."""
+        if column not in self.columns:
+            return None
+        cell = row.cells.get(column)
+        spelt = {word.lower(): word for word in allowed}
+        found = spelt.get(cell.strip().lower()) if isinstance(cell, str) else None
+        if found is None:
+            got = "nothing" if cell is None else reprlib.repr(cell)
+            self.mistakes.add(
+                row.line, f"{column} must be {', '.join(allowed[:-1])} or {allowed[-1]}, got {got}"
+            )
+        return found
+
+    def number(
+        self, row: Row, column: str, *, above: float, below: float, remedy: str
+    ) -> float | None:
+        """The cell's number in above..below; None and a mistake if it is not one."""
+        if column not in self.columns:
+            return None
+        cell = row.cells.get(column)
+        try:
+            value = math.nan if isinstance(cell, bool) or cell is None else float(cell)
+        except (TypeError, ValueError):
+            value = math.nan
+        if not math.isfinite(value):
+            got = "nothing" if cell is None else reprlib.repr(cell)
+            self.mistakes.add(
+                row.line, f"{column} must be a number, got {got}; measure again, or delete the row"
+            )
+            return None
+        if not above <= value <= below:
+            self.mistakes.add(
+                row.line, f"{column} must be {above:g} to {below:g}, got {value:g}; {remedy}"
+            )
+            return None
+        return value
+
+
+def read_table(path: str | Path) -> Table:
+    """The table of a ``.csv`` or ``.toml`` file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is no text, or its kind is not known; with all mistakes of its
+        rows' form otherwise only when the caller raises `Table.mistakes`.
+    """
+    path = Path(path)
+    readers: dict[str, Callable[[str, Mistakes], Table]] = {".csv": _csv, ".toml": _toml}
+    if path.suffix.lower() not in readers:
+        raise InputError(
+            f"{path}: wanted readings as .csv or .toml, got {path.suffix or path.name!r}"
+        )
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(
+            f"{path}: readings are a text file in UTF-8, this is not; export it as CSV (UTF-8)"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: wanted a file of readings, got '{error.strerror}'; check the path"
+        ) from error
+    return readers[path.suffix.lower()](text, Mistakes(str(path)))
+
+
+def _csv(text: str, mistakes: Mistakes) -> Table:
+    lines = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not lines:
+        raise InputError(f"{mistakes.source}: wanted a line of column names and rows, got nothing")
+    header, names = lines[0][0], _cells(lines[0][1])
+    if len(names) == 1 and re.search(r"[;\t]", names[0]):
+        raise InputError(
+            f"{mistakes.source}: line {header}: cells must be separated by commas (and numbers "
+            f"have a point), got {reprlib.repr(lines[0][1])}; export it as CSV with commas"
+        )
+    for name in {name for name in names if names.count(name) > 1}:
+        mistakes.add(header, f"column {name!r} is there {names.count(name)} times; keep one")
+    rows = []
+    for number, line in lines[1:]:
+        cells = _cells(line)
+        if len(cells) != len(names):
+            mistakes.add(
+                number,
+                f"must have {len(names)} cells ({','.join(names)}), got {len(cells)}; numbers "
+                f"have a decimal point, not a comma",
+            )
+            continue
+        pairs = zip(names, cells, strict=True)
+        rows.append(Row(number, {name: cell for name, cell in pairs if cell}))
+    return Table(tuple(rows), frozenset(names), header, {}, mistakes)
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True))]
+
+
+def _toml(text: str, mistakes: Mistakes) -> Table:
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{mistakes.source}: not valid TOML: {error}") from None
+    sections = content.pop("reading", None)
+    if not isinstance(sections, list) or not all(isinstance(s, dict) for s in sections):
+        raise InputError(f"{mistakes.source}: wanted sections [[reading]], got none")
+    # tomllib tells no lines; headers are found in the text.
+    found = [
+        number
+        for number, line in enumerate(text.splitlines(), 1)
+        if re.match(r"\s*\[\[\s*reading\s*\]\]", line)
+    ]
+    numbers = found if len(found) == len(sections) else [1] * len(sections)
+    rows = tuple(Row(n, section) for n, section in zip(numbers, sections, strict=True))
+    columns = frozenset(name for section in sections for name in section)
+    return Table(rows, columns, numbers[0], content, mistakes)

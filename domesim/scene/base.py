@@ -1,0 +1,71 @@
+"""A scene: a display, its projectors and its audience, as all commands see it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.observation.base import AdjointObservation, Observation
+from domesim.projector import Projector
+from domesim.viewing import Viewing
+
+
+class Scene(ABC):
+    """What is projected, where it falls, and who looks.
+
+    Attributes
+    ----------
+    name, description
+        What it is called and is.
+    projector
+        Its projector; of a stereo system, what an eye sees of its own projector.
+    viewing
+        Its audience.
+    sources
+        For each figure of the scene file where it is from.
+    """
+
+    name: str
+    description: str
+    projector: Projector
+    viewing: Viewing
+    sources: Mapping[str, str]
+
+    @property
+    @abstractmethod
+    def views(self) -> int:
+        """Views of its masters: 1, or 2 (left, right)."""
+
+    @property
+    @abstractmethod
+    def approximation(self) -> str | None:
+        """Why `observation` is only an approximation of it, in one line; None if not."""
+
+    @abstractmethod
+    def observation(self, rows: int, cols: int) -> Observation:
+        """What the audience sees of frames of that size.
+
+        Raises
+        ------
+        InputError
+            If frames of that size cannot be shown.
+        """
+
+    @abstractmethod
+    def solvable(self, rows: int, cols: int) -> AdjointObservation:
+        """`observation` in the form that solvers need."""
+
+    @abstractmethod
+    def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
+        """(row, col): pixels that lie on the screen; the others neither count nor change."""
+
+    @abstractmethod
+    def pixel_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
+        """(row, col) areas of pixels on the screen, m²."""
+
+    @abstractmethod
+    def facts(self) -> dict[str, str]:
+        """What a reader of results should know of it: heading -> text."""

@@ -1,0 +1,346 @@
+"""A dome theatre: its scene file -> dome, projector, viewing, observation."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim import furniture, viewing
+from domesim.dome import Dome
+from domesim.errors import InputError
+from domesim.lenses import lens_gains, seen_gain
+from domesim.observation.lowrank import LowRankObservation
+from domesim.observation.spherical import ClosedFormDome, bare_gain
+from domesim.observation.transport import TabulatedDome, Transport
+from domesim.projector import Projector
+from domesim.scene.base import Scene
+from domesim.scene.dome_file import DomeFile, LampSection, ProjectorSection
+from domesim.scene.fields import three
+from domesim.theatre import (
+    Cavity,
+    Floor,
+    Lamp,
+    Lens,
+    Lobe,
+    Solid,
+    Theatre,
+    Viewpoint,
+    Wall,
+)
+from domesim.viewing import Viewing
+
+
+@final
+@dataclass(frozen=True)
+class DomeScene(Scene):
+    """A dome theatre: what its projector, screen and audience are.
+
+    Parameters
+    ----------
+    name, description
+        What the theatre is called and is.
+    theatre
+        Its screen, and all that light meets in it.
+    projector
+        Its projector.
+    ambient
+        Luminance of the unlit screen (projector black and stray light), cd/m².
+    viewing
+        Its audience.
+    sources
+        For each figure of the scene file where it is from.
+    digest
+        SHA-256 of all that light transport depends on.
+    transport
+        Its light transport, tabulated or measured; None for the closed form.
+    """
+
+    name: str
+    description: str
+    theatre: Theatre
+    projector: Projector
+    ambient: float
+    viewing: Viewing
+    sources: Mapping[str, str]
+    digest: str
+    transport: Transport | None = None
+
+    @property
+    def views(self) -> int:
+        """One: a domemaster."""
+        return 1
+
+    @property
+    def dome(self) -> Dome:
+        """The screen's shape."""
+        return self.theatre.dome
+
+    @property
+    def albedo(self) -> tuple[float, float, float]:
+        """Albedo of the screen for each primary, holes counted in."""
+        return self.theatre.screen_albedo
+
+    def observation(self, rows: int, cols: int) -> LowRankObservation | TabulatedDome:
+        """What the audience sees of a domemaster of that size.
+
+        By the stored transport if there is one, else by the closed form of the bare screen, which
+        is an approximation if `approximation` says so.
+
+        Raises
+        ------
+        InputError
+            If it is not square, or smaller than 2 x 2.
+        """
+        gains = None
+        if self.theatre.lenses or not self.theatre.lambertian:
+            gains = lens_gains(self.theatre, rows, cols)
+        gain = None if gains is None else gains.sum(0)
+        black = self.ambient / self.projector.white
+        if self.transport is not None:
+            seen = None if gains is None else seen_gain(self.theatre, gains)
+            return self.transport.observation(
+                rows, cols, lens_gain=gain, seen_gain=seen, ambient=black
+            )
+        return ClosedFormDome(
+            self.dome, rows, cols, albedo=self.albedo, lens_gain=gain, ambient=black
+        )
+
+    def solvable(self, rows: int, cols: int) -> LowRankObservation:
+        """`observation` in the form that solvers need: of a stored transport, the strong modes."""
+        exact = self.observation(rows, cols)
+        return exact.low_rank() if isinstance(exact, TabulatedDome) else exact
+
+    def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
+        """(row, col): the domemaster's circle."""
+        return self.dome.inside(rows, cols)
+
+    def pixel_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
+        """(row, col) areas of pixels on the screen, m²."""
+        return self.dome.screen_areas(rows, cols)
+
+    def facts(self) -> dict[str, str]:
+        """What a reader of results should know of it: heading -> text."""
+        closed = (
+            "closed-form cross-reflection of a Lambertian cap (all bounces), as computed by the "
+            "program; not a measurement"
+        )
+        stored = "the whole theatre's light transport as tabulated by path tracing"
+        model = closed if self.transport is None else stored
+        return {
+            "Theatre": f"{self.name}, radius {self.dome.radius:g} m, half-angle "
+            f"{np.degrees(self.dome.half_angle):g}°, albedo "
+            f"{', '.join(f'{a:.3g}' for a in self.albedo)} (holes counted in)",
+            "Projector": f"white {self.projector.white:g} cd/m², black "
+            f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
+            "Model": model + ("" if self.approximation is None else f"; {self.approximation}"),
+        }
+
+    @property
+    def approximation(self) -> str | None:
+        """Why `observation` is only an approximation of this theatre, in one line; None if not."""
+        if self.transport is not None:
+            shadowed = self.transport.provenance.get("shadowed", 0.0)
+            left_out = []
+            if shadowed >= _SHADOWED:
+                left_out.append(
+                    f"{shadowed:.1%} of the screen lies in shadows of what is before a projector"
+                )
+            if self.theatre.shines_back:
+                left_out.append("a ghost of the picture shines back through the screen's holes")
+            if not left_out:
+                return None
+            return (
+                f"approximate: {'; '.join(left_out)}. A stored transport, which is smooth, leaves "
+                f"that out ('domesim render' does not)"
+            )
+        reasons = self.theatre.departures()
+        if not reasons:
+            return None
+        return (
+            f"approximate: the closed form knows the bare screen only, but {'; '.join(reasons)}. "
+            f"For the whole theatre: domesim tabulate {self.name} --out FILE.npz, then --transport"
+        )
+
+    def with_transport(self, transport: Transport) -> DomeScene:
+        """The same scene with a stored transport.
+
+        Raises
+        ------
+        InputError
+            If it is another theatre's.
+        """
+        made_for = transport.provenance.get("digest", self.digest)
+        if transport.dome != self.dome or made_for != self.digest:
+            known = transport.provenance.get("scene", "another theatre")
+            raise InputError(
+                f"the stored transport is of {known!r}, or of {self.name!r} before it was changed; "
+                f"run domesim tabulate {self.name} again"
+            )
+        return replace(self, transport=transport)
+
+
+_SHADOWED = 2e-3
+"""Share of the screen that may lie in shadow without a word: what rim pixels amount to."""
+
+
+def built(file: DomeFile, folder: Path) -> DomeScene:
+    """The theatre that a file in `folder` describes."""
+    theatre = _theatre(file, folder)
+    for rho in theatre.screen_albedo:
+        # Refuses what no frame can change: a sphere that keeps all its light.
+        bare_gain(rho, theatre.dome)
+    lit = file.projector
+    white = lit.white_cd_m2
+    if white is None:
+        weights = Projector(lit.primaries, 1.0).luminance_weights
+        irradiance = (lit.lumens or 0.0) / theatre.dome.screen_area / _mean_gain(theatre)
+        white = float(weights @ theatre.screen_albedo) * irradiance / np.pi
+    projector = Projector(lit.primaries, white, lit.black_cd_m2)
+    # Lamps are known in cd/m², light in units of white.
+    lamps = tuple(
+        replace(lamp, luminance=three(np.asarray(lamp.luminance) / white)) for lamp in theatre.lamps
+    )
+    return DomeScene(
+        name=file.name,
+        description=file.description,
+        theatre=replace(theatre, lamps=lamps),
+        projector=projector,
+        ambient=lit.black_cd_m2 + file.ambient.luminance_cd_m2,
+        viewing=viewing.from_dome_centre(theatre.dome, file.viewing.adaptation_cd_m2),
+        sources=file.sources,
+        digest=_with_meshes(file, theatre),
+    )
+
+
+def _mean_gain(theatre: Theatre, size: int = 128) -> float:
+    """Mean irradiance of the screen by its projectors, over that of the ideal one's."""
+    if theatre.corrected:
+        return 1.0
+    areas = theatre.dome.screen_areas(size, size)
+    return float(np.sum(areas * lens_gains(theatre, size, size).sum(0)) / areas.sum())
+
+
+def _with_meshes(file: DomeFile, theatre: Theatre) -> str:
+    """The file's digest, with what is in the files that it names."""
+    if not file.meshes:
+        return file.digest
+    digest = hashlib.sha256(file.digest.encode())
+    for solid in theatre.solids:
+        digest.update(solid.vertices.tobytes() + solid.faces.tobytes())
+    return digest.hexdigest()
+
+
+def _theatre(file: DomeFile, folder: Path) -> Theatre:
+    dome, screen = file.dome.shape(), file.screen
+    cavity, lobe = screen.cavity, screen.lobe
+    floor, wall = _floor_and_wall(file, dome)
+    solids, viewpoints = _furniture(file, floor, dome, folder)
+    return Theatre(
+        dome=dome,
+        albedo=three(screen.albedo),
+        perforation=screen.perforation,
+        cavity=None
+        if cavity is None
+        else Cavity(cavity.depth_m, three(cavity.albedo), three(cavity.back_albedo)),
+        lobe=None if lobe is None else Lobe(lobe.share, lobe.roughness),
+        floor=floor,
+        wall=wall,
+        solids=solids,
+        lamps=tuple(_lamp(lamp) for lamp in file.lamps),
+        lenses=_lenses(file.projector, dome),
+        corrected=file.projector.lens.corrected,
+        viewpoints=viewpoints,
+    )
+
+
+def _floor_and_wall(file: DomeFile, dome: Dome) -> tuple[Floor | None, Wall | None]:
+    if file.floor is None:
+        return None, None
+    wall = None
+    radius = dome.widest
+    if file.wall is not None:
+        radius = file.wall.radius_m or radius
+        top = dome.lowest if file.wall.top_m is None else file.wall.top_m
+        if top > file.floor.height_m:
+            wall = Wall(radius, file.floor.height_m, top, three(file.wall.albedo))
+    floor = Floor(file.floor.height_m, file.floor.radius_m or radius, three(file.floor.albedo))
+    return floor, wall
+
+
+def _furniture(
+    file: DomeFile, floor: Floor | None, dome: Dome, folder: Path
+) -> tuple[tuple[Solid, ...], dict[str, Viewpoint]]:
+    solids: list[Solid] = []
+    viewpoints: dict[str, Viewpoint] = {}
+    front = dome.surface(np.array(dome.half_angle / 2), np.array(np.pi / 2)) @ dome.to_room.T
+    if file.seating is not None and floor is not None:
+        seats = file.seating
+        rows, viewpoints = furniture.seating(
+            floor_height=floor.height,
+            rows=seats.rows,
+            seats_per_row=seats.seats_per_row,
+            first_row=seats.first_row_m,
+            row_spacing=seats.row_spacing_m,
+            seat_spacing=seats.seat_spacing_m,
+            rise=seats.rise_m,
+            within=floor.radius,
+            albedo=three(seats.albedo),
+            occupied=seats.occupied,
+            audience_albedo=three(seats.audience_albedo),
+            seed=seats.seed,
+            look_at=(float(front[0]), float(front[1]), float(front[2])),
+        )
+        solids += rows
+    solids += [
+        furniture.box(box.name, box.low_m, box.high_m, three(box.albedo)) for box in file.boxes
+    ]
+    solids += [
+        furniture.from_file(folder / mesh.file, mesh.name, three(mesh.albedo))
+        for mesh in file.meshes
+    ]
+    for name, view in file.viewpoints.items():
+        viewpoints[name] = Viewpoint(view.position_m, view.look_at_m, np.radians(view.field_deg))
+    return tuple(solids), viewpoints
+
+
+def _lenses(projector: ProjectorSection, dome: Dome) -> tuple[Lens, ...]:
+    if projector.units:
+        return tuple(
+            Lens(
+                unit.name,
+                unit.position_m,
+                unit.look_at_m,
+                np.radians(unit.roll_deg),
+                unit.kind,
+                np.radians(unit.field_deg),
+                unit.aspect,
+                np.radians(unit.blend_deg),
+            )
+            for unit in projector.units
+        )
+    lens = projector.lens
+    if lens.corrected and not any(lens.position_m):
+        return ()
+    # A single lens is given in the dome's frame.
+    place = dome.to_room @ np.asarray(lens.position_m)
+    x, y, z = (float(value) for value in place)
+    zenith = dome.to_room[:, 2] * dome.radius
+    ahead = (x + float(zenith[0]), y + float(zenith[1]), z + float(zenith[2]))
+    return (Lens("lens", (x, y, z), ahead, field=2 * np.pi),)
+
+
+def _lamp(lamp: LampSection) -> Lamp:
+    normal = np.asarray(lamp.normal, np.float64)
+    normal /= np.linalg.norm(normal)
+    reference = np.array([0.0, 0, 1]) if abs(normal[2]) < 0.999 else np.array([0.0, 1, 0])
+    across = np.cross(reference, normal)
+    across *= lamp.width_m / 2 / np.linalg.norm(across)
+    up = np.cross(normal, across)
+    up *= lamp.height_m / 2 / np.linalg.norm(up)
+    return Lamp(lamp.name, lamp.position_m, three(across), three(up), three(lamp.luminance_cd_m2))

@@ -1,0 +1,327 @@
+"""The file of a dome theatre, as it is written.
+
+Places are in the room's frame (x right, y front, z up, from the centre of the dome's sphere), but
+for the single lens's, which is in the dome's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Annotated, Any, Literal, Self, TypeAlias
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    Field,
+    StrictBool,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails
+
+from domesim.dome import Dome
+from domesim.errors import InputError
+from domesim.projector import Projector
+from domesim.scene.fields import (
+    AmbientSection,
+    Coordinate,
+    Length,
+    Luminance,
+    LuminancePerPrimary,
+    NoLuminance,
+    Number,
+    PerPrimary,
+    Place,
+    Section,
+    Share,
+    ViewingSection,
+)
+
+
+class DomeSection(Section):
+    """The shape of the screen: a spherical cap, or an ellipsoid's; whole, or cut off level."""
+
+    radius_m: Length
+    half_angle_deg: Annotated[Number, Field(ge=1, le=180)] = 90.0
+    tilt_deg: Annotated[Number, Field(ge=-90, le=90)] = 0.0
+    height_ratio: Annotated[Number, Field(ge=0.2, le=5)] = 1.0
+    truncated_below_m: Coordinate | None = None
+
+    @field_validator("radius_m")
+    @classmethod
+    def _measurable(cls, radius: float) -> float:
+        if radius < 0.01:
+            raise ValueError(f"must be at least 0.01, got {radius:g}")
+        return radius
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        try:
+            self.shape()
+        except InputError as error:
+            raise ValueError(str(error).removeprefix("dome ")) from None
+        return self
+
+    def shape(self) -> Dome:
+        """The dome that this describes."""
+        return Dome(
+            self.radius_m,
+            np.radians(self.half_angle_deg),
+            np.radians(self.tilt_deg),
+            self.height_ratio,
+            self.truncated_below_m,
+        )
+
+
+class LobeSection(Section):
+    """Light that a glossy ("gain") screen sends in the mirror direction."""
+
+    share: Share
+    roughness: Annotated[Number, Field(ge=0.05, le=1)]
+
+
+class CavitySection(Section):
+    """The shell behind a perforated screen; `back_albedo` is that of the screen's back."""
+
+    depth_m: Length
+    albedo: PerPrimary
+    back_albedo: PerPrimary = 0.0
+
+
+class ScreenSection(Section):
+    """What the screen is made of."""
+
+    albedo: PerPrimary
+    perforation: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    lobe: LobeSection | None = None
+    cavity: CavitySection | None = None
+
+
+class FloorSection(Section):
+    """A level disc; as wide as the wall or the dome unless it says otherwise."""
+
+    height_m: Coordinate
+    albedo: PerPrimary
+    radius_m: Length | None = None
+
+
+class WallSection(Section):
+    """A round wall from the floor up to the lowest point of the screen, or to `top_m`."""
+
+    albedo: PerPrimary
+    radius_m: Length | None = None
+    top_m: Coordinate | None = None
+
+
+class SeatingSection(Section):
+    """Rows of seats that face the front, and the people in some of them."""
+
+    rows: Annotated[int, Field(strict=True, ge=1, le=60)]
+    seats_per_row: Annotated[int, Field(strict=True, ge=1, le=100)]
+    first_row_m: Coordinate
+    row_spacing_m: Annotated[Number, Field(ge=0.5, le=10)] = 1.0
+    seat_spacing_m: Annotated[Number, Field(ge=0.4, le=10)] = 0.6
+    rise_m: Annotated[Number, Field(ge=0, le=2)] = 0.0
+    albedo: PerPrimary
+    occupied: Share = 0.0
+    audience_albedo: PerPrimary = 0.2
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+
+
+class BoxSection(Section):
+    """A box between two corners: a projection booth, a console."""
+
+    name: str
+    low_m: Place
+    high_m: Place
+    albedo: PerPrimary
+
+    @field_validator("high_m")
+    @classmethod
+    def _above(cls, high: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        low = info.data.get("low_m", high)
+        if low is not high and not np.all(np.less(low, high)):
+            raise ValueError(
+                f"must be above low_m in x, y and z, got {list(high)} over {list(low)}"
+            )
+        return high
+
+
+class MeshSection(Section):
+    """A mesh from a file, next to the scene's: anything else."""
+
+    name: str
+    file: str
+    albedo: PerPrimary
+
+
+class LampSection(Section):
+    """A small rectangle of light that is always on; it shines towards `normal`."""
+
+    name: str
+    position_m: Place
+    normal: Place
+    width_m: Length
+    height_m: Length
+    luminance_cd_m2: LuminancePerPrimary
+
+    @field_validator("normal")
+    @classmethod
+    def _directed(cls, normal: tuple[float, ...]) -> tuple[float, ...]:
+        if not np.linalg.norm(normal) > 1e-9:
+            raise ValueError(f"must have a length, got {list(normal)}")
+        return normal
+
+
+def _elsewhere(look_at: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+    if look_at == info.data.get("position_m"):
+        raise ValueError(f"must be another place than position_m, got {list(look_at)}")
+    return look_at
+
+
+class ViewpointSection(Section):
+    """A place to look from."""
+
+    position_m: Place
+    look_at_m: Annotated[Place, AfterValidator(_elsewhere)]
+    field_deg: Annotated[Number, Field(ge=5, le=150)] = 100.0
+
+
+class UnitSection(Section):
+    """One of several projectors."""
+
+    name: str
+    position_m: Place
+    look_at_m: Annotated[Place, AfterValidator(_elsewhere)]
+    field_deg: Annotated[Number, Field(ge=1, le=360)]
+    kind: Literal["equidistant", "perspective"] = "equidistant"
+    roll_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
+    aspect: Annotated[Number, Field(ge=0.1, le=10)] = 16 / 9
+    blend_deg: Annotated[Number, Field(ge=0, le=90)] = 0.0
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.kind == "perspective" and self.field_deg >= 175:
+            raise ValueError(
+                f"field_deg: a perspective lens sees less than 175 degrees, got {self.field_deg:g}"
+            )
+        return self
+
+
+class LensSection(Section):
+    """Where the projector's lens is, in the dome's frame (x right, y front, z zenith)."""
+
+    position_m: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    corrected: StrictBool = True
+
+
+class ProjectorSection(Section):
+    """The projector, on the screen.
+
+    White is direct light alone, as a small white patch shows it: a full white frame is brighter
+    by its own cross-reflection. Black is a full black frame, as it is seen.
+    """
+
+    primaries: str = "BT.709"
+    white_cd_m2: Luminance | None = None
+    lumens: Annotated[Number, Field(gt=0, le=1e7)] | None = Field(None, validate_default=True)
+    black_cd_m2: NoLuminance = 0.0
+    lens: LensSection = LensSection()
+    units: tuple[UnitSection, ...] = ()
+
+    @field_validator("lumens")
+    @classmethod
+    def _one_of_two(cls, lumens: float | None, info: ValidationInfo) -> float | None:
+        if "white_cd_m2" not in info.data:
+            return lumens
+        if lumens is None and info.data["white_cd_m2"] is None:
+            raise ValueError("is missing, and so is white_cd_m2: one of the two says how bright")
+        if lumens is not None and info.data["white_cd_m2"] is not None:
+            raise ValueError("contradicts white_cd_m2: give one of the two")
+        return lumens
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.units and any(self.lens.position_m):
+            raise ValueError("lens.position_m: is for one projector; with units, place each unit")
+        if self.white_cd_m2 is not None:
+            Projector(self.primaries, self.white_cd_m2, self.black_cd_m2)
+        return self
+
+
+Standing: TypeAlias = WallSection | SeatingSection
+
+
+def _line_error(key: tuple[str | int, ...], message: str) -> InitErrorDetails:
+    return InitErrorDetails(type="value_error", loc=key, input=None, ctx={"error": message})
+
+
+class DomeFile(Section):
+    """A whole scene file; ``sources`` says for each figure where it is from."""
+
+    name: str
+    description: str = ""
+    dome: DomeSection
+    screen: ScreenSection
+    projector: ProjectorSection
+    ambient: AmbientSection = AmbientSection()
+    floor: FloorSection | None = None
+    wall: WallSection | None = None
+    seating: SeatingSection | None = None
+    boxes: tuple[BoxSection, ...] = ()
+    meshes: tuple[MeshSection, ...] = ()
+    lamps: tuple[LampSection, ...] = ()
+    viewpoints: dict[str, ViewpointSection] = Field(default_factory=dict)
+    viewing: ViewingSection
+    sources: dict[str, str] = Field(default_factory=dict)
+
+    @field_validator("projector")
+    @classmethod
+    def _lenses_inside(cls, projector: ProjectorSection, info: ValidationInfo) -> ProjectorSection:
+        if "dome" not in info.data:
+            return projector
+        dome = info.data["dome"].shape()
+        places: dict[tuple[str | int, ...], Any] = {
+            ("lens", "position_m"): projector.lens.position_m
+        }
+        for number, unit in enumerate(projector.units):
+            places["units", number, "position_m"] = np.asarray(unit.position_m) @ dome.to_room
+        mistakes = [
+            _line_error(
+                key,
+                f"must be inside {dome.whole}, got {np.linalg.norm(place):g} m from its centre",
+            )
+            for key, place in places.items()
+            if not dome.encloses(place)
+        ]
+        if mistakes:
+            raise ValidationError.from_exception_data("projector", mistakes)
+        return projector
+
+    @field_validator("wall", "seating")
+    @classmethod
+    def _stands_on_floor(cls, section: Standing | None, info: ValidationInfo) -> Standing | None:
+        floor = info.data.get("floor", ...)  # absent if it has mistakes itself
+        if section is not None and floor is None:
+            raise ValueError("needs a [floor] to stand on, got none")
+        if isinstance(section, WallSection) and isinstance(floor, FloorSection):
+            top = section.top_m
+            if top is not None and top <= floor.height_m:
+                place = f"above the floor ({floor.height_m:g} m)"
+                mistake = _line_error(("top_m",), f"must be {place}, got {top:g}")
+                raise ValidationError.from_exception_data("wall", [mistake])
+        return section
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all that light transport depends on."""
+        parts = {"name", "description", "sources", "viewing", "viewpoints", "ambient"}
+        content = self.model_dump(mode="json", exclude=parts, warnings=False)
+        content["projector"].pop("black_cd_m2")
+        if not self.lamps:  # their light is stored in units of white
+            for key in ("primaries", "white_cd_m2", "lumens"):
+                content["projector"].pop(key)
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,117 @@
+"""A scene file (TOML), or one of the project's own by its name -> Scene.
+
+All mistakes of a file are listed in one go, each with its path.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from domesim.errors import InputError
+from domesim.scene import dome, stereo
+from domesim.scene.base import Scene
+from domesim.scene.dome import DomeScene
+from domesim.scene.dome_file import DomeFile
+from domesim.scene.mistakes import all_mistakes, suggestion
+from domesim.scene.stereo import StereoScene
+from domesim.scene.stereo_file import StereoFile
+
+
+def load_scene(name_or_path: str | Path) -> Scene:
+    """The scene of a TOML file, or one of the project's own by its name.
+
+    Raises
+    ------
+    InputError
+        If there is no such scene, or with all mistakes of its file, each with its path.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml" and len(path.parts) <= 1:
+        return _scene(_bundled(str(name_or_path)), str(name_or_path), Path())
+    try:
+        text = path.read_bytes().decode()
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: a scene is a TOML text file in UTF-8, this is not") from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: wanted a scene's .toml file, got '{error.strerror}'. "
+            f"Check the path, or use one of {', '.join(scene_names())}"
+        ) from error
+    return _scene(text, str(path), path.parent)
+
+
+def load_dome(name_or_path: str | Path) -> DomeScene:
+    """`load_scene` for what only a dome theatre has.
+
+    Raises
+    ------
+    InputError
+        As for `load_scene`, and if it is a stereo system.
+    """
+    scene = load_scene(name_or_path)
+    if not isinstance(scene, DomeScene):
+        raise InputError(f"{name_or_path}: wanted a dome theatre, got a stereo system")
+    return scene
+
+
+def load_stereo(name_or_path: str | Path) -> StereoScene:
+    """`load_scene` for what only a stereo system has.
+
+    Raises
+    ------
+    InputError
+        As for `load_scene`, and if it is a dome theatre.
+    """
+    scene = load_scene(name_or_path)
+    if not isinstance(scene, StereoScene):
+        raise InputError(f"{name_or_path}: wanted a stereo system, got a dome theatre")
+    return scene
+
+
+def scene_names() -> list[str]:
+    """Names of the project's own scenes."""
+    folder = resources.files("scenes")
+    return sorted(
+        item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml")
+    )
+
+
+def _bundled(name: str) -> str:
+    names = scene_names()
+    if name not in names:
+        raise InputError(
+            f"scene {name!r} is not known{suggestion(name, names)}; "
+            f"use one of {', '.join(names)}, or the path of a .toml file"
+        )
+    return resources.files("scenes").joinpath(f"{name}.toml").read_text()
+
+
+def _scene(text: str, where: str, folder: Path) -> Scene:
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a ValueError also for a number too long
+        raise InputError(f"{where}: not valid TOML: {error}") from None
+    try:
+        return _described(content, where, folder)
+    except InputError as error:
+        if str(error).startswith(where):
+            raise
+        raise InputError(f"{where}: {error}") from None
+
+
+def _described(content: dict[str, Any], where: str, folder: Path) -> Scene:
+    """A stereo system has crosstalk, a dome theatre a dome."""
+    if "crosstalk" in content and "dome" not in content:
+        try:
+            return stereo.built(StereoFile.model_validate(content), folder)
+        except ValidationError as error:
+            raise InputError(all_mistakes(error, where, StereoFile)) from None
+    try:
+        return dome.built(DomeFile.model_validate(content), folder)
+    except ValidationError as error:
+        raise InputError(all_mistakes(error, where, DomeFile)) from None

@@ -1,0 +1,79 @@
+"""Mistakes in a scene file, as lines for the person who wrote it: each with its path."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+import reprlib
+from collections.abc import Iterable
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from domesim.scene.fields import TAGS
+
+
+def all_mistakes(error: ValidationError, where: str, model: type[BaseModel]) -> str:
+    """One line for each mistake that pydantic found in `where`, a file that `model` describes."""
+    mistakes = list(dict.fromkeys(_mistake(item, model) for item in error.errors()))
+    if len(mistakes) == 1:
+        return f"{where}: {mistakes[0]}"
+    return "\n  ".join([f"{where} has {len(mistakes)} mistakes:", *mistakes])
+
+
+def _mistake(item: Any, model: type[BaseModel]) -> str:
+    path = _key_path(item["loc"])
+    match item["type"]:
+        case "extra_forbidden":
+            known = _keys_at(item["loc"][:-1], model)
+            hint = suggestion(str(item["loc"][-1]), known) or f"; known: {', '.join(known)}"
+            return f"{path}: is not a key of a scene{hint}"
+        case "missing":
+            return f"{path}: is missing"
+        case "value_error":
+            message = str(item["ctx"]["error"])
+            return f"{path}: {message}" if path else message
+        case "model_type":
+            wanted = f"a section [{path}]"
+        case "too_long":
+            wanted = f"{item['ctx']['max_length']} values"
+        case _:
+            wanted = item["msg"].removeprefix("Input should be ")
+    return f"{path}: must be {wanted}, got {reprlib.repr(item['input'])}"
+
+
+def _key_path(location: Iterable[int | str]) -> str:
+    """``screen.albedo[1]``, without the tags of the union, which are no keys."""
+    path = ""
+    for part in location:
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif part not in TAGS:
+            key = part if re.fullmatch(r"[\w-]+", part, re.ASCII) else json.dumps(part)
+            path += f".{key}" if path else key
+    return path
+
+
+def _keys_at(location: Iterable[int | str], model: type[BaseModel]) -> list[str]:
+    for part in location:
+        if isinstance(part, int) or part not in model.model_fields:
+            continue  # the number or name of one of several
+        inner = _models_in(model.model_fields[part].annotation)
+        if not inner:
+            return []
+        model = inner[0]
+    return list(model.model_fields)
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    """Models in an annotation such as `X`, ``X | None``, ``tuple[X, ...]`` or ``dict[str, X]``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _models_in(part)]
+
+
+def suggestion(name: str, known: list[str]) -> str:
+    """The known name that is nearest to `name`, as a question; nothing if none is near."""
+    close = difflib.get_close_matches(name, known, 1)
+    return f" (did you mean {close[0]!r}?)" if close else ""

@@ -1,0 +1,325 @@
+"""A stereo system: its scene file -> projector, viewing, and what each eye sees at each seat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim import viewing
+from domesim.errors import InputError
+from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.seats import SeveralSeats
+from domesim.observation.stereo import StereoObservation
+from domesim.polarisation import crosstalk_estimate
+from domesim.projector import Projector
+from domesim.scene.base import Scene
+from domesim.scene.crosstalk_maps import CrosstalkMaps
+from domesim.scene.fields import AmbientSection
+from domesim.scene.stereo_file import PolarisationSection, StereoFile, grids
+from domesim.stereo import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
+from domesim.viewing import Viewing
+
+MAP_CELLS = (9, 15)
+"""Rows and cols of a crosstalk map that is computed: it is smooth."""
+
+SWEET_SPOT = "sweet spot"
+"""Name of the seat of a system that names none."""
+
+
+@final
+@dataclass(frozen=True)
+class Seat:
+    """Crosstalk at one seat.
+
+    Parameters
+    ----------
+    matrices
+        (view, primary, primary) share of the other view's light that each eye sees.
+    share
+        (view, row, col) coarse map that multiplies it, means over cells of the screen; or None.
+    weight
+        How much this seat counts among several.
+    """
+
+    matrices: NDArray[np.float64]
+    share: NDArray[np.float64] | None = None
+    weight: float = 1.0
+
+    def mean(self) -> float:
+        """Mean share of the other picture's light, of grey pictures over the screen."""
+        white = self.matrices.sum(axis=2).mean(axis=1)
+        factor = 1.0 if self.share is None else self.share.mean(axis=(1, 2))
+        return float(np.mean(white * factor))
+
+
+@final
+@dataclass(frozen=True)
+class StereoScene(Scene):
+    """A stereo system: what its projectors, screen, filters and audience are.
+
+    Parameters
+    ----------
+    name, description
+        What it is called and is.
+    projector
+        What an eye sees of its own projector.
+    viewing
+        Its audience.
+    sources
+        For each figure of the scene file where it is from.
+    size
+        (width, height) of the screen, m.
+    ambient
+        Luminance of the unlit screen through the glasses, cd/m².
+    seats
+        Crosstalk by the seats' names.
+    chosen
+        The seats that are looked from: one, or several at once.
+    table
+        Levels and (view, own level, other level) grey-to-grey crosstalk, instead of the seats'.
+    theatre
+        The hardware, if that is described.
+    digest
+        SHA-256 of what its crosstalk depends on.
+    model
+        How crosstalk is known, in one phrase.
+    """
+
+    name: str
+    description: str
+    projector: Projector
+    viewing: Viewing
+    sources: Mapping[str, str]
+    size: tuple[float, float]
+    ambient: float
+    seats: Mapping[str, Seat]
+    chosen: tuple[str, ...]
+    table: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    theatre: StereoTheatre | None = None
+    digest: str = ""
+    model: str = ""
+
+    @property
+    def views(self) -> int:
+        """Two: left, right."""
+        return 2
+
+    @property
+    def approximation(self) -> str | None:
+        """None: what is described is computed as described."""
+        return None
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """(chosen seat,) how much each counts; they sum to 1."""
+        weights = np.array([self.seats[name].weight for name in self.chosen])
+        return np.asarray(weights / weights.sum())
+
+    def seen_from(self, *names: str) -> StereoScene:
+        """The same system, looked at from other seats.
+
+        Raises
+        ------
+        InputError
+            If there is no such seat.
+        """
+        for name in names:
+            if name not in self.seats:
+                raise InputError(
+                    f"{self.name} has no seat {name!r}; use one of {', '.join(self.seats)}"
+                )
+        return replace(self, chosen=names)
+
+    def with_maps(self, maps: CrosstalkMaps) -> StereoScene:
+        """The same system with stored crosstalk maps.
+
+        Raises
+        ------
+        InputError
+            If they are of another system, or of this one before it was changed.
+        """
+        known = maps.provenance.get("scene", "another system")
+        if set(maps.seats) != set(self.seats) or maps.provenance.get("digest") != self.digest:
+            raise InputError(
+                f"the stored crosstalk maps are of {known!r}, or of {self.name!r} before it was "
+                f"changed; run domesim tabulate {self.name} again"
+            )
+        found = maps.by_seat()
+        seats = {name: replace(seat, share=found[name]) for name, seat in self.seats.items()}
+        return replace(self, seats=seats, model="traced through the described hardware")
+
+    def observation(self, rows: int, cols: int) -> StereoObservation | GreyToGrey:
+        """What the chosen seats' eyes see of a pair of that size."""
+        black = self.ambient / self.projector.white
+        if self.table is not None:
+            levels, entries = self.table
+            by_primary = np.repeat(entries[:, None], 3, axis=1)
+            return GreyToGrey(rows, cols, levels, by_primary, black=black)
+        seats = [
+            Crosstalk(
+                rows,
+                cols,
+                self.seats[name].matrices,
+                share=self._share(name, rows, cols),
+                black=black,
+            )
+            for name in self.chosen
+        ]
+        return seats[0] if len(seats) == 1 else SeveralSeats(seats)
+
+    def mean_seat(self, rows: int, cols: int) -> Crosstalk:
+        """What is seen on average over the chosen seats: what methods for one seat subtract.
+
+        Raises
+        ------
+        InputError
+            If crosstalk is a table, which is the same at all seats.
+        """
+        if self.table is not None:
+            raise InputError(f"{self.name}: a grey-to-grey table has no mean seat")
+        chosen = [self.seats[name] for name in self.chosen]
+        cells = [np.ones((2, 1, 1)) if seat.share is None else seat.share for seat in chosen]
+        # Where matrices differ between seats, the maps are those of their whites.
+        share = sum(
+            weight * _over_pixels(cell, rows, cols)
+            for weight, cell in zip(self.weights, cells, strict=True)
+        )
+        matrices = sum(
+            weight * seat.matrices for weight, seat in zip(self.weights, chosen, strict=True)
+        )
+        black = self.ambient / self.projector.white
+        return Crosstalk(rows, cols, np.asarray(matrices), share=np.asarray(share), black=black)
+
+    def solvable(self, rows: int, cols: int) -> StereoObservation:
+        """`observation`; of a table, its linearisation at black."""
+        exact = self.observation(rows, cols)
+        if isinstance(exact, GreyToGrey):
+            return exact.linearised(np.zeros(exact.shape, np.float32))
+        return exact
+
+    def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
+        """(row, col): all of the picture."""
+        return np.ones((rows, cols), np.bool_)
+
+    def pixel_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
+        """(row, col) areas of pixels on the screen, m²."""
+        return np.full((rows, cols), self.size[0] * self.size[1] / (rows * cols))
+
+    def facts(self) -> dict[str, str]:
+        """What a reader of results should know of it: heading -> text."""
+        if self.table is None:
+            shares = ", ".join(f"{name} {self.seats[name].mean():.2%}" for name in self.chosen)
+        else:
+            shares = f"up to {np.abs(self.table[1]).max():.2%} of white, by grey levels"
+        return {
+            "Stereo system": f"{self.name}, screen {self.size[0]:g} x {self.size[1]:g} m, seen "
+            f"from {self.viewing.distance:g} m",
+            "Crosstalk": f"{shares} ({self.model})",
+            "Projector": f"white {self.projector.white:g} cd/m² through the glasses, black "
+            f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
+        }
+
+    def _share(self, name: str, rows: int, cols: int) -> NDArray[np.float64] | None:
+        share = self.seats[name].share
+        return None if share is None else _over_pixels(share, rows, cols)
+
+
+def built(file: StereoFile, folder: Path) -> StereoScene:
+    """The stereo system that a file in `folder` describes."""
+    lit, screen = file.projector, file.screen
+    ambient: AmbientSection = file.ambient
+    seats, theatre = _seats(file)
+    table = file.crosstalk.table
+    models = {
+        "figures": "figures of the scene file",
+        "table": "grey-to-grey table of the scene file",
+        "polarisation": "estimated from the described hardware; domesim tabulate traces it",
+        "readings": f"measured: {file.crosstalk.readings}",
+    }
+    return StereoScene(
+        name=file.name,
+        description=file.description,
+        projector=Projector(lit.primaries, lit.white_cd_m2, lit.black_cd_m2),
+        viewing=viewing.of_flat_screen(
+            screen.width_m, screen.height_m, file.viewing.distance_m, file.viewing.adaptation_cd_m2
+        ),
+        sources=file.sources,
+        size=(screen.width_m, screen.height_m),
+        ambient=lit.black_cd_m2 + ambient.luminance_cd_m2,
+        seats=seats,
+        chosen=(next(iter(seats)),),
+        table=None
+        if table is None
+        else (np.array(table.levels), np.array([table.to_left, table.to_right])),
+        theatre=theatre,
+        digest=file.digest,
+        model=models[file.crosstalk.told],
+    )
+
+
+def _seats(file: StereoFile) -> tuple[dict[str, Seat], StereoTheatre | None]:
+    told = file.crosstalk
+    if told.polarisation is not None:
+        theatre = _theatre(file, told.polarisation)
+        return {
+            seat.name: Seat(
+                leak_matrices(1.0), crosstalk_estimate(theatre, seat.name, *MAP_CELLS), seat.weight
+            )
+            for seat in file.seats
+        }, theatre
+    if told.share is not None:
+        matrices = _of_both(told.share, told.share)
+    elif told.to_left is not None and told.to_right is not None:
+        matrices = _of_both(told.to_left, told.to_right)
+    else:
+        matrices = leak_matrices(0.0)
+    if not file.seats:
+        return {SWEET_SPOT: Seat(matrices)}, None
+    return {seat.name: Seat(matrices, grids(seat), seat.weight) for seat in file.seats}, None
+
+
+def _of_both(to_left: object, to_right: object) -> NDArray[np.float64]:
+    return np.stack([leak_matrices(np.asarray(leak))[0] for leak in (to_left, to_right)])
+
+
+def _theatre(file: StereoFile, hardware: PolarisationSection) -> StereoTheatre:
+    left, right = hardware.lenses_m
+    positions = {seat.name: seat.position_m for seat in file.seats if seat.position_m is not None}
+    return StereoTheatre(
+        SilverScreen(
+            file.screen.width_m,
+            file.screen.height_m,
+            hardware.depolarising_share,
+            hardware.roughness,
+            hardware.albedo,
+        ),
+        (
+            PolarisedProjector(left, CircularFilter("left", hardware.projector_leak)),
+            PolarisedProjector(right, CircularFilter("right", hardware.projector_leak)),
+        ),
+        # The screen turns the hand of what it reflects.
+        (
+            CircularFilter("right", hardware.glasses_leak),
+            CircularFilter("left", hardware.glasses_leak),
+        ),
+        positions,
+    )
+
+
+def _over_pixels(coarse: NDArray[np.float64], rows: int, cols: int) -> NDArray[np.float64]:
+    """(view, row, col) of a map of cells: linear between their centres, flat beyond them."""
+    result = np.asarray(coarse, np.float64)
+    for axis, count in ((1, rows), (2, cols)):
+        cells = result.shape[axis]
+        at = np.clip((np.arange(count) + 0.5) / count * cells - 0.5, 0, cells - 1)
+        low = np.minimum(at.astype(int), max(cells - 2, 0))
+        part = (at - low).reshape((1, -1, 1) if axis == 1 else (1, 1, -1))
+        upper = np.minimum(low + 1, cells - 1)
+        result = (1 - part) * result.take(low, axis) + part * result.take(upper, axis)
+    return result

@@ -1,0 +1,225 @@
+"""The file of a stereo system, as it is written.
+
+Crosstalk is told in one of four ways: as figures (``share``, or ``to_left`` and ``to_right``), as a
+grey-to-grey ``table``, as the hardware that causes it (``polarisation``), or as ``readings`` of a
+colorimeter. ``to_left`` is what the left eye sees of the right eye's picture.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Annotated, Literal, Self, TypeAlias
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from domesim.scene.fields import (
+    AmbientSection,
+    Coordinate,
+    Length,
+    Luminance,
+    NoLuminance,
+    Number,
+    Section,
+    Share,
+    ViewingSection,
+)
+
+Leak = Annotated[Number, Field(ge=-0.9, le=0.9)]
+Row = tuple[Leak, Leak, Leak]
+
+
+def _form(value: object) -> str:
+    if not isinstance(value, list):
+        return "one number"
+    return "a matrix" if value and isinstance(value[0], list) else "a number a primary"
+
+
+LeakOfAView: TypeAlias = Annotated[
+    Annotated[Leak, Tag("one number")]
+    | Annotated[Row, Tag("a number a primary")]
+    | Annotated[tuple[Row, Row, Row], Tag("a matrix")],
+    Discriminator(_form),
+]
+"""One number for all primaries, one for each, or three rows: what R, G, B of the eye see."""
+
+Grid = tuple[tuple[Annotated[Number, Field(ge=0, le=100)], ...], ...]
+"""Rows of numbers over the screen, the first row at the top; all rows are as long."""
+
+
+class FlatScreenSection(Section):
+    """A flat screen."""
+
+    width_m: Length
+    height_m: Length
+
+
+class StereoProjectorSection(Section):
+    """What an eye sees of its own projector, through its filter."""
+
+    primaries: str = "P3-D65"
+    white_cd_m2: Luminance
+    black_cd_m2: NoLuminance = 0.0
+
+
+class SeatSection(Section):
+    """A place in the audience; how much crosstalk is there, over that of the figures."""
+
+    name: Annotated[str, Field(min_length=1)]
+    weight: Annotated[Number, Field(gt=0, le=1e6)] = 1.0
+    position_m: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    factor: Annotated[Number, Field(ge=0, le=100)] = 1.0
+    map: Grid | None = None
+    map_left: Grid | None = None
+    map_right: Grid | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if (self.map_left is None) != (self.map_right is None):
+            raise ValueError("needs both map_left and map_right, or map for both eyes")
+        if self.map is not None and self.map_left is not None:
+            raise ValueError("has a map for both eyes and one for each: give one of the two")
+        grids = [grid for grid in (self.map, self.map_left, self.map_right) if grid is not None]
+        for grid in grids:
+            if not grid or len({len(row) for row in grid} | {len(grids[0][0])}) != 1 or not grid[0]:
+                raise ValueError("map must be rows of numbers, all as long")
+        if len({len(grid) for grid in grids}) > 1:
+            raise ValueError("map_left and map_right must have as many rows")
+        return self
+
+
+class TableSection(Section):
+    """Grey-to-grey crosstalk: light that is added, by own level (rows) and other level (columns).
+
+    Levels are light, 0..1 of white.
+    """
+
+    levels: tuple[Share, ...]
+    to_left: tuple[tuple[Leak, ...], ...]
+    to_right: tuple[tuple[Leak, ...], ...]
+
+    @model_validator(mode="after")
+    def _square(self) -> Self:
+        count = len(self.levels)
+        for name in ("to_left", "to_right"):
+            table = getattr(self, name)
+            if len(table) != count or any(len(row) != count for row in table):
+                raise ValueError(f"{name}: must be {count} rows of {count} numbers")
+        return self
+
+
+class PolarisationSection(Section):
+    """Two projectors behind circular filters, a silver screen, and glasses."""
+
+    lenses_m: tuple[
+        tuple[Coordinate, Coordinate, Coordinate], tuple[Coordinate, Coordinate, Coordinate]
+    ]
+    depolarising_share: Share
+    roughness: Annotated[Number, Field(ge=0.05, le=1)]
+    albedo: Annotated[Number, Field(gt=0, le=1)] = 1.0
+    projector_leak: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    glasses_leak: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+
+
+class CrosstalkSection(Section):
+    """What each eye sees of the other's picture; one of the four ways to tell it."""
+
+    share: LeakOfAView | None = None
+    to_left: LeakOfAView | None = None
+    to_right: LeakOfAView | None = None
+    table: TableSection | None = None
+    polarisation: PolarisationSection | None = None
+    readings: str | None = None
+
+    @property
+    def told(self) -> Literal["figures", "table", "polarisation", "readings"]:
+        """Which way it is told."""
+        if self.table is not None:
+            return "table"
+        if self.polarisation is not None:
+            return "polarisation"
+        return "figures" if self.readings is None else "readings"
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        one_direction = self.to_left is not None or self.to_right is not None
+        ways = {
+            "share": self.share is not None,
+            "to_left and to_right": one_direction,
+            "table": self.table is not None,
+            "polarisation": self.polarisation is not None,
+            "readings": self.readings is not None,
+        }
+        given = [name for name, used in ways.items() if used]
+        if len(given) != 1:
+            raise ValueError(
+                f"must be told in one way ({', '.join(ways)}), got {' and '.join(given) or 'none'}"
+            )
+        if one_direction and (self.to_left is None or self.to_right is None):
+            raise ValueError("needs both to_left and to_right (or share, for both)")
+        return self
+
+
+class FlatViewingSection(ViewingSection):
+    """The audience before a flat screen."""
+
+    distance_m: Length
+
+
+class StereoFile(Section):
+    """A whole scene file; ``sources`` says for each figure where it is from."""
+
+    name: str
+    description: str = ""
+    screen: FlatScreenSection
+    projector: StereoProjectorSection
+    ambient: AmbientSection = AmbientSection()
+    crosstalk: CrosstalkSection
+    seats: tuple[SeatSection, ...] = ()
+    viewing: FlatViewingSection
+    sources: dict[str, str] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _seats_fit(self) -> Self:
+        names = [seat.name for seat in self.seats]
+        for name in {"all", "worst"} & set(names):
+            raise ValueError(f"seats: a seat cannot be called {name!r}: that means several of them")
+        if len(set(names)) < len(names):
+            raise ValueError(f"seats: names must differ, got {names}")
+        placed = self.crosstalk.told == "polarisation"
+        if placed and not self.seats:
+            raise ValueError("seats: polarisation depends on the seat: name at least one")
+        for number, seat in enumerate(self.seats):
+            if placed and seat.position_m is None:
+                raise ValueError(f"seats[{number}].position_m: is missing")
+            mapped = seat.map is not None or seat.map_left is not None or seat.factor != 1
+            if placed and mapped:
+                raise ValueError(
+                    f"seats[{number}]: polarisation gives the map: leave map and factor out"
+                )
+            if self.crosstalk.told == "table" and mapped:
+                raise ValueError(f"seats[{number}]: a table is the same for all of the screen")
+        return self
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all that crosstalk depends on."""
+        parts = {"screen", "crosstalk", "seats"}
+        content = self.model_dump(mode="json", include=parts, warnings=False)
+        for seat in content["seats"]:
+            seat.pop("weight")
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def grids(seat: SeatSection) -> np.ndarray | None:
+    """(view, row, col) coarse map of a seat, or None if it is flat and 1."""
+    if seat.map is not None:
+        found = np.stack([np.array(seat.map)] * 2)
+    elif seat.map_left is not None and seat.map_right is not None:
+        found = np.stack([np.array(seat.map_left), np.array(seat.map_right)])
+    elif seat.factor != 1:
+        found = np.ones((2, 1, 1))
+    else:
+        return None
+    return np.asarray(found * seat.factor, np.float64)

@@ -1,0 +1,101 @@
+"""A show, as the command line names it: one file or sequence, or a left and a right one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final, get_args
+
+from domesim.errors import InputError
+from domesim.frames import Master, Packing, read_master
+from domesim.sequences import find_frames, find_pairs, output_pairs, output_path
+
+PACKINGS = tuple(kind for kind in get_args(Packing) if kind not in ("single", "files"))
+"""How left and right may lie in one file."""
+
+
+@final
+@dataclass(frozen=True)
+class Show:
+    """Masters that belong together, in order.
+
+    Parameters
+    ----------
+    moments
+        The files of each: one, or left and right.
+    packing
+        How views lie in one file; None to go by the file itself.
+    allow_identical
+        Take left and right that are the same image.
+    """
+
+    moments: tuple[tuple[Path, ...], ...]
+    packing: str | None = None
+    allow_identical: bool = False
+
+    def read(self, moment: tuple[Path, ...], *, repair: bool) -> Master:
+        """One of its masters; see `read_master` for what is refused."""
+        return read_master(
+            moment, packing=self.packing, repair=repair, allow_identical=self.allow_identical
+        )
+
+    def outputs(self, folder: Path, suffix: str | None) -> tuple[tuple[Path, ...], ...]:
+        """Where in `folder` the results for each go.
+
+        Raises
+        ------
+        InputError
+            If a result would replace an input, or another result.
+        """
+        pairs = tuple((files[0], files[1]) for files in self.moments if len(files) == 2)
+        if pairs:
+            return output_pairs(pairs, folder, suffix)
+        return tuple((output_path(files[0], folder, suffix),) for files in self.moments)
+
+
+def find_show(
+    master: str | None,
+    left: str | None = None,
+    right: str | None = None,
+    *,
+    packing: str | None = None,
+    frames: str | None = None,
+    allow_identical: bool = False,
+) -> Show:
+    """The show that a command's arguments name.
+
+    Parameters
+    ----------
+    master
+        A file or numbered pattern; or None, with `left` and `right`.
+    left, right
+        Those of the two eyes.
+    packing
+        One of `PACKINGS`, for a master of two views.
+    frames
+        Which frames, as for `find_frames`.
+    allow_identical
+        Take left and right that are the same image.
+
+    Raises
+    ------
+    InputError
+        If both ways are used, or none; and as for `find_frames` and `find_pairs`.
+    """
+    if packing is not None and packing not in PACKINGS:
+        raise InputError(f"--packing {packing!r} is not known; use one of {', '.join(PACKINGS)}")
+    if master is not None and (left is not None or right is not None):
+        raise InputError(
+            f"wanted one master or --left and --right, got both: {master} and {left or right}"
+        )
+    if master is not None:
+        found = find_frames(master, frames)
+        return Show(tuple((path,) for path in found), packing, allow_identical)
+    if left is None or right is None:
+        lone = "--left only" if left else "--right only" if right else "none of them"
+        raise InputError(f"wanted a master, or --left and --right, got {lone}")
+    if packing is not None:
+        raise InputError(
+            f"--packing {packing} is for one file of two views, got --left and --right"
+        )
+    return Show(find_pairs(left, right, frames), None, allow_identical)

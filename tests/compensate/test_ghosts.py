@@ -1,0 +1,175 @@
+"""Ghost measures: their definitions, by hand-made edges and closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from theatres import BT709
+from theatres import problem as dome_problem
+
+from compensate.ghosts import clipped_share, edge_energy, measure_ghosts
+from compensate.problem import Problem
+from compensate.solver.deghosting import LocallyRaisedBlack, clipped_subtraction
+from compensate.weighting import CsfWeighting
+from domesim.observation.crosstalk import Crosstalk, leak_matrices
+
+ROWS, COLS = 21, 35
+
+
+def stereo(crosstalk=((0.1,), (0.05,)), desired=None, **options) -> Problem:
+    desired = picture() if desired is None else desired
+    gains = np.ones((1, ROWS, COLS // 2 + 1))
+    support = np.ones((ROWS, COLS), bool)
+    weighting = CsfWeighting(gains, np.eye(3), support, (ROWS, COLS), views=2)
+    observation = Crosstalk(ROWS, COLS, leak_matrices(crosstalk), **options)
+    return Problem(observation, weighting, desired)
+
+
+def picture() -> np.ndarray:
+    """Dark, with a coloured bar that each eye sees elsewhere, and one on the border."""
+    light = np.full((2, ROWS, COLS, 3), 0.002)
+    light[0, :, 8:12] = [0.5, 0.4, 0.2]
+    light[1, :, 15:20] = [0.5, 0.4, 0.2]
+    light[1, 15:] = 0.3
+    return light
+
+
+def measured(problem: Problem, light: np.ndarray, white=48.0, pixels_per_degree=30.0):
+    return measure_ghosts(
+        problem,
+        light,
+        luminance_weights=BT709,
+        white=white,
+        pixels_per_degree=pixels_per_degree,
+    )
+
+
+def edge(height: float, at: int = 40, size: int = 81) -> np.ndarray:
+    """(view, row, col) planes with a step along the columns."""
+    planes = np.zeros((2, 9, size))
+    planes[:, :, at:] = height
+    return planes
+
+
+def test_doing_nothing_leaves_the_whole_ghost():
+    for options in ({}, {"black": 0.03}):
+        problem = stereo(**options)
+        figures = measured(problem, problem.desired)
+        assert figures.edge_energy == pytest.approx(1, abs=1e-12)
+        seen = problem.observation.observe(problem.desired)
+        error = (seen - problem.desired) @ BT709
+        assert figures.residual_rms == pytest.approx(48 * np.sqrt((error**2).mean()))
+        relative = np.linalg.norm(error) / np.linalg.norm(problem.desired @ BT709)
+        assert figures.relative_rms == pytest.approx(relative)
+
+
+def test_the_perfect_picture_has_no_ghost():
+    problem = stereo(desired=0.2 + picture())
+    light = problem.observation.invert(problem.desired)
+    figures = measured(problem, light)
+    assert figures.edge_energy <= 1e-12
+    assert figures.residual_rms <= 1e-12
+    assert figures.clipped_share == 0
+    # no ghost and no error: 0; no ghost but an error: all of it is new
+    none = stereo(0.0)
+    assert measured(none, none.desired).edge_energy == 0
+    assert measured(none, 0.5 * none.desired).edge_energy == np.inf
+    dark = stereo(0.1, desired=np.zeros((2, ROWS, COLS, 3)))
+    assert measured(dark, dark.desired).relative_rms == 0
+
+
+def test_the_clipped_share_counts_pixels():
+    """Where x_u c exceeds desired: by hand."""
+    problem = stereo()
+    left, right = picture()
+    clips = [0.1 * right.max(axis=-1) > left.min(axis=-1) + 0.01]
+    clips.append(0.05 * left.max(axis=-1) > right.min(axis=-1) + 0.01)
+    assert clipped_share(problem) == pytest.approx(np.mean(clips))
+    assert measured(problem, problem.desired).clipped_share == clipped_share(problem)
+    # one primary is enough, and light above white does not count
+    desired = np.full((2, ROWS, COLS, 3), 0.5)
+    desired[0, 0, :7, 1] = 0
+    assert clipped_share(stereo(desired=desired)) == pytest.approx(7 / (2 * ROWS * COLS))
+    too_bright = np.full((2, ROWS, COLS, 3), 0.5)
+    too_bright[0] = 1.2
+    assert clipped_share(stereo(desired=too_bright)) == 0
+
+
+def test_brightness_does_not_matter():
+    problem = stereo()
+    light, _ = clipped_subtraction(problem)
+    full = measured(problem, light)
+    half = measured(stereo(desired=problem.desired / 2), light / 2)
+    assert 0.05 < full.edge_energy < 0.95
+    assert half.edge_energy == pytest.approx(full.edge_energy, rel=1e-12)
+    assert half.relative_rms == pytest.approx(full.relative_rms, rel=1e-12)
+    assert half.residual_rms == pytest.approx(full.residual_rms / 2, rel=1e-12)
+    assert measured(problem, light, white=24.0).residual_rms == pytest.approx(half.residual_rms)
+
+
+def test_a_single_edge():
+    """Steps in one place: the ratio of their heights, whatever their sign."""
+    ghost = edge(0.1)
+    for pixels_per_degree in (5.0, 60.0):
+        assert edge_energy(edge(-0.03), ghost, pixels_per_degree) == pytest.approx(0.3)
+        assert edge_energy(edge(0.03, at=30), ghost, pixels_per_degree) == pytest.approx(0.3)
+        assert edge_energy(0 * ghost + 0.7, ghost, pixels_per_degree) <= 1e-12
+    along_rows = ghost.transpose(0, 2, 1)
+    assert edge_energy(0.4 * along_rows, along_rows, 20.0) == pytest.approx(0.4)
+    both = np.array([ghost[0], 0 * ghost[0]])
+    assert edge_energy(both, ghost, 20.0) == pytest.approx(np.sqrt(0.5))
+
+
+@pytest.mark.parametrize("blur", [1.0, 3.0, 6.0])
+def test_a_blurred_edge_in_closed_form(blur):
+    """An edge blurred by s keeps (1 + s²/sigma²)^(-1/4)."""
+    pixels_per_degree = 45.0
+    sigma = pixels_per_degree / (2 * np.pi * 3)
+    ghost = edge(0.1)
+    smooth = gaussian_filter(ghost, (0, 0, blur), mode="nearest")
+    expected = (1 + (blur / sigma) ** 2) ** -0.25
+    assert edge_energy(smooth, ghost, pixels_per_degree) == pytest.approx(expected, rel=5e-3)
+
+
+def test_the_smallest_gaussian_is_of_seven_tenths_of_a_pixel():
+    ghost = edge(0.1)
+    smooth = gaussian_filter(ghost, (0, 0, 1.0), mode="nearest")
+    coarse = edge_energy(smooth, ghost, 1.0)
+    assert coarse == edge_energy(smooth, ghost, 0.7 * 6 * np.pi)
+    assert coarse != edge_energy(smooth, ghost, 0.8 * 6 * np.pi)
+
+
+def test_a_ghost_smoothed_at_equal_energy_has_less_edge():
+    random = np.random.default_rng(3)
+    ghost = np.repeat(np.repeat(random.random((2, 6, 8)), 9, axis=1), 9, axis=2)
+    previous = edge_energy(ghost, ghost, 30.0)
+    for blur in (1.0, 2.0, 4.0):
+        smooth = gaussian_filter(ghost, (0, blur, blur), mode="nearest")
+        smooth *= np.linalg.norm(ghost) / np.linalg.norm(smooth)
+        now = edge_energy(smooth, ghost, 30.0)
+        assert now < 0.95 * previous
+        previous = now
+
+
+def test_resolution_does_not_matter():
+    random = np.random.default_rng(4)
+    ghost = gaussian_filter(random.random((2, 60, 60)), (0, 3, 3))
+    error = gaussian_filter(ghost, (0, 2, 2))
+    coarse = edge_energy(error, ghost, 45.0)
+    twice = [np.repeat(np.repeat(planes, 2, axis=1), 2, axis=2) for planes in (error, ghost)]
+    assert edge_energy(*twice, 90.0) == pytest.approx(coarse, rel=0.01)
+
+
+def test_a_veil_has_less_edge_than_subtraction():
+    problem = stereo()
+    plain, _ = clipped_subtraction(problem)
+    veil = LocallyRaisedBlack(pixels_per_degree=30.0, degrees=0.5)(problem, plain).light
+    assert measured(problem, veil).edge_energy < 0.6 * measured(problem, plain).edge_energy
+    assert measured(problem, veil).residual_rms > measured(problem, plain).residual_rms
+
+
+def test_a_dome_has_no_ghosts():
+    dome, start = dome_problem(9)
+    with pytest.raises(ValueError, match="two views by one seat"):
+        measured(dome, start)
