@@ -202,7 +202,6 @@ class _Hessian:
     def __init__(self, central: Any, weighting: CsfWeighting, dtype: np.dtype[Any]) -> None:
         seen, primaries = central.shape[:2]
         self._dtype = dtype
-        self._primaries = primaries
         squares = [gain.astype(dtype) ** 2 for gain in weighting.gains]
         channels = len(weighting.opponent)
         shared = len(squares) == 1
@@ -237,19 +236,23 @@ class _Hessian:
         return lambda spectrum: self._apply(inverses, spectrum)
 
     def _apply(self, blocks: Any, spectrum: Spectrum) -> Spectrum:
-        turned = self._turned(spectrum)
-        result = np.concatenate(
-            [blocks_times(b, turned[part]) for b, part in zip(blocks, self._parts, strict=True)]
-        )
-        return self._turned(result)
-
-    def _turned(self, spectrum: Spectrum) -> Spectrum:
-        """To sum and difference, or back: the turn is its own inverse."""
         if not self._summed:
-            return spectrum
-        left, right = spectrum[: self._primaries], spectrum[self._primaries :]
-        half = self._dtype.type(np.sqrt(0.5))
-        return np.concatenate([half * (left + right), half * (left - right)])
+            return blocks_times(blocks[0], spectrum)
+        turned = _sum_and_difference(spectrum)
+        for b, part in zip(blocks, self._parts, strict=True):
+            turned[part] = blocks_times(b, turned[part])
+        result = _sum_and_difference(turned)
+        result *= self._dtype.type(0.5)
+        return result
+
+
+def _sum_and_difference(spectrum: Spectrum) -> Spectrum:
+    """L + R and L - R; done twice, twice the spectrum."""
+    half = len(spectrum) // 2
+    result = np.empty_like(spectrum)
+    np.add(spectrum[:half], spectrum[half:], out=result[:half])
+    np.subtract(spectrum[:half], spectrum[half:], out=result[half:])
+    return result
 
 
 def _planes_of(coefficients: Any, squares: list[Any]) -> list[list[Any]]:

@@ -378,7 +378,7 @@
     if (state.mode === "split") strip.replaceChildren(label(state.a, "A", eye), label(state.b, "B", eye));
     else if (state.mode === "flip") strip.replaceChildren(label(state.shown, tagOf(state.shown), eye));
     else if (state.mode === "difference") strip.replaceChildren(label(state.b, "B"), "minus", label(reference(), "", eye));
-    else strip.replaceChildren(["All views", eye || eyeText("left and right"), "one exposure and zoom"].filter(Boolean).join(", "));
+    else strip.replaceChildren(["All views", eye || eyeText("each"), "one exposure and zoom"].filter(Boolean).join(", "));
     for (const cell of state.mode === "grid" || paired ? cells() : []) {
       const named = state.mode === "grid"; // once, above both eyes
       if (named && cell.eye !== eyes[0]) continue;

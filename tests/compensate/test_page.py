@@ -7,6 +7,7 @@ import json
 import re
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,15 @@ def make_views(rows: int = ROWS, cols: int = COLS) -> list[View]:
     ]
 
 
+def make_stereo(rows: int = ROWS, cols: int = COLS) -> list[View]:
+    """The same views for two eyes, of which the right one's has another peak."""
+    left = make_views(rows, cols)
+    rng = np.random.default_rng(11)
+    right = (1.5 * 10 ** rng.uniform(-4, 0, (rows, cols, 3))).astype(np.float32)
+    pairs = [right, right + np.float32(0.05), np.float32(0.9) * right + np.float32(0.01)]
+    return [replace(view, right=light) for view, light in zip(left, pairs, strict=True)]
+
+
 def write(path: Path, views: list[View] | None = None, **settings: Any) -> str:
     options = {"title": "A title", "subtitle": "A subtitle", "white": WHITE} | settings
     write_page(path, make_views() if views is None else views, **options)
@@ -56,7 +66,8 @@ def unpack(html: str) -> tuple[np.ndarray, np.ndarray]:
     shape = data["rows"], data["cols"]
     blobs = re.findall(r'data-payload="(\w+)"[^>]*>([^<]*)</script>', html)
     raw = [zlib.decompress(base64.b64decode(text)) for _, text in blobs]
-    assert [kind for kind, _ in blobs] == ["mask"] + ["view"] * len(data["views"])
+    kinds = ["view"] * len(data["views"]) + ["right"] * len(data["views"]) * data["stereo"]
+    assert [kind for kind, _ in blobs] == ["mask", *kinds]
     mask = np.unpackbits(np.frombuffer(raw[0], np.uint8), count=shape[0] * shape[1])
     steps = np.stack([np.frombuffer(view, "<u2").reshape(3, *shape) for view in raw[1:]])
     codes = np.cumsum(steps.astype(np.uint64), axis=3) % 65536
@@ -77,6 +88,13 @@ def test_the_payload_is_the_light_to_a_thousandth_down_to_a_ten_thousandth_of_wh
     for view, light in zip(views, found, strict=True):
         np.testing.assert_allclose(light[mask], view.light[mask], rtol=1e-3)
         assert not light[~mask].any()
+
+
+def test_the_right_eyes_payload_is_its_light_too(tmp_path: Path) -> None:
+    views = make_stereo(5, 7)
+    _, found = unpack(write(tmp_path / "page.html", views))
+    np.testing.assert_allclose(found[:3], [view.light for view in views], rtol=1e-3)
+    np.testing.assert_allclose(found[3:], [view.right for view in views], rtol=1e-3)
 
 
 def test_it_keeps_its_precision_with_highlights_of_eight_times_white(tmp_path: Path) -> None:
@@ -181,6 +199,13 @@ BAD: dict[str, tuple[list[View], dict[str, Any], str]] = {
     "a half angle": ([View("A", LIGHT)], {"half_angle_deg": 200.0}, "got 200"),
     "the mask's shape": ([View("A", LIGHT)], {"mask": disc(7, 5)}, r"bool \(5, 7\)"),
     "an empty mask": ([View("A", LIGHT)], {"mask": np.zeros((5, 7), bool)}, "False everywhere"),
+    "one eye short": (
+        [View("A", LIGHT, right=LIGHT), View("B", LIGHT)],
+        {},
+        r"all have a right eye's picture or none, got \['B'\] without",
+    ),
+    "the right eye's size": ([View("A", LIGHT, right=LIGHT[1:])], {}, r"right eye.*\(4, 7, 3\)"),
+    "the right eye's light": ([View("A", LIGHT, right=-LIGHT)], {}, "right eye.* >= 0, got -0.5"),
     "a figure's view": (
         [View("A", LIGHT)],
         {"figures": [Figure("F", "1", {"B": "2"})]},
@@ -533,3 +558,182 @@ def test_without_script_the_page_says_what_it_needs(browser: Any, page_file: Pat
     assert "This page needs JavaScript" in page.locator("noscript p").inner_text()
     assert page.get_by_text("The mean over the screen.").is_visible()
     context.close()
+
+
+# ------------------------------------------------------------------------------ two eyes
+
+DUBOIS = np.array(
+    [
+        [0.4561, 0.5005, 0.1764, -0.0435, -0.0879, -0.0016],
+        [-0.0401, -0.0378, -0.0158, 0.3785, 0.7336, -0.0185],
+        [-0.0152, -0.0206, -0.0055, -0.0722, -0.1130, 1.2264],
+    ]
+)
+AMBER, BLUE = np.array([1, 0.5, 0.1]), np.array([0.1, 0.4, 1])
+POINTS = ((20, 30), (33, 47), (50, 60))
+
+
+def right_of(view: View) -> np.ndarray:
+    assert view.right is not None
+    return view.right.astype(float)
+
+
+def ghost_of(light: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    off = light.astype(float) - wanted
+    excess, lack = np.maximum(off, 0) @ LUMA, np.maximum(-off, 0) @ LUMA
+    return excess[..., None] * AMBER + lack[..., None] * BLUE
+
+
+@pytest.fixture(scope="module")
+def stereo_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("stereo") / "page.html"
+    write(path, make_stereo())
+    return path
+
+
+def open_page(browser: Any, path: Path, **settings: Any) -> Iterator[Viewer]:
+    page = browser.new_page(**({"viewport": {"width": 1440, "height": 900}} | settings))
+    found = Viewer(page).open(path)
+    yield found
+    page.close()
+    assert found.complaints == []
+    assert len(found.requests) == 1
+
+
+@pytest.fixture
+def stereo(browser: Any, stereo_file: Path) -> Iterator[Viewer]:
+    yield from open_page(browser, stereo_file)
+
+
+def test_a_mono_page_says_nothing_of_eyes(viewer: Viewer) -> None:
+    assert viewer.find("eyes").count() == 0
+    viewer.page.keyboard.press("o")
+    assert viewer.state()["eye"] == "left"
+
+
+def test_each_eye_is_shown_alone(stereo: Viewer) -> None:
+    seen = make_stereo()[1]
+    stereo.page.keyboard.press("2")
+    for point in POINTS:
+        assert_shown(stereo, seen.light, *point)
+    stereo.page.keyboard.press("e")
+    for point in POINTS:
+        assert_shown(stereo, right_of(seen), *point)
+
+
+def test_the_anaglyph_is_dubois_in_linear_light(stereo: Viewer) -> None:
+    seen = make_stereo()[1]
+    both = np.concatenate([seen.light.astype(float), right_of(seen)], axis=-1)
+    stereo.page.keyboard.press("2")
+    stereo.page.keyboard.press("c")
+    for point in POINTS:
+        assert_shown(stereo, both @ DUBOIS.T, *point)
+
+
+def test_left_minus_right_is_coloured_by_its_sign(stereo: Viewer) -> None:
+    seen = make_stereo()[1]
+    difference = (seen.light.astype(float) - right_of(seen)) @ LUMA
+    stereo.page.keyboard.press("2")
+    stereo.page.keyboard.press("m")
+    red, _, blue, _ = stereo.colour(*map(int, np.unravel_index(difference.argmax(), (ROWS, COLS))))
+    assert red > blue + 20
+    red, _, blue, _ = stereo.colour(*map(int, np.unravel_index(difference.argmin(), (ROWS, COLS))))
+    assert blue > red + 20
+    assert "left brighter" in stereo.find("legend").inner_text()
+
+
+@pytest.mark.parametrize("eye", ["left", "right"])
+def test_ghost_only_is_what_differs_from_the_master_amplified(stereo: Viewer, eye: str) -> None:
+    master, _, seen = make_stereo()
+    pair = (seen.light, master.light) if eye == "left" else (right_of(seen), right_of(master))
+    stereo.page.keyboard.press("3")
+    stereo.page.keyboard.press("o")
+    stereo.page.locator("label", has=stereo.find(f"ghostOf-{eye}")).click()
+    stereo.find("ghost-gain").fill("3")
+    for point in POINTS:
+        # atol in light: a difference of two codes that are right to 1e-3 each
+        predicted = srgb(8 * ghost_of(*pair)[point])
+        np.testing.assert_allclose(stereo.colour(*point)[:3], predicted, atol=2.5)
+    stereo.page.keyboard.press("1")
+    assert stereo.colour(20, 30) == [0, 0, 0, 255]  # the master has no ghost
+
+
+def test_the_ghost_that_is_left_is_told_for_each_view(stereo: Viewer) -> None:
+    stereo.page.keyboard.press("o")
+    stereo.state()
+    untouched = stereo.find("ghost-left").locator("tbody tr").first.locator("td")
+    assert untouched.all_inner_texts() == ["2.4", "2.4", "0", "0"]  # 0.05 of 48 cd/m²
+
+
+def test_side_by_side_shows_the_left_eye_left(stereo: Viewer) -> None:
+    seen = make_stereo()[1]
+    stereo.page.keyboard.press("2")
+    stereo.page.keyboard.press("p")
+    stereo.state()
+    box = stereo.find("picture").bounding_box()
+    for cell, light in enumerate((seen.light.astype(float), right_of(seen))):
+        at = stereo.page.evaluate(f"domesimViewer.toWindow(20, 30, {cell})")
+        shown = stereo.page.evaluate(
+            "([x, y]) => [...document.getElementById('picture').getContext('2d')"
+            ".getImageData(x, y, 1, 1).data]",
+            [int(at["x"] - box["x"]), int(at["y"] - box["y"])],
+        )
+        np.testing.assert_allclose(shown[:3], srgb(light[20, 30]), atol=0.6)
+
+
+def test_the_wiggle_alternates_and_can_be_paused(stereo: Viewer) -> None:
+    seen = make_stereo()[1]
+    expected = [srgb(light[20, 30].astype(float)) for light in (seen.light, right_of(seen))]
+    stereo.page.keyboard.press("2")
+    stereo.page.keyboard.press("w")
+    shown = []
+    for _ in range(30):
+        colour = stereo.colour(20, 30)[:3]
+        shown.append([np.allclose(colour, eye, atol=0.6) for eye in expected].index(True))
+        stereo.page.wait_for_timeout(40)
+    assert 2 <= np.count_nonzero(np.diff(shown)) <= 12  # 4 a second
+    stereo.find("wiggle-play").click()
+    assert not stereo.state()["playing"]
+    phases = set()
+    for _ in range(8):
+        phases.add(stereo.state()["phase"])
+        stereo.page.wait_for_timeout(80)
+    assert len(phases) == 1
+
+
+def test_the_wiggle_does_not_start_itself_where_motion_is_unwanted(
+    browser: Any, stereo_file: Path
+) -> None:
+    for viewer in open_page(browser, stereo_file, reduced_motion="reduce"):
+        viewer.page.keyboard.press("w")
+        assert not viewer.state()["playing"]
+        viewer.page.keyboard.press("w")
+        assert viewer.state()["playing"]
+
+
+def test_the_eyes_are_picked_by_keyboard(stereo: Viewer) -> None:
+    eyes = ["right", "both", "difference", "anaglyph", "wiggle", "ghost", "left"]
+    for key, eye in zip("epmcwoe", eyes, strict=True):
+        stereo.page.keyboard.press(key)
+        assert stereo.state()["eye"] == eye
+        assert stereo.find(f"eye-{eye}").is_checked()
+
+
+def test_the_probe_reads_both_eyes(stereo: Viewer) -> None:
+    found = stereo.page.evaluate("domesimViewer.probeAt(20, 30)")
+    for view, value in zip(make_stereo(), found["views"], strict=True):
+        eyes = (view.light, value), (right_of(view), value["right"])
+        for light, told in eyes:
+            np.testing.assert_allclose(
+                [told["r"], told["g"], told["b"]], WHITE * light[20, 30].astype(float), rtol=1e-3
+            )
+
+
+@pytest.mark.parametrize("width", [390, 1200])
+def test_a_stereo_page_fits_its_width(browser: Any, stereo_file: Path, width: int) -> None:
+    for viewer in open_page(browser, stereo_file, viewport={"width": width, "height": 844}):
+        for keys in ("go", "sp", "fc", "gm", "sw"):
+            for key in keys:
+                viewer.page.keyboard.press(key)
+            viewer.state()
+            assert viewer.page.evaluate("document.documentElement.scrollWidth") == width
