@@ -65,6 +65,10 @@ LowFrequencyGain = Annotated[
 ]
 
 
+INVISIBLE = 0.01
+"""JND rms of rounding that is not worth a word."""
+
+
 def compensate(
     scene: SceneName,
     out: OutFolder,
@@ -98,7 +102,7 @@ def compensate(
         written = write(outcome.frame)
         stored = outcome.stored_error(written)
         line = f"{_line(outcome.figures)} As stored: {stored:.3g} JND rms"
-        if stored > 1.1 * outcome.figures.error_after:
+        if stored > 1.1 * outcome.figures.error_after and stored > INVISIBLE:
             line += (
                 f" (rounding to {written.bits} bit {written.path.suffix} shows: --format, --bits)"
             )
@@ -224,7 +228,13 @@ def _solver(
     require_method(method, scene)
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance must lie between 0 and 1, got {tolerance:g}")
+    several = isinstance(scene, StereoScene) and len(scene.chosen) > 1
     if method != "perceptual":
+        if worst and several:
+            raise InputError(
+                f"--seat worst: {method} knows one seat or the mean of all; use --seat all, name "
+                f"one, or leave --method out"
+            )
         return None
 
     def note(iteration: int, gap: float) -> None:
@@ -233,7 +243,7 @@ def _solver(
     admm = ADMM(tolerance=tolerance, progress=note)
     if isinstance(scene, StereoScene) and scene.table is not None:
         return Relinearised(admm)
-    if isinstance(scene, StereoScene) and worst and len(scene.chosen) > 1:
+    if worst and several:
         return WorstSeat(replace(admm, tolerance=tolerance / 5, stop_when_invisible=False))
     return admm
 

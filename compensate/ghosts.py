@@ -4,7 +4,7 @@ With Y the luminance of light, the residual and the ghost of the untouched maste
 
     e = Y(psi(x) - desired)          g = Y(psi(desired) - desired)
 
-(view, row, col) each. Four figures say what became of g:
+(view, row, col) each. Five figures say what became of g:
 
 *Clipped share*: the share of all pixels, of both eyes, where exact clipped subtraction
 (`compensate.solver.deghosting`) would need negative light in some primary. It tells how hard a
@@ -28,6 +28,19 @@ the eye resolves contrast best. A ghost that is smoothed keeps its light and los
 edge blurred by s keeps (1 + s²/sigma²)^(-1/4). Only the picture's pixels are counted, and its
 border is no edge: beyond it planes go on as they are there. *All* of the residual's edges count,
 so those of a veil, and of contrast that was lost everywhere (by range compression), do too.
+
+*Ghost left*, with the same gradients, sums and pixels:
+
+    sum(grad e . grad g) / sum |grad g|²
+
+It is the least-squares share of g's edges in e: how much of the ghost itself is still to be seen,
+with its sign. 1: the whole ghost. 0: none. Negative: overcorrected, a dark ghost instead. It cannot
+exceed the edge energy (Cauchy and Schwarz), and equals it where the residual is a share of the
+ghost; edges that lie elsewhere do not count. That makes it blind to all *other* errors, so it is
+read beside the edge energy, never alone: a method that loses contrast may leave no ghost but much
+edge energy. Contrast lost in a share b of the desired picture counts by what the picture has in
+common with its own ghost: -b sum(grad Y(desired) . grad g) / sum |grad g|², which is small where
+edges of left and right lie apart.
 """
 
 from __future__ import annotations
@@ -67,12 +80,16 @@ class Ghosts:
         The same relative to the desired picture's.
     edge_energy
         Ghost edge energy: 1 for the untouched master, 0 for none.
+    ghost_left
+        Share of the ghost's own edges that is left: 1 for the untouched master, 0 for none,
+        negative where it is overcorrected.
     """
 
     clipped_share: float
     residual_rms: float
     relative_rms: float
     edge_energy: float
+    ghost_left: float
 
 
 def measure_ghosts(
@@ -118,6 +135,7 @@ def measure_ghosts(
         residual_rms=white * rms,
         relative_rms=_ratio(rms, picture),
         edge_energy=edge_energy(error, ghost, pixels_per_degree),
+        ghost_left=ghost_left(error, ghost, pixels_per_degree),
     )
 
 
@@ -136,18 +154,32 @@ def clipped_share(problem: Problem) -> float:
 
 def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
     """Ghost edge energy of planes of luminance (view, row, col): infinite if there was no ghost."""
-    sigma = max(FINEST_SIGMA, pixels_per_degree / (2 * np.pi * BEST_FREQUENCY))
+    sigma = _sigma(pixels_per_degree)
     return float(
-        np.sqrt(_ratio(_squared_gradients(error, sigma), _squared_gradients(ghost, sigma)))
+        np.sqrt(_ratio(_common_edges(error, error, sigma), _common_edges(ghost, ghost, sigma)))
     )
 
 
-def _squared_gradients(planes: Floats, sigma: float) -> float:
-    """Sum of |grad (G * plane)|² over all pixels of all planes."""
+def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
+    """Share of the ghost's own edges in the error, both (view, row, col): 0 if there was none."""
+    sigma = _sigma(pixels_per_degree)
+    edges = _common_edges(ghost, ghost, sigma)
+    return _common_edges(error, ghost, sigma) / edges if edges > 0 else 0.0
+
+
+def _sigma(pixels_per_degree: float) -> float:
+    return max(FINEST_SIGMA, pixels_per_degree / (2 * np.pi * BEST_FREQUENCY))
+
+
+def _common_edges(first: Floats, second: Floats, sigma: float) -> float:
+    """Sum of grad (G * first) . grad (G * second) over all pixels of all planes."""
     result = 0.0
     for order in ((0, 1, 0), (0, 0, 1)):
-        slope = gaussian_filter(planes, (0, sigma, sigma), order=order, mode="nearest")
-        result += float(np.sum(slope**2))
+        slopes = [
+            gaussian_filter(planes, (0, sigma, sigma), order=order, mode="nearest")
+            for planes in ((first,) if second is first else (first, second))
+        ]
+        result += float(np.sum(slopes[0] * slopes[-1]))
     return result
 
 

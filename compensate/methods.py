@@ -21,8 +21,7 @@ from compensate.solver.result import Result
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.observation.grey_to_grey import Linearised
-from domesim.projector import conversion
-from domesim.scene import DomeScene, Scene
+from domesim.scene import DomeScene, Scene, StereoScene
 
 Solver: TypeAlias = Callable[[Problem, Light], Result]
 
@@ -51,9 +50,7 @@ STEREO: Mapping[str, Chosen] = {
     "perceptual": _perceptual,
     "paper": lambda scene, problem: PaperMethod(scene.viewing),
     "subtractive": lambda scene, problem: ClippedSubtraction(),
-    "lab-subtractive": lambda scene, problem: PerceptualSubtraction(
-        conversion(scene.projector.primaries, "XYZ")
-    ),
+    "lab-subtractive": lambda scene, problem: PerceptualSubtraction(scene.projector.to_xyz),
     "raised-black": lambda scene, problem: RangeCompression(),
     "raised-black-local": _locally_raised,
     "player-shader": lambda scene, problem: PlayerShader(),
@@ -66,7 +63,12 @@ METHODS = tuple(dict.fromkeys([*DOME, *STEREO]))
 
 def methods_of(scene: Scene) -> Mapping[str, Chosen]:
     """The methods that a scene has."""
-    return DOME if isinstance(scene, DomeScene) else STEREO
+    if isinstance(scene, DomeScene):
+        return DOME
+    if isinstance(scene, StereoScene) and scene.table is not None:
+        # Its system of equations is that of one matrix
+        return {name: method for name, method in STEREO.items() if name != "paper"}
+    return STEREO
 
 
 def require_method(name: str, scene: Scene) -> Chosen:

@@ -136,7 +136,10 @@ def observe(
     console = Console(quiet=quiet, json=json)
     theatre = scene_of(scene, transport, console, seat)
     if isinstance(theatre, StereoScene) and len(theatre.chosen) > 1:
-        raise InputError(f"--seat {seat}: what is seen is seen from one seat; name one of them")
+        raise InputError(
+            f"--seat {seat}: what is seen is seen from one seat; name one of "
+            f"{', '.join(theatre.chosen)}"
+        )
 
     def work(source: Master, write: Callable[[Master], Master]) -> tuple[dict[str, Any], str]:
         light = decoded(source, theatre)
@@ -209,7 +212,7 @@ def scene_of(name: str, transport: Path | None, console: Console, seat: str | No
             scene = scene.seen_from(seat)
         console.say(f"{scene.name}: crosstalk {scene.facts()['Crosstalk']}")
     elif seat is not None:
-        raise InputError(f"--seat {seat}: a dome theatre has no seats to choose from")
+        raise InputError(f"--seat {seat}: {scene.name} is a dome theatre; leave --seat out")
     if scene.approximation is not None:
         console.say(f"{scene.name}: {scene.approximation}")
     return scene
@@ -249,7 +252,11 @@ def build() -> typer.Typer:
         rich_markup_mode=None,
     )
     for entry in sorted(entry_points(group="domesim.commands"), key=lambda entry: entry.name):
-        app.command(entry.name)(entry.load())
+        found = entry.load()
+        if isinstance(found, typer.Typer):  # a command with subcommands of its own
+            app.add_typer(found, name=entry.name)
+        else:
+            app.command(entry.name)(found)
     # With one command alone typer would drop its name.
     app.callback()(lambda: None)
     return app

@@ -1,7 +1,8 @@
 """The projector: code values of a file <-> linear light on the screen.
 
 Light 1.0 is the projector's white. A master in other primaries than the projector's goes through a
-3 x 3 matrix (colour-science's, chromatically adapted, applied in the pixels' own precision).
+3 x 3 matrix (colour-science's, chromatically adapted, applied in the pixels' own precision). A
+projector's primaries have a name, or were measured.
 """
 
 from __future__ import annotations
@@ -9,10 +10,10 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
 from domesim.light import Light
@@ -31,6 +32,15 @@ PRIMARIES = {
 }
 """Names of primaries -> colour-science's names of the colour spaces that have them."""
 
+MEASURED = "measured"
+"""Name of primaries that have no other."""
+
+Matrix: TypeAlias = tuple[tuple[float, float, float], ...]
+"""(XYZ, RGB) of measured primaries: linear RGB -> XYZ, with Y = 1 at white."""
+
+_SINGULAR = 1e4
+"""Condition of a matrix beyond which its primaries are one colour; BT.709's is 5."""
+
 
 @final
 @dataclass(frozen=True)
@@ -40,11 +50,13 @@ class Projector:
     Parameters
     ----------
     primaries
-        Name of its primaries, one of `PRIMARIES` except XYZ.
+        Name of its primaries, one of `PRIMARIES` except XYZ; or `MEASURED`.
     white
         Luminance of its white on the screen, cd/m²: light 1.0.
     black
         Luminance of its full-frame black on the screen, cd/m².
+    measured
+        Its primaries if they were measured (see `relative_primaries`), None if they have a name.
 
     Raises
     ------
@@ -55,9 +67,13 @@ class Projector:
     primaries: str
     white: float
     black: float = 0.0
+    measured: Matrix | None = None
 
     def __post_init__(self) -> None:
-        require_primaries(self.primaries)
+        if self.measured is None:
+            require_primaries(self.primaries)
+        else:
+            _require_measured(self.primaries, self.measured)
         if self.primaries == "XYZ":
             raise InputError(
                 "projector primaries must be real lights, got XYZ; use for instance P3-D65"
@@ -76,20 +92,59 @@ class Projector:
         The result may leave 0..1 where the picture has colours or highlights that the projector
         has not; it is not clamped here.
         """
-        return _convert(transfer.decode(pixels), primaries, self.primaries)
+        return _convert(transfer.decode(pixels), primaries, self._space)
 
     def encode(self, light: Light, transfer: Transfer, primaries: str) -> Pixels:
         """Code values (view, row, col, RGB) of Light: inverse of `decode`."""
-        return transfer.encode(_convert(light, self.primaries, primaries))
+        return transfer.encode(_convert(light, self._space, primaries))
 
     def to_display(self, light: Light) -> Pixels:
         """(view, row, col, RGB) light in BT.709 primaries, for showing on a computer screen."""
-        return _convert(light, self.primaries, "BT.709")
+        return _convert(light, self._space, "BT.709")
+
+    @property
+    def to_xyz(self) -> NDArray[np.float64]:
+        """(XYZ, primary) matrix from light to XYZ, with Y = 1 at white."""
+        return conversion(self._space, "XYZ")
 
     @property
     def luminance_weights(self) -> NDArray[np.float64]:
         """(primary,): share of each primary in the luminance of white; sums to 1."""
-        return _luminance_weights(self.primaries)
+        return _luminance_weights(self._space)
+
+    @property
+    def _space(self) -> str | Matrix:
+        return self.primaries if self.measured is None else self.measured
+
+
+def relative_primaries(xyz: ArrayLike) -> Matrix:
+    """Measured primaries as `Projector` takes them.
+
+    Parameters
+    ----------
+    xyz
+        (XYZ, RGB) of full R, G and B without black, in any unit.
+    """
+    given = np.asarray(xyz, np.float64)
+    rows = (given / given[1].sum()).tolist()
+    return tuple((float(r), float(g), float(b)) for r, g, b in rows)
+
+
+def _require_measured(name: str, matrix: Matrix) -> None:
+    if name != MEASURED:
+        raise InputError(
+            f"projector primaries must be called {MEASURED!r} when they are given, got {name!r}"
+        )
+    given = np.asarray(matrix, np.float64)
+    if given.shape != (3, 3) or not np.isfinite(given).all():
+        raise InputError(f"measured primaries must be 3 x 3 finite numbers, got {matrix}")
+    if abs(given[1].sum() - 1) > 1e-6:
+        raise InputError(
+            f"measured primaries must have Y = 1 at white, got {given[1].sum():g}; divide by that"
+        )
+    lengths = np.linalg.norm(given, axis=0)
+    if not lengths.min() > 0 or np.linalg.cond(given / lengths) > _SINGULAR:
+        raise InputError(f"measured primaries must be three colours, got {matrix}; measure again")
 
 
 def require_primaries(name: str) -> None:
@@ -104,32 +159,62 @@ def require_primaries(name: str) -> None:
         raise InputError(f"primaries {name!r} are not known; use one of {', '.join(PRIMARIES)}")
 
 
-def _convert(rgb: Pixels, source: str, target: str) -> Pixels:
+def _convert(rgb: Pixels, source: str | Matrix, target: str | Matrix) -> Pixels:
     if source == target:
         return rgb
     return rgb @ conversion(source, target).T.astype(rgb.dtype)
 
 
 @cache
-def conversion(source: str, target: str) -> NDArray[np.float64]:
+def conversion(source: str | Matrix, target: str | Matrix) -> NDArray[np.float64]:
     """(3, 3) matrix from linear RGB in `source` primaries to `target` primaries.
 
     White goes to white (Bradford adaptation), except from and to XYZ, which is colorimetric with
     Y = 1 at white (SMPTE ST 428-1).
+
+    Parameters
+    ----------
+    source, target
+        Names of primaries, or measured ones (see `relative_primaries`).
+
+    Raises
+    ------
+    InputError
+        If a name is not known.
     """
-    require_primaries(source)
-    require_primaries(target)
-    colour = _colour()
+    for space in (source, target):
+        if isinstance(space, str):
+            require_primaries(space)
     if source == "XYZ":
-        return np.asarray(colour.RGB_COLOURSPACES[PRIMARIES[target]].matrix_XYZ_to_RGB)
+        return np.asarray(_colour_space(target).matrix_XYZ_to_RGB)
     if target == "XYZ":
-        return np.asarray(colour.RGB_COLOURSPACES[PRIMARIES[source]].matrix_RGB_to_XYZ)
-    spaces = (colour.RGB_COLOURSPACES[PRIMARIES[name]] for name in (source, target))
-    return np.asarray(colour.matrix_RGB_to_RGB(*spaces, chromatic_adaptation_transform="Bradford"))
+        return np.asarray(_colour_space(source).matrix_RGB_to_XYZ)
+    return np.asarray(
+        _colour().matrix_RGB_to_RGB(
+            _colour_space(source),
+            _colour_space(target),
+            chromatic_adaptation_transform="Bradford",
+        )
+    )
+
+
+def _colour_space(space: str | Matrix) -> Any:
+    """colour-science's colour space of these primaries."""
+    colour = _colour()
+    if isinstance(space, str):
+        return colour.RGB_COLOURSPACES[PRIMARIES[space]]
+    to_xyz = np.asarray(space)
+    return colour.RGB_Colourspace(
+        MEASURED,
+        colour.XYZ_to_xy(to_xyz.T),
+        colour.XYZ_to_xy(to_xyz.sum(axis=1)),
+        matrix_RGB_to_XYZ=to_xyz,
+        matrix_XYZ_to_RGB=np.linalg.inv(to_xyz),
+    )
 
 
 @cache
-def _luminance_weights(primaries: str) -> NDArray[np.float64]:
+def _luminance_weights(primaries: str | Matrix) -> NDArray[np.float64]:
     row = np.asarray(conversion(primaries, "XYZ"))[1]
     return np.asarray(row / row.sum())
 

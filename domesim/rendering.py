@@ -18,7 +18,6 @@ from domesim.cli import INTERRUPTED, Json, Quiet, Repair, finish
 from domesim.console import Console, about, prepare_file
 from domesim.errors import InputError
 from domesim.frames import read_master
-from domesim.projector import conversion
 from domesim.scene import DomeScene, StereoScene, load_dome, load_scene
 from domesim.scene.crosstalk_maps import CrosstalkMaps
 from domesim.scene.stereo import MAP_CELLS
@@ -140,7 +139,7 @@ def tabulate(
     from domesim.pathtrace.llvm import backend  # noqa: PLC0415
 
     if isinstance(theatre, StereoScene):
-        _tabulate_crosstalk(theatre, out, seed, console)
+        _tabulate_crosstalk(theatre, scene, out, seed, console)
         return
     assert isinstance(theatre, DomeScene)
     from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
@@ -186,7 +185,9 @@ def tabulate(
     _finish(console, figures, interrupted)
 
 
-def _tabulate_crosstalk(scene: StereoScene, out: Path, seed: int, console: Console) -> None:
+def _tabulate_crosstalk(
+    scene: StereoScene, name: str, out: Path, seed: int, console: Console
+) -> None:
     """Store the crosstalk maps of all seats, and say how far the estimate by hand was off."""
     from domesim.pathtrace.polarised import crosstalk_map  # noqa: PLC0415
 
@@ -237,7 +238,7 @@ def _tabulate_crosstalk(scene: StereoScene, out: Path, seed: int, console: Conso
     stored.save(out)
     console.say(
         f"  -> {out}\nUse it: domesim compensate --left L.####.exr --right R.####.exr "
-        f"--scene {scene.name} --transport {out}"
+        f"--scene {name} --transport {out}"
     )
     finish(console, {"scene": scene.name, "output": str(out), "seats": rows}, [])
 
@@ -507,6 +508,6 @@ def _display(scene: DomeScene, picture: NDArray[Any]) -> NDArray[Any]:
 
 def _chromaticities(scene: DomeScene) -> tuple[float, ...]:
     """(x, y) of red, green, blue and white of the projector."""
-    matrix = conversion(scene.projector.primaries, "XYZ")
+    matrix = scene.projector.to_xyz
     columns = [*matrix.T, matrix.sum(axis=1)]
     return tuple(float(v) for c in columns for v in (c[:2] / c.sum()))

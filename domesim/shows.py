@@ -8,6 +8,7 @@ from typing import final, get_args
 
 from domesim.errors import InputError
 from domesim.frames import Master, Packing, read_master
+from domesim.frames.mistaken import refuse_one_file
 from domesim.sequences import find_frames, find_pairs, output_pairs, output_path
 
 PACKINGS = tuple(kind for kind in get_args(Packing) if kind not in ("single", "files"))
@@ -80,22 +81,37 @@ def find_show(
     Raises
     ------
     InputError
-        If both ways are used, or none; and as for `find_frames` and `find_pairs`.
+        If both ways are used, or none; left and right are one file; and as for `find_frames` and
+        `find_pairs`.
     """
     if packing is not None and packing not in PACKINGS:
         raise InputError(f"--packing {packing!r} is not known; use one of {', '.join(PACKINGS)}")
     if master is not None and (left is not None or right is not None):
         raise InputError(
-            f"wanted one master or --left and --right, got both: {master} and {left or right}"
+            f"wanted one master or --left and --right, got both: {master} and {left or right}; "
+            f"leave one of them out"
         )
     if master is not None:
         found = find_frames(master, frames)
         return Show(tuple((path,) for path in found), packing, allow_identical)
     if left is None or right is None:
-        lone = "--left only" if left else "--right only" if right else "none of them"
-        raise InputError(f"wanted a master, or --left and --right, got {lone}")
+        if left is None and right is None:
+            raise InputError(
+                "wanted a master, or --left and --right, got none of them; name a file or a "
+                "numbered sequence"
+            )
+        given, other = ("--left", "--right") if right is None else ("--right", "--left")
+        raise InputError(
+            f"wanted --left and --right, got {given} {left or right} only; name the other eye's as "
+            f"{other}"
+        )
     if packing is not None:
         raise InputError(
-            f"--packing {packing} is for one file of two views, got --left and --right"
+            f"--packing {packing} is for one file of two views, got --left and --right; leave "
+            f"--packing out"
         )
-    return Show(find_pairs(left, right, frames), None, allow_identical)
+    pairs = find_pairs(left, right, frames)
+    if not allow_identical:
+        for pair in pairs:
+            refuse_one_file(*pair)
+    return Show(pairs, None, allow_identical)

@@ -628,7 +628,7 @@ def test_impossible_settings(
         ),
         (["compensate", "m.exr", "--out", "x"], "Missing option '--scene'"),
         (["observe", "m.exr", "--scene", SCENE], "Missing option '--out'"),
-        (["compare"], "Missing argument"),
+        (["compare"], "Missing option"),
         (
             ["compensate", "m.exr", "--scene", SCENE, "--out", "x", "--tolerance", "y"],
             "'--tolerance'",

@@ -50,6 +50,8 @@ class GPCG:
         Iterations (of both phases) after which it gives up.
     max_gradient_steps, max_cg_steps
         Longest gradient projection and conjugate gradient phase of an iteration.
+    max_phases
+        Most conjugate gradient phases of an iteration, while the face stays the right one.
     decrease, gradient_progress, cg_progress
         mu, eta_1 and eta_2 above.
     progress
@@ -61,6 +63,7 @@ class GPCG:
     max_iterations: int = 200
     max_gradient_steps: int = 10
     max_cg_steps: int = 10
+    max_phases: int = 20
     decrease: float = 0.1
     gradient_progress: float = 0.25
     cg_progress: float = 0.25
@@ -93,7 +96,8 @@ class GPCG:
     def _iterate(self, q: Problem, x: Light) -> tuple[Light, float, Light]:
         """One gradient projection phase and the conjugate gradients on the face it finds."""
         x, cost, gradient = self._gradient_projection(q, x)
-        while True:
+        # Bounded, for where the cost is nearly 0 rounding lets steps go on for ever.
+        for _ in range(self.max_phases):
             direction = self._conjugate_gradients(q, x, gradient)
             slope = dot(gradient, direction)
             if slope >= 0:

@@ -278,7 +278,8 @@ def _note_darker_than_black(session: Session, mistakes: Mistakes) -> None:
             mean.lines[0],
             f"{session.name}: {mean.place} must not be darker than black, got XYZ "
             f"{told(mean.xyz)} below K {told(dark.xyz)} of line {dark.lines[0]}{more}; if black is "
-            f"subtracted already, say so (black: subtracted), else measure again",
+            f"subtracted already, say so (black: subtracted; as an option, --black subtracted), "
+            f"else measure again",
         )
 
 

@@ -18,7 +18,8 @@ Share = Annotated[Number, Field(ge=0, le=1)]
 Luminance = Annotated[Number, Field(ge=1e-6, le=1e6)]
 NoLuminance = Annotated[Number, Field(ge=0, le=1e6)]
 
-TAGS = ("one number", "a number a primary")
+TAGS = ("one number", "a number a primary", "a matrix", "named primaries", "measured primaries")
+"""Alternatives of what a key may hold; they are no keys themselves."""
 _EITHER = Discriminator(lambda value: TAGS[isinstance(value, list)])
 PerPrimary = Annotated[
     Annotated[Share, Tag(TAGS[0])] | Annotated[tuple[Share, Share, Share], Tag(TAGS[1])],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,8 +21,14 @@ from domesim.polarisation import crosstalk_estimate
 from domesim.projector import Projector
 from domesim.scene.base import Scene
 from domesim.scene.crosstalk_maps import CrosstalkMaps
-from domesim.scene.fields import AmbientSection
-from domesim.scene.stereo_file import PolarisationSection, StereoFile, grids
+from domesim.scene.stereo_file import (
+    CrosstalkSection,
+    MeasuredProjectorSection,
+    PolarisationSection,
+    StereoFile,
+    grids,
+)
+from domesim.scene.stereo_measured import measured_system
 from domesim.stereo import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
 from domesim.viewing import Viewing
 
@@ -76,7 +83,8 @@ class StereoScene(Scene):
     size
         (width, height) of the screen, m.
     ambient
-        Luminance of the unlit screen through the glasses, cd/m².
+        (view, primary) light of the unlit screen through the glasses, as the luminance of a white
+        picture that has as much of this primary, cd/m².
     seats
         Crosstalk by the seats' names.
     chosen
@@ -97,7 +105,7 @@ class StereoScene(Scene):
     viewing: Viewing
     sources: Mapping[str, str]
     size: tuple[float, float]
-    ambient: float
+    ambient: NDArray[np.float64]
     seats: Mapping[str, Seat]
     chosen: tuple[str, ...]
     table: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
@@ -156,18 +164,17 @@ class StereoScene(Scene):
 
     def observation(self, rows: int, cols: int) -> StereoObservation | GreyToGrey:
         """What the chosen seats' eyes see of a pair of that size."""
-        black = self.ambient / self.projector.white
         if self.table is not None:
             levels, entries = self.table
             by_primary = np.repeat(entries[:, None], 3, axis=1)
-            return GreyToGrey(rows, cols, levels, by_primary, black=black)
+            return GreyToGrey(rows, cols, levels, by_primary, black=self._black)
         seats = [
             Crosstalk(
                 rows,
                 cols,
                 self.seats[name].matrices,
                 share=self._share(name, rows, cols),
-                black=black,
+                black=self._black,
             )
             for name in self.chosen
         ]
@@ -193,8 +200,9 @@ class StereoScene(Scene):
         matrices = sum(
             weight * seat.matrices for weight, seat in zip(self.weights, chosen, strict=True)
         )
-        black = self.ambient / self.projector.white
-        return Crosstalk(rows, cols, np.asarray(matrices), share=np.asarray(share), black=black)
+        return Crosstalk(
+            rows, cols, np.asarray(matrices), share=np.asarray(share), black=self._black
+        )
 
     def solvable(self, rows: int, cols: int) -> StereoObservation:
         """`observation`; of a table, its linearisation at black."""
@@ -225,16 +233,63 @@ class StereoScene(Scene):
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
         }
 
+    @property
+    def _black(self) -> NDArray[np.float64]:
+        """(view, primary) in units of white."""
+        return np.reshape(self.ambient, (2, -1)) / self.projector.white
+
     def _share(self, name: str, rows: int, cols: int) -> NDArray[np.float64] | None:
         share = self.seats[name].share
         return None if share is None else _over_pixels(share, rows, cols)
 
 
 def built(file: StereoFile, folder: Path) -> StereoScene:
-    """The stereo system that a file in `folder` describes."""
-    lit, screen = file.projector, file.screen
-    ambient: AmbientSection = file.ambient
-    seats, theatre = _seats(file)
+    """The stereo system that a file in `folder` describes.
+
+    Raises
+    ------
+    InputError
+        If crosstalk is impossible; or it names readings, and these cannot be read or do not fit.
+    """
+    scene = _described(file, folder)
+    _require_possible(scene)
+    return scene
+
+
+def _described(file: StereoFile, folder: Path) -> StereoScene:
+    if isinstance(file.projector, MeasuredProjectorSection):
+        system = measured_system(file.crosstalk, file.projector, folder)
+        digest = hashlib.sha256(f"{file.digest} {system.digest}".encode()).hexdigest()
+        return _scene(file, system.projector, system.black, _seats(file, system.matrices), digest)
+    lit = file.projector
+    projector = Projector(lit.primaries, lit.white_cd_m2, lit.black_cd_m2)
+    black = np.full((2, 3), lit.black_cd_m2)
+    if file.crosstalk.polarisation is None:
+        return _scene(file, projector, black, _seats(file, _figures(file.crosstalk)), file.digest)
+    theatre = _theatre(file, file.crosstalk.polarisation)
+    scene = _scene(file, projector, black, _estimated(file, theatre), file.digest)
+    return replace(scene, theatre=theatre)
+
+
+def _require_possible(scene: StereoScene) -> None:
+    """Before frames are read: crosstalk that no observation takes."""
+    for name, seat in scene.seats.items():
+        rows, cols = (1, 1) if seat.share is None else seat.share.shape[1:]
+        try:
+            scene.seen_from(name).observation(rows, cols)
+        except InputError as error:
+            where = "" if len(scene.seats) == 1 else f"seat {name!r}: "
+            raise InputError(f"{where}{error}") from error
+
+
+def _scene(
+    file: StereoFile,
+    projector: Projector,
+    black: NDArray[np.float64],
+    seats: Mapping[str, Seat],
+    digest: str,
+) -> StereoScene:
+    screen = file.screen
     table = file.crosstalk.table
     models = {
         "figures": "figures of the scene file",
@@ -245,43 +300,45 @@ def built(file: StereoFile, folder: Path) -> StereoScene:
     return StereoScene(
         name=file.name,
         description=file.description,
-        projector=Projector(lit.primaries, lit.white_cd_m2, lit.black_cd_m2),
+        projector=projector,
         viewing=viewing.of_flat_screen(
             screen.width_m, screen.height_m, file.viewing.distance_m, file.viewing.adaptation_cd_m2
         ),
         sources=file.sources,
         size=(screen.width_m, screen.height_m),
-        ambient=lit.black_cd_m2 + ambient.luminance_cd_m2,
+        ambient=black + file.ambient.luminance_cd_m2,
         seats=seats,
         chosen=(next(iter(seats)),),
         table=None
         if table is None
         else (np.array(table.levels), np.array([table.to_left, table.to_right])),
-        theatre=theatre,
-        digest=file.digest,
+        digest=digest,
         model=models[file.crosstalk.told],
     )
 
 
-def _seats(file: StereoFile) -> tuple[dict[str, Seat], StereoTheatre | None]:
-    told = file.crosstalk
-    if told.polarisation is not None:
-        theatre = _theatre(file, told.polarisation)
-        return {
-            seat.name: Seat(
-                leak_matrices(1.0), crosstalk_estimate(theatre, seat.name, *MAP_CELLS), seat.weight
-            )
-            for seat in file.seats
-        }, theatre
+def _estimated(file: StereoFile, theatre: StereoTheatre) -> dict[str, Seat]:
+    return {
+        seat.name: Seat(
+            leak_matrices(1.0), crosstalk_estimate(theatre, seat.name, *MAP_CELLS), seat.weight
+        )
+        for seat in file.seats
+    }
+
+
+def _figures(told: CrosstalkSection) -> NDArray[np.float64]:
+    """(view, primary, primary) crosstalk as the file's figures tell it; 0 for a table."""
     if told.share is not None:
-        matrices = _of_both(told.share, told.share)
-    elif told.to_left is not None and told.to_right is not None:
-        matrices = _of_both(told.to_left, told.to_right)
-    else:
-        matrices = leak_matrices(0.0)
+        return _of_both(told.share, told.share)
+    if told.to_left is not None and told.to_right is not None:
+        return _of_both(told.to_left, told.to_right)
+    return leak_matrices(0.0)
+
+
+def _seats(file: StereoFile, matrices: NDArray[np.float64]) -> dict[str, Seat]:
     if not file.seats:
-        return {SWEET_SPOT: Seat(matrices)}, None
-    return {seat.name: Seat(matrices, grids(seat), seat.weight) for seat in file.seats}, None
+        return {SWEET_SPOT: Seat(matrices)}
+    return {seat.name: Seat(matrices, grids(seat), seat.weight) for seat in file.seats}
 
 
 def _of_both(to_left: object, to_right: object) -> NDArray[np.float64]:

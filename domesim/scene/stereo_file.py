@@ -3,18 +3,23 @@
 Crosstalk is told in one of four ways: as figures (``share``, or ``to_left`` and ``to_right``), as a
 grey-to-grey ``table``, as the hardware that causes it (``polarisation``), or as ``readings`` of a
 colorimeter. ``to_left`` is what the left eye sees of the right eye's picture.
+
+Readings tell the projector, too: its ``primaries`` are "measured" (the common gamut of both), and
+white and black are left out, or are those of the readings.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from domesim.projector import MEASURED, PRIMARIES
 from domesim.scene.fields import (
+    TAGS,
     AmbientSection,
     Coordinate,
     Length,
@@ -28,18 +33,19 @@ from domesim.scene.fields import (
 
 Leak = Annotated[Number, Field(ge=-0.9, le=0.9)]
 Row = tuple[Leak, Leak, Leak]
+_NUMBER, _ROW, _MATRIX, _NAMED, _MEASURED = TAGS
 
 
 def _form(value: object) -> str:
     if not isinstance(value, list):
-        return "one number"
-    return "a matrix" if value and isinstance(value[0], list) else "a number a primary"
+        return _NUMBER
+    return _MATRIX if value and isinstance(value[0], list) else _ROW
 
 
 LeakOfAView: TypeAlias = Annotated[
-    Annotated[Leak, Tag("one number")]
-    | Annotated[Row, Tag("a number a primary")]
-    | Annotated[tuple[Row, Row, Row], Tag("a matrix")],
+    Annotated[Leak, Tag(_NUMBER)]
+    | Annotated[Row, Tag(_ROW)]
+    | Annotated[tuple[Row, Row, Row], Tag(_MATRIX)],
     Discriminator(_form),
 ]
 """One number for all primaries, one for each, or three rows: what R, G, B of the eye see."""
@@ -61,6 +67,36 @@ class StereoProjectorSection(Section):
     primaries: str = "P3-D65"
     white_cd_m2: Luminance
     black_cd_m2: NoLuminance = 0.0
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        names = [name for name in PRIMARIES if name != "XYZ"]
+        if self.primaries not in names:
+            raise ValueError(
+                f"primaries {self.primaries!r} are not known; use one of {', '.join(names)}, or "
+                f"{MEASURED} with [crosstalk] readings"
+            )
+        return self
+
+
+class MeasuredProjectorSection(Section):
+    """What readings tell; written out it must be the same."""
+
+    primaries: Literal["measured"] = "measured"
+    white_cd_m2: Luminance | None = None
+    black_cd_m2: NoLuminance | None = None
+
+
+def _of_primaries(value: Any) -> str:
+    named = not isinstance(value, dict) or value.get("primaries") != MEASURED
+    return _NAMED if named else _MEASURED
+
+
+ProjectorSection: TypeAlias = Annotated[
+    Annotated[StereoProjectorSection, Tag(_NAMED)]
+    | Annotated[MeasuredProjectorSection, Tag(_MEASURED)],
+    Discriminator(_of_primaries),
+]
 
 
 class SeatSection(Section):
@@ -123,14 +159,21 @@ class PolarisationSection(Section):
 
 
 class CrosstalkSection(Section):
-    """What each eye sees of the other's picture; one of the four ways to tell it."""
+    """What each eye sees of the other's picture; one of the four ways to tell it.
+
+    ``readings`` is a path from the scene file's folder; ``black`` and ``allow_negative`` say how to
+    take them (see `domesim.measurement.readings.read_readings` and
+    `domesim.measurement.crosstalk.measured_crosstalk`).
+    """
 
     share: LeakOfAView | None = None
     to_left: LeakOfAView | None = None
     to_right: LeakOfAView | None = None
     table: TableSection | None = None
     polarisation: PolarisationSection | None = None
-    readings: str | None = None
+    readings: Annotated[str, Field(min_length=1)] | None = None
+    black: Literal["included", "subtracted"] | None = None
+    allow_negative: bool | None = None
 
     @property
     def told(self) -> Literal["figures", "table", "polarisation", "readings"]:
@@ -158,6 +201,9 @@ class CrosstalkSection(Section):
             )
         if one_direction and (self.to_left is None or self.to_right is None):
             raise ValueError("needs both to_left and to_right (or share, for both)")
+        for name in ("black", "allow_negative"):
+            if getattr(self, name) is not None and self.readings is None:
+                raise ValueError(f"{name} says how to take readings, got none: leave it out")
         return self
 
 
@@ -173,12 +219,37 @@ class StereoFile(Section):
     name: str
     description: str = ""
     screen: FlatScreenSection
-    projector: StereoProjectorSection
+    projector: ProjectorSection
     ambient: AmbientSection = AmbientSection()
     crosstalk: CrosstalkSection
     seats: tuple[SeatSection, ...] = ()
     viewing: FlatViewingSection
     sources: dict[str, str] = Field(default_factory=dict)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _told_by_readings(cls, content: Any) -> Any:
+        """With readings, the projector may be left out, and what is left out of it is measured."""
+        crosstalk, lit = content.get("crosstalk"), content.get("projector", {})
+        if not isinstance(crosstalk, dict) or "readings" not in crosstalk:
+            return content
+        if not isinstance(lit, dict):
+            return content
+        if lit.get("primaries", MEASURED) != MEASURED:
+            raise ValueError(
+                f"projector.primaries: [crosstalk] readings tell them: leave primaries out, got "
+                f"{lit['primaries']!r}"
+            )
+        return {**content, "projector": {**lit, "primaries": MEASURED}}
+
+    @model_validator(mode="after")
+    def _measured_by_something(self) -> Self:
+        if self.projector.primaries == MEASURED and self.crosstalk.told != "readings":
+            raise ValueError(
+                "projector.primaries: measured ones need [crosstalk] readings, got none; name the "
+                "primaries, such as P3-D65"
+            )
+        return self
 
     @model_validator(mode="after")
     def _seats_fit(self) -> Self:
@@ -204,7 +275,7 @@ class StereoFile(Section):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all that crosstalk depends on."""
+        """SHA-256 of all that crosstalk depends on, but the readings themselves."""
         parts = {"screen", "crosstalk", "seats"}
         content = self.model_dump(mode="json", include=parts, warnings=False)
         for seat in content["seats"]:

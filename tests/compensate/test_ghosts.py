@@ -8,9 +8,14 @@ from scipy.ndimage import gaussian_filter
 from theatres import BT709
 from theatres import problem as dome_problem
 
-from compensate.ghosts import clipped_share, edge_energy, measure_ghosts
+from compensate.ghosts import clipped_share, edge_energy, ghost_left, measure_ghosts
 from compensate.problem import Problem
-from compensate.solver.deghosting import LocallyRaisedBlack, clipped_subtraction
+from compensate.solver.deghosting import (
+    LocallyRaisedBlack,
+    PlayerShader,
+    RangeCompression,
+    clipped_subtraction,
+)
 from compensate.weighting import CsfWeighting
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 
@@ -57,6 +62,7 @@ def test_doing_nothing_leaves_the_whole_ghost():
         problem = stereo(**options)
         figures = measured(problem, problem.desired)
         assert figures.edge_energy == pytest.approx(1, abs=1e-12)
+        assert figures.ghost_left == pytest.approx(1, abs=1e-12)
         seen = problem.observation.observe(problem.desired)
         error = (seen - problem.desired) @ BT709
         assert figures.residual_rms == pytest.approx(48 * np.sqrt((error**2).mean()))
@@ -69,12 +75,14 @@ def test_the_perfect_picture_has_no_ghost():
     light = problem.observation.invert(problem.desired)
     figures = measured(problem, light)
     assert figures.edge_energy <= 1e-12
+    assert abs(figures.ghost_left) <= 1e-12
     assert figures.residual_rms <= 1e-12
     assert figures.clipped_share == 0
     # no ghost and no error: 0; no ghost but an error: all of it is new
     none = stereo(0.0)
     assert measured(none, none.desired).edge_energy == 0
     assert measured(none, 0.5 * none.desired).edge_energy == np.inf
+    assert measured(none, 0.5 * none.desired).ghost_left == 0
     dark = stereo(0.1, desired=np.zeros((2, ROWS, COLS, 3)))
     assert measured(dark, dark.desired).relative_rms == 0
 
@@ -167,6 +175,57 @@ def test_a_veil_has_less_edge_than_subtraction():
     veil = LocallyRaisedBlack(pixels_per_degree=30.0, degrees=0.5)(problem, plain).light
     assert measured(problem, veil).edge_energy < 0.6 * measured(problem, plain).edge_energy
     assert measured(problem, veil).residual_rms > measured(problem, plain).residual_rms
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3, 0.0, -0.4])
+def test_ghost_left_is_the_share_with_its_sign(share):
+    """Whatever else is in the picture, as long as its edges lie elsewhere."""
+    ghost = edge(0.1)
+    elsewhere = edge(0.3, at=6) - edge(0.3, at=7)
+    for error in (share * ghost, share * ghost + 0.7, share * ghost + elsewhere):
+        assert ghost_left(error, ghost, 60.0) == pytest.approx(share, abs=1e-9)
+    assert edge_energy(share * ghost, ghost, 60.0) == pytest.approx(abs(share), abs=1e-12)
+    across = edge(0.1).transpose(0, 2, 1)
+    square = np.zeros((2, 81, 81))
+    square[:, :, 40:] = 0.1
+    assert ghost_left(square.transpose(0, 2, 1), square, 60.0) == pytest.approx(0, abs=1e-12)
+    assert ghost_left(-0.2 * across, across, 60.0) == pytest.approx(-0.2)
+
+
+def test_the_other_eyes_ghost_is_not_this_eyes():
+    ghost = np.stack([edge(0.1)[0], edge(0.2, at=30)[0]])
+    swapped = ghost[::-1]
+    assert ghost_left(ghost, ghost, 20.0) == pytest.approx(1)
+    assert abs(ghost_left(swapped, ghost, 20.0)) < 0.1
+
+
+@pytest.mark.parametrize("blur", [1.0, 3.0])
+def test_ghost_left_of_a_blurred_edge_in_closed_form(blur):
+    """Gaussian slopes of variances sigma² and sigma² + s²: (1 + s²/(2 sigma²))^(-1/2)."""
+    pixels_per_degree = 45.0
+    sigma = pixels_per_degree / (2 * np.pi * 3)
+    ghost = edge(0.1)
+    smooth = gaussian_filter(ghost, (0, 0, blur), mode="nearest")
+    expected = (1 + (blur / sigma) ** 2 / 2) ** -0.5
+    assert ghost_left(smooth, ghost, pixels_per_degree) == pytest.approx(expected, rel=5e-3)
+
+
+def test_ghost_left_is_at_most_the_edge_energy():
+    random = np.random.default_rng(5)
+    for _ in range(5):
+        error, ghost = random.standard_normal((2, 2, 20, 30))
+        assert abs(ghost_left(error, ghost, 30.0)) <= edge_energy(error, ghost, 30.0)
+
+
+def test_lost_contrast_is_no_ghost():
+    """Methods that leave no ghost but lose contrast: only the edge energy counts that."""
+    # Only the bars, whose edges lie apart: no floor that both eyes see
+    bars = np.where(np.arange(ROWS)[:, None, None] < 15, picture(), 0.002)
+    problem = stereo(desired=bars)
+    for solver in (RangeCompression(), PlayerShader()):
+        figures = measured(problem, solver(problem, problem.desired).light)
+        assert figures.edge_energy > 0.5
+        assert abs(figures.ghost_left) < 0.2
 
 
 def test_a_dome_has_no_ghosts():

@@ -1,0 +1,317 @@
+"""``domesim measure``: from a colorimeter's readings to figures, and to a scene file.
+
+Each subcommand reads one kind of file that a person made, says what it shows and how sure that is,
+and refuses what does not fit together: ``domesim.measurement`` tells how.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+
+import numpy as np
+import typer
+from numpy.typing import ArrayLike
+
+from domesim.cli import Json, Quiet, finish
+from domesim.console import Console, prepare_file
+from domesim.errors import InputError
+from domesim.frames.whole import write_whole
+from domesim.transfer import Gamma
+
+if TYPE_CHECKING:
+    from domesim.measurement.crosstalk import MeasuredCrosstalk
+    from domesim.measurement.pair import MeasuredPair
+    from domesim.measurement.readings import Black
+    from domesim.measurement.response import Display, Response
+
+app = typer.Typer(
+    help="Turn a colorimeter's readings into figures and scene files.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
+"""Of the rig of van Baar et al. 2011, section 4: m, m, cd/m²."""
+
+ReadingsFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="READINGS",
+        help="A .csv or .toml file with columns channel (R, G, B, W, K), level (0..1), X, Y, Z "
+        "(cd/m²) and, for a stereo pair, projector and filter (left, right, none).",
+        show_default=False,
+    ),
+]
+BlackName = Annotated[
+    str | None,
+    typer.Option(
+        "--black",
+        help="Whether readings of colours hold the black: included (usual) or subtracted.",
+        show_default=False,
+    ),
+]
+
+
+@app.command()
+def crosstalk(
+    readings: ReadingsFile,
+    out: Annotated[
+        Path, typer.Option("--out", help="The scene file to write, .toml.", show_default=False)
+    ],
+    black: BlackName = None,
+    allow_negative: Annotated[
+        bool,
+        typer.Option(
+            "--allow-negative",
+            help="Keep negative crosstalk between primaries, of ghosts more saturated than the "
+            "eye's own picture.",
+        ),
+    ] = False,
+    width: Annotated[
+        float | None, typer.Option(help=f"Of the screen, m; {WIDTH:g} if not given.")
+    ] = None,
+    height: Annotated[
+        float | None, typer.Option(help="Of the screen, m; 9/16 of the width if not given.")
+    ] = None,
+    distance: Annotated[
+        float | None, typer.Option(help=f"Of the audience, m; {DISTANCE:g} if not given.")
+    ] = None,
+    adaptation: Annotated[
+        float | None,
+        typer.Option(help=f"Luminance they are adapted to, cd/m²; {ADAPTATION:g} if not given."),
+    ] = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Crosstalk of two projectors and eyewear: figures, and a scene file for other commands."""
+    from domesim.measurement.pair import measured_pair  # noqa: PLC0415
+    from domesim.measurement.readings import EYES, read_readings  # noqa: PLC0415
+
+    console = Console(quiet=quiet, json=json)
+    if out.suffix != ".toml":
+        raise InputError(f"--out {out}: a scene is stored as .toml, name it so")
+    assumed = [
+        name
+        for name, value in (
+            ("width", width),
+            ("height", height),
+            ("distance", distance),
+            ("adaptation", adaptation),
+        )
+        if value is None
+    ]
+    wide = _length("--width", WIDTH if width is None else width)
+    high = _length("--height", wide * 9 / 16 if height is None else height)
+    away = _length("--distance", DISTANCE if distance is None else distance)
+    adapted = ADAPTATION if adaptation is None else adaptation
+    if not 1e-6 <= adapted <= 1e6:
+        raise InputError(f"--adaptation must be 1e-06 to 1e+06 cd/m², got {adapted:g}")
+    taken = _black(black)
+    pair = measured_pair(read_readings(readings, black=taken), allow_negative=allow_negative)
+    prepare_file(out, instead_of=readings)
+    scene = _SCENE.format(
+        name=_quoted(out.stem),
+        description=_quoted(f"A stereo system as measured: {readings.name}."),
+        width=wide,
+        height=high,
+        readings=_quoted(_from(out, readings)),
+        black="" if taken is None else f"black = {_quoted(taken)}\n",
+        negative="allow_negative = true\n" if allow_negative else "",
+        distance=away,
+        adaptation=adapted,
+        screen=_origin(assumed, "width", "height"),
+        viewing=_origin(assumed, "distance", "adaptation"),
+    )
+    write_whole(out, scene.encode())
+    for line in pair.report():
+        console.say(line)
+    for eye, matrix in zip(EYES, pair.gamut.matrices, strict=True):
+        rows = ", ".join(" ".join(f"{value:.4f}" for value in row) for row in matrix)
+        console.say(f"  linear RGB of the {eye} projector of common RGB: rows {rows}")
+    if assumed:
+        console.say(f"Assumed, for want of {', '.join(f'--{name}' for name in assumed)}: {_RIG}")
+    console.say(
+        f"  -> {out}\nUse it: domesim compensate --left L.####.exr --right R.####.exr --scene {out}"
+    )
+    finish(console, {"output": str(out), "assumed": assumed, **_of_pair(pair)}, [])
+
+
+@app.command()
+def response(
+    readings: ReadingsFile,
+    black: BlackName = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Primaries, black and response (code value to light) of one display."""
+    from domesim.measurement.readings import NO_FILTER, read_readings  # noqa: PLC0415
+    from domesim.measurement.response import measured_display  # noqa: PLC0415
+
+    console = Console(quiet=quiet, json=json)
+    read = read_readings(readings, black=_black(black))
+    crossed = [(one, other) for one, other in read.sessions if other not in (one, NO_FILTER)]
+    if crossed:
+        raise InputError(
+            f"{readings}: wanted readings of a display, got those of the {crossed[0][0]} projector "
+            f"through the {crossed[0][1]} filter; use domesim measure crosstalk"
+        )
+    displays = [measured_display(read.session(*session)) for session in read.sessions]
+    for display in displays:
+        for line in display.report():
+            console.say(line)
+    figures = {display.name: _of_display(display) for display in displays}
+    finish(console, {"readings": str(readings), "displays": figures}, [])
+
+
+# The scene file.
+
+_RIG = "what van Baar et al. 2011 have"
+
+_SCENE = """\
+name = {name}
+description = {description}
+
+[screen]
+width_m = {width!r}
+height_m = {height!r}
+
+[projector]
+primaries = "measured"
+
+[crosstalk]
+readings = {readings}
+{black}{negative}
+[viewing]
+distance_m = {distance!r}
+adaptation_cd_m2 = {adaptation!r}
+
+[sources]
+"screen" = "{screen}"
+"projector, crosstalk" = "measured, see the readings"
+"viewing" = "{viewing}"
+"""
+
+
+def _origin(assumed: list[str], *names: str) -> str:
+    """Where these figures are from, for the scene file."""
+    missing = [name for name in names if name in assumed]
+    if not missing:
+        return "given to domesim measure"
+    return f"assumed, {_RIG}, section 4: {', '.join(missing)}"
+
+
+def _length(option: str, value: float) -> float:
+    if not 0 < value <= 1000:
+        raise InputError(f"{option} must be above 0 and at most 1000 m, got {value:g}")
+    return value
+
+
+def _black(name: str | None) -> Black | None:
+    if name not in (None, "included", "subtracted"):
+        raise InputError(f"--black {name!r} is not known; use included or subtracted")
+    return cast("Literal['included', 'subtracted'] | None", name)
+
+
+def _from(scene: Path, readings: Path) -> str:
+    """Where the readings are, seen from the scene's folder."""
+    return os.path.relpath(readings.resolve(), scene.parent.resolve())
+
+
+def _quoted(text: str) -> str:
+    """A TOML string."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        shown = text.encode(errors="backslashreplace").decode()
+        raise InputError(
+            f"{shown}: wanted a path in UTF-8, got other bytes. Rename the file or its folder."
+        ) from None
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
+
+
+# Figures for programs.
+
+
+def _of_pair(pair: MeasuredPair) -> dict[str, Any]:
+    gamut = pair.gamut
+    eyes = zip(pair.crosstalk, pair.displays, pair.responses, strict=True)
+    return {
+        "readings": pair.source,
+        "noise": pair.noise,
+        "eyes": {
+            leak.eye: {
+                **_of_crosstalk(leak),
+                "projector": _of_display(display),
+                "response": _of_response(response),
+            }
+            for leak, display, response in eyes
+        },
+        "common_gamut": {
+            "primaries_xyz": _plain(gamut.primaries),
+            "chromaticities_xy": _plain(gamut.chromaticities),
+            "white_cd_m2": float(gamut.white[1]),
+            "matrices": _plain(gamut.matrices),
+            "light_lost": _plain(gamut.lost),
+            "crosstalk": _plain(pair.common_matrices),
+        },
+    }
+
+
+def _of_crosstalk(leak: MeasuredCrosstalk) -> dict[str, Any]:
+    return {
+        "matrix": _plain(leak.matrix),
+        "measured": _plain(leak.measured),
+        "standard_error": _plain(leak.error),
+        "system_crosstalk": leak.system,
+        "system_crosstalk_error": leak.system_error,
+        "extinction": leak.extinction if np.isfinite(leak.extinction) else None,
+        "viewer_crosstalk_white_on_half": leak.viewer((0.5, 0.5, 0.5), (1, 1, 1)),
+        "black_xyz": None if leak.black is None else _plain(leak.black),
+        "notes": list(leak.notes),
+    }
+
+
+def _of_display(display: Display) -> dict[str, Any]:
+    return {
+        "primaries_xyz": _plain(display.primaries),
+        "chromaticities_xy": _plain(display.chromaticities),
+        "white_cd_m2": float(display.white[1]),
+        "black_xyz": None if display.black is None else _plain(display.black),
+        "additivity": _plain_or_none(display.additivity),
+        "additivity_error": _plain_or_none(display.additivity_error),
+        "chromaticity_drift": _plain(display.drift),
+        "response": _of_response(display.response),
+        "notes": list(display.notes),
+    }
+
+
+def _of_response(response: Response | None) -> dict[str, Any] | None:
+    if response is None:
+        return None
+    transfer = response.transfer
+    curve: dict[str, Any] = (
+        {"gamma": transfer.exponent}
+        if isinstance(transfer, Gamma)
+        else {
+            "codes": _plain(getattr(transfer, "codes", ())),
+            "light": _plain(getattr(transfer, "light", ())),
+        }
+    )
+    return {
+        **curve,
+        "gammas": _plain(response.exponents),
+        "gamma_errors": _plain(response.errors),
+        "gamma_rms": _plain(response.rms),
+        "gamma_misfit_lightness": _plain(response.misfit),
+    }
+
+
+def _plain(values: ArrayLike) -> Any:
+    return np.asarray(values, np.float64).tolist()
+
+
+def _plain_or_none(values: ArrayLike | None) -> Any:
+    return None if values is None else _plain(values)

@@ -1,0 +1,157 @@
+"""The engine's entry for stereo pairs: left and right in, what to project out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pairs import pair
+
+from compensate.master import compensate, compensate_frame, pose, solved
+from compensate.methods import STEREO
+from compensate.solver.relinearised import Relinearised
+from compensate.solver.result import Status
+from compensate.solver.worst_seat import WorstSeat
+from domesim.errors import InputError
+from domesim.frames import ColourTag, Frame, Master
+from domesim.observation.crosstalk import leak_matrices
+from domesim.scene import StereoScene, load_stereo
+from domesim.scene.stereo import Seat
+
+LINEAR = ColourTag("linear", "BT.709", "the test")
+ROWS, COLS = 40, 64
+
+
+DARK = (0.0, 0.0)
+
+
+def system(crosstalk: float = 0.05) -> StereoScene:
+    paper = load_stereo("stereo_polarised_paper")
+    viewing = replace(paper.viewing, extent=2.0, image_area=2.5)
+    leak = leak_matrices(crosstalk)
+    seats = {name: replace(seat, matrices=leak) for name, seat in paper.seats.items()}
+    return replace(paper, seats=seats, viewing=viewing, ambient=DARK)
+
+
+def light(seed: int = 0) -> np.ndarray:
+    return pair(ROWS, COLS, seed, np.float32)
+
+
+def master(bits: int = 32) -> Master:
+    frames = [
+        Frame(view, Path(f"{eye}.exr"), LINEAR, bits, True)
+        for eye, view in zip("LR", light(), strict=True)
+    ]
+    return Master(tuple(frames), "files")
+
+
+@pytest.mark.parametrize("method", STEREO)
+def test_every_method_stays_in_range(method):
+    outcome = compensate_frame(master(), system(), method=method)
+    assert outcome.frame.pixels.shape == (2, ROWS, COLS, 3)
+    assert outcome.light.min() >= 0
+    assert outcome.light.max() <= 1
+    assert (outcome.light != light()).any() == (method != "none")
+
+
+def test_ours_has_the_least_visible_error():
+    posed = pose(light(), system(), None)
+    errors = {name: posed.visible_error(solved(posed, name).light) for name in STEREO}
+    others = min(error for name, error in errors.items() if name != "perceptual")
+    assert errors["perceptual"] < 0.95 * others
+    assert errors["none"] > errors["subtractive"]
+
+
+def test_the_figures_tell_of_ghosts():
+    figures = {
+        name: compensate_frame(master(), system(), method=name).figures
+        for name in ("none", "subtractive", "perceptual")
+    }
+    assert figures["none"].ghost_edges == pytest.approx(1)
+    assert figures["subtractive"].ghost_edges < 1
+    assert 0.05 < figures["none"].clipped < 1
+    assert figures["perceptual"].gap <= 1e-3
+    leaked = 0.05 * light() @ system().projector.luminance_weights * 50.0
+    assert figures["none"].pollution == pytest.approx(leaked.mean(), rel=1e-4)
+
+
+def test_what_is_seen_is_the_master_where_nothing_clips():
+    bright = 0.3 + 0.5 * light()
+    scene = system()
+    result = compensate(bright, scene)
+    assert result.status is Status.EXACT
+    seen = scene.observation(ROWS, COLS).observe(result.light)
+    assert np.abs(seen - bright).max() <= 1e-6
+
+
+def test_one_seat_is_one_of_all():
+    """Two seats that are alike are one; of unlike ones the mean lies between."""
+    scene = system()
+    sweet = scene.seats["sweet spot"]
+    twins = replace(scene, seats={"a": sweet, "b": sweet}, chosen=("a", "b"))
+    alone = compensate(light(), scene)
+    both = compensate(light(), twins)
+    assert np.abs(both.light - alone.light).max() <= 2e-3
+    everyone = pose(light(), scene.seen_from(*scene.seats))
+    answer = solved(everyone, "perceptual").light
+    for name in scene.seats:
+        one = pose(light(), scene.seen_from(name))
+        assert one.visible_error(answer) >= one.visible_error(solved(one, "perceptual").light)
+
+
+def test_the_worst_seat_is_better_off_if_it_decides():
+    scene = system(0.03).seen_from("sweet spot", "left", "right")
+    posed = pose(light(), scene)
+    mean, worst = solved(posed, "perceptual").light, solved(posed, "perceptual", WorstSeat()).light
+
+    def largest(answer: np.ndarray) -> float:
+        return max(pose(light(), scene.seen_from(n)).visible_error(answer) for n in scene.seats)
+
+    assert largest(worst) < largest(mean)
+    assert posed.visible_error(mean) < posed.visible_error(worst)
+
+
+def test_weights_move_the_answer():
+    scene = system().seen_from("sweet spot", "left")
+    heavy = {
+        name: replace(seat, weight=50.0 if name == "left" else 1.0)
+        for name, seat in scene.seats.items()
+    }
+    left = pose(light(), scene.seen_from("left"))
+    even, tilted = (compensate(light(), s).light for s in (scene, replace(scene, seats=heavy)))
+    assert left.visible_error(tilted) < left.visible_error(even)
+
+
+def test_a_table_is_solved_as_it_is():
+    scene = load_stereo("stereo_shutter")
+    scene = replace(scene, viewing=system().viewing)
+    posed = pose(light(), scene)
+    exact = scene.observation(ROWS, COLS)
+    result = solved(posed, "perceptual", Relinearised())
+    assert posed.visible_error(result.light) < 0.9 * posed.visible_error(posed.subtractive)
+    residual = exact.observe(result.light) - posed.problem.desired
+    assert np.array_equal(posed.residual(result.light), residual)
+    with pytest.raises(InputError, match="'paper' is not known for stereo_shutter"):
+        solved(posed, "paper")
+
+
+def test_what_a_method_cannot_do_is_said():
+    with pytest.raises(InputError, match="not known for stereo_polarised_paper; use one of perc"):
+        compensate_frame(master(), system(), method="magic")
+    one = Master((master().frames[0],))
+    with pytest.raises(InputError, match="L.exr: wanted left and right"):
+        compensate_frame(one, system())
+
+
+def test_seats_have_their_maps():
+    scene = load_stereo("stereo_cinema_silver")
+    for name, seat in scene.seats.items():
+        share = scene.seen_from(name).observation(54, 90).share
+        assert share.shape == (2, 54, 90)
+        cells = share.reshape(2, 9, 6, 15, 6).mean((2, 4))
+        # Linear between the cells' centres, so that only the outer ones differ
+        assert cells[:, 1:-1, 1:-1] == pytest.approx(seat.share[:, 1:-1, 1:-1], rel=1e-2)
+    flat = replace(scene, seats={"here": Seat(leak_matrices(0.02))}, chosen=("here",))
+    assert flat.observation(4, 5).uniform

@@ -1,0 +1,255 @@
+"""The commands on stereo shows: each way that left and right come, each way to look at them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+import test_bad_input
+from test_bad_input import Run, store, touched, written
+
+from domesim.frames import read_frame, read_master
+from domesim.pathtrace.llvm import backend
+from domesim.scene import load_stereo
+from domesim.screening import decoded
+
+run = test_bad_input.run
+out = test_bad_input.out
+
+SCENE = "stereo_polarised_paper"
+ROWS, COLS = 12, 20
+traced = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
+
+
+def view(seed: int) -> np.ndarray:
+    """With ghosts that fall into the dark, so that not all can be subtracted."""
+    pixels = 0.02 + 0.3 * np.random.default_rng(seed).random((ROWS, COLS, 3))
+    pixels[2:6, 2 + 6 * seed : 7 + 6 * seed] = 0.95
+    pixels[8:, 10 - 8 * seed : 18 - 8 * seed] = 0.0
+    return pixels.astype(np.float32)
+
+
+def sequence(folder: Path, name: str, seed: int, count: int = 2) -> Path:
+    folder.mkdir(exist_ok=True)
+    for number in range(1, count + 1):
+        store(folder / f"{name}.{number:04d}.exr", view(seed) * (0.9 + 0.05 * number), "float")
+    return folder / f"{name}.####.exr"
+
+
+def pair(folder: Path) -> tuple[object, ...]:
+    """Arguments that name two files."""
+    folder.mkdir(exist_ok=True)
+    left = store(folder / "l.exr", view(0), "float")
+    return "--left", left, "--right", store(folder / "r.exr", view(1), "float")
+
+
+def figures(run: Run, *arguments: object) -> dict[str, object]:
+    """The one JSON object that the command prints."""
+    outcome = run(*arguments, "--json")
+    assert (outcome.code, outcome.err) == (0, "")
+    found = json.loads(outcome.out)
+    assert isinstance(found, dict)
+    assert found["failed"] == [] if "failed" in found else True
+    return found
+
+
+def test_a_sequence_of_left_and_right(run: Run, tmp_path: Path, out: Path) -> None:
+    left, right = (sequence(tmp_path / eye, "show", seed) for seed, eye in enumerate("LR"))
+    arguments = ("--left", left, "--right", right, "--scene", SCENE, "--out", out)
+    found = figures(run, "compensate", *arguments)
+    names = [f"{eye}/show.{number:04d}.exr" for eye in ("left", "right") for number in (1, 2)]
+    assert written(out) == ["left", *names[:2], "right", *names[2:]]
+    assert (found["scene"], found["seats"]) == (SCENE, ["sweet spot"])
+    for number, frame in enumerate(found["frames"], 1):
+        assert frame["input"] == [str(tmp_path / eye / f"show.000{number}.exr") for eye in "LR"]
+        assert frame["output"] == [
+            str(out / eye / f"show.000{number}.exr") for eye in ("left", "right")
+        ]
+        assert frame["error_after"] < 0.5 * frame["error_before"]
+        assert frame["gap"] < 1e-3
+
+
+def test_what_is_written_is_what_makes_the_ghosts_go(run: Run, tmp_path: Path, out: Path) -> None:
+    arguments = pair(tmp_path / "in")
+    assert run("compensate", *arguments, "--scene", SCENE, "--out", out).code == 0
+    scene = load_stereo(SCENE)
+    observation = scene.observation(ROWS, COLS)
+    wanted = decoded(read_master([arguments[1], arguments[3]]), scene)
+    frames = decoded(read_master([out / "l.exr", out / "r.exr"]), scene)
+    # Where there is light to take away, the eyes see the masters.
+    bright = (wanted > 0.05).all(axis=(0, 3))
+    assert bright.sum() > 20
+    before = np.abs(observation.observe(wanted) - wanted)[:, bright].mean()
+    after = np.abs(observation.observe(frames) - wanted)[:, bright].mean()
+    assert after < 0.3 * before
+
+
+def test_left_is_left(run: Run, tmp_path: Path, out: Path) -> None:
+    """Exchanged masters give exchanged results, in a system that is alike for both eyes."""
+    _, left, _, right = pair(tmp_path / "in")
+    for name, one, other in (("a", left, right), ("b", right, left)):
+        arguments = ("--left", one, "--right", other, "--scene", SCENE, "--out", out / name)
+        assert run("compensate", *arguments).code == 0
+    for name in ("l.exr", "r.exr"):
+        same = read_frame(out / "a" / name).pixels, read_frame(out / "b" / name).pixels
+        np.testing.assert_allclose(*same, atol=2e-3)
+        assert np.abs(same[0] - view(0)).max() > 0.005
+
+
+@pytest.mark.parametrize(("packing", "axis"), [("side-by-side", 1), ("top-bottom", 0)])
+@pytest.mark.parametrize("command", ["compensate", "observe"])
+def test_packed_in_one_image(
+    run: Run, tmp_path: Path, out: Path, command: str, packing: str, axis: int
+) -> None:
+    whole = store(tmp_path / "m.exr", np.concatenate([view(0), view(1)], axis), "float")
+    arguments = ("--scene", SCENE, "--method", "subtractive")[: 2 if command == "observe" else 4]
+    found = figures(run, command, whole, "--packing", packing, *arguments, "--out", out)
+    assert found["frames"][0]["output"] == str(out / "m.exr")
+    two = (command, *pair(tmp_path / "in"), *arguments, "--out", out / "two")
+    assert run(*two).code == 0
+    halves = [read_frame(out / "two" / name).pixels for name in ("l.exr", "r.exr")]
+    np.testing.assert_array_equal(read_frame(out / "m.exr").pixels, np.concatenate(halves, axis))
+
+
+def test_an_exr_of_two_views_keeps_its_structure(run: Run, tmp_path: Path, out: Path) -> None:
+    source = tmp_path / "m.exr"
+    spec = oiio.ImageSpec(COLS, ROWS, 7, "half")
+    spec.channelnames = ("R", "G", "B", "right.R", "right.G", "right.B", "depth.Z")
+    spec.attribute("multiView", oiio.TypeDesc("string[2]"), ("left", "right"))
+    spec.attribute("owner", "me")
+    depth = np.linspace(0, 1, ROWS * COLS).reshape(ROWS, COLS, 1)
+    writer = oiio.ImageOutput.create(str(source))
+    assert writer.open(str(source), spec), writer.geterror()
+    writer.write_image(np.concatenate([view(0), view(1), depth], 2).astype(np.float32))
+    writer.close()
+    found = figures(run, "compensate", source, "--scene", SCENE, "--out", out)
+    assert len(found["frames"]) == 1
+    assert written(out) == ["m.exr"]
+    before, after = (oiio.ImageBuf(str(path)) for path in (source, out / "m.exr"))
+    for name in ("channelnames", "width", "height"):
+        assert getattr(after.spec(), name) == getattr(before.spec(), name)
+    for name in ("multiView", "owner", "compression"):
+        assert after.spec().getattribute(name) == before.spec().getattribute(name)
+    one, other = before.get_pixels(oiio.FLOAT), after.get_pixels(oiio.FLOAT)
+    names = list(before.spec().channelnames)
+    z = names.index("depth.Z")
+    np.testing.assert_array_equal(other[..., z], one[..., z])
+    assert read_master([out / "m.exr"]).packing == "multi-view"
+    for name in ("G", "right.G"):
+        assert (other[..., names.index(name)] != one[..., names.index(name)]).any()
+
+
+def test_what_each_eye_sees(run: Run, tmp_path: Path, out: Path) -> None:
+    arguments = pair(tmp_path / "in")
+    found = figures(run, "observe", *arguments, "--scene", SCENE, "--seat", "left", "--out", out)
+    assert found["seats"] == ["left"]
+    assert found["frames"][0]["pollution_cd_m2"] > 0
+    scene = load_stereo(SCENE).seen_from("left")
+    wanted = scene.observation(ROWS, COLS).observe(np.stack([view(0), view(1)]))
+    seen = np.stack([read_frame(out / name).pixels for name in ("l.exr", "r.exr")])
+    np.testing.assert_allclose(seen, wanted, atol=2e-6)
+    assert np.abs(seen[0] - view(0)).max() > 0.005
+    plain = run("observe", *arguments, "--scene", SCENE, "--out", out)
+    assert "crosstalk sweet spot 1.10%" in plain.out
+    assert "the other eye's and stray light" in plain.out
+
+
+def test_a_page(run: Run, tmp_path: Path, out: Path) -> None:
+    arguments = pair(tmp_path / "in")
+    found = figures(run, "compare", *arguments, "--scene", SCENE, "--out", out / "page.html")
+    assert written(out) == ["page.html"]
+    assert {"none", "perceptual"} <= set(found["methods"])
+    page = (out / "page.html").read_text()
+    assert SCENE in page
+    assert "seen from 3 m" in page
+
+
+def test_all_seats_and_the_worst(run: Run, tmp_path: Path, out: Path) -> None:
+    arguments = ("compensate", *pair(tmp_path / "in"), "--scene", SCENE)
+    found = {
+        seat: figures(run, *arguments, "--seat", seat, "--out", out / seat)
+        for seat in ("sweet spot", "left", "all", "worst")
+    }
+    seats = {name: told["seats"] for name, told in found.items()}
+    every = ["sweet spot", "left", "right"]
+    assert seats == {"sweet spot": every[:1], "left": ["left"], "all": every, "worst": every}
+    scene = load_stereo(SCENE)
+    frames = {
+        name: decoded(read_master([out / name / eye for eye in ("l.exr", "r.exr")]), scene)
+        for name in found
+    }
+    wanted = decoded(read_master([arguments[2], arguments[4]]), scene)
+
+    def missed(frame: np.ndarray) -> list[float]:
+        seen = [scene.seen_from(name).observation(ROWS, COLS).observe(frame) for name in every]
+        return [float(np.sqrt(np.mean((each - wanted) ** 2))) for each in seen]
+
+    errors = {name: missed(frame) for name, frame in frames.items()}
+    # Whoever sits in the middle would rather not share.
+    assert errors["sweet spot"][0] < errors["all"][0]
+    assert max(errors["worst"]) < max(errors["sweet spot"])
+    assert not np.array_equal(frames["all"], frames["worst"])
+
+
+def test_all_seats_with_a_method_that_knows_one(run: Run, tmp_path: Path, out: Path) -> None:
+    arguments = ("compensate", *pair(tmp_path / "in"), "--scene", SCENE, "--out", out)
+    found = figures(run, *arguments, "--seat", "all", "--method", "subtractive")
+    assert found["frames"][0]["method"] == "subtractive"
+
+
+@pytest.mark.parametrize("scene", ["stereo_shutter", "stereo_spectral", "stereo_cinema_silver"])
+def test_every_kind_of_system(run: Run, tmp_path: Path, out: Path, scene: str) -> None:
+    found = figures(run, "compensate", *pair(tmp_path / "in"), "--scene", scene, "--out", out)
+    (frame,) = found["frames"]
+    assert frame["error_after"] < 0.5 * frame["error_before"]
+
+
+def test_another_format(run: Run, tmp_path: Path, out: Path) -> None:
+    arguments = ("compensate", *pair(tmp_path / "in"), "--scene", SCENE, "--out", out)
+    assert run(*arguments, "--format", "png", "--bits", "16").code == 0
+    assert written(out) == ["l.png", "r.png"]
+    assert read_frame(out / "l.png").bits == 16
+
+
+# Traced crosstalk.
+
+CINEMA = """
+name = "a small cinema"
+screen = { width_m = 10, height_m = 5.3 }
+projector = { white_cd_m2 = 15 }
+seats = [{ name = "middle", position_m = [0, -15, -1] }, { name = "side", position_m = [4, -12, -1] }]
+viewing = { distance_m = 15, adaptation_cd_m2 = 5 }
+[crosstalk.polarisation]
+lenses_m = [[-0.4, -24, 2], [0.3, -23, 1.5]]
+depolarising_share = 0.05
+roughness = 0.305
+projector_leak = 0.002
+glasses_leak = 0.003
+"""  # noqa: E501
+
+
+@traced
+def test_traced_crosstalk_is_accepted(run: Run, tmp_path: Path, out: Path) -> None:
+    scene = touched(tmp_path / "cinema.toml", CINEMA.encode())
+    table = tmp_path / "maps.npz"
+    told = figures(run, "tabulate", scene, "--out", table)
+    assert [row["seat"] for row in told["seats"]] == ["middle", "side"]
+    # A few per cent, of which some hundredths are noise
+    for row in told["seats"]:
+        assert 0.01 < row["mean"] < 0.1
+        assert row["off_the_estimate"] < 0.1
+    arguments = (*pair(tmp_path / "in"), "--scene", scene, "--transport", table)
+    plain = run("compensate", *arguments, "--seat", "side", "--out", out)
+    assert (plain.code, plain.err) == (0, "")
+    assert "traced through the described hardware" in plain.out
+    found = figures(run, "observe", *arguments, "--out", out / "seen")
+    assert found["seats"] == ["middle"]
+    # The scene was changed since: what was traced is of another one.
+    scene.write_text(CINEMA.replace("0.305", "0.3"))
+    run("observe", *arguments, "--out", out / "no").is_refused(
+        str(table), "'a small cinema'", "before it was changed"
+    )
+    assert not (out / "no").exists()
