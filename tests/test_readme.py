@@ -18,7 +18,7 @@ from pydantic import BaseModel
 
 from domesim import scene
 from domesim.errors import InputError
-from validation.readme import RESULTS, readme
+from validation.readme import RESULTS, brought_up_to_date, readme
 from validation.report import schema
 
 ROOT = Path(__file__).parents[1]
@@ -111,6 +111,24 @@ def test_results_that_are_not_to_be_quoted(spoil, message):
     spoil(results)
     with pytest.raises(InputError, match=message):
         readme(results)
+
+
+def test_results_of_some_experiments_replace_those():
+    kept = json.loads(RESULTS.read_text())
+    new = {**kept, "started": "2030-01-01T00:00:00+00:00", "code": "f" * 64, "planned": 1}
+    one = {**kept["experiments"][3], "seconds": 1.5, "run": ""}
+    merged = brought_up_to_date(kept, {**new, "experiments": [one]})
+    jsonschema.validate(merged, schema())
+    assert [e["name"] for e in merged["experiments"]] == [e["name"] for e in kept["experiments"]]
+    assert merged["experiments"][3] == one
+    for number, (was, now) in enumerate(
+        zip(kept["experiments"], merged["experiments"], strict=True)
+    ):
+        if number != 3:
+            assert now["run"].startswith(was.get("run") or kept["started"])
+            assert now["finding"] == was["finding"]
+    with pytest.raises(InputError, match="machine"):
+        brought_up_to_date(kept, {**new, "machine": {}, "experiments": [one]})
 
 
 def test_python():

@@ -1,7 +1,9 @@
 """The README, with its figures from ``results.json`` of a full run.
 
 ``python -m validation.readme [RESULTS]`` takes new results (kept as ``validation/results.json``)
-and writes README.md from ``validation/templates/README.md.j2``; ``make readme``.
+and writes README.md from ``validation/templates/README.md.j2``; ``make readme``. Results of some
+experiments only replace those experiments' in what is kept; the others are marked with the run that
+they are of.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined
 
 from domesim.errors import InputError
+from domesim.frames import write_whole
+from validation.experiments import EXPERIMENTS
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "validation" / "results.json"
@@ -58,12 +62,44 @@ def readme(results: Mapping[str, Any]) -> str:
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(facts)
 
 
+def brought_up_to_date(kept: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """Results of a run of some experiments, with the others taken over from those kept.
+
+    Raises
+    ------
+    InputError
+        If they are of other machines, seeds or accuracies.
+    """
+    for key in ("quick", "seed", "machine"):
+        if kept[key] != new[key]:
+            raise InputError(
+                f"wanted results of one machine, seed and accuracy, got {key} {kept[key]} and "
+                f"{new[key]}; run all experiments anew"
+            )
+    fresh = {one["name"]: one for one in new["experiments"]}
+    origin = f"{kept['started']}, {kept['code'][:16]}"
+    old = {one["name"]: {**one, "run": one.get("run") or origin} for one in kept["experiments"]}
+    found = {**old, **fresh}
+    experiments = [found[name] for name in EXPERIMENTS if name in found]
+    return {
+        **new,
+        "planned": len(experiments),
+        "seconds": sum(one["seconds"] for one in experiments),
+        "versions": {**kept["versions"], **new["versions"]},
+        "experiments": experiments,
+    }
+
+
 def main(source: Path) -> None:
     """Write README.md, and keep the results that it quotes."""
-    text = source.read_text(encoding="utf-8")
-    page = readme(json.loads(text))
-    RESULTS.write_text(text.rstrip() + "\n", encoding="utf-8")
-    (ROOT / "README.md").write_text(page, encoding="utf-8")
+    results = json.loads(source.read_text(encoding="utf-8"))
+    if source != RESULTS and results["planned"] < results["available"]:
+        kept = json.loads(RESULTS.read_text(encoding="utf-8"))
+        results = brought_up_to_date(kept, results)
+    page = readme(results)
+    text = json.dumps(results, indent=1, ensure_ascii=False) + "\n"
+    write_whole(RESULTS, text.encode())
+    write_whole(ROOT / "README.md", page.encode())
 
 
 if __name__ == "__main__":

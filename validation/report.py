@@ -64,6 +64,10 @@ class Outcome(Record):
     status: Literal["as expected", "not as expected", "not run", "broken"]
     note: str = Field(default="", description="Why it was not run, or how it broke.")
     seconds: float = Field(description="Time that its steps took, s.")
+    run: str = Field(
+        default="",
+        description="Start and program (SHA-256) of the run that it was taken over from, if any.",
+    )
     finding: Finding | None = None
 
 

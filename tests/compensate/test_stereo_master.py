@@ -141,7 +141,7 @@ def test_what_a_method_cannot_do_is_said():
     with pytest.raises(InputError, match="not known for stereo_polarised_paper; use one of perc"):
         compensate_frame(master(), system(), method="magic")
     one = Master((master().frames[0],))
-    with pytest.raises(InputError, match="L.exr: wanted left and right"):
+    with pytest.raises(InputError, match=r"L\.exr: wanted left and right"):
         compensate_frame(one, system())
 
 

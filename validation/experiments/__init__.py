@@ -12,6 +12,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "departures",
         "corrected_models",
         "second_opinion",
+        "polarised_crosstalk",
     ),
     "What compensation does": (
         "wrong_model",
@@ -20,11 +21,14 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "channels_alone",
         "frozen_pollution",
         "chroma_floor",
+        "deghosting",
         "convergence",
     ),
     "The paper, remade": (
         "fig9_dome",
         "fig4_one_dimension",
+        "fig2_fig6_deghosting",
+        "fig10_seats",
         "table1",
         "user_study",
     ),

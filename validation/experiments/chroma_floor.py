@@ -20,7 +20,6 @@ from compensate.solver.admm import ADMM
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 from domesim.frames import Frame, Master
-from domesim.projector import conversion
 from domesim.scene import load_dome
 from validation.experiment import Column, Finding, Table, Work, at_least, at_most
 from validation.masters import bundled_night
@@ -37,7 +36,7 @@ def measure(scene: str = "dome_imax", step: int = 1) -> dict[str, float]:
     coarse = whole.pixels[::step, ::step]
     frame = Master((Frame(coarse, whole.path, whole.colour, whole.bits, whole.floating),))
     theatre = load_dome(scene)
-    to_xyz = conversion(theatre.projector.primaries, "XYZ")
+    to_xyz = theatre.projector.to_xyz
     white = np.ones(3) @ to_xyz.T
     errors = {}
     for name, floor in (("one_policy", 0.1), ("chroma_floor_1", 1.0)):

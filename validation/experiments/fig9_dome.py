@@ -223,8 +223,8 @@ def run(work: Work) -> Finding:
             **{f"demo.{n}.coarse_detail": seen.coarse_detail for n, seen in outcome.seen.items()},
         },
         left_out=(
-            "Figures 1 (left), 2, 6, 8 and 10: they show stereo pairs and prediction, which are "
-            "not built yet.",
+            "Figure 8: it shows prediction, which is not built yet. Figures 2, 6 and 10 have "
+            "experiments of their own; figure 1 (left) is one more example of them.",
         ),
     )
 

@@ -1,0 +1,112 @@
+"""The stereo experiments at sizes that take seconds, and a mistake that turns each of them red."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from compensate.methods import STEREO
+from compensate.problem import Problem
+from domesim.pathtrace import polarised
+from domesim.pathtrace.llvm import backend
+from domesim.scene import StereoScene, load_stereo
+from validation import pairs
+from validation.experiment import Missing, Work, load_experiment, require_tracer
+from validation.experiments import fig2_fig6_deghosting, frozen_pollution, polarised_crosstalk
+
+traced = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
+POLARISED = pytest.param("polarised_crosstalk", marks=traced)
+
+
+@pytest.mark.parametrize("name", [POLARISED, "fig2_fig6_deghosting", "fig10_seats"])
+def test_experiments_are_as_expected(name):
+    finding = load_experiment(name).run(Work(quick=True))
+    assert [check for check in finding.checks if not check.passed] == []
+
+
+def more_depolarising(monkeypatch):
+    """The tracer's screen scatters 2 % more than it should."""
+    honest = polarised._silver
+
+    def silver(screen):
+        described = honest(screen)
+        return {**described, "weight": 1.02 * described["weight"]}
+
+    monkeypatch.setattr(polarised, "_silver", silver)
+
+
+def ours_is_subtraction(monkeypatch):
+    """The perceptual method ends where it starts."""
+    monkeypatch.setitem(STEREO, "perceptual", STEREO["subtractive"])
+
+
+def one_seat_for_all(monkeypatch):
+    """Wherever one asks for a seat, it is the sweet spot."""
+    honest = StereoScene._share
+    monkeypatch.setattr(
+        StereoScene, "_share", lambda self, name, *size: honest(self, "sweet spot", *size)
+    )
+
+
+def exact_is_frozen(monkeypatch):
+    """Freezing the pollution does nothing."""
+    monkeypatch.setattr(Problem, "frozen", lambda self, at: self)
+
+
+@pytest.mark.parametrize(
+    ("name", "mutate"),
+    [
+        pytest.param("polarised_crosstalk", more_depolarising, marks=traced),
+        ("fig2_fig6_deghosting", ours_is_subtraction),
+        ("fig10_seats", one_seat_for_all),
+        ("frozen_pollution", exact_is_frozen),
+    ],
+)
+def test_mutations_turn_an_experiment_red(name, mutate, monkeypatch):
+    mutate(monkeypatch)
+    finding = load_experiment(name).run(Work(quick=True))
+    assert not finding.passed
+
+
+def test_without_a_tracer_polarised_light_is_missing(monkeypatch):
+    def absent():
+        raise Missing("needs LLVM")
+
+    monkeypatch.setattr(polarised_crosstalk, "require_tracer", absent)
+    with pytest.raises(Missing, match="needs LLVM"):
+        load_experiment("polarised_crosstalk").run(Work(quick=True))
+    assert require_tracer is not absent
+
+
+def test_the_line_by_hand_is_the_depolarised_share_over_the_rest():
+    """Design figures: s 0.0428 on a gain of 2.4, and 1000 : 1 twice."""
+    theatre = load_stereo(polarised_crosstalk.SCENE).theatre
+    assert theatre is not None
+    assert polarised_crosstalk.by_hand(theatre, 0.0) == pytest.approx(
+        0.0214 / (2.4 - 0.0214) + 0.002, rel=0.01
+    )
+
+
+def test_two_numbers_by_hand_by_scipy_and_by_gpcg():
+    numbers = frozen_pollution.two_numbers()
+    for name in ("by hand", "SciPy's BVLS", "GPCG, exact"):
+        assert numbers[name] == pytest.approx((0, 0.4005 / 1.01), abs=1e-12)
+    assert numbers["GPCG, frozen (the paper's)"] == pytest.approx((0, 0.4), abs=1e-12)
+
+
+def test_the_region_holds_a_ghost_that_cannot_be_subtracted():
+    scene = load_stereo(fig2_fig6_deghosting.SCENE)
+    posed = fig2_fig6_deghosting.pose(
+        fig2_fig6_deghosting.pair(fig2_fig6_deghosting.GENERATED, 128, scene), scene
+    )
+    rows, cols = fig2_fig6_deghosting.uncorrectable(posed)
+    assert (rows.stop - rows.start, cols.stop - cols.start) == (18, 32)
+    left = posed.seen(posed.subtractive) - posed.desired
+    energy = np.sum(left**2, axis=(0, 3))
+    assert energy[rows, cols].mean() > 2 * energy.mean()
+
+
+def test_pairs_that_are_not_there_are_left_out(monkeypatch, tmp_path):
+    monkeypatch.setenv(pairs.FOLDER, str(tmp_path))
+    scene = load_stereo(fig2_fig6_deghosting.SCENE)
+    assert fig2_fig6_deghosting.present(fig2_fig6_deghosting.DATA, scene) == ()
