@@ -53,7 +53,8 @@ Method = Annotated[
 Tolerance = Annotated[
     float,
     typer.Option(
-        help="Perceptual: certified distance from the least visible error at which to stop."
+        help="Perceptual: certified distance from the least cost at which to stop (of the worst "
+        "seat: five times that)."
     ),
 ]
 LowFrequencyGain = Annotated[
@@ -242,9 +243,10 @@ def _solver(
 
     admm = ADMM(tolerance=tolerance, progress=note)
     if isinstance(scene, StereoScene) and scene.table is not None:
-        return Relinearised(admm)
+        return Relinearised(admm, tolerance)
     if worst and several:
-        return WorstSeat(replace(admm, tolerance=tolerance / 5, stop_when_invisible=False))
+        inner = replace(admm, tolerance=tolerance / 5, stop_when_invisible=False)
+        return WorstSeat(inner, tolerance=5 * tolerance)
     return admm
 
 
@@ -259,6 +261,9 @@ def _line(f: Figures) -> str:
         f"(subtractive {f.error_subtractive:.3g})",
         f"{f.clipped:.1%} of the screen too dark for exact subtraction",
     ]
+    if f.error_by_seat:
+        seats = ", ".join(f"{name} {error:.3g}" for name, error in f.error_by_seat.items())
+        parts.append(f"by seat: {seats}")
     if f.out_of_range:
         parts.append(f"{f.out_of_range:.1%} out of the projector's range")
     if f.file_clipped:

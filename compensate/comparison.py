@@ -129,7 +129,11 @@ class Comparison:
             ),
         ]
         if self.posed.scene.views == 2:
-            edges = {names[m]: f"{o.figures.ghost_edges:.0%}" for m, o in self.outcomes.items()}
+            edges = {
+                names[m]: f"{o.figures.ghost_edges:.0%}"
+                for m, o in self.outcomes.items()
+                if o.figures.ghost_edges is not None
+            }
             table.append(
                 Figure(
                     "Ghost edges",
@@ -138,7 +142,19 @@ class Comparison:
                     "Contours that are seen but are not the master's: the root of their energy.",
                 )
             )
-        return table
+        by_seat = [
+            Figure(
+                f"Visible error, {seat}",
+                "JND rms",
+                {
+                    names[m]: f"{o.figures.error_by_seat[seat]:.3g}"
+                    for m, o in self.outcomes.items()
+                },
+                "The same at this seat; the pictures are what the first seat sees.",
+            )
+            for seat in next(iter(self.outcomes.values())).figures.error_by_seat
+        ]
+        return table + by_seat
 
     def _facts(self, command: str) -> dict[str, str]:
         scene, best = self.posed.scene, self.outcomes["perceptual"].figures

@@ -27,9 +27,8 @@ from domesim.frames import Master
 from domesim.light import Light, require_light
 from domesim.observation.base import AdjointObservation, Observation
 from domesim.observation.grey_to_grey import GreyToGrey
-from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.seats import SeveralSeats
-from domesim.scene import Scene, StereoScene
+from domesim.scene import DomeScene, Scene, StereoScene
 from domesim.screening import decoded, encoded, mean_luminance, within_range
 
 REGULARISATION = 1e-4
@@ -62,7 +61,10 @@ class Figures:
         (multiples of Daly's threshold contrast at the adaptation luminance), before rounding to
         the file's code values.
     ghost_edges
-        Of a stereo pair: ghost edge energy (`compensate.ghosts`), 1 for the untouched master.
+        Of a stereo pair: ghost edge energy (`compensate.ghosts`) at the first seat, 1 for the
+        untouched master; None without ghosts.
+    error_by_seat
+        Of several seats: `error_after` of each.
     file_clipped
         Share of the screen's pixels whose colour the file's encoding cannot hold.
     status
@@ -83,6 +85,7 @@ class Figures:
     error_subtractive: float
     error_after: float
     ghost_edges: float | None
+    error_by_seat: dict[str, float]
     file_clipped: float
     status: str
     gap: float | None
@@ -154,15 +157,37 @@ class Posed:
         return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
 
     def ghost_edges(self, light: Light) -> float | None:
-        """Ghost edge energy of a stereo pair at the first seat; None for a dome."""
+        """Ghost edge energy of a stereo pair at the first seat; None without ghosts that have any.
+
+        What is left of a ghost that was rounding from the start is no figure.
+        """
         if self.scene.views == 1:
             return None
         seen = self.problem.desired[:2]
         ghosts = self.seen(self.desired) - seen
         weights = self.scene.projector.luminance_weights
         density = self.scene.viewing.pixels_per_degree(*self.screen.shape)
-        error = np.asarray(self.seen(light) - seen, np.float64) @ weights
-        return edge_energy(error, np.asarray(ghosts, np.float64) @ weights, density)
+        ghost = np.asarray(ghosts, np.float64) @ weights
+        if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT:
+            return None
+        energy = edge_energy(
+            np.asarray(self.seen(light) - seen, np.float64) @ weights, ghost, density
+        )
+        return energy if np.isfinite(energy) else None
+
+    def error_by_seat(self, light: Light) -> dict[str, float]:
+        """`visible_error` at each of several seats; empty for one."""
+        if not isinstance(self.observation, SeveralSeats):
+            return {}
+        assert isinstance(self.scene, StereoScene)
+        residual, weighting = self.residual(light), self.single.weighting
+        factor = _differences(self.scene, weighting)
+        factor /= np.sqrt(np.count_nonzero(self.screen) * self.scene.views)
+        return {
+            name: float(np.sqrt(weighting.energy(self.observation.of_seat(residual, number))))
+            * factor
+            for number, name in enumerate(self.scene.chosen)
+        }
 
 
 @final
@@ -231,6 +256,7 @@ def pose(desired: Light, scene: Scene, weighting: PerceptualWeighting | None = N
     if isinstance(scene, StereoScene):
         single, subtractive = _subtracted_pair(desired, scene, lambda_)
     else:
+        assert isinstance(scene, DomeScene)
         single, subtractive = _subtracted_dome(desired, scene, lambda_)
     solvable = single.observation
     if isinstance(observation, SeveralSeats):
@@ -252,10 +278,11 @@ def pose(desired: Light, scene: Scene, weighting: PerceptualWeighting | None = N
     return Posed(scene, desired, problem, exact, single, subtractive, screen)
 
 
-def _subtracted_dome(desired: Light, scene: Scene, lambda_: CsfWeighting) -> tuple[Problem, Light]:
+def _subtracted_dome(
+    desired: Light, scene: DomeScene, lambda_: CsfWeighting
+) -> tuple[Problem, Light]:
     """The plain problem of a domemaster, and its exact clipped subtraction."""
     observation = scene.solvable(*desired.shape[1:3])
-    assert isinstance(observation, LowRankObservation)
     on = observation.screen[None, :, :, None]
     bounds = (np.where(on, 0, desired), np.where(on, 1, desired))
     problem = Problem(observation, lambda_, observation.direct(desired), bounds)
@@ -348,6 +375,7 @@ def solve_frame(
         error_subtractive=posed.visible_error(posed.subtractive),
         error_after=posed.visible_error(result.light),
         ghost_edges=posed.ghost_edges(result.light),
+        error_by_seat=posed.error_by_seat(result.light),
         file_clipped=file_clipped,
         status=result.status.value,
         gap=result.gap,

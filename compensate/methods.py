@@ -66,8 +66,9 @@ def methods_of(scene: Scene) -> Mapping[str, Chosen]:
     if isinstance(scene, DomeScene):
         return DOME
     if isinstance(scene, StereoScene) and scene.table is not None:
-        # Its system of equations is that of one matrix
-        return {name: method for name, method in STEREO.items() if name != "paper"}
+        # These know crosstalk as one matrix
+        matrix_only = ("paper", "player-shader")
+        return {name: method for name, method in STEREO.items() if name not in matrix_only}
     return STEREO
 
 

@@ -13,7 +13,7 @@ from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Light
 from domesim.projector import require_primaries
-from domesim.scene import Scene
+from domesim.scene import Scene, StereoScene
 
 BRIGHTEST = 1e9
 """Projector white = 1: the sun's disc is 1e8 of an IMAX dome's. Beyond it is damage, and float32
@@ -30,6 +30,7 @@ def decoded(master: Master, scene: Scene) -> Light:
         it is brighter than `BRIGHTEST`.
     """
     _require_views(master, scene)
+    _require_whole_views(master, scene)
     require_primaries(master.colour.primaries)
     curve = transfer.named(master.colour.transfer, white=scene.projector.white)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -53,6 +54,27 @@ def _require_views(master: Master, scene: Scene) -> None:
     raise InputError(
         f"{master.path}: wanted left and right for {scene.name}, got one picture. Name both "
         f"(--left L.####.exr --right R.####.exr), or say how they are packed (--packing)."
+    )
+
+
+def _require_whole_views(master: Master, scene: Scene) -> None:
+    """Pixels are square: vision models would take a view of half the columns for a narrow screen.
+
+    Only packed views are ever halved; any other may be narrower than the screen.
+    """
+    if master.packing not in ("side-by-side", "top-bottom") or not isinstance(scene, StereoScene):
+        return
+    rows, cols = master.frames[0].pixels.shape[:2]
+    width, height = scene.size
+    squeezed = (cols / rows) / (width / height)
+    if 0.6 < squeezed < 1.6:
+        return
+    size, axis = ((2, 1), "width") if squeezed < 1 else ((1, 2), "height")
+    raise InputError(
+        f"{master.path}: wanted views as wide as {scene.name}'s screen ({width / height:.3g} : 1), "
+        f"got {cols} x {rows} px: views at half {axis}? Stretch the picture first (oiiotool IN "
+        f"--resize {cols * size[0] * (2 if master.packing == 'side-by-side' else 1)}x"
+        f"{rows * size[1] * (2 if master.packing == 'top-bottom' else 1)} -o OUT)."
     )
 
 

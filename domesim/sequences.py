@@ -69,7 +69,9 @@ def find_pairs(
             f"{left} and {right}: wanted two files or two numbered patterns, got one of each. "
             "Write the frame's number as #### in both (show.####.exr)."
         )
-    if not any(single):
+    if any(single):
+        _refuse_other_number(Path(left), Path(right))
+    else:
         _refuse_unmatched(f"{left} and {right}", *({*side} for side in found))
     return tuple((found[0][number], found[1][number]) for number in found[0])
 
@@ -177,6 +179,17 @@ def _find(path: Path, frames: str | None) -> dict[int | None, Path]:
             f"Render what is missing, or {way} --frames {_ranges(sorted(found))}"
         )
     return {number: found[number] for number in numbers}
+
+
+def _refuse_other_number(left: Path, right: Path) -> None:
+    """Files that both end in a number of several digits are frames: they must be one moment's."""
+    numbers = [re.findall(r"\d{3,}", path.stem)[-1:] for path in (left, right)]
+    if all(numbers) and len({int(number) for (number,) in numbers}) > 1:
+        raise InputError(
+            f"{left} and {right}: wanted left and right of one moment, got frames "
+            f"{int(numbers[0][0])} and {int(numbers[1][0])}. Name one frame of both, or rename "
+            f"them."
+        )
 
 
 def _refuse_unmatched(where: str, left: set[Any], right: set[Any]) -> None:

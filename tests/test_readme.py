@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
+from compensate.methods import STEREO
 from domesim import scene
 from domesim.errors import InputError
 from validation.readme import RESULTS, brought_up_to_date, readme
@@ -153,6 +154,21 @@ def test_the_keys_of_theatres_exist():
             model = submodel(model.model_fields[part].annotation)
         plain = {n for n, f in model.model_fields.items() if not is_section(f.annotation)}
         assert set(re.findall(r"`([a-z_0-9]+)`", keys)) == plain, section
+
+
+def test_what_the_page_on_3d_screens_says(tmp_path):
+    """Its scene loads, its methods and systems are those that there are."""
+    page = (ROOT / "docs/stereo.md").read_text()
+    (tmp_path / "mine.toml").write_text(re.search(r"^```toml\n(.*?)^```", page, re.M | re.S)[1])
+    mine = scene.load_stereo(tmp_path / "mine.toml")
+    assert mine.observation(4, 8).matrices[0, 0, 0] == 0.012
+    assert mine.observation(4, 8).matrices[1, 2, 2] == 0.016
+    aisle = mine.seen_from("aisle").observation(4, 9).share
+    assert aisle[:, :, -1] == pytest.approx(1.9)
+    listed = re.findall(r"^\| `([a-z][a-z-]*)` \|", page, re.MULTILINE)
+    assert set(listed) == set(STEREO)
+    systems = set(re.findall(r"^\| `(stereo_[a-z_]+)` \|", page, re.MULTILINE))
+    assert systems == {name for name in scene.scene_names() if name.startswith("stereo")}
 
 
 def submodel(annotation):

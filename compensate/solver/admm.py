@@ -96,6 +96,7 @@ class ADMM:
         dual = np.zeros_like(state)
         floor = self.penalty_floor * split.strength**1.5
         rho = max(self.penalty, 2 * floor)
+        split.prepare(floor)
         inverse = split.inverse(rho)
         iteration, status = 0, best.verdict(self.tolerance)
         while status is None and iteration < self.max_iterations:

@@ -28,12 +28,10 @@ from typing import Any, final
 import numpy as np
 
 from compensate.fourier import Fourier
-from compensate.solver.blocks import blocks_times, inverted
+from compensate.solver.blocks import Spectrum, blocks_times, inverted
 from compensate.weighting import CsfWeighting
 from domesim.light import Array
 from domesim.observation.lowrank import LowRankObservation
-
-Spectrum = Array  # (primary, padded row, padded col // 2 + 1) complex
 
 
 @final

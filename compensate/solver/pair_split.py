@@ -16,8 +16,10 @@ iteration, from the last w, which costs four FFTs a plane instead of two:
 
     w <- w + (H_0 + rho P)^-1 (b - H w + rho P (z - y - w)),      b = H z - grad f(z) for any z
 
-A fixed point is a minimiser of the true cost. The certificate needs H^-1 itself; for any y, with
-the remainder r = g - H y,
+A fixed point is a minimiser of the true cost. The iteration converges while H + rho P is below
+twice H_0 + rho P; where crosstalk varies so much that it is not, H_0 is scaled up (by a few power
+iterations at the least rho): smaller steps, and more of them. The certificate needs H^-1 itself;
+for any y, with the remainder r = g - H y,
 
     g' H^-1 g = y'(g + r) + r' H^-1 r  <=  y'(g + r) + ||r||² / mu
 
@@ -31,15 +33,17 @@ from typing import Any, final
 import numpy as np
 
 from compensate.problem import Problem
-from compensate.solver.blocks import blocks_times, inverted
+from compensate.solver.blocks import Spectrum, blocks_times, inverted
 from compensate.solver.certificate import gap_bound
-from compensate.solver.split import Planes, SpectralMap, Spectrum, Split, require_certifiable
+from compensate.solver.split import Planes, SpectralMap, Split, require_certifiable
 from compensate.weighting import CsfWeighting
 from domesim.light import Light, dot
 from domesim.observation.stereo import StereoObservation
 
 _STEPS = 12  # of conjugate gradients for a certificate
 _ENOUGH = 0.05  # share of the certificate that may be the remainder's
+_POWER_STEPS = 6
+_SAFE = 1.4  # of H over H_0: up to there steps need no damping
 
 
 @final
@@ -75,6 +79,7 @@ class PairSplit(Split):
         self.anchor = self.planes(problem.anchor)
         self.lower = self.planes(np.broadcast_to(problem.lower, start.shape))
         self.upper = self.planes(np.broadcast_to(problem.upper, start.shape))
+        self._scale = 1.0
         self._certifying = self._hessian.inverse(np.full(2 * primaries, self.mu))
         planes = self.planes(start)
         data = self.quadratic(planes)[1] - self.mu * (planes - self.anchor)
@@ -100,9 +105,30 @@ class PairSplit(Split):
         inner = planes[:, :rows, :cols].reshape(views, primaries, rows, cols)
         return np.ascontiguousarray(np.moveaxis(inner, 1, -1))
 
+    def prepare(self, floor: float) -> None:
+        """Scale H_0 up where H is too far above it."""
+        if self._observation.uniform:
+            return
+        inverse = self._hessian.inverse(floor * self.metric)
+        weight = (floor * self.metric).astype(self.dtype)[:, None, None]
+        x = np.random.default_rng(0).standard_normal(self.lower.shape).astype(self.dtype)
+        largest = 1.0
+        for _ in range(_POWER_STEPS):
+            image = self._curved(x) + weight * x
+            x = self.fourier.inverse(inverse(self.fourier.forward(image)))
+            largest = float(np.sqrt(dot(x, x)))
+            x /= self.dtype.type(largest)
+        # The norm after normalisation; short of the limit by some tenths
+        if largest > _SAFE:
+            self._scale = 1.5 * largest
+
     def inverse(self, rho: float) -> SpectralMap:
-        """(H_0 + rho P)^-1."""
-        return self._hessian.inverse(rho * self.metric)
+        """(H_0 + rho P)^-1, of H_0 scaled up where that is needed."""
+        plain = self._hessian.inverse(rho * self.metric / self._scale)
+        if self._scale == 1:
+            return plain
+        share = self.dtype.type(1 / self._scale)
+        return lambda spectrum: share * plain(spectrum)
 
     def step(self, inverse: SpectralMap, weight: Planes, towards: Planes, last: Planes) -> Planes:
         """The x-step: exact where crosstalk is uniform, else one iteration nearer to it."""

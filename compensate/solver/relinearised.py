@@ -31,7 +31,8 @@ class Relinearised:
     inner
         What solves each linearised problem.
     tolerance
-        It stops when a round lowers the cost by less than this share.
+        It stops when a round lowers the cost by less than this share; its status then is that of
+        the last round's inner solver.
     max_rounds
         Rounds after which it gives up.
     """
@@ -59,11 +60,13 @@ class Relinearised:
         for _ in range(self.max_rounds):
             local = problem.observed_by(exact.linearised(light))
             found = self.inner(local, light)
-            iterations, gap = iterations + found.iterations, found.gap
+            iterations += found.iterations
             new, new_cost = _downhill(problem, exact, light, found.light, cost)
+            # What is certified is of the inner solution, and goes with it only.
+            whole = new is found.light
             gained, light, cost = cost - new_cost, new, new_cost
             if gained <= self.tolerance * cost:
-                status = Status.EXACT if cost == 0 else Status.CONVERGED
+                status, gap = found.status, found.gap if whole else None
                 break
         local = problem.observed_by(exact.linearised(light))
         optimality = local.optimality(light)
@@ -81,7 +84,9 @@ def _downhill(
 ) -> tuple[Light, float]:
     """The farthest of a few points on the way whose true cost is lower; else where we are."""
     step = towards - light
-    for halvings in range(8):
+    if (whole := true_cost(problem, exact, towards)) < cost:
+        return towards, whole
+    for halvings in range(1, 8):
         new = light + np.asarray(0.5**halvings, light.dtype) * step
         new_cost = true_cost(problem, exact, new)
         if new_cost < cost:

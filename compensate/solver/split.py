@@ -13,12 +13,11 @@ import numpy as np
 
 from compensate.fourier import Fourier
 from compensate.problem import Problem
+from compensate.solver.blocks import Spectrum
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light
 
 Planes: TypeAlias = Array
-Spectrum: TypeAlias = Array
-"""(plane, padded row, padded col // 2 + 1) complex."""
 
 SpectralMap: TypeAlias = Callable[[Spectrum], Spectrum]
 
@@ -52,6 +51,9 @@ class Split(ABC):
     @abstractmethod
     def light(self, planes: Planes) -> Light:
         """The light of planes."""
+
+    def prepare(self, floor: float) -> None:  # noqa: B027 - an exact x-step needs no preparation
+        """Told before the first step: the least rho that there will be."""
 
     @abstractmethod
     def inverse(self, rho: float) -> SpectralMap:

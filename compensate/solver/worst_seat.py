@@ -57,7 +57,7 @@ class WorstSeat:
         before = problem.ffts
         seats = _require_seats(problem)
         weights = np.full(seats, 1 / seats)
-        best, least, light = np.inf, 0.0, start
+        best, least, light, chosen_weights = np.inf, 0.0, start, weights
         chosen, iterations, status = start, 0, Status.EXHAUSTED
         for number in range(self.max_rounds):
             weighted = _reweighted(problem, weights)
@@ -67,14 +67,14 @@ class WorstSeat:
                 least = max(least, found.cost / (1 + found.gap))
             costs = np.array([_reweighted(problem, one).cost(light) for one in np.eye(seats)])
             if costs.max() < best:
-                best, chosen = float(costs.max()), light
+                best, chosen, chosen_weights = float(costs.max()), light, weights
             if best - least <= self.tolerance * least:
                 status = Status.CONVERGED
                 break
             weights = weights * np.exp(self.speed / np.sqrt(1 + number) * (costs / costs.max() - 1))
             weights /= weights.sum()
         gap = (best - least) / least if least > 0 else None
-        worst = _reweighted(problem, weights)
+        worst = _reweighted(problem, chosen_weights)
         return Result(
             chosen,
             best,
@@ -87,7 +87,7 @@ class WorstSeat:
 
 
 def seat_importance(weights: Any) -> Any:
-    """(seen view,) importance of each seat's two views, of (seat,) weights; the mean is 1."""
+    """(seen view,) importance of each seat's two views, of (seat,) weights; seats' sum to 1."""
     weights = np.asarray(weights, np.float64)
     return np.repeat(weights / weights.sum(), 2)
 

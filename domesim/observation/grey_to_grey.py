@@ -233,3 +233,12 @@ def _require_table(levels: NDArray[np.float64], table: NDArray[np.float64]) -> N
             "a grey-to-grey table must let a brighter picture look brighter, got levels where it "
             "looks darker. Check the readings for noise"
         )
+    steps = np.diff(levels)
+    own = np.diff(seen, axis=2) / steps[:, None]
+    other = np.abs(np.diff(table, axis=3)) / steps
+    if other.max() >= 0.9 * own.min():
+        raise InputError(
+            f"a grey-to-grey table must rise more with the eye's own light than with the other's: "
+            f"got slopes down to {own.min():.2g} and up to {other.max():.2g}. Steep slopes come "
+            f"from levels that lie close together: check the readings of those"
+        )

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.observation.base import AdjointObservation, Observation
+from domesim.observation.base import Observation
 from domesim.projector import Projector
 from domesim.viewing import Viewing
 
@@ -53,10 +53,6 @@ class Scene(ABC):
         InputError
             If frames of that size cannot be shown.
         """
-
-    @abstractmethod
-    def solvable(self, rows: int, cols: int) -> AdjointObservation:
-        """`observation` in the form that solvers need."""
 
     @abstractmethod
     def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:

@@ -5,6 +5,7 @@ All mistakes of a file are listed in one go, each with its path.
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from importlib import resources
 from pathlib import Path
@@ -32,7 +33,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     """
     path = Path(name_or_path)
     if path.suffix != ".toml" and len(path.parts) <= 1:
-        return _scene(_bundled(str(name_or_path)), str(name_or_path), Path())
+        return scene_of_text(_bundled(str(name_or_path)), str(name_or_path), Path())
     try:
         text = path.read_bytes().decode()
     except UnicodeDecodeError:
@@ -42,7 +43,27 @@ def load_scene(name_or_path: str | Path) -> Scene:
             f"{path}: wanted a scene's .toml file, got '{error.strerror}'. "
             f"Check the path, or use one of {', '.join(scene_names())}"
         ) from error
-    return _scene(text, str(path), path.parent)
+    return scene_of_text(text, str(path), path.parent)
+
+
+def scene_of_text(text: str, where: str, folder: Path) -> Scene:
+    """The scene that a TOML text describes, as if it were the file `where` in `folder`.
+
+    Raises
+    ------
+    InputError
+        With all mistakes, each with its path.
+    """
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a ValueError also for a number too long
+        raise InputError(f"{where}: not valid TOML: {error}") from None
+    try:
+        return _described(content, where, folder)
+    except InputError as error:
+        if str(error).startswith(where):
+            raise
+        raise InputError(f"{where}: {error}") from None
 
 
 def load_dome(name_or_path: str | Path) -> DomeScene:
@@ -91,22 +112,9 @@ def _bundled(name: str) -> str:
     return resources.files("scenes").joinpath(f"{name}.toml").read_text()
 
 
-def _scene(text: str, where: str, folder: Path) -> Scene:
-    try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a ValueError also for a number too long
-        raise InputError(f"{where}: not valid TOML: {error}") from None
-    try:
-        return _described(content, where, folder)
-    except InputError as error:
-        if str(error).startswith(where):
-            raise
-        raise InputError(f"{where}: {error}") from None
-
-
 def _described(content: dict[str, Any], where: str, folder: Path) -> Scene:
-    """A stereo system has crosstalk, a dome theatre a dome."""
-    if "crosstalk" in content and "dome" not in content:
+    """The scene of a file that says which kind it is."""
+    if _is_stereo(content):
         try:
             return stereo.built(StereoFile.model_validate(content), folder)
         except ValidationError as error:
@@ -115,3 +123,20 @@ def _described(content: dict[str, Any], where: str, folder: Path) -> Scene:
         return dome.built(DomeFile.model_validate(content), folder)
     except ValidationError as error:
         raise InputError(all_mistakes(error, where, DomeFile)) from None
+
+
+def _is_stereo(content: dict[str, Any]) -> bool:
+    """A stereo system has crosstalk, a dome theatre a dome; or what else only stereo systems have.
+
+    One misspelt section does not make it the other kind, whose mistakes would be listed then.
+    """
+    if "dome" in content:
+        return False
+    screen, seen = (_keys(content, name) for name in ("screen", "viewing"))
+    near = difflib.get_close_matches("crosstalk", content, 1)
+    return bool(near) or bool({"width_m", "height_m"} & screen) or "distance_m" in seen
+
+
+def _keys(content: dict[str, Any], name: str) -> set[str]:
+    section = content.get(name)
+    return set(section) if isinstance(section, dict) else set()

@@ -152,6 +152,11 @@ class StereoScene(Scene):
         InputError
             If they are of another system, or of this one before it was changed.
         """
+        if self.theatre is None:
+            raise InputError(
+                f"{self.name} has no hardware to trace, its crosstalk is known as {self.model}: "
+                f"leave --transport out"
+            )
         known = maps.provenance.get("scene", "another system")
         if set(maps.seats) != set(self.seats) or maps.provenance.get("digest") != self.digest:
             raise InputError(
@@ -203,13 +208,6 @@ class StereoScene(Scene):
         return Crosstalk(
             rows, cols, np.asarray(matrices), share=np.asarray(share), black=self._black
         )
-
-    def solvable(self, rows: int, cols: int) -> StereoObservation:
-        """`observation`; of a table, its linearisation at black."""
-        exact = self.observation(rows, cols)
-        if isinstance(exact, GreyToGrey):
-            return exact.linearised(np.zeros(exact.shape, np.float32))
-        return exact
 
     def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
         """(row, col): all of the picture."""

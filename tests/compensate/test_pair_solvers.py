@@ -13,7 +13,9 @@ from compensate.solver.gpcg import GPCG
 from compensate.solver.relinearised import Relinearised, true_cost
 from compensate.solver.result import Status
 from compensate.solver.worst_seat import WorstSeat, seat_importance
+from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from domesim.observation.grey_to_grey import GreyToGrey
 from validation.experiments.convergence import dense
 
 
@@ -130,6 +132,32 @@ def test_a_grey_to_grey_table_is_minimised_as_it_is():
         options=options,
     )
     assert found.cost <= scipy.fun * 1.001
+
+
+@pytest.mark.parametrize("peak", [0.4, 0.6])
+def test_crosstalk_that_varies_wildly_is_solved_all_the_same(peak):
+    """The x-step's Hessian is then far from the true one."""
+    share = np.full((2, 24, 31), 0.02)
+    share[:, 8:14, 10:18] = peak
+    observation = Crosstalk(24, 31, leak_matrices(1.0), share=share)
+    posed, start = pair_problem(observation, mu=1e-4)
+    found = ADMM(max_iterations=1500)(posed, start)
+    assert found.status is Status.CONVERGED
+    check = GPCG(tolerance=1e-5, max_iterations=2000, max_cg_steps=60)(posed, start)
+    assert found.cost <= check.cost * 1.001
+
+
+def test_a_solver_that_fails_inside_is_no_success():
+    posed, start = pair_problem(grey(9, 8).linearised(pair(9, 8)))
+    found = Relinearised(ADMM(tolerance=1e-12, max_iterations=3))(posed, start)
+    assert found.status is not Status.CONVERGED
+
+
+def test_a_table_that_subtraction_cannot_follow_is_refused():
+    levels = [0.0, 0.01, 1.0]
+    table = np.broadcast_to(np.array([0.0, 0.02, 0.03]), (2, 1, 3, 3))
+    with pytest.raises(InputError, match="own light than with the other's"):
+        GreyToGrey(4, 5, levels, table)
 
 
 def test_the_worst_seat_is_made_better_than_by_the_mean():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from domesim.frames import ColourTag, Frame, Master
 from domesim.observation.crosstalk import leak_matrices
 from domesim.scene import StereoScene, load_stereo
 from domesim.scene.stereo import Seat
+from domesim.screening import decoded
 
 LINEAR = ColourTag("linear", "BT.709", "the test")
 ROWS, COLS = 40, 64
@@ -77,6 +79,25 @@ def test_the_figures_tell_of_ghosts():
     assert figures["none"].pollution == pytest.approx(leaked.mean(), rel=1e-4)
 
 
+def test_a_ghost_without_edges_has_no_figure_of_them():
+    """Full white for one eye, black for the other: the pattern that crosstalk is measured with."""
+    views = np.stack([np.ones((ROWS, COLS, 3)), np.zeros((ROWS, COLS, 3))]).astype(np.float32)
+    frames = [Frame(view, Path("x.exr"), LINEAR, 32, True) for view in views]
+    for method in ("none", "raised-black-local", "perceptual"):
+        figures = compensate_frame(Master(tuple(frames), "files"), system(), method=method).figures
+        assert figures.ghost_edges is None
+        json.dumps(asdict(figures), allow_nan=False)
+
+
+def test_halved_views_are_refused():
+    paper = load_stereo("stereo_polarised_paper")
+    for packing, rows, cols in (("side-by-side", 54, 48), ("top-bottom", 27, 96)):
+        half = Frame(np.ones((rows, cols, 3), np.float32), Path("x.exr"), LINEAR, 32, True)
+        with pytest.raises(InputError, match=r"views at half (width|height)\?.*Stretch"):
+            decoded(Master((half, half), packing), paper)
+        assert decoded(Master((half, half), "files"), paper).shape == (2, rows, cols, 3)
+
+
 def test_what_is_seen_is_the_master_where_nothing_clips():
     bright = 0.3 + 0.5 * light()
     scene = system()
@@ -110,6 +131,8 @@ def test_the_worst_seat_is_better_off_if_it_decides():
         return max(pose(light(), scene.seen_from(n)).visible_error(answer) for n in scene.seats)
 
     assert largest(worst) < largest(mean)
+    for answer in (mean, worst):
+        assert max(posed.error_by_seat(answer).values()) == pytest.approx(largest(answer), rel=1e-4)
     assert posed.visible_error(mean) < posed.visible_error(worst)
 
 
