@@ -26,6 +26,7 @@ from rich.progress import (
 from domesim.errors import InputError
 from domesim.frames import Master, read_master, write_master
 from domesim.frames.messages import reason
+from domesim.frames.views import require_writable
 from domesim.shows import Show
 
 
@@ -181,6 +182,7 @@ def each_frame(
             try:
                 with about(moment[0]):
                     master = show.read(moment, repair=repair)
+                    require_writable(master, output, bits)
                     figures, line = work(master, write)
             except InputError as error:
                 failed.append(str(error))

@@ -8,21 +8,25 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, final
 
 import numpy as np
 import typer
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from domesim.cli import Json, Quiet, finish
-from domesim.console import Console, prepare_file
+from domesim.console import Console, about, prepare_file
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
+from domesim.projector import PRIMARIES
+from domesim.scene.loading import scene_of_text
 from domesim.transfer import Gamma
 
 if TYPE_CHECKING:
     from domesim.measurement.crosstalk import MeasuredCrosstalk
+    from domesim.measurement.grey_to_grey import MeasuredGreyToGrey
     from domesim.measurement.pair import MeasuredPair
     from domesim.measurement.readings import Black
     from domesim.measurement.response import Display, Response
@@ -35,6 +39,8 @@ app = typer.Typer(
 
 WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
 """Of the rig of van Baar et al. 2011, section 4: m, m, cd/m²."""
+COLOURS = "BT.709"
+"""Of a display with shutters, unless another is named: most are televisions."""
 
 ReadingsFile = Annotated[
     Path,
@@ -44,6 +50,17 @@ ReadingsFile = Annotated[
         "(cd/m²) and, for a stereo pair, projector and filter (left, right, none).",
         show_default=False,
     ),
+]
+Width = Annotated[float | None, typer.Option(help=f"Of the screen, m; {WIDTH:g} if not given.")]
+Height = Annotated[
+    float | None, typer.Option(help="Of the screen, m; 9/16 of the width if not given.")
+]
+Distance = Annotated[
+    float | None, typer.Option(help=f"Of the audience, m; {DISTANCE:g} if not given.")
+]
+Adaptation = Annotated[
+    float | None,
+    typer.Option(help=f"Luminance they are adapted to, cd/m²; {ADAPTATION:g} if not given."),
 ]
 BlackName = Annotated[
     str | None,
@@ -66,23 +83,14 @@ def crosstalk(
         bool,
         typer.Option(
             "--allow-negative",
-            help="Keep negative crosstalk between primaries, of ghosts more saturated than the "
-            "eye's own picture.",
+            help="Keep crosstalk that is negative beyond its uncertainty, as of ghosts more "
+            "saturated than the eye's own picture; within 4 standard errors it is set to 0.",
         ),
     ] = False,
-    width: Annotated[
-        float | None, typer.Option(help=f"Of the screen, m; {WIDTH:g} if not given.")
-    ] = None,
-    height: Annotated[
-        float | None, typer.Option(help="Of the screen, m; 9/16 of the width if not given.")
-    ] = None,
-    distance: Annotated[
-        float | None, typer.Option(help=f"Of the audience, m; {DISTANCE:g} if not given.")
-    ] = None,
-    adaptation: Annotated[
-        float | None,
-        typer.Option(help=f"Luminance they are adapted to, cd/m²; {ADAPTATION:g} if not given."),
-    ] = None,
+    width: Width = None,
+    height: Height = None,
+    distance: Distance = None,
+    adaptation: Adaptation = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -91,39 +99,18 @@ def crosstalk(
     from domesim.measurement.readings import EYES, read_readings  # noqa: PLC0415
 
     console = Console(quiet=quiet, json=json)
-    if out.suffix != ".toml":
-        raise InputError(f"--out {out}: a scene is stored as .toml, name it so")
-    assumed = [
-        name
-        for name, value in (
-            ("width", width),
-            ("height", height),
-            ("distance", distance),
-            ("adaptation", adaptation),
-        )
-        if value is None
-    ]
-    wide = _length("--width", WIDTH if width is None else width)
-    high = _length("--height", wide * 9 / 16 if height is None else height)
-    away = _length("--distance", DISTANCE if distance is None else distance)
-    adapted = ADAPTATION if adaptation is None else adaptation
-    if not 1e-6 <= adapted <= 1e6:
-        raise InputError(f"--adaptation must be 1e-06 to 1e+06 cd/m², got {adapted:g}")
+    _require_toml(out)
+    room = _room(width, height, distance, adaptation)
     taken = _black(black)
     pair = measured_pair(read_readings(readings, black=taken), allow_negative=allow_negative)
     prepare_file(out, instead_of=readings)
     scene = _SCENE.format(
         name=_quoted(out.stem),
         description=_quoted(f"A stereo system as measured: {readings.name}."),
-        width=wide,
-        height=high,
         readings=_quoted(_from(out, readings)),
         black="" if taken is None else f"black = {_quoted(taken)}\n",
         negative="allow_negative = true\n" if allow_negative else "",
-        distance=away,
-        adaptation=adapted,
-        screen=_origin(assumed, "width", "height"),
-        viewing=_origin(assumed, "distance", "adaptation"),
+        **room.told(),
     )
     write_whole(out, scene.encode())
     for line in pair.report():
@@ -131,12 +118,83 @@ def crosstalk(
     for eye, matrix in zip(EYES, pair.gamut.matrices, strict=True):
         rows = ", ".join(" ".join(f"{value:.4f}" for value in row) for row in matrix)
         console.say(f"  linear RGB of the {eye} projector of common RGB: rows {rows}")
-    if assumed:
-        console.say(f"Assumed, for want of {', '.join(f'--{name}' for name in assumed)}: {_RIG}")
-    console.say(
-        f"  -> {out}\nUse it: domesim compensate --left L.####.exr --right R.####.exr --scene {out}"
+    _say_where(console, out, room)
+    finish(console, {"output": str(out), "assumed": room.assumed, **_of_pair(pair)}, [])
+
+
+@app.command()
+def grey_to_grey(
+    readings: Annotated[
+        Path,
+        typer.Argument(
+            metavar="READINGS",
+            help="A .csv or .toml file with columns filter (left, right), own_level and "
+            "other_level (0..1), and Y (cd/m²): all combinations of the levels, with 0 and 1.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", help="The scene file to write, .toml.", show_default=False)
+    ],
+    primaries: Annotated[
+        str | None,
+        typer.Option(help=f"Of the display: BT.709, P3-D65, ...; {COLOURS} if not given."),
+    ] = None,
+    width: Width = None,
+    height: Height = None,
+    distance: Distance = None,
+    adaptation: Adaptation = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Crosstalk that depends on both eyes' pictures: figures, and a scene file with the table."""
+    from domesim.measurement.grey_to_grey import in_light, read_grey_to_grey  # noqa: PLC0415
+    from domesim.measurement.readings import EYES  # noqa: PLC0415
+    from domesim.observation.grey_to_grey import GreyToGrey  # noqa: PLC0415
+
+    console = Console(quiet=quiet, json=json)
+    _require_toml(out)
+    room = _room(width, height, distance, adaptation)
+    colours = _primaries(COLOURS if primaries is None else primaries)
+    tables = read_grey_to_grey(readings)
+    for eye in EYES:
+        if eye not in tables:
+            raise InputError(
+                f"{readings}: wanted readings through both filters, got none through the {eye} "
+                f"one; measure these too"
+            )
+    left, right = (tables[eye] for eye in EYES)
+    prepare_file(out, instead_of=readings)
+    levels, extra = in_light(left, right)
+    with about(readings):
+        GreyToGrey(1, 1, levels, extra[:, None])  # refuses what no eye can have seen
+    text = _GREY_SCENE.format(
+        name=_quoted(out.stem),
+        description=_quoted(f"A stereo display as measured, grey to grey: {readings.name}."),
+        primaries=_quoted(colours),
+        white=(left.white + right.white) / 2,
+        black=(left.black + right.black) / 2,
+        levels=_numbers(levels),
+        to_left=_rows(extra[0]),
+        to_right=_rows(extra[1]),
+        source=_quoted(f"measured: {readings.name}"),
+        colours=f"assumed: {COLOURS}" if primaries is None else "given to domesim measure",
+        **room.told(),
     )
-    finish(console, {"output": str(out), "assumed": assumed, **_of_pair(pair)}, [])
+    scene_of_text(text, str(readings), out.parent)
+    write_whole(out, text.encode())
+    for table in (left, right):
+        for line in table.report():
+            console.say(line)
+        console.say(f"  white {table.white:.4g} cd/m² above black, black {table.black:.3g} cd/m²")
+    if primaries is None:
+        console.say(f"Assumed, for want of --primaries: {COLOURS}")
+    _say_where(console, out, room)
+    assumed = [*(["primaries"] if primaries is None else []), *room.assumed]
+    eyes = {table.eye: _of_table(table) for table in (left, right)}
+    told = {"levels": _plain(levels), "to_left": _plain(extra[0]), "to_right": _plain(extra[1])}
+    figures = {"readings": str(readings), "eyes": eyes, "table": told}
+    finish(console, {"output": str(out), "assumed": assumed, **figures}, [])
 
 
 @app.command()
@@ -195,6 +253,98 @@ adaptation_cd_m2 = {adaptation!r}
 """
 
 
+_GREY_SCENE = """\
+name = {name}
+description = {description}
+
+[screen]
+width_m = {width!r}
+height_m = {height!r}
+
+[projector]
+primaries = {primaries}
+white_cd_m2 = {white:.6g}
+black_cd_m2 = {black:.6g}
+
+[crosstalk.table]
+levels = {levels}
+to_left = {to_left}
+to_right = {to_right}
+
+[viewing]
+distance_m = {distance!r}
+adaptation_cd_m2 = {adaptation!r}
+
+[sources]
+"screen" = "{screen}"
+"projector.primaries" = "{colours}"
+"projector.white_cd_m2, projector.black_cd_m2, crosstalk" = {source}
+"viewing" = "{viewing}"
+"""
+
+
+def _numbers(values: ArrayLike) -> str:
+    """A TOML array, fine enough for the slopes between levels that are close."""
+    return f"[{', '.join(f'{value + 0.0:.10g}' for value in np.asarray(values))}]"
+
+
+def _rows(values: NDArray[np.float64]) -> str:
+    return "[\n" + "".join(f"    {_numbers(row)},\n" for row in values) + "]"
+
+
+@final
+@dataclass(frozen=True)
+class _Room:
+    """Screen and audience, m and cd/m², and which of them nobody gave."""
+
+    width: float
+    height: float
+    distance: float
+    adaptation: float
+    assumed: list[str]
+
+    def told(self) -> dict[str, Any]:
+        """What the scene file's text takes."""
+        return {
+            "width": self.width,
+            "height": self.height,
+            "distance": self.distance,
+            "adaptation": self.adaptation,
+            "screen": _origin(self.assumed, "width", "height"),
+            "viewing": _origin(self.assumed, "distance", "adaptation"),
+        }
+
+
+def _room(
+    width: float | None, height: float | None, distance: float | None, adaptation: float | None
+) -> _Room:
+    given = {"width": width, "height": height, "distance": distance, "adaptation": adaptation}
+    wide = _length("--width", WIDTH if width is None else width)
+    high = _length("--height", round(wide * 9 / 16, 9) if height is None else height)
+    away = _length("--distance", DISTANCE if distance is None else distance)
+    adapted = ADAPTATION if adaptation is None else adaptation
+    if not 1e-6 <= adapted <= 1e6:
+        raise InputError(f"--adaptation must be 1e-06 to 1e+06 cd/m², got {adapted:g}")
+    return _Room(
+        wide, high, away, adapted, [name for name, value in given.items() if value is None]
+    )
+
+
+def _require_toml(out: Path) -> None:
+    if out.suffix != ".toml":
+        raise InputError(f"--out {out}: a scene is stored as .toml, name it so")
+
+
+def _say_where(console: Console, out: Path, room: _Room) -> None:
+    """Say what is assumed, and what the scene file is for."""
+    if room.assumed:
+        options = ", ".join(f"--{name}" for name in room.assumed)
+        console.say(f"Assumed, for want of {options}: {_RIG}")
+    console.say(
+        f"  -> {out}\nUse it: domesim compensate --left L.####.exr --right R.####.exr --scene {out}"
+    )
+
+
 def _origin(assumed: list[str], *names: str) -> str:
     """Where these figures are from, for the scene file."""
     missing = [name for name in names if name in assumed]
@@ -207,6 +357,13 @@ def _length(option: str, value: float) -> float:
     if not 0 < value <= 1000:
         raise InputError(f"{option} must be above 0 and at most 1000 m, got {value:g}")
     return value
+
+
+def _primaries(name: str) -> str:
+    known = [each for each in PRIMARIES if each != "XYZ"]
+    if name not in known:
+        raise InputError(f"--primaries {name!r} are not known; use one of {', '.join(known)}")
+    return name
 
 
 def _black(name: str | None) -> Black | None:
@@ -257,6 +414,18 @@ def _of_pair(pair: MeasuredPair) -> dict[str, Any]:
             "light_lost": _plain(gamut.lost),
             "crosstalk": _plain(pair.common_matrices),
         },
+    }
+
+
+def _of_table(table: MeasuredGreyToGrey) -> dict[str, Any]:
+    return {
+        "system_crosstalk": table.system,
+        "own_levels": _plain(table.own_levels),
+        "other_levels": _plain(table.other_levels),
+        "light": _plain(table.light),
+        "extra": _plain(table.extra),
+        "white_cd_m2": table.white,
+        "black_cd_m2": table.black,
     }
 
 

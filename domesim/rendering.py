@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 _PREVIEW = 2048
 """Most pixels a side of a preview."""
+
+_ERROR, _WALKS, _DEGREE = 5e-4, 2e8, 6
+"""How a dome is tabulated if nobody asks for more."""
 
 SceneArgument = Annotated[
     str,
@@ -114,15 +118,17 @@ def tabulate(
     out: OutFile,
     error: Annotated[
         float,
-        typer.Option(help="Rms standard error to reach, relative to the mean reflected light."),
-    ] = 5e-4,
-    walks: Annotated[float, typer.Option(help="Most paths.")] = 2e8,
+        typer.Option(
+            help="Domes: rms standard error to reach, relative to the mean reflected light."
+        ),
+    ] = _ERROR,
+    walks: Annotated[float, typer.Option(help="Domes: most paths.")] = _WALKS,
     degree: Annotated[
-        int, typer.Option(help="Of the smooth patterns that carry the light, 0..12.")
-    ] = 6,
+        int, typer.Option(help="Domes: degree of the smooth patterns that carry the light, 0..12.")
+    ] = _DEGREE,
     seed: Seed = 0,
     check: Annotated[
-        bool, typer.Option(help="Compare with the radiosity model where it applies.")
+        bool, typer.Option(help="Domes: compare with the radiosity model where it applies.")
     ] = True,
     quiet: Quiet = False,
     json: Json = False,
@@ -135,6 +141,8 @@ def tabulate(
     if not walks >= 1:
         raise InputError(f"--walks must be at least 1, got {walks:g}")
     _require_seed(seed)
+    if isinstance(theatre, StereoScene):
+        _require_no_dome_options(theatre, error, walks, degree, check=check)
     prepare_file(out)
     from domesim.pathtrace.llvm import backend  # noqa: PLC0415
 
@@ -185,6 +193,20 @@ def tabulate(
     _finish(console, figures, interrupted)
 
 
+def _require_no_dome_options(
+    scene: StereoScene, error: float, walks: float, degree: int, *, check: bool
+) -> None:
+    given = {
+        "--error": error != _ERROR,
+        "--walks": walks != _WALKS,
+        "--degree": degree != _DEGREE,
+        "--no-check": not check,
+    }
+    named = " and ".join(option for option, is_given in given.items() if is_given)
+    if named:
+        raise InputError(f"{named}: for domes, {scene.name} is a stereo system; leave it out")
+
+
 def _tabulate_crosstalk(
     scene: StereoScene, name: str, out: Path, seed: int, console: Console
 ) -> None:
@@ -217,10 +239,10 @@ def _tabulate_crosstalk(
             }
             rows.append({"seat": seat, **figures})
             console.say(
-                f"{seat}: crosstalk {figures['mean']:.2%} on average, {figures['middle']:.3%} ± "
-                f"{2 * figures['middle_standard_error']:.3%} in the middle, up to "
-                f"{figures['largest']:.2%}; at most {figures['off_the_estimate']:.1%} off the "
-                f"estimate without tracing"
+                f"{seat}: crosstalk {figures['mean']:.2%} on average, "
+                f"{_sure(figures['middle'], 2 * figures['middle_standard_error'])} in the middle, "
+                f"up to {figures['largest']:.2%}; at most {figures['off_the_estimate']:.1%} off "
+                f"the estimate without tracing"
             )
     provenance = {
         "scene": scene.name,
@@ -241,6 +263,14 @@ def _tabulate_crosstalk(
         f"--scene {name} --transport {out}"
     )
     finish(console, {"scene": scene.name, "output": str(out), "seats": rows}, [])
+
+
+def _sure(share: float, error: float) -> str:
+    """``1.098% ± 0.00030%``: the error with two significant digits."""
+    if not error > 0:
+        return f"{share:.3%} ± 0%"
+    digits = max(0, 1 - math.floor(math.log10(100 * error)))
+    return f"{share:.3%} ± {error:.{digits}%}"
 
 
 def _finish(console: Console, figures: dict[str, Any], interrupted: bool) -> None:

@@ -224,7 +224,7 @@ def test_what_is_seen_is_seen_from_one_seat(run: Run, pair: Pair, out: Path, sea
     [
         ("dome_hemisphere", ["--method", "paper"], ("'paper'", "dome_hemisphere", "perceptual")),
         (SCENE, ["--method", "best"], ("'best'", SCENE, "perceptual, paper, subtractive")),
-        ("stereo_shutter", ["--method", "paper"], ("'paper'", "stereo_shutter", "player-shader")),
+        ("stereo_shutter", ["--method", "paper"], ("'paper'", "stereo_shutter", "subtractive")),
         (
             SCENE,
             ["--method", "subtractive", "--seat", "worst"],
@@ -252,6 +252,15 @@ def test_commands_of_a_dome(run: Run, out: Path, command: str) -> None:
 def test_there_is_no_hardware_to_trace(run: Run, out: Path) -> None:
     outcome = run("tabulate", SCENE, "--out", out / "x.npz")
     outcome.is_refused(SCENE, "[crosstalk.polarisation]", "leave --transport out")
+    assert written(out) == []
+
+
+@pytest.mark.parametrize(
+    "options", [("--walks", 1e5), ("--error", 0.1), ("--degree", 2), ("--no-check",)]
+)
+def test_options_of_a_dome(run: Run, out: Path, options: tuple[object, ...]) -> None:
+    outcome = run("tabulate", CINEMA, "--out", out / "x.npz", *options)
+    outcome.is_refused(str(options[0]), f"{CINEMA} is a stereo system", "leave it out")
     assert written(out) == []
 
 
@@ -324,6 +333,13 @@ def test_crosstalk_maps_for_a_dome(run: Run, pair: Pair, tmp_path: Path, out: Pa
     assert written(out) == []
 
 
+def test_crosstalk_maps_without_hardware(run: Run, pair: Pair, tmp_path: Path, out: Path) -> None:
+    arguments = ("observe", *pair.arguments, "--scene", SCENE, "--out", out)
+    outcome = run(*arguments, "--transport", maps(tmp_path / "m.npz"))
+    outcome.is_refused("m.npz", f"{SCENE} has no hardware to trace", "leave --transport out")
+    assert "tabulate" not in outcome.err
+
+
 def test_the_maps_above_work_undamaged(run: Run, pair: Pair, tmp_path: Path, out: Path) -> None:
     table = maps(tmp_path / "m.npz")
     arguments = ("observe", *pair.arguments, "--scene", CINEMA, "--out", out)
@@ -365,6 +381,7 @@ SCENE_FILES: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
         {"viewing =": "ambiant = {}\nviewing ="},
         ("ambiant: ", "did you mean 'ambient'"),
     ),
+    "no crosstalk": ({SHARE: ""}, ("crosstalk: is missing",)),
     "NaN": ({"share = 0.02": "share = nan"}, ("crosstalk.share: ", "finite", "got nan")),
     "text": ({"share = 0.02": 'share = "much"'}, ("crosstalk.share: ", "got 'much'")),
     "percent": ({"share = 0.02": "share = 2"}, ("crosstalk.share: ", "0.9", "got 2")),
@@ -441,6 +458,16 @@ def test_a_mistake_in_a_stereo_scene_is_one_line(
     outcome.is_refused(str(scene), *words)
     assert len(outcome.err) < 500
     assert written(out) == []
+
+
+def test_a_misspelt_section_is_no_dome(run: Run, pair: Pair, tmp_path: Path, out: Path) -> None:
+    scene = touched(tmp_path / "my.toml", WORKING.replace("crosstalk =", "crosstlk =").encode())
+    outcome = run("compensate", *pair.arguments, "--scene", scene, "--out", out)
+    assert outcome.code == 2
+    assert [line.strip() for line in outcome.err.splitlines()[1:]] == [
+        "crosstalk: is missing",
+        "crosstlk: is not a key of a scene (did you mean 'crosstalk'?)",
+    ]
 
 
 def test_the_stereo_scene_above_works_without_its_mistakes(

@@ -11,6 +11,7 @@ import pytest
 import test_bad_input
 from test_bad_input import Run, store, touched, written
 
+from domesim import rendering
 from domesim.frames import read_frame, read_master
 from domesim.pathtrace.llvm import backend
 from domesim.scene import load_stereo
@@ -142,6 +143,26 @@ def test_an_exr_of_two_views_keeps_its_structure(run: Run, tmp_path: Path, out: 
         assert (other[..., names.index(name)] != one[..., names.index(name)]).any()
 
 
+def test_what_cannot_be_written_is_not_solved(
+    run: Run, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = tmp_path / "m.exr"
+    spec = oiio.ImageSpec(COLS, ROWS, 6, "half")
+    spec.channelnames = ("R", "G", "B", "right.R", "right.G", "right.B")
+    spec.attribute("multiView", oiio.TypeDesc("string[2]"), ("left", "right"))
+    writer = oiio.ImageOutput.create(str(source))
+    assert writer.open(str(source), spec), writer.geterror()
+    writer.write_image(np.concatenate([view(0), view(1)], 2).astype(np.float32))
+    writer.close()
+    solved: list[int] = []
+    for solve in ("compensate.cli.compensate_frame", "domesim.cli.decoded"):
+        monkeypatch.setattr(solve, lambda *_, **__: solved.append(1))
+    for command in ("compensate", "observe"):
+        outcome = run(command, source, "--scene", SCENE, "--out", out, "--format", "png")
+        outcome.is_refused("m.png", "wanted .exr", "multi-view", "two files")
+    assert solved == []
+
+
 def test_what_each_eye_sees(run: Run, tmp_path: Path, out: Path) -> None:
     arguments = pair(tmp_path / "in")
     found = figures(run, "observe", *arguments, "--scene", SCENE, "--seat", "left", "--out", out)
@@ -215,6 +236,20 @@ def test_another_format(run: Run, tmp_path: Path, out: Path) -> None:
 
 
 # Traced crosstalk.
+
+
+@pytest.mark.parametrize(
+    ("share", "error", "text"),
+    [
+        (0.01098, 3e-6, "1.098% ± 0.00030%"),
+        (0.0234, 2.34e-4, "2.340% ± 0.023%"),
+        (0.5, 0.123, "50.000% ± 12%"),
+        (0.5, 0.0, "50.000% ± 0%"),
+    ],
+)
+def test_an_error_has_two_digits(share: float, error: float, text: str) -> None:
+    assert rendering._sure(share, error) == text
+
 
 CINEMA = """
 name = "a small cinema"

@@ -33,7 +33,7 @@ from domesim.frames.stereo_exr import (
     read_stereo_exr,
 )
 from domesim.frames.whole import write_together
-from domesim.frames.writing import encoded
+from domesim.frames.writing import encoded, target_of
 
 Packing: TypeAlias = Literal[
     "single", "files", "side-by-side", "top-bottom", "multi-view", "multi-part"
@@ -228,6 +228,23 @@ def write_master(master: Master, paths: Sequence[str | Path], *, bits: int | Non
         frames of what is to be one file differ in encoding or channels.
     """
     files = tuple(Path(path) for path in paths)
+    require_writable(master, files, bits)
+    if master.packing in ("single", "files"):
+        pairs = zip(master.frames, files, strict=True)
+        write_together([(path, encoded(frame, path, bits)) for frame, path in pairs])
+    else:
+        write_together([(files[0], _encoded_together(master, files[0], bits))])
+
+
+def require_writable(master: Master, paths: Sequence[str | Path], bits: int | None = None) -> None:
+    """See that `write_master` takes `master` there, whatever its pixels, before work on them.
+
+    Raises
+    ------
+    InputError, ValueError
+        As for `write_master`, but for what depends on the pixels or the disk.
+    """
+    files = tuple(Path(path) for path in paths)
     wanted = 2 if master.packing == "files" else 1
     if len(files) != wanted:
         raise ValueError(f"write_master takes {wanted} for '{master.packing}', got {len(files)}")
@@ -235,11 +252,18 @@ def write_master(master: Master, paths: Sequence[str | Path], *, bits: int | Non
         raise InputError(
             f"{files[0]}: wanted two files for left and right, got one twice. Name another."
         )
-    if master.packing in ("single", "files"):
-        pairs = zip(master.frames, files, strict=True)
-        write_together([(path, encoded(frame, path, bits)) for frame, path in pairs])
-    else:
-        write_together([(files[0], _encoded_together(master, files[0], bits))])
+    if master.packing in ("multi-view", "multi-part"):
+        if master.file is None:
+            raise ValueError(
+                f"write_master takes '{master.packing}' as read from such a file, got new"
+            )
+        if SUFFIXES.get(files[0].suffix.lower()) != "openexr":
+            raise InputError(
+                f"{files[0]}: wanted .exr for left and right in one {master.packing} file, got "
+                f"'{files[0].suffix}'. Choose .exr, two files, or side-by-side."
+            )
+    for frame, path in zip(master.frames, files, strict=False):
+        target_of(frame, path, bits)
 
 
 # Reading.
@@ -296,13 +320,7 @@ def _encoded_together(master: Master, path: Path, bits: int | None) -> bytes:
         raise ValueError(f"write_master takes one encoding, got {left.colour} and {right.colour}")
     if master.packing in _AXES:
         return encoded(_whole(left, right, master.packing), path, bits)
-    if master.file is None:
-        raise ValueError(f"write_master takes '{master.packing}' as read from such a file, got new")
-    if SUFFIXES.get(path.suffix.lower()) != "openexr":
-        raise InputError(
-            f"{path}: wanted .exr for left and right in one {master.packing} file, got "
-            f"'{path.suffix}'. Choose .exr, two files, or side-by-side."
-        )
+    assert master.file is not None  # see `require_writable`
     return encoded_stereo_exr((left, right), master.file, path, bits)
 
 

@@ -28,6 +28,9 @@ from domesim.measurement.tables import Mistakes, read_table
 
 Floats = NDArray[np.float64]
 
+CLOSEST = 1e-5
+"""Of light: levels of both eyes that are closer are one; float32 has no slopes between them."""
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,8 @@ class MeasuredGreyToGrey:
         system crosstalk. Liquid crystals have negative ones too.
     black
         Luminance of two black pictures, cd/m².
+    white
+        Luminance that a white picture adds to that while the other one is black, cd/m².
     """
 
     eye: str
@@ -55,6 +60,7 @@ class MeasuredGreyToGrey:
     light: Floats
     extra: Floats
     black: float
+    white: float
 
     @property
     def system(self) -> float:
@@ -125,6 +131,9 @@ def in_light(left: MeasuredGreyToGrey, right: MeasuredGreyToGrey) -> tuple[Float
         grids.append((seen.light, roots**2.2))
     ends = np.array([0.0, 1.0])
     levels = np.unique(np.concatenate([ends, *(axis for grid in grids for axis in grid)]).round(9))
+    apart = np.append(np.diff(levels) > CLOSEST, True)
+    apart[0] = True
+    levels = levels[apart]
     points = np.stack(np.meshgrid(levels, levels, indexing="ij"), axis=-1)
     extra = [
         RegularGridInterpolator(grid, table.extra, bounds_error=False, fill_value=None)(points)
@@ -173,4 +182,5 @@ def _table(
         light=(seen[:, 0] - seen[0, 0]) / white,
         extra=(seen - seen[:, :1]) / white,
         black=float(seen[0, 0]),
+        white=float(white),
     )

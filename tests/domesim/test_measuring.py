@@ -299,6 +299,70 @@ def test_a_real_display(run):
     )
 
 
+# Grey to grey.
+
+CODES = (0, 0.25, 0.5, 0.75, 1)
+WHITES, BLACKS, SLOPES = {"left": 40.0, "right": 36.0}, {"left": 0.1, "right": 0.2}, (0.02, 0.03)
+
+
+def grey_readings(path, eyes=("left", "right"), slopes=SLOPES):
+    """A panel whose leak is a share of the step from the own to the other picture's light."""
+    lines = ["filter,own_level,other_level,Y"]
+    for eye, slope in zip(eyes, slopes, strict=False):
+        for own in CODES:
+            for other in CODES:
+                light = own**2.2 + slope * other**2.2 * (1 - 0.5 * own**2.2)
+                lines.append(f"{eye},{own},{other},{BLACKS[eye] + WHITES[eye] * light:.9f}")
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_grey_to_grey_becomes_a_scene(run, tmp_path):
+    readings, scene_file = grey_readings(tmp_path / "grey.csv"), tmp_path / "panel.toml"
+    arguments = ("measure", "grey-to-grey", readings, "--out", scene_file, "--width", "1.2")
+    code, out, err = run(*arguments)
+    assert (code, err) == (0, "")
+    for words in ("to the left eye: system 2.00%", "to the right eye: system 3.00%", "BT.709",
+                  "for want of --height, --distance, --adaptation", "white 36 cd/m²"):  # fmt: skip
+        assert words in out
+    scene = load_stereo(scene_file)
+    assert scene.projector.primaries == "BT.709"
+    assert (scene.projector.white, scene.projector.black) == pytest.approx((38, 0.15))
+    assert scene.size == (1.2, 0.675)
+    # What an eye sees is what its filter let through to the meter.
+    light = np.array(CODES) ** 2.2
+    pictures = np.stack(np.broadcast_arrays(light[:, None, None], light[None, :, None]))
+    seen = scene.observation(5, 5).observe(np.repeat(pictures, 3, axis=-1)) - 0.15 / 38
+    for view, slope in enumerate(SLOPES):
+        own, other = pictures[view], pictures[1 - view]
+        wanted = own + slope * other * (1 - 0.5 * own)
+        assert seen[view] == pytest.approx(np.repeat(wanted, 3, axis=-1), abs=1e-8)
+    code, out, _ = run(*arguments, "--json")
+    figures = json.loads(out)
+    assert figures["eyes"]["right"]["system_crosstalk"] == pytest.approx(0.03)
+    assert figures["eyes"]["left"]["white_cd_m2"] == pytest.approx(40)
+    assert figures["assumed"] == ["primaries", "height", "distance", "adaptation"]
+    left, right = masters(tmp_path)
+    shows = ("--left", left, "--right", right, "--scene", scene_file)
+    assert run("compensate", *shows, "--out", tmp_path / "out")[::2] == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("eyes", "slopes", "options", "words"),
+    [
+        (("left",), SLOPES, (), ("grey.csv", "both filters", "none through the right")),
+        (("left", "right"), (0.02, 0.95), (), ("grey.csv", "grey-to-grey table", "95%")),
+        (("left", "right"), SLOPES, ("--primaries", "sRGB"), ("--primaries 'sRGB'", "BT.709")),
+        (("left", "right"), SLOPES, ("--width", "0"), ("--width must be above 0",)),
+    ],
+)
+def test_grey_to_grey_that_is_no_scene(run, tmp_path, eyes, slopes, options, words):
+    readings = grey_readings(tmp_path / "grey.csv", eyes, slopes)
+    outcome = run("measure", "grey-to-grey", readings, "--out", tmp_path / "s.toml", *options)
+    refused(outcome, *words)
+    assert written(tmp_path) == ["grey.csv"]
+
+
 # What is refused.
 
 HEADER = "projector,filter,channel,level,X,Y,Z"
@@ -425,6 +489,12 @@ def test_what_measured_primaries_mean():
 def test_impossible_measured_primaries(name, matrix, message):
     with pytest.raises(InputError, match=message):
         Projector(name, 50.0, 0.1, matrix)
+
+
+def test_the_help_says_what_becomes_of_negative_crosstalk(run):
+    told = " ".join(run("measure", "crosstalk", "--help")[1].split())
+    assert "negative beyond its uncertainty" in told
+    assert "within 4 standard errors it is set to 0" in told
 
 
 def test_the_command_has_subcommands(run):

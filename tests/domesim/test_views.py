@@ -898,3 +898,12 @@ def test_results_of_one_name_from_one_folder_are_refused(tmp_path: Path) -> None
     assert output_pairs(pairs, out) == ((out / "a.exr", out / "a.dpx"),)
     with pytest.raises(InputError, match=r"wanted two names for two results, got a\.png for both"):
         output_pairs(pairs, out, ".png")
+
+
+def test_two_frames_of_other_moments_are_no_pair(tmp_path: Path) -> None:
+    names = [tmp_path / name for name in ("a_L.0001.exr", "a_R.0002.exr", "a_R.0001.exr")]
+    for name in names:
+        name.touch()
+    with pytest.raises(InputError, match=r"of one moment, got frames 1 and 2"):
+        find_pairs(names[0], names[1])
+    assert find_pairs(names[0], names[2]) == ((names[0], names[2]),)
