@@ -176,8 +176,8 @@ def run(work: Work) -> Finding:
     return Finding(
         result=(
             f"In the middle of the screen crosstalk rises from {first[0]:.3%} "
-            f"(± {INTERVAL * first[1]:.3%}, 95 %) at the sweet spot to {last[0]:.2%} "
-            f"(± {INTERVAL * last[1]:.2%}) {seats[-1].aside:g} m to the side. "
+            f"(± {100 * INTERVAL * first[1]:.1g}%, 95 %) at the sweet spot to {last[0]:.2%} "
+            f"(± {100 * INTERVAL * last[1]:.1g}%) {seats[-1].aside:g} m to the side. "
             f"{len(share)} figures, of cells, eyes and seats, {agree} with Mueller calculus "
             f"(chi-square p {spread:.2f}, common bias p {shared:.2f}, z-scores normal p "
             f"{normal:.2f}; a bias of {BIAS:.1%} would be noticed). The "
@@ -257,7 +257,7 @@ def _table(seats: tuple[Seat, ...]) -> Table:
         columns=(
             Column(name="aside", unit="m", digits="g"),
             Column(name="traced", unit="%", digits=".3f"),
-            Column(name="± 95 %", unit="%", digits=".3f"),
+            Column(name="± 95 %", unit="%", digits=".1g"),
             Column(name="Mueller calculus", unit="%", digits=".3f"),
             Column(name="the line by hand", unit="%", digits=".3f"),
             Column(name="traced, mean of the whole screen", unit="%", digits=".3f"),
