@@ -60,9 +60,9 @@ LEVELS = (0.01, 0.02, 0.05, 0.1)
 """Shares of light that reach the other eye."""
 QUICK_LEVELS = (0.01, 0.05)
 STILL = 0.05
-"""Of pictures, and of the sequence's later frames."""
+"""Of pictures."""
 STILLS = ("fog", "trunks", "motorcycle", pairs.SEQUENCE[0])
-"""At all levels."""
+"""And the first frame of the sequence."""
 WIDEST, QUICK_WIDTH = 512, 96
 """Pixels."""
 PAPER_ITERATIONS, PAPER_PHASES = 60, 5
@@ -297,7 +297,7 @@ def _wanted(work: Work) -> tuple[Mapping[str, Wanted], list[str]]:
         except Missing as missing:
             left_out.append(f"{name}: {missing}")
         else:
-            found[name] = (partial(_read, name), LEVELS if name in STILLS else (STILL,))
+            found[name] = (partial(_read, name), LEVELS)
     return found or generated, left_out
 
 
