@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,10 +14,8 @@ import typer
 
 from compensate.comparison import Comparison, compare_methods, shown_methods
 from compensate.master import Figures, compensate_frame
-from compensate.methods import METHODS, Solver, require_method
+from compensate.methods import METHODS, Solver, perceptual, require_method
 from compensate.solver.admm import ADMM
-from compensate.solver.relinearised import Relinearised
-from compensate.solver.worst_seat import WorstSeat
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 from domesim.cli import (
@@ -229,9 +227,8 @@ def _solver(
     require_method(method, scene)
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance must lie between 0 and 1, got {tolerance:g}")
-    several = isinstance(scene, StereoScene) and len(scene.chosen) > 1
     if method != "perceptual":
-        if worst and several:
+        if worst and isinstance(scene, StereoScene) and len(scene.chosen) > 1:
             raise InputError(
                 f"--seat worst: {method} knows one seat or the mean of all; use --seat all, name "
                 f"one, or leave --method out"
@@ -241,13 +238,7 @@ def _solver(
     def note(iteration: int, gap: float) -> None:
         console.note(f"iteration {iteration}, within {gap:.1e} of the optimum")
 
-    admm = ADMM(tolerance=tolerance, progress=note)
-    if isinstance(scene, StereoScene) and scene.table is not None:
-        return Relinearised(admm, tolerance)
-    if worst and several:
-        inner = replace(admm, tolerance=tolerance / 5, stop_when_invisible=False)
-        return WorstSeat(inner, tolerance=5 * tolerance)
-    return admm
+    return perceptual(scene, tolerance, worst=worst, progress=note)
 
 
 def _weighting(low_frequency_gain: float) -> PerceptualWeighting:

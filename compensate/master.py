@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import cached_property
 from typing import cast, final
 
 import numpy as np
@@ -125,17 +126,27 @@ class Posed:
     subtractive: Light
     screen: NDArray[np.bool_]
 
-    @property
+    @cached_property
     def clipped(self) -> float:
         """Share of the screen's pixels where subtraction needs less light than none."""
         error = self.single.observation.observe(self.subtractive) - self.single.desired
         too_bright = error[:, self.screen] > _INVISIBLE_LIGHT
         return float(np.mean(np.any(too_bright, axis=-1)))
 
-    @property
+    @cached_property
     def pollution(self) -> float:
         """Mean luminance that pollution and ambient light add to the untouched master, cd/m²."""
         return mean_luminance(self.residual(self.desired), self.scene)
+
+    @cached_property
+    def error_before(self) -> float:
+        """`visible_error` of the untouched master."""
+        return self.visible_error(self.desired)
+
+    @cached_property
+    def error_subtractive(self) -> float:
+        """`visible_error` of exact clipped subtraction."""
+        return self.visible_error(self.subtractive)
 
     def residual(self, light: Light) -> Light:
         """psi(x) - seen, of all seats: (seen view, row, col, primary)."""
@@ -371,8 +382,8 @@ def solve_frame(
         clipped=posed.clipped,
         out_of_range=out_of_range,
         pollution=posed.pollution,
-        error_before=posed.visible_error(posed.desired),
-        error_subtractive=posed.visible_error(posed.subtractive),
+        error_before=posed.error_before,
+        error_subtractive=posed.error_subtractive,
         error_after=posed.visible_error(result.light),
         ghost_edges=posed.ghost_edges(result.light),
         error_by_seat=posed.error_by_seat(result.light),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TypeAlias
 
 from compensate.problem import Problem
@@ -18,9 +19,9 @@ from compensate.solver.deghosting import (
 from compensate.solver.paper import PaperMethod
 from compensate.solver.relinearised import Relinearised
 from compensate.solver.result import Result
+from compensate.solver.worst_seat import WorstSeat
 from domesim.errors import InputError
 from domesim.light import Light
-from domesim.observation.grey_to_grey import Linearised
 from domesim.scene import DomeScene, Scene, StereoScene
 
 Solver: TypeAlias = Callable[[Problem, Light], Result]
@@ -29,9 +30,39 @@ Chosen: TypeAlias = Callable[[Scene, Problem], Solver]
 """A method's solver for a problem of a scene."""
 
 
+def perceptual(
+    scene: Scene,
+    tolerance: float = 1e-3,
+    *,
+    worst: bool = False,
+    progress: Callable[[int, float], None] | None = None,
+) -> Solver:
+    """Ours: the solver of the least visible error.
+
+    Parameters
+    ----------
+    scene
+        What kind of problem it will be: of a table, of several seats, or plain.
+    tolerance
+        Certified relative gap of the cost at which to stop; of the worst seat, five times that.
+    worst
+        Of several seats, minimise the largest error instead of the weighted mean.
+    progress
+        As for `ADMM`.
+    """
+    admm = ADMM(tolerance=tolerance, progress=progress)
+    if not isinstance(scene, StereoScene):
+        return admm
+    if scene.table is not None:
+        return Relinearised(admm, tolerance)
+    if worst and len(scene.chosen) > 1:
+        inner = replace(admm, tolerance=tolerance / 5, stop_when_invisible=False)
+        return WorstSeat(inner, tolerance=5 * tolerance)
+    return admm
+
+
 def _perceptual(scene: Scene, problem: Problem) -> Solver:
-    """Ours: the least visible error."""
-    return Relinearised() if isinstance(problem.observation, Linearised) else ADMM()
+    return perceptual(scene)
 
 
 def _locally_raised(scene: Scene, problem: Problem) -> Solver:

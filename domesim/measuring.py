@@ -62,6 +62,9 @@ Adaptation = Annotated[
     float | None,
     typer.Option(help=f"Luminance they are adapted to, cd/m²; {ADAPTATION:g} if not given."),
 ]
+SceneOut = Annotated[
+    Path, typer.Option("--out", help="The scene file to write, .toml.", show_default=False)
+]
 BlackName = Annotated[
     str | None,
     typer.Option(
@@ -75,9 +78,7 @@ BlackName = Annotated[
 @app.command()
 def crosstalk(
     readings: ReadingsFile,
-    out: Annotated[
-        Path, typer.Option("--out", help="The scene file to write, .toml.", show_default=False)
-    ],
+    out: SceneOut,
     black: BlackName = None,
     allow_negative: Annotated[
         bool,
@@ -133,9 +134,7 @@ def grey_to_grey(
             show_default=False,
         ),
     ],
-    out: Annotated[
-        Path, typer.Option("--out", help="The scene file to write, .toml.", show_default=False)
-    ],
+    out: SceneOut,
     primaries: Annotated[
         str | None,
         typer.Option(help=f"Of the display: BT.709, P3-D65, ...; {COLOURS} if not given."),

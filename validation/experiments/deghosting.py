@@ -61,8 +61,8 @@ LEVELS = (0.01, 0.02, 0.05, 0.1)
 QUICK_LEVELS = (0.01, 0.05)
 STILL = 0.05
 """Of pictures."""
-STILLS = ("fog", "trunks", "motorcycle", pairs.SEQUENCE[0])
-"""And the first frame of the sequence."""
+PAIRS = ("fog", "trunks", "motorcycle", *pairs.SEQUENCE)
+"""Of the test data."""
 WIDEST, QUICK_WIDTH = 512, 96
 """Pixels."""
 PAPER_ITERATIONS, PAPER_PHASES = 60, 5
@@ -291,7 +291,7 @@ def _wanted(work: Work) -> tuple[Mapping[str, Wanted], list[str]]:
         return generated, ["The test data: with a full run"]
     found: dict[str, Wanted] = {}
     left_out: list[str] = []
-    for name in (*STILLS, *pairs.SEQUENCE[1:]):
+    for name in PAIRS:
         try:
             pairs.require(name)
         except Missing as missing:
