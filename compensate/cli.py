@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable
 from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from compensate.comparison import Comparison, compare_methods, shown_methods
-from compensate.master import Figures, compensate_frame
+from compensate.master import Figures, Posed, Solution, Stage, solve_frame
 from compensate.methods import METHODS, Solver, perceptual, require_method
 from compensate.solver.admm import ADMM
 from compensate.vision.csf import LowFrequencyFloor
@@ -38,8 +37,10 @@ from domesim.cli import (
     finish,
     scene_of,
     suffix_of,
+    told,
 )
-from domesim.console import Console, about, each_frame, prepare
+from domesim.console import Console, Work, Write, about, each_frame
+from domesim.console import prepare as prepare_folder
 from domesim.errors import InputError
 from domesim.frames import Master, read_master, write_master
 from domesim.scene import DomeScene, Scene, StereoScene
@@ -93,11 +94,16 @@ def compensate(
     theatre = scene_of(scene, transport, console, seat)
     weighting = _weighting(low_frequency_gain)
     solver = _solver(method, theatre, tolerance, console, worst=seat == "worst")
+    stage = Stage(theatre, weighting)
 
-    def work(source: Master, write: Callable[[Master], Master]) -> tuple[dict[str, Any], str]:
-        outcome = compensate_frame(
-            source, theatre, method=method, solver=solver, weighting=weighting
-        )
+    def prepare(source: Master) -> tuple[Master, Posed, float]:
+        return source, *stage.pose_frame(source)
+
+    def solve(posed: tuple[Master, Posed, float]) -> Solution:
+        return solve_frame(*posed, method, solver)
+
+    def end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
+        outcome = solution.outcome()
         written = write(outcome.frame)
         stored = outcome.stored_error(written)
         line = f"{_line(outcome.figures)} As stored: {stored:.3g} JND rms"
@@ -110,17 +116,17 @@ def compensate(
     show = find_show(
         master, left, right, packing=packing, frames=frames, allow_identical=allow_identical
     )
-    done, failed = each_frame(
+    done = each_frame(
         show,
         out,
-        work,
+        Work(prepare, solve, end),
         console,
         what="compensating",
         repair=repair,
         suffix=suffix_of(file_format),
         bits=bits,
     )
-    finish(console, {**about_scene(theatre), "frames": done}, failed)
+    finish(console, {**about_scene(theatre), **told(done)}, done.failed)
 
 
 def compare(
@@ -156,7 +162,7 @@ def compare(
         raise InputError(f"{out}: a page is an .html file; give it such a name")
     solver = _solver("perceptual", theatre, tolerance, console, worst=seat == "worst")
     weighting = _weighting(low_frequency_gain)
-    prepare(out.parent)
+    prepare_folder(out.parent)
     (moment,) = show.moments
     with about(moment[0]):
         frame = show.read(moment, repair=repair)
@@ -181,7 +187,7 @@ def demo(
     with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
         frame = read_master([path])
     console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
-    prepare(out)
+    prepare_folder(out)
     comparison = _compared(frame, theatre, console, ADMM(), PerceptualWeighting())
     files = []
     for name, written in comparison.frames():

@@ -199,5 +199,5 @@ def compare_methods(
         progress(method)
         outcomes[method] = solve_frame(
             frame, posed, out_of_range, method, solver if method == "perceptual" else None
-        )
+        ).outcome()
     return Comparison(frame, posed, outcomes)

@@ -20,23 +20,28 @@ from compensate.ghosts import edge_energy
 from compensate.methods import Solver, methods_of, require_method
 from compensate.problem import Problem
 from compensate.solver import baselines, deghosting
-from compensate.solver.result import Result
+from compensate.solver.result import Result, Status
 from compensate.solver.worst_seat import seat_importance
 from compensate.weighting import CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Light, require_light
 from domesim.observation.base import AdjointObservation, Observation
+from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.seats import SeveralSeats
 from domesim.scene import DomeScene, Scene, StereoScene
 from domesim.screening import decoded, encoded, mean_luminance, within_range
+from domesim.strips import in_strips
 
 REGULARISATION = 1e-4
 """Default mu, of the peak squared: keeps invisible frequencies from filling with noise."""
 
 NEGLIGIBLE = 0.001
 """Visible error, JND rms, for which no solver need go on."""
+
+_ROUNDING = 8 * float(np.finfo(np.float32).eps)  # of white; as `ADMM` sees it
 
 _INVISIBLE_LIGHT = 1e-5  # of white: far below a 16 bit code of any transfer function's shadows
 
@@ -116,6 +121,13 @@ class Posed:
         The light of exact clipped subtraction: where solvers start.
     screen
         (row, col) bool: pixels off the screen neither count nor change.
+    areas
+        (row, col) of its pixels, m².
+    judge
+        The problem's weighting for figures, with a count of transforms of its own: they may be
+        computed while another frame is solved.
+    exact
+        Whether subtraction shows what is desired, to rounding.
     """
 
     scene: Scene
@@ -125,32 +137,75 @@ class Posed:
     single: Problem
     subtractive: Light
     screen: NDArray[np.bool_]
+    areas: NDArray[np.floating]
+    judge: CsfWeighting
+    exact: bool
 
-    @cached_property
+    @property
     def clipped(self) -> float:
         """Share of the screen's pixels where subtraction needs less light than none."""
-        error = self.single.observation.observe(self.subtractive) - self.single.desired
-        too_bright = error[:, self.screen] > _INVISIBLE_LIGHT
-        return float(np.mean(np.any(too_bright, axis=-1)))
+        return self._subtracted[0]
 
-    @cached_property
-    def pollution(self) -> float:
-        """Mean luminance that pollution and ambient light add to the untouched master, cd/m²."""
-        return mean_luminance(self.residual(self.desired), self.scene)
-
-    @cached_property
-    def error_before(self) -> float:
-        """`visible_error` of the untouched master."""
-        return self.visible_error(self.desired)
-
-    @cached_property
+    @property
     def error_subtractive(self) -> float:
         """`visible_error` of exact clipped subtraction."""
-        return self.visible_error(self.subtractive)
+        return self._subtracted[1]
+
+    @property
+    def pollution(self) -> float:
+        """Mean luminance that pollution and ambient light add to the untouched master, cd/m²."""
+        return self._untouched[0]
+
+    @property
+    def error_before(self) -> float:
+        """`visible_error` of the untouched master."""
+        return self._untouched[1]
+
+    @cached_property
+    def _untouched(self) -> tuple[float, float, NDArray[np.float64]]:
+        """`pollution`, `error_before`, and (view, row, col) luminance that is seen too much."""
+        residual = self.residual(self.desired)
+        ghost = self._luminance(residual[: self.scene.views])
+        pollution = mean_luminance(residual, self.scene, self.areas)
+        return pollution, self._visible(residual), ghost
+
+    def _luminance(self, light: Light) -> NDArray[np.float64]:
+        planes = np.empty(light.shape[:3])
+        weights = self.scene.projector.luminance_weights.astype(light.dtype)
+        in_strips(
+            lambda view, rows: np.matmul(light[view, rows], weights, out=planes[view, rows]),
+            light.shape,
+        )
+        return planes
+
+    @cached_property
+    def _subtracted(self) -> tuple[float, float]:
+        """`clipped` and `error_subtractive`."""
+        if self.exact:
+            return 0.0, 0.0
+        residual = self.residual(self.subtractive)
+        at_seat = residual
+        if self.single.observation is not self.observation:
+            at_seat = self.single.observation.observe(self.subtractive) - self.single.desired
+        clipped = sum(
+            in_strips(lambda view, rows: self._too_bright(at_seat, view, rows), at_seat.shape)
+        )
+        share = clipped / (len(at_seat) * np.count_nonzero(self.screen))
+        return share, self._visible(residual)
+
+    def _too_bright(self, residual: Light, view: int, rows: slice) -> int:
+        """How many pixels of the screen show more light than they should, in some primary."""
+        part = residual[view, rows]
+        if part.max() <= _INVISIBLE_LIGHT:
+            return 0
+        found = np.any(part > _INVISIBLE_LIGHT, axis=-1)
+        return int(np.count_nonzero(found & self.screen[rows]))
 
     def residual(self, light: Light) -> Light:
         """psi(x) - seen, of all seats: (seen view, row, col, primary)."""
-        return self.observation.observe(light) - self.problem.desired
+        residual = self.observation.observe(light)
+        residual -= self.problem.desired
+        return residual
 
     def seen(self, light: Light) -> Light:
         """(view, row, col, primary) what is seen of projected `light`, at the first seat."""
@@ -163,7 +218,13 @@ class Posed:
         the adaptation luminance it is a contrast, times the CSF's peak a multiple of the threshold.
         Several seats count by their weights.
         """
-        energy = self.problem.weighting.energy(self.residual(light))
+        return self._visible(self.residual(light))
+
+    def _visible(self, residual: Light) -> float:
+        """`visible_error` of what is left; rounding is nothing."""
+        if _is_rounding(residual):
+            return 0.0
+        energy = self.judge.energy(residual)
         mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
         return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
 
@@ -174,16 +235,14 @@ class Posed:
         """
         if self.scene.views == 1:
             return None
-        seen = self.problem.desired[:2]
-        ghosts = self.seen(self.desired) - seen
-        weights = self.scene.projector.luminance_weights
-        density = self.scene.viewing.pixels_per_degree(*self.screen.shape)
-        ghost = np.asarray(ghosts, np.float64) @ weights
+        ghost = self._untouched[2]
         if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT:
             return None
-        energy = edge_energy(
-            np.asarray(self.seen(light) - seen, np.float64) @ weights, ghost, density
-        )
+        error = self._luminance(self.residual(light)[: self.scene.views])
+        if _is_rounding(error):
+            return 0.0
+        density = self.scene.viewing.pixels_per_degree(*self.screen.shape)
+        energy = edge_energy(error, ghost, density)
         return energy if np.isfinite(energy) else None
 
     def error_by_seat(self, light: Light) -> dict[str, float]:
@@ -191,7 +250,8 @@ class Posed:
         if not isinstance(self.observation, SeveralSeats):
             return {}
         assert isinstance(self.scene, StereoScene)
-        residual, weighting = self.residual(light), self.single.weighting
+        residual = self.residual(light)
+        weighting = self.judge.with_importance(np.ones(self.scene.views))
         factor = _differences(self.scene, weighting)
         factor /= np.sqrt(np.count_nonzero(self.screen) * self.scene.views)
         return {
@@ -249,74 +309,192 @@ def compensate(
 
 def pose(desired: Light, scene: Scene, weighting: PerceptualWeighting | None = None) -> Posed:
     """The optimisation problem of a master in a scene; parameters as for `compensate`."""
-    require_light(desired, who="compensate")
-    rows, cols = desired.shape[1:3]
+    return Stage(scene, weighting).pose(desired)
+
+
+@final
+class Stage:
+    """Poses the frames of a show, which share all but their pictures.
+
+    Parameters
+    ----------
+    scene
+        The theatre, or stereo system.
+    weighting
+        Settings of the vision model.
+    """
+
+    def __init__(self, scene: Scene, weighting: PerceptualWeighting | None = None) -> None:
+        self._scene = scene
+        self._settings = weighting or PerceptualWeighting()
+        self._shared: _Shared | None = None
+
+    def pose(self, desired: Light) -> Posed:
+        """The optimisation problem of a master (view, row, col, primary); see `compensate`.
+
+        Raises
+        ------
+        InputError
+            If the master leaves 0..1 on the screen.
+        """
+        require_light(desired, who="compensate")
+        shared = self._of_size(*desired.shape[1:3])
+        require_light(desired, shared.observation.shape, who="compensate")
+        _require_within_range(desired, shared.screen)
+        single, subtractive = shared.subtracted(desired)
+        solvable = single.observation
+        if isinstance(shared.observation, SeveralSeats):
+            solvable = shared.observation
+        problem = Problem(
+            solvable,
+            shared.weighting,
+            solvable.direct(desired),
+            (single.lower, single.upper),
+            anchor=subtractive,
+            regularisation=REGULARISATION,
+            negligible=shared.negligible,
+        )
+        return Posed(
+            scene=self._scene,
+            desired=desired,
+            problem=problem,
+            observation=shared.observation,
+            single=single,
+            subtractive=subtractive,
+            screen=shared.screen,
+            areas=shared.areas,
+            judge=shared.judge,
+            exact=_is_rounding(shared.observation.observe(subtractive) - problem.desired),
+        )
+
+    def pose_frame(self, frame: Master) -> tuple[Posed, float]:
+        """`pose` for a master, and the share of its screen out of the projector's range."""
+        light = decoded(frame, self._scene)
+        desired, out_of_range = within_range(light, self._of_size(*light.shape[1:3]).screen)
+        return self.pose(desired), out_of_range
+
+    def _of_size(self, rows: int, cols: int) -> _Shared:
+        if self._shared is None or self._shared.screen.shape != (rows, cols):
+            self._shared = _shared(self._scene, self._settings, rows, cols)
+        return self._shared
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """What frames of one size have in common; names as in `Posed`."""
+
+    observation: Observation
+    single: Observation
+    plain: CsfWeighting  # of one seat
+    weighting: CsfWeighting
+    judge: CsfWeighting
+    screen: NDArray[np.bool_]
+    areas: NDArray[np.floating]
+    negligible: float
+
+    def subtracted(self, desired: Light) -> tuple[Problem, Light]:
+        """The problem at the mean seat, and its exact clipped subtraction.
+
+        A table is linearised there.
+        """
+        # Subtraction needs no adjoint, so that it knows a table as it is.
+        observation = cast("AdjointObservation", self.single)
+        if isinstance(observation, LowRankObservation):
+            on = observation.screen[None, :, :, None]
+            bounds = (np.where(on, 0, desired), np.where(on, 1, desired))
+            problem = Problem(observation, self.plain, observation.direct(desired), bounds)
+            return problem, baselines.clipped_subtraction(problem)[0]
+        problem = Problem(observation, self.plain, desired)
+        if isinstance(observation, Crosstalk):
+            return problem, _subtracted(observation, desired)
+        light, _ = deghosting.clipped_subtraction(problem)
+        if isinstance(self.single, GreyToGrey):
+            problem = problem.observed_by(self.single.linearised(light))
+        return problem, light
+
+
+def _shared(scene: Scene, settings: PerceptualWeighting, rows: int, cols: int) -> _Shared:
     observation = scene.observation(rows, cols)
-    require_light(desired, observation.shape, who="compensate")
+    single = observation
+    if isinstance(scene, DomeScene):
+        observation = single = scene.solvable(rows, cols)
+    elif isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
+        single = scene.mean_seat(rows, cols)
     screen = scene.screen(rows, cols)
-    on = screen[None, :, :, None]
-    outside = int(np.count_nonzero(on & ~((desired >= 0) & (desired <= 1))))
+    plain = settings(scene.viewing, scene.projector.luminance_weights, screen, scene.views)
+    weighting = plain
+    if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
+        weighting = plain.with_importance(seat_importance(scene.weights))
+    judge = CsfWeighting(
+        weighting.gains,
+        weighting.opponent,
+        weighting.support,
+        weighting.padded,
+        weighting.peak,
+        importance=weighting.importance,
+    )
+    negligible = np.count_nonzero(screen) * scene.views / 2
+    negligible *= (NEGLIGIBLE / _differences(scene, plain)) ** 2
+    return _Shared(
+        observation,
+        single,
+        plain,
+        weighting,
+        judge,
+        screen,
+        scene.pixel_areas(rows, cols),
+        float(negligible),
+    )
+
+
+def _subtracted(observation: Crosstalk, desired: Light) -> Light:
+    """`deghosting.clipped_subtraction` within 0..1, which mixes no pixels, strip by strip."""
+    light = np.clip(desired, 0, 1)
+    dtype = desired.dtype
+    mixing = [np.ascontiguousarray(matrix.T, dtype) for matrix in observation.matrices]
+    share = observation.share[..., None].astype(dtype)
+    # Of a whole row: NumPy repeats three numbers slowly.
+    black = np.repeat(observation.black[:, None, None, :], desired.shape[2], 2).astype(dtype)
+    tiny = float(np.finfo(dtype).eps)
+
+    def subtract(_: int, rows: slice) -> None:
+        part = light[:, rows]
+        varying = share if share.shape[1] == 1 else share[:, rows]
+        wanted = desired[:, rows] - black
+        best, since_best = np.inf, 0
+        for _ in range(deghosting.MAX_ROUNDS):
+            change = 0.0
+            for view in (0, 1):
+                new = part[1 - view] @ mixing[view]
+                new *= varying[view]
+                np.subtract(wanted[view], new, out=new)
+                np.clip(new, 0, 1, out=new)
+                difference = new - part[view]
+                change = max(change, float(difference.max()), -float(difference.min()))
+                part[view] = new
+            since_best = 0 if change < best else since_best + 1
+            best = min(best, change)
+            # Rounding can keep the last digits moving.
+            if change <= tiny or (change <= 16 * tiny and since_best > 2):
+                return
+
+    in_strips(subtract, (1, *desired.shape[1:3], 2 * desired.shape[3]))
+    return light
+
+
+def _require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:
+    if desired.min() >= 0 and desired.max() <= 1:
+        return
+    outside = int(np.count_nonzero(screen[None, :, :, None] & ~((desired >= 0) & (desired <= 1))))
     if outside:
         raise InputError(
             f"desired light must lie in 0..1 on the screen, got {outside} values that do not; "
             f"bring it within range first (domesim.screening.within_range)"
         )
-    lambda_ = (weighting or PerceptualWeighting())(
-        scene.viewing, scene.projector.luminance_weights, screen, scene.views
-    )
-    if isinstance(scene, StereoScene):
-        single, subtractive = _subtracted_pair(desired, scene, lambda_)
-    else:
-        assert isinstance(scene, DomeScene)
-        single, subtractive = _subtracted_dome(desired, scene, lambda_)
-    solvable = single.observation
-    if isinstance(observation, SeveralSeats):
-        assert isinstance(scene, StereoScene)
-        lambda_ = lambda_.with_importance(seat_importance(scene.weights))
-        solvable = observation
-    negligible = np.count_nonzero(screen) * scene.views / 2
-    negligible *= (NEGLIGIBLE / _differences(scene, lambda_)) ** 2
-    problem = Problem(
-        solvable,
-        lambda_,
-        solvable.direct(desired),
-        (single.lower, single.upper),
-        anchor=subtractive,
-        regularisation=REGULARISATION,
-        negligible=float(negligible),
-    )
-    exact = observation if isinstance(observation, GreyToGrey) else solvable
-    return Posed(scene, desired, problem, exact, single, subtractive, screen)
 
 
-def _subtracted_dome(
-    desired: Light, scene: DomeScene, lambda_: CsfWeighting
-) -> tuple[Problem, Light]:
-    """The plain problem of a domemaster, and its exact clipped subtraction."""
-    observation = scene.solvable(*desired.shape[1:3])
-    on = observation.screen[None, :, :, None]
-    bounds = (np.where(on, 0, desired), np.where(on, 1, desired))
-    problem = Problem(observation, lambda_, observation.direct(desired), bounds)
-    return problem, baselines.clipped_subtraction(problem)[0]
-
-
-def _subtracted_pair(
-    desired: Light, scene: StereoScene, lambda_: CsfWeighting
-) -> tuple[Problem, Light]:
-    """The plain problem of a pair at the mean seat, and its exact clipped subtraction.
-
-    A table is linearised there.
-    """
-    rows, cols = desired.shape[1:3]
-    observation = scene.observation(rows, cols)
-    if isinstance(observation, SeveralSeats):
-        observation = scene.mean_seat(rows, cols)
-    # Subtraction needs no adjoint, so that it knows a table as it is.
-    plain = Problem(cast("AdjointObservation", observation), lambda_, desired)
-    light, _ = deghosting.clipped_subtraction(plain)
-    if isinstance(observation, GreyToGrey):
-        plain = plain.observed_by(observation.linearised(light))
-    return plain, light
+def _is_rounding(residual: Light) -> bool:
+    return max(float(residual.max()), -float(residual.min())) <= _ROUNDING
 
 
 def _differences(scene: Scene, weighting: Weighting) -> float:
@@ -354,47 +532,64 @@ def compensate_frame(
     """
     require_method(method, scene)
     posed, out_of_range = pose_frame(frame, scene, weighting)
-    return solve_frame(frame, posed, out_of_range, method, solver)
+    return solve_frame(frame, posed, out_of_range, method, solver).outcome()
 
 
 def pose_frame(
     frame: Master, scene: Scene, weighting: PerceptualWeighting | None = None
 ) -> tuple[Posed, float]:
     """`pose` for a master, and the share of its screen that is out of the projector's range."""
-    light = decoded(frame, scene)
-    screen = scene.screen(*light.shape[1:3])
-    desired, out_of_range = within_range(light, screen)
-    return pose(desired, scene, weighting), out_of_range
+    return Stage(scene, weighting).pose_frame(frame)
 
 
 def solve_frame(
     frame: Master, posed: Posed, out_of_range: float, method: str, solver: Solver | None = None
-) -> Outcome:
-    """One method's outcome for a master that `pose_frame` has posed."""
+) -> Solution:
+    """What one method projects for a master that `pose_frame` has posed."""
     begin = time.perf_counter()
     result = solved(posed, method, solver)
-    seconds = time.perf_counter() - begin
-    stored, file_clipped = frame, 0.0
-    if method != "none":
-        stored, file_clipped = encoded(frame, result.light, posed.scene, posed.screen)
-    figures = Figures(
-        method=method,
-        clipped=posed.clipped,
-        out_of_range=out_of_range,
-        pollution=posed.pollution,
-        error_before=posed.error_before,
-        error_subtractive=posed.error_subtractive,
-        error_after=posed.visible_error(result.light),
-        ghost_edges=posed.ghost_edges(result.light),
-        error_by_seat=posed.error_by_seat(result.light),
-        file_clipped=file_clipped,
-        status=result.status.value,
-        gap=result.gap,
-        iterations=result.iterations,
-        ffts=result.ffts,
-        seconds=seconds,
-    )
-    return Outcome(stored, result.light, figures, posed)
+    return Solution(frame, posed, out_of_range, method, result, time.perf_counter() - begin)
+
+
+@final
+@dataclass(frozen=True)
+class Solution:
+    """A solved frame: parameters as of `solve_frame`, what it found, and the seconds it took."""
+
+    frame: Master
+    posed: Posed
+    out_of_range: float
+    method: str
+    result: Result
+    seconds: float
+
+    def outcome(self) -> Outcome:
+        """The frame to project, in the master's own encoding, and the figures."""
+        posed, result = self.posed, self.result
+        stored, file_clipped = self.frame, 0.0
+        if self.method != "none":
+            stored, file_clipped = encoded(self.frame, result.light, posed.scene, posed.screen)
+        error_after = posed.error_subtractive
+        if result.light is not posed.subtractive:
+            error_after = posed.visible_error(result.light)
+        figures = Figures(
+            method=self.method,
+            clipped=posed.clipped,
+            out_of_range=self.out_of_range,
+            pollution=posed.pollution,
+            error_before=posed.error_before,
+            error_subtractive=posed.error_subtractive,
+            error_after=error_after,
+            ghost_edges=posed.ghost_edges(result.light),
+            error_by_seat=posed.error_by_seat(result.light),
+            file_clipped=file_clipped,
+            status=result.status.value,
+            gap=result.gap,
+            iterations=result.iterations,
+            ffts=result.ffts,
+            seconds=self.seconds,
+        )
+        return Outcome(stored, result.light, figures, posed)
 
 
 def solved(posed: Posed, method: str, solver: Solver | None = None) -> Result:
@@ -405,6 +600,8 @@ def solved(posed: Posed, method: str, solver: Solver | None = None) -> Result:
     InputError
         If the method cannot solve this problem.
     """
+    if method == "perceptual" and posed.exact:
+        return Result(posed.subtractive, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
     problem = posed.problem if method == "perceptual" else posed.single
     start = posed.desired if method == "none" else posed.subtractive
     chosen = solver or require_method(method, posed.scene)(posed.scene, problem)

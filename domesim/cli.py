@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from domesim.console import Console, about, complain, each_frame
+from domesim.console import Console, Done, Work, Write, about, complain, each_frame
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.frames.formats import SUFFIXES
+from domesim.light import Light
 from domesim.observation.transport import load_transport
 from domesim.scene import DomeScene, Scene, StereoScene, load_scene
 from domesim.scene.crosstalk_maps import load_maps
@@ -141,43 +141,51 @@ def observe(
             f"{', '.join(theatre.chosen)}"
         )
 
-    def work(source: Master, write: Callable[[Master], Master]) -> tuple[dict[str, Any], str]:
-        light = decoded(source, theatre)
+    def prepare(source: Master) -> tuple[Master, Light]:
+        return source, decoded(source, theatre)
+
+    def solve(prepared: tuple[Master, Light]) -> tuple[Master, dict[str, Any]]:
+        source, light = prepared
         observation = theatre.observation(*light.shape[1:3])
         seen = observation.observe(light)
         result, clipped = encoded(source, seen, theatre, theatre.screen(*light.shape[1:3]))
         direct = observation.direct(light)
-        pollution = mean_luminance(seen - direct, theatre)
-        mean = mean_luminance(direct, theatre)
+        figures = {
+            "direct_cd_m2": mean_luminance(direct, theatre),
+            "pollution_cd_m2": mean_luminance(seen - direct, theatre),
+            "clipped_share": clipped,
+        }
+        return result, figures
+
+    def end(solved: tuple[Master, dict[str, Any]], write: Write) -> tuple[dict[str, Any], str]:
+        result, figures = solved
         other = "reflected" if theatre.views == 1 else "the other eye's"
-        line = f"mean {mean:.3g} cd/m² direct, {pollution:.3g} cd/m² {other} and stray light"
-        if clipped:
+        line = (
+            f"mean {figures['direct_cd_m2']:.3g} cd/m² direct, "
+            f"{figures['pollution_cd_m2']:.3g} cd/m² {other} and stray light"
+        )
+        if clipped := figures["clipped_share"]:
             line += (
                 f"; {clipped:.1%} of the screen is brighter than the file's format can hold and "
                 f"clipped (a 32 bit EXR is not)"
             )
-        figures = {
-            "direct_cd_m2": mean,
-            "pollution_cd_m2": pollution,
-            "clipped_share": clipped,
-        }
         write(result)
         return figures, line
 
     show = find_show(
         master, left, right, packing=packing, frames=frames, allow_identical=allow_identical
     )
-    done, failed = each_frame(
+    done = each_frame(
         show,
         out,
-        work,
+        Work(prepare, solve, end),
         console,
         what="observing",
         repair=repair,
         suffix=suffix_of(file_format),
         bits=bits,
     )
-    finish(console, {**about_scene(theatre), "frames": done}, failed)
+    finish(console, {**about_scene(theatre), **told(done)}, done.failed)
 
 
 def about_scene(scene: Scene) -> dict[str, Any]:
@@ -232,6 +240,12 @@ def suffix_of(file_format: str | None) -> str | None:
     if suffix not in SUFFIXES:
         raise InputError(f"--format {file_format!r} is not known; use exr, png, tif, dpx or jpg")
     return suffix
+
+
+def told(done: Done) -> dict[str, Any]:
+    """What a command's figures say of its frames."""
+    seconds = {f"seconds_{step}": value for step, value in done.seconds.items()}
+    return {"frames": done.frames, **seconds}
 
 
 def finish(console: Console, figures: dict[str, Any], failed: list[str]) -> None:

@@ -14,6 +14,7 @@ from domesim.frames import Master
 from domesim.light import Light
 from domesim.projector import require_primaries
 from domesim.scene import Scene, StereoScene
+from domesim.strips import in_strips
 
 BRIGHTEST = 1e9
 """Projector white = 1: the sun's disc is 1e8 of an IMAX dome's. Beyond it is damage, and float32
@@ -33,12 +34,20 @@ def decoded(master: Master, scene: Scene) -> Light:
     _require_whole_views(master, scene)
     require_primaries(master.colour.primaries)
     curve = transfer.named(master.colour.transfer, white=scene.projector.white)
-    with np.errstate(over="ignore", invalid="ignore"):
-        light = scene.projector.decode(master.pixels, curve, master.colour.primaries)
-    if not light.max() <= BRIGHTEST:
+    light = np.empty((len(master.frames), *master.frames[0].pixels.shape), np.float32)
+
+    def decode(view: int, rows: slice) -> float:
+        codes = master.frames[view].pixels[rows]
+        # NumPy keeps such settings for each thread.
+        with np.errstate(over="ignore", invalid="ignore"):
+            light[view, rows] = scene.projector.decode(codes, curve, master.colour.primaries)
+        return float(light[view, rows].max())
+
+    brightest = np.max(in_strips(decode, light.shape))
+    if not brightest <= BRIGHTEST:
         raise InputError(
             f"{master.path}: wanted light up to {BRIGHTEST:g} (projector white is 1), got "
-            f"{light.max():g}. Render it again, or clamp it (oiiotool IN --clamp:max=100 -o OUT)."
+            f"{brightest:g}. Render it again, or clamp it (oiiotool IN --clamp:max=100 -o OUT)."
         )
     return light
 
@@ -88,21 +97,34 @@ def encoded(
     pixels returned.
     """
     curve = transfer.named(master.colour.transfer, white=scene.projector.white)
-    pixels = scene.projector.encode(light, curve, master.colour.primaries)
     least, largest = master.code_range
-    # Half a code of 16 bit: rounding, not clipping
-    slack = 0.5 / 65535
-    beyond = np.any((pixels < least - slack) | (pixels > largest + slack), axis=-1)
-    clipped = float(np.mean(beyond[:, screen]))
-    pixels = np.clip(pixels, least, largest)
-    return master.with_pixels(np.where(screen[..., None], pixels, master.pixels)), clipped
+    pixels = np.empty(light.shape, np.float32)
+
+    def encode(view: int, rows: slice) -> int:
+        codes = scene.projector.encode(light[view, rows], curve, master.colour.primaries)
+        on = screen[rows]
+        np.clip(codes, least, largest, out=pixels[view, rows])
+        if not on.all():
+            np.copyto(pixels[view, rows], master.frames[view].pixels[rows], where=~on[..., None])
+        # Half a code of 16 bit: rounding, not clipping
+        return _beyond(codes, on, (least, largest), 0.5 / 65535)
+
+    clipped = sum(in_strips(encode, light.shape))
+    return master.with_pixels(pixels), clipped / (len(light) * np.count_nonzero(screen))
 
 
-def mean_luminance(light: Light, scene: Scene) -> float:
-    """Mean luminance over the screen's area, and all views, of light on the screen, cd/m²."""
-    areas = scene.pixel_areas(*light.shape[1:3])
-    mean = np.einsum("ij,vijp->p", areas, light) / (areas.sum() * len(light))
-    return float(mean @ scene.projector.luminance_weights) * scene.projector.white
+def mean_luminance(light: Light, scene: Scene, areas: NDArray[np.floating] | None = None) -> float:
+    """Mean luminance over the screen's area, and all views, of light on the screen, cd/m².
+
+    Pixels' `areas` are the scene's, for who has them already.
+    """
+    if areas is None:
+        areas = scene.pixel_areas(*light.shape[1:3])
+    weights = scene.projector.luminance_weights.astype(light.dtype)
+    sums = in_strips(
+        lambda view, rows: float(np.sum(areas[rows] * (light[view, rows] @ weights))), light.shape
+    )
+    return sum(sums) / float(areas.sum() * len(light)) * scene.projector.white
 
 
 def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]:
@@ -111,8 +133,28 @@ def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]
     Highlights of a high-dynamic-range master and colours outside the projector's gamut cannot be
     shown at all; asking for them would only make the solver brighten their surroundings.
     """
-    on = screen[None, :, :, None]
     # Decoding rounds: a white of 1 + 1e-7 is no highlight.
-    slack = 8 * np.finfo(np.float32).eps
-    beyond = np.any((light < -slack) | (light > 1 + slack), axis=-1)
-    return np.where(on, np.clip(light, 0, 1), light), float(np.mean(beyond[:, screen]))
+    slack = 8 * float(np.finfo(np.float32).eps)
+    if light.min() >= 0 and light.max() <= 1:
+        return light, 0.0
+    within = np.array(light)
+
+    def clip(view: int, rows: slice) -> int:
+        part, on = within[view, rows], screen[rows]
+        beyond = _beyond(part, on, (0, 1), slack)
+        np.clip(part, 0, 1, out=part, where=on[..., None])
+        return beyond
+
+    beyond = sum(in_strips(clip, light.shape))
+    return within, beyond / (len(light) * np.count_nonzero(screen))
+
+
+def _beyond(
+    values: NDArray[np.floating], on: NDArray[np.bool_], limits: tuple[float, float], slack: float
+) -> int:
+    """How many pixels have a primary out of the limits."""
+    least, largest = limits[0] - slack, limits[1] + slack
+    if values.min() >= least and values.max() <= largest:
+        return 0
+    found = (values < least) | (values > largest)
+    return int(np.count_nonzero(np.any(found, axis=-1) & on))

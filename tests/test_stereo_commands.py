@@ -64,6 +64,10 @@ def test_a_sequence_of_left_and_right(run: Run, tmp_path: Path, out: Path) -> No
     names = [f"{eye}/show.{number:04d}.exr" for eye in ("left", "right") for number in (1, 2)]
     assert written(out) == ["left", *names[:2], "right", *names[2:]]
     assert (found["scene"], found["seats"]) == (SCENE, ["sweet spot"])
+    solving = sum(frame["seconds"] for frame in found["frames"])
+    assert 0 < solving <= found["seconds_solving"] < found["seconds_total"]
+    assert found["seconds_reading"] > 0
+    assert found["seconds_writing"] > 0
     for number, frame in enumerate(found["frames"], 1):
         assert frame["input"] == [str(tmp_path / eye / f"show.000{number}.exr") for eye in "LR"]
         assert frame["output"] == [
@@ -155,7 +159,7 @@ def test_what_cannot_be_written_is_not_solved(
     writer.write_image(np.concatenate([view(0), view(1)], 2).astype(np.float32))
     writer.close()
     solved: list[int] = []
-    for solve in ("compensate.cli.compensate_frame", "domesim.cli.decoded"):
+    for solve in ("compensate.cli.solve_frame", "domesim.cli.decoded"):
         monkeypatch.setattr(solve, lambda *_, **__: solved.append(1))
     for command in ("compensate", "observe"):
         outcome = run(command, source, "--scene", SCENE, "--out", out, "--format", "png")

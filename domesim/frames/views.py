@@ -8,7 +8,10 @@ refuses what is no pair (``mistaken.py``); `write_master` puts it back together 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import repeat
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
@@ -230,8 +233,9 @@ def write_master(master: Master, paths: Sequence[str | Path], *, bits: int | Non
     files = tuple(Path(path) for path in paths)
     require_writable(master, files, bits)
     if master.packing in ("single", "files"):
-        pairs = zip(master.frames, files, strict=True)
-        write_together([(path, encoded(frame, path, bits)) for frame, path in pairs])
+        with ThreadPoolExecutor(len(files)) as eyes:
+            contents = list(eyes.map(encoded, master.frames, files, repeat(bits)))
+        write_together(list(zip(files, contents, strict=True)))
     else:
         write_together([(files[0], _encoded_together(master, files[0], bits))])
 
@@ -272,7 +276,9 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
 def _read_pair(left: Path, right: Path, *, repair: bool, allow_identical: bool) -> Master:
     if not allow_identical:
         refuse_one_file(left, right)
-    frames = tuple(read_image(path, repair=repair, grey=True) for path in (left, right))
+    with ThreadPoolExecutor(2) as eyes:
+        read = partial(read_image, repair=repair, grey=True)
+        frames = tuple(eyes.map(read, (left, right)))
     for frame, side in zip(frames, ("left", "right"), strict=True):
         refuse_other_view(frame, side)
     return Master(frames, "files")

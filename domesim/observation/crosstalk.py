@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from domesim.errors import InputError
 from domesim.light import Array, Light, kind, namespace
 from domesim.observation.stereo import VIEWS, StereoObservation, require_black
+from domesim.strips import in_strips
 
 
 @final
@@ -90,6 +91,11 @@ class Crosstalk(StereoObservation):
         return self._share
 
     @property
+    def black(self) -> NDArray[np.float64]:
+        """(view, primary) light without any picture."""
+        return self._black
+
+    @property
     def central(self) -> NDArray[Any]:
         """(view, primary, view, primary): that of the mean of the map."""
         leaks = self._share.mean(axis=(1, 2))[:, None, None] * self._matrices
@@ -132,7 +138,20 @@ class Crosstalk(StereoObservation):
         return light
 
     def _observe(self, light: Light) -> Light:
-        return light + self.leaked(light) + self._like(light)[2]
+        if not isinstance(light, np.ndarray):
+            return light + self.leaked(light) + self._like(light)[2]
+        matrices, share, black = self._like(light)
+        seen = np.empty_like(light)
+        mixing = [np.ascontiguousarray(matrix.T) for matrix in matrices]
+
+        def observe(view: int, rows: slice) -> None:
+            part = light[1 - view, rows] @ mixing[view]
+            part *= share[view] if len(share[view]) == 1 else share[view][rows]
+            part += light[view, rows]
+            np.add(part, black[view], out=seen[view, rows])
+
+        in_strips(observe, light.shape)
+        return seen
 
     def _direct(self, light: Light) -> Light:
         return light
@@ -150,7 +169,7 @@ class Crosstalk(StereoObservation):
         return light
 
     def _like(self, light: Light) -> tuple[list[Array], list[Array], Array]:
-        """Matrices and maps (row, col, 1) by view, and black (view, 1, 1, primary)."""
+        """Matrices and maps (row, col, 1) by view, and black (view, 1, col, primary)."""
         key = kind(light)
         if key not in self._converted:
             xp = namespace(light)
@@ -161,7 +180,8 @@ class Crosstalk(StereoObservation):
             self._converted[key] = (
                 [convert(matrix) for matrix in self._matrices],
                 [convert(plane[..., None]) for plane in self._share],
-                convert(self._black[:, None, None, :]),
+                # Of a whole row: NumPy repeats three numbers slowly.
+                convert(np.repeat(self._black[:, None, None, :], self._shape[2], axis=2)),
             )
         return self._converted[key]
 

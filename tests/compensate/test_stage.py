@@ -1,0 +1,236 @@
+"""What the frames of a show share, and what they must not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pairs import pair
+
+from compensate.master import Posed, Stage, compensate_frame, pose, solve_frame
+from compensate.solver.deghosting import clipped_subtraction
+from compensate.solver.result import Status
+from compensate.weighting import PerceptualWeighting
+from domesim import transfer
+from domesim.frames import ColourTag, Frame, Master
+from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from domesim.scene import Scene, load_scene
+from domesim.scene.stereo import StereoScene
+from domesim.screening import decoded, encoded, mean_luminance, within_range
+
+LINEAR = ColourTag("linear", "BT.709", "the test")
+SRGB = ColourTag("srgb", "P3-D65", "the test")
+COLOURED = np.array(
+    [
+        [[0.06, 0.01, 0.0], [0.004, 0.05, -0.002], [0.0, 0.02, 0.08]],
+        [[0.03, 0.0, 0.01], [0.0, 0.07, 0.006], [-0.003, 0.01, 0.04]],
+    ]
+)
+
+
+def stereo(matrices: np.ndarray = COLOURED) -> StereoScene:
+    paper = load_scene("stereo_polarised_paper")
+    assert isinstance(paper, StereoScene)
+    seats = {name: replace(seat, matrices=matrices) for name, seat in paper.seats.items()}
+    return replace(paper, seats=seats, ambient=np.array([[0.1, 0.2, 0.3], [0.2, 0.1, 0.4]]))
+
+
+def cinema() -> StereoScene:
+    """With maps, other primaries than the masters', and all its seats looking."""
+    silver = load_scene("stereo_cinema_silver")
+    assert isinstance(silver, StereoScene)
+    return silver.seen_from(*silver.seats)
+
+
+def frame(light: np.ndarray, colour: ColourTag = LINEAR, bits: int = 32) -> Master:
+    frames = tuple(
+        Frame(view, Path(f"{number}.exr"), colour, bits, bits == 32)
+        for number, view in enumerate(light)
+    )
+    return Master(frames, "single" if len(frames) == 1 else "files")
+
+
+def lit(rows: int = 24, cols: int = 40, seed: int = 0) -> np.ndarray:
+    """A pair in which nothing clips."""
+    return 0.3 + 0.5 * pair(rows, cols, seed, np.float32)
+
+
+CASES: dict[str, tuple[Scene, np.ndarray]] = {
+    "pair": (stereo(), pair(24, 40, 0, np.float32)),
+    "exact pair": (stereo(), lit()),
+    "all seats": (cinema(), pair(24, 40, 0, np.float32)),
+    "dome": (load_scene("dome_imax"), pair(40, 40, 0, np.float32)[:1]),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_next_frame_of_a_size_needs_no_new_weighting(
+    case: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, light = CASES[case]
+    built = []
+    build = PerceptualWeighting.__call__
+    monkeypatch.setattr(
+        PerceptualWeighting, "__call__", lambda *args: built.append(1) or build(*args)
+    )
+    observed = []
+    kind = type(scene)
+    observe = kind.observation
+    monkeypatch.setattr(kind, "observation", lambda *args: observed.append(1) or observe(*args))
+    stage = Stage(scene)
+    first = stage.pose_frame(frame(light))[0]
+    once = len(observed)
+    second = stage.pose_frame(frame(light[:, ::-1].copy()))[0]
+    assert len(built) == 1
+    assert len(observed) == once
+    assert second.problem.weighting is first.problem.weighting
+    smaller = light[:, :-2, :-2]
+    third = stage.pose_frame(frame(smaller))[0]
+    assert len(built) == 2
+    assert third.desired.shape == smaller.shape
+    alone = pose(second.desired, scene)
+    assert second.error_before == pytest.approx(alone.error_before, rel=1e-6)
+
+
+def test_figures_are_not_counted_as_the_solvers_transforms() -> None:
+    """They may be computed while the next frame is solved, with the same weighting."""
+    scene, light = CASES["all seats"]
+    posed = pose(light, scene)
+    before = posed.problem.ffts
+    assert posed.error_before > posed.visible_error(posed.subtractive) > 0
+    assert len(posed.error_by_seat(posed.desired)) > 1
+    assert posed.problem.ffts == before
+    posed.problem.quadratic(posed.subtractive)
+    assert posed.problem.ffts > before
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_float32_to_the_end(case: str) -> None:
+    scene, light = CASES[case]
+    posed, _ = Stage(scene).pose_frame(frame(light))
+    solution = solve_frame(frame(light), posed, 0.0, "perceptual")
+    outcome = solution.outcome()
+    arrays = {
+        "desired": posed.desired,
+        "wanted": posed.problem.desired,
+        "subtractive": posed.subtractive,
+        "residual": posed.residual(posed.desired),
+        "seen": posed.seen(posed.desired),
+        "light": outcome.light,
+        "pixels": outcome.frame.pixels,
+        "observed": scene.observation(*light.shape[1:3]).observe(light),
+    }
+    assert {name: array.dtype for name, array in arrays.items()} == dict.fromkeys(
+        arrays, np.dtype(np.float32)
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("matrices", [COLOURED, leak_matrices([[0.02], [0.07]])])
+@pytest.mark.parametrize("picture", [pair, lit])
+def test_subtraction_in_strips_is_that_of_the_whole(
+    dtype: type, matrices: np.ndarray, picture: Callable[..., np.ndarray]
+) -> None:
+    light = np.repeat(picture(24, 40), 30, 1).astype(dtype)
+    light = np.repeat(light, 5, 2)
+    posed = pose(light, stereo(matrices))
+    whole, _ = clipped_subtraction(posed.single)
+    assert posed.subtractive.dtype == dtype
+    np.testing.assert_allclose(posed.subtractive, whole, atol=16 * np.finfo(dtype).eps)
+    assert posed.exact == (picture is lit)
+    assert (posed.clipped == 0) == posed.exact
+
+
+def test_subtraction_where_crosstalk_varies() -> None:
+    posed = pose(pair(24, 40, 0, np.float32), cinema().seen_from("sweet spot"))
+    whole, _ = clipped_subtraction(posed.single)
+    assert not posed.single.observation.uniform
+    np.testing.assert_allclose(posed.subtractive, whole, atol=1e-6)
+
+
+def test_what_is_exact_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    def solver(*_: object) -> None:
+        raise AssertionError("solved")
+
+    outcome = compensate_frame(frame(lit()), stereo(), solver=solver)  # type: ignore[arg-type]
+    figures = outcome.figures
+    assert figures.status == Status.EXACT.value
+    assert (figures.error_after, figures.ghost_edges, figures.ffts) == (0, 0, 0)
+    assert figures.error_before > 0.1
+    with pytest.raises(AssertionError, match="solved"):
+        compensate_frame(frame(CASES["pair"][1]), stereo(), solver=solver)  # type: ignore[arg-type]
+
+
+def whole(posed: Posed) -> dict[str, float]:
+    """Figures by their definitions, on whole arrays in float64."""
+    residual = np.asarray(posed.residual(posed.desired), np.float64)
+    too_bright = np.asarray(posed.single.residual(posed.subtractive))[:, posed.screen] > 1e-5
+    areas = posed.scene.pixel_areas(*posed.screen.shape)
+    projector = posed.scene.projector
+    mean = np.einsum("ij,vijp->p", areas, residual) / (areas.sum() * len(residual))
+    return {
+        "pollution": float(mean @ projector.luminance_weights) * projector.white,
+        "clipped": float(np.mean(np.any(too_bright, axis=-1))),
+    }
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("size", [None, 700])  # one strip, several
+def test_figures_in_strips_are_those_of_the_whole(case: str, size: int | None) -> None:
+    scene, light = CASES[case]
+    if size is not None:
+        light = np.repeat(np.repeat(light, size // light.shape[1], 1), size // light.shape[2], 2)
+    posed = pose(light, scene)
+    expected = whole(posed)
+    assert posed.pollution == pytest.approx(expected["pollution"], rel=1e-5)
+    assert posed.clipped == pytest.approx(expected["clipped"], abs=1e-12)
+    assert mean_luminance(light, scene) == pytest.approx(
+        mean_luminance(light.astype(np.float64), scene), rel=1e-5
+    )
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("bits", [8, 32])
+def test_a_master_in_strips_is_that_of_the_whole(case: str, bits: int) -> None:
+    scene, light = CASES[case]
+    light = np.repeat(np.repeat(light, 20, 1), 15, 2)
+    if scene.views == 1:
+        light = light[:, :600]
+    light = light * 1.3
+    codes = np.rint(light.clip(0, 1) * 255).astype(np.float32) / np.float32(255)
+    master = frame(codes if bits == 8 else light, SRGB if bits == 8 else LINEAR, bits)
+    found = decoded(master, scene)
+    curve = transfer.named(master.colour.transfer, white=scene.projector.white)
+    expected = scene.projector.decode(master.pixels, curve, master.colour.primaries)
+    np.testing.assert_array_equal(found, expected)
+    screen = scene.screen(*light.shape[1:3])
+    within, share = within_range(found, screen)
+    on = screen[None, :, :, None]
+    np.testing.assert_array_equal(within, np.where(on, found.clip(0, 1), found))
+    slack = 8 * np.finfo(np.float32).eps
+    beyond = np.any((found < -slack) | (found > 1 + slack), axis=-1)
+    assert share == pytest.approx(np.mean(beyond[:, screen]))
+    assert share > 0 or bits == 8
+    bright = 1.2 * found
+    stored, clipped = encoded(master, bright, scene, screen)
+    pixels = scene.projector.encode(bright, curve, master.colour.primaries)
+    least, largest = master.code_range
+    np.testing.assert_array_equal(
+        stored.pixels, np.where(on, pixels.clip(least, largest), master.pixels)
+    )
+    outside = np.any((pixels < least - 0.5 / 65535) | (pixels > largest + 0.5 / 65535), axis=-1)
+    assert clipped == pytest.approx(np.mean(outside[:, screen]))
+    assert (clipped > 0) == (bits == 8)
+
+
+@pytest.mark.parametrize("share", [None, (0.5, 1.5)])
+def test_crosstalk_in_strips_is_that_of_the_whole(share: tuple[float, float] | None) -> None:
+    light = np.random.default_rng(0).random((2, 90, 900, 3), np.float32)
+    varying = None if share is None else np.linspace(*share, 2 * 90 * 900).reshape(2, 90, 900)
+    black = np.array([[0.01, 0.02, 0.03], [0.04, 0.05, 0.06]])
+    crosstalk = Crosstalk(90, 900, COLOURED, share=varying, black=black)
+    expected = light + crosstalk.leaked(light) + black[:, None, None, :]
+    np.testing.assert_allclose(crosstalk.observe(light), expected, atol=1e-6)
