@@ -1,20 +1,26 @@
 """Counted real 2-D Fourier transforms of planes, on any array library.
 
 A *plane* is one picture-sized 2-D array; one transform of one plane, forward or inverse, counts as
-one FFT. NumPy planes go through ``scipy.fft`` (``numpy.fft`` is 3-4 times slower in float32),
-others through their own library's.
+one FFT, and of a plane a quarter the size as a quarter. NumPy planes go through the fastest library
+that is installed (`transforms`), others through their own library's.
 """
 
 from __future__ import annotations
 
+import importlib
 import math
 import os
+from functools import cache
 from typing import Any, final
 
 import numpy as np
 import scipy.fft
 
 from domesim.light import Array, namespace, total
+from domesim.strips import threads
+
+LIBRARIES = ("mkl_fft.interfaces.scipy_fft", "pyfftw.interfaces.scipy_fft")
+"""Of the extra ``fast``: with SciPy's functions, and about twice as fast."""
 
 
 @final
@@ -25,6 +31,8 @@ class Fourier:
     ----------
     rows, cols
         Size of the planes.
+    within
+        Transforms of larger planes, of which these are counted as shares.
 
     Attributes
     ----------
@@ -32,25 +40,37 @@ class Fourier:
         FFTs of planes done so far.
     """
 
-    def __init__(self, rows: int, cols: int) -> None:
+    def __init__(self, rows: int, cols: int, within: Fourier | None = None) -> None:
         self.rows = rows
         self.cols = cols
-        self.count = 0
-        self._workers = len(os.sched_getaffinity(0))
+        self.count = 0.0
+        self._within = within
+
+    def coarser(self) -> Fourier:
+        """Transforms of planes of half the rows and columns, counted here as quarters.
+
+        Raises
+        ------
+        ValueError
+            If they cannot be halved.
+        """
+        if self.rows % 2 or self.cols % 2:
+            raise ValueError(f"a plane of {self.rows} x {self.cols} has no half")
+        return Fourier(self.rows // 2, self.cols // 2, self)
 
     def forward(self, planes: Array) -> Array:
         """(..., row, col) real -> (..., row, col // 2 + 1) complex, of the same precision."""
-        self.count += math.prod(planes.shape[:-2])
+        self._note(math.prod(planes.shape[:-2]))
         if isinstance(planes, np.ndarray):
-            return scipy.fft.rfft2(planes, workers=self._workers)
+            return transforms().rfft2(planes, workers=threads())
         return namespace(planes).fft.rfftn(planes, axes=(-2, -1))
 
     def inverse(self, spectrum: Array) -> Array:
         """Inverse of `forward`."""
-        self.count += math.prod(spectrum.shape[:-2])
+        self._note(math.prod(spectrum.shape[:-2]))
         size = (self.rows, self.cols)
         if isinstance(spectrum, np.ndarray):
-            return scipy.fft.irfft2(spectrum, s=size, workers=self._workers)
+            return transforms().irfft2(spectrum, s=size, workers=threads())
         return namespace(spectrum).fft.irfftn(spectrum, s=size, axes=(-2, -1))
 
     def dot(self, left: Array, right: Array) -> float:
@@ -68,7 +88,34 @@ class Fourier:
         cols = np.fft.rfftfreq(self.cols, 1 / samples_per_unit)
         return rows[:, None], cols[None, :]
 
+    def _note(self, share: float) -> None:
+        self.count += share
+        if self._within is not None:
+            self._within._note(share / 4)
+
+
+@cache
+def transforms() -> Any:
+    """What transforms NumPy planes: one of `LIBRARIES` if it can be imported, else ``scipy.fft``.
+
+    (``numpy.fft`` is 3-4 times slower in float32.) With ``DOMESIM_FAST=0`` in the environment it is
+    always ``scipy.fft``.
+    """
+    if os.environ.get("DOMESIM_FAST", "1") != "0":
+        for name in LIBRARIES:
+            try:
+                found = importlib.import_module(name)
+            except (ImportError, OSError):
+                continue
+            if name.startswith("pyfftw"):
+                importlib.import_module("pyfftw.interfaces.cache").enable()
+            return found
+    return scipy.fft
+
 
 def padded_size(size: int, padding: int) -> int:
-    """The next size with fast transforms that leaves at least `padding` pixels."""
-    return int(scipy.fft.next_fast_len(size + padding, real=True))
+    """The next size with fast transforms that leaves at least `padding` pixels.
+
+    It is a multiple of four: solvers begin on coarser planes.
+    """
+    return 4 * int(scipy.fft.next_fast_len(-(-(size + padding) // 4), real=True))

@@ -8,6 +8,7 @@ small mu keeps frequencies that the eye cannot see from filling with noise.
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 from compensate.weighting import Weighting
@@ -81,8 +82,8 @@ class Problem:
 
     @property
     def ffts(self) -> int:
-        """FFTs of planes done so far on behalf of this problem."""
-        return self.weighting.fourier.count
+        """FFTs of planes done so far on behalf of this problem; a share counts as one."""
+        return math.ceil(self.weighting.fourier.count)
 
     def residual(self, light: Light) -> Light:
         """psi(x) - seen."""

@@ -123,6 +123,7 @@ class CsfWeighting(Weighting):
         self._alike = bool(np.all(self.importance == 1))
         self._fourier = Fourier(*padded)
         self._converted: dict[tuple[str, ...], tuple[Array, Array, Array, Array]] = {}
+        self._squares: dict[tuple[str, ...], list[Array]] = {}
 
     def with_importance(self, importance: NDArray[np.floating[Any]]) -> CsfWeighting:
         """The same weighting of views that count otherwise; its transforms are counted together."""
@@ -135,8 +136,29 @@ class CsfWeighting(Weighting):
             len(importance),
             importance,
         )
-        other._fourier = self._fourier
+        other._fourier, other._squares = self._fourier, self._squares
         return other
+
+    def squares(self, light: Light) -> list[Array]:
+        """Omega_c² of each channel as arrays like `light`; channels of one sensitivity share one.
+
+        They are kept for the next frame.
+        """
+        key = kind(light)
+        if key not in self._squares:
+            xp = namespace(light)
+            first = {
+                c: next(k for k in range(c + 1) if np.array_equal(self.gains[k], gain))
+                for c, gain in enumerate(self.gains)
+            }
+            planes = {
+                k: xp.asarray(self.gains[k] ** 2, dtype=light.dtype, device=light.device)
+                for k in set(first.values())
+            }
+            shared = len(self.gains) == 1
+            channels = range(len(self.opponent))
+            self._squares[key] = [planes[first[0 if shared else c]] for c in channels]
+        return self._squares[key]
 
     @property
     def shape(self) -> tuple[int, int, int, int]:

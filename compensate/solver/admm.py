@@ -1,40 +1,55 @@
-"""ADMM with an exact Fourier step: the product's solver.
+"""ADMM with an exact Fourier step, from coarse to fine: the product's solver.
 
-With w = D x the problem splits into a quadratic that Fourier diagonalises and bounds that are
-separate for each pixel:
+With w = D (x - x_a) the problem splits into a quadratic f that Fourier diagonalises and bounds that
+are separate for each pixel, with the regulariser, g (see `level`; `DomeSplit`, `PairSplit`). The
+alternating direction method of multipliers (Boyd et al. 2011, *Foundations and Trends in Machine
+Learning* 3, 1-122, scaled form, over-relaxed by alpha) is then a fixed-point iteration of s = z + u
 
-    min f(w) + g(z)   s.t. w = z
-    f(w) = 1/2 ||A (C w - t)||²            (`DomeSplit`, `PairSplit`)
-    g(z) = 1/2 mu ||z / D - x_0||² + [D lower <= z <= D upper]
+    z  = clip((rho P s + M o) / (rho P + M))              the feasible iterate; u = s - z its dual
+    w  = (H_0 + rho P)^-1 (b + rho P (z - u))             two FFTs a plane
+    s <- s + alpha (w - z)
 
-The alternating direction method of multipliers (Boyd et al. 2011, *Foundations and Trends in
-Machine Learning* 3, 1-122, scaled form, over-relaxed by alpha) then repeats
+with a diagonal metric P over the primaries, ~ the root of diag(T'T). Four things make it fast:
 
-    w   = (C'A'A C + rho P)^-1 (C'A'A t + rho P (z - y))      two FFTs a plane
-    w'  = alpha w + (1 - alpha) z
-    z   = clip((rho P (w' + y) + mu x_0 / D) / (rho P + mu / D²))
-    y   = y + w' - z
+*From coarse to fine.* The eye's weights are largest at low frequencies, so that most is won on
+planes of a half or a quarter of the rows and columns, where an FFT costs a quarter or a sixteenth.
+As s is relative to the clipped subtraction, it is enlarged without blurring the picture.
 
-with a diagonal metric P over the primaries, ~ the root of diag(T'T), and a penalty rho that starts
-at 0.1 and falls: the scaled dual y is rescaled with it. z is feasible at any time; the best z seen
-is returned, with a certified gap (`certificate`).
+*A falling penalty* rho: 0.1 on coarse planes, 0.05 at first, then 0.03; u is rescaled with it.
+
+*Anderson acceleration* (`anderson`), begun anew whenever rho changes.
+
+*Few certificates*, of two FFTs a plane: the x-step's w has f's gradient rho P (z - u - w) without
+any, and serves for the lower bound. One is due when the gap is likely to be small enough: it goes
+with rho ||w - z||², which costs nothing to know.
+
+Where the Hessian H is only near H_0 (a map of crosstalk, a spatial mask), the x-step is one step of
+preconditioned iteration from z, which costs four FFTs a plane and gives the cost and gradient there
+
+    w = z + (H_0 + rho P)^-1 (-f'(z) - rho P u)
+
+See ``validation/notes/0006`` for what each bought.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import final
 
-import numpy as np
-
+from compensate.fourier import Fourier
 from compensate.problem import Problem
+from compensate.solver.anderson import Anderson
+from compensate.solver.blocks import Spectra
 from compensate.solver.dome_split import DomeSplit
+from compensate.solver.level import Level, Planes
 from compensate.solver.pair_split import PairSplit
 from compensate.solver.result import Result, Status
-from compensate.solver.split import Planes, Split
-from compensate.weighting import CsfWeighting
-from domesim.light import Light
+from compensate.solver.split import Split
+from compensate.solver.varying import Varying
+from compensate.weighting import Masked
+from domesim.light import Light, namespace
 from domesim.observation.stereo import StereoObservation
 
 
@@ -48,32 +63,43 @@ class ADMM:
     tolerance
         Certified relative gap at which it stops.
     max_iterations
-        Iterations after which it gives up.
+        Iterations, on full planes, after which it gives up.
     relaxation
         alpha.
-    penalty, penalty_floor, penalty_decay, penalty_hold
-        rho at the start and at the end; its factor an iteration after `penalty_hold` iterations.
-        In a theatre with strong pollution both are raised, by ||C||^1.5: found by trial, and tested
-        from a cap of 60 degrees and albedo 0.3 to 170 degrees and 0.95.
+    penalties
+        rho: on coarse planes, for the first `hold` iterations on full ones, and then. In a theatre
+        with strong pollution they are raised, with ||C||^1.5: found by trial, and tested from a cap
+        of 60 degrees and albedo 0.3 to 170 degrees and 0.95.
+    hold
+        See there.
+    coarse
+        Iterations on the coarsest planes, and on each of those between. How coarse they are, is up
+        to the weighting (`Split.prepare`).
+    memory
+        Of the acceleration: how many old points it combines.
     stop_when_invisible
         Also stop when what could still be gained is less than the problem's `negligible`.
     first_check, check_every
-        When to compute the certificate (three FFTs a plane).
+        When to compute the certificate: not earlier, and at most so many iterations after the last.
     progress
         Called after each check with (iteration, certified gap).
+    watch
+        Called after each iteration with its number and a function that gives the feasible light:
+        for benchmarks.
     """
 
     tolerance: float = 1e-3
     max_iterations: int = 400
     relaxation: float = 1.8
-    penalty: float = 0.1
-    penalty_floor: float = 0.005
-    penalty_decay: float = 0.8
-    penalty_hold: int = 6
+    penalties: tuple[float, float, float] = (0.1, 0.05, 0.03)
+    hold: int = 4
+    coarse: tuple[int, int] = (8, 4)
+    memory: int = 2
     stop_when_invisible: bool = True
-    first_check: int = 10
-    check_every: int = 3
+    first_check: int = 4
+    check_every: int = 12
     progress: Callable[[int, float], None] | None = None
+    watch: Callable[[int, Callable[[], Light]], None] | None = None
 
     def __call__(self, problem: Problem, start: Light) -> Result:
         """Minimise `problem` from `start` (view, row, col, primary), a feasible light.
@@ -84,61 +110,20 @@ class ADMM:
             If the problem is neither a dome's nor a stereo pair's under a `CsfWeighting`, has no
             regulariser, or its pixels are not pinned where the weighting has no support.
         """
-        if not isinstance(start, np.ndarray):
-            raise ValueError(f"ADMM takes NumPy light, got {type(start).__name__}")
         before = problem.ffts
-        start = problem.project(start)
-        if _nothing_to_do(problem, start):
-            return Result(start, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
-        split = split_of(problem, start)
-        best = _Best(split, start, problem.negligible if self.stop_when_invisible else 0.0)
-        primal = state = split.planes(start)
-        dual = np.zeros_like(state)
-        floor = self.penalty_floor * split.strength**1.5
-        rho = max(self.penalty, 2 * floor)
-        split.prepare(floor)
-        inverse = split.inverse(rho)
-        iteration, status = 0, best.verdict(self.tolerance)
-        while status is None and iteration < self.max_iterations:
-            iteration += 1
-            weight = (rho * split.metric).astype(split.dtype)[:, None, None]
-            primal = split.step(inverse, weight, state - dual, primal)
-            relaxed = self.relaxation * primal
-            relaxed += (1 - self.relaxation) * state
-            relaxed += dual
-            state = split.nearest(relaxed, weight)
-            dual = relaxed
-            dual -= state
-            if (
-                iteration >= self.first_check
-                and (iteration - self.first_check) % self.check_every == 0
-            ):
-                best.offer(state)
-                status = best.verdict(self.tolerance)
-                if self.progress:
-                    self.progress(iteration, best.gap)
-            if iteration >= self.penalty_hold and rho > floor:
-                lowered = max(floor, rho * self.penalty_decay)
-                dual *= rho / lowered
-                rho = lowered
-                inverse = split.inverse(rho)
-        light = split.light(best.planes)
-        cost, gradient = problem.quadratic(light)
-        optimality = problem.kkt_residual(light, gradient)
-        gap = best.gap if np.isfinite(best.gap) else None
-        return Result(
-            light,
-            cost,
-            optimality,
-            status or Status.EXHAUSTED,
-            iteration,
-            problem.ffts - before,
-            gap,
-        )
+        plain = problem
+        if isinstance(problem.weighting, Masked):
+            plain = problem.weighted_by(problem.weighting.inner)
+        split = split_of(plain)
+        if split.answered:
+            return Result(split.base, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
+        run = _Run(self, problem, split)
+        status = run.solve(start)
+        return run.result(status, problem.ffts - before)
 
 
-def split_of(problem: Problem, start: Light) -> Split:
-    """How the problem splits: by what is observed.
+def split_of(problem: Problem) -> Split:
+    """How a problem splits: by what is observed.
 
     Raises
     ------
@@ -146,64 +131,301 @@ def split_of(problem: Problem, start: Light) -> Split:
         If ADMM cannot solve it.
     """
     if isinstance(problem.observation, StereoObservation):
-        return PairSplit(problem, start)
-    return DomeSplit(problem, start)
+        return PairSplit(problem)
+    return DomeSplit(problem)
 
 
-class _Best:
-    """The best feasible planes so far, and the best lower bound of the minimum."""
+@final
+class _Run:
+    """One run: s on one level after the other, and what is certified.
 
-    def __init__(self, split: Split, start: Light, negligible: float) -> None:
-        self._split = split
-        self._negligible = negligible
+    Parameters
+    ----------
+    settings
+        The solver.
+    problem
+        What to minimise.
+    split
+        It, or the plain problem near it.
+    """
+
+    def __init__(self, settings: ADMM, problem: Problem, split: Split) -> None:
+        self._settings, self._problem, self._split = settings, problem, split
+        observation = problem.observation
+        masked = isinstance(problem.weighting, Masked)
+        # A coarse picture without the mask would be another's
+        split.prepare(coarser=not masked and max(settings.coarse) > 0)
+        self._level = split.levels[0]
+        raised = max(1.0, self._level.hessian.strength**1.5 / 6)
+        self._penalties = [rho * raised for rho in settings.penalties]
+        self._varying: Varying | None = None
+        if masked or (isinstance(observation, StereoObservation) and not observation.uniform):
+            self._varying = Varying(problem, split, min(self._penalties))
+        self._bounds = _Bounds(
+            self._level,
+            problem.negligible if settings.stop_when_invisible else 0.0,
+            settings.tolerance,
+        )
+        self._checked_at = 0
+        self._found = split.base
+        self._optimality = math.nan
+
+    def solve(self, start: Light) -> Status | None:
+        """Iterate until there is a reason to stop; None where there is none."""
+        split, level, problem = self._split, self._level, self._problem
+        if self._varying is None and level.cost <= self._bounds.negligible:
+            self._bounds.cost = level.cost
+            self._optimality = problem.optimality(split.base)
+            return Status.INVISIBLE
+        if start is split.base or start is problem.anchor:
+            s = self._from_coarse()
+            return self._fine(level.start() if s is None else s)
+        del split.levels[1:]
+        return self._fine(level.start(split.planes(problem.project(start))))
+
+    def result(self, status: Status | None, ffts: int) -> Result:
+        """What was found; the base where that is better."""
+        light = self._found
+        cost, gap, optimality = self._bounds.cost, self._bounds.gap, self._optimality
+        if self._varying is None and self._level.cost < cost:
+            light, cost = self._split.base, self._level.cost
+            gap, optimality = self._bounds.gap_of(cost), self._problem.optimality(light)
+        return Result(
+            light,
+            cost,
+            optimality,
+            status or Status.EXHAUSTED,
+            self._bounds.iterations,
+            ffts,
+            gap if math.isfinite(gap) else None,
+        )
+
+    def _from_coarse(self) -> Planes | None:
+        """S on full planes, after iterations on coarser ones; None without any."""
+        levels, rho, s = self._split.levels, self._penalties[0], None
+        first, other = self._settings.coarse
+        for depth in range(len(levels) - 1, 0, -1):
+            level = levels[depth]
+            weights, anderson = level.weights(rho), Anderson(self._settings.memory)
+            start = level.start() if s is None else self._finer(s, depth, 1.0)
+            iterations = first if s is None else other
+            s = start
+            for _ in range(iterations):
+                w = _inverse(level.hessian.fourier, _x_step(level, s, weights))
+                s = self._moved(level, s, w, weights, anderson)
+            del levels[depth + 1 :]
+        if s is not None:
+            s = self._finer(s, 0, rho / self._penalties[1])
+            del levels[1:]
+        return s
+
+    def _finer(self, s: Planes, depth: int, ratio: float) -> Planes:
+        fine, coarse = self._split.levels[depth : depth + 2]
+        weights = coarse.weights(self._penalties[0])
+        return [
+            fine.finer(p, plane, weight, ratio, coarse)
+            for p, (plane, weight) in enumerate(zip(s, weights, strict=True))
+        ]
+
+    def _fine(self, s: Planes) -> Status | None:
+        settings, level = self._settings, self._level
+        anderson = Anderson(settings.memory)
+        rho = self._penalties[1]
+        for iteration in range(1, settings.max_iterations + 1):
+            if iteration == settings.hold + 1:
+                rho, old = self._penalties[2], level.weights(rho)
+                for p, (plane, weight) in enumerate(zip(s, old, strict=True)):
+                    level.reweigh(p, plane, weight, weight / level.weights(rho)[p])
+                anderson.clear()
+            weights = level.weights(rho)
+            due = iteration >= settings.first_check and (
+                iteration - self._checked_at >= settings.check_every
+                or self._bounds.likely(rho * anderson.energy)
+            )
+            due |= iteration == settings.max_iterations
+            step = self._varying_step if self._varying else self._exact_step
+            w, status = step(s, weights, iteration, due=due)
+            if status:
+                return status
+            s = self._moved(level, s, w, weights, anderson)
+            if due and not self._varying and (status := self._offered(s, weights, iteration)):
+                return status
+            if settings.watch:
+                settings.watch(iteration, lambda: self._split.light(self._feasible(s, weights)))  # noqa: B023
+        return None
+
+    def _exact_step(
+        self, s: Planes, weights: list[float], iteration: int, *, due: bool
+    ) -> tuple[Planes, Status | None]:
+        """The x-step's w; where a certificate is due, the lower bound is known afterwards."""
+        level, hessian = self._level, self._level.hessian
+        spectra = _x_step(level, s, weights)
+        along = hessian.dot(spectra, level.target) if due else 0.0
+        w = _inverse(hessian.fourier, spectra)
+        if due:
+            known, free = level.cost - 0.5 * along, []
+            for p, (plane, step, weight) in enumerate(zip(s, w, weights, strict=True)):
+                part, rest = level.lower_bound(p, plane, step, weight)
+                known += part
+                free.append(hessian.fourier.forward(rest))
+            sigma = level.least_damping
+            hessian.solve(free, [sigma] * len(free))
+            dual = hessian.energy(free) + sigma * hessian.dot(free, free)
+            self._bounds.raise_to(known - 0.5 * dual)
+        return w, None
+
+    def _offered(self, s: Planes, weights: list[float], iteration: int) -> Status | None:
+        """Certify the feasible iterate of s; why to stop there, if there is a reason."""
+        level, hessian = self._level, self._level.hessian
+        picture = self._feasible(s, weights)
+        spectra = [hessian.fourier.forward(plane) for plane in level.start(picture)]
+        cost = level.cost - hessian.dot(spectra, level.target) + 0.5 * hessian.energy(spectra)
+        cost += sum(level.regulariser(p, plane) for p, plane in enumerate(picture))
+        status = self._checked(cost, iteration)
+        if status or iteration == self._settings.max_iterations:
+            hessian.multiply(spectra)
+            for p, target in enumerate(level.target):
+                spectra[p] -= target
+            rows, cols = picture[0].shape
+            gradient = [plane[:rows, :cols] for plane in _inverse(hessian.fourier, spectra)]
+            for p in range(len(gradient)):
+                gradient[p] += level.slope(p, picture[p])
+            self._settle(picture, gradient)
+        return status
+
+    def _varying_step(
+        self, s: Planes, weights: list[float], iteration: int, *, due: bool
+    ) -> tuple[Planes, Status | None]:
+        """One preconditioned step from z, whose cost and gradient are known on the way."""
+        level, varying = self._level, self._varying
+        assert varying is not None
+        picture = self._feasible(s, weights)
+        cost, gradient = varying.quadratic(picture)
+        if due:
+            self._bounds.raise_to(cost - varying.gap(picture, gradient))
+            status = self._checked(cost, iteration)
+            self._settle(picture, gradient)
+            if status:
+                return s, status
+        rows, cols = picture[0].shape
+        fourier, spectra = level.hessian.fourier, []
+        for p, weight in enumerate(weights):
+            # -f'(z) - rho P (s - z)
+            right = s[p] * -weight
+            right[:rows, :cols] += picture[p] * weight
+            right[:rows, :cols] += level.slope(p, picture[p]) - gradient[p]
+            spectra.append(fourier.forward(right))
+        varying.solve(spectra, weights)
+        w = _inverse(fourier, spectra)
+        for p, z in enumerate(picture):
+            w[p][:rows, :cols] += z
+        return w, None
+
+    def _moved(
+        self, level: Level, s: Planes, w: Planes, weights: list[float], anderson: Anderson
+    ) -> Planes:
+        """The next s; the old one and w are used up."""
+        for p, (plane, step, weight) in enumerate(zip(s, w, weights, strict=True)):
+            level.move(p, plane, step, weight, self._settings.relaxation)
+        return anderson.next(s, w)
+
+    def _feasible(self, s: Planes, weights: list[float]) -> Planes:
+        return [
+            self._level.feasible(p, plane, weight)
+            for p, (plane, weight) in enumerate(zip(s, weights, strict=True))
+        ]
+
+    def _checked(self, cost: float, iteration: int) -> Status | None:
+        """Note a feasible cost; why to stop, if there is a reason, or when to look again."""
+        bounds, settings = self._bounds, self._settings
+        status = bounds.verdict(cost, iteration)
+        self._checked_at = iteration
+        if settings.progress:
+            settings.progress(iteration, bounds.gap)
+        return status
+
+    def _settle(self, picture: Planes, gradient: Planes) -> None:
+        """Keep what would be returned."""
+        mu = self._problem.regularisation
+        self._found = self._split.light(picture)
+        self._optimality = max(
+            self._level.kkt_residual(p, z, g, mu)
+            for p, (z, g) in enumerate(zip(picture, gradient, strict=True))
+        )
+
+
+def _x_step(level: Level, s: Planes, weights: list[float]) -> Spectra:
+    """W's spectra: (H_0 + rho P)^-1 (b + rho P (z - u))."""
+    fourier = level.hessian.fourier
+    spectra = [
+        fourier.forward(level.towards(p, plane, weight))
+        for p, (plane, weight) in enumerate(zip(s, weights, strict=True))
+    ]
+    level.hessian.solve(spectra, weights, level.target)
+    return spectra
+
+
+def _inverse(fourier: Fourier, spectra: Spectra) -> Planes:
+    """Planes of spectra, which are used up one by one."""
+    planes = []
+    while spectra:
+        planes.append(fourier.inverse(spectra.pop(0)))
+    return planes
+
+
+@final
+class _Bounds:
+    """The last feasible cost, the best lower bound of the minimum, and what they tell."""
+
+    def __init__(self, level: Level, negligible: float, tolerance: float) -> None:
+        self.negligible = negligible
+        self._tolerance = tolerance
         # Costs and bounds are sums of rounded numbers: a bound is only as good as they are.
-        self._rounding = 64 * float(np.finfo(split.dtype).eps)
-        self._lower_bound = 0.0
-        self._last_progress, self._idle = np.inf, 0
-        self.planes = split.planes(start)
-        self.cost = np.inf
-        self.offer(self.planes)
-
-    def offer(self, planes: Planes) -> None:
-        """Keep `planes` if they are better, and what they tell of the minimum."""
-        split = self._split
-        cost, gradient = split.quadratic(planes)
-        bound = split.gap(planes, gradient)
-        self._lower_bound = max(self._lower_bound, cost * (1 - self._rounding) - bound)
-        if cost < self.cost:
-            self.cost, self.planes = cost, planes.copy()
-        if self.gap < 0.9 * self._last_progress:
-            self._last_progress, self._idle = self.gap, 0
-        else:
-            self._idle += 1
+        self._rounding = 64 * float(namespace(level.lower[0]).finfo(level.lower[0].dtype).eps)
+        self._lower = 0.0
+        self._least, self._idle = math.inf, 0
+        self._share, self._sign = _SHARE, 0.0
+        self._start = level.cost
+        self.cost = math.inf
+        self.iterations = 0
 
     @property
     def gap(self) -> float:
         """Certified (cost - minimum) / minimum; infinite as long as nothing is certified."""
-        if self._lower_bound <= 0:
-            return np.inf
-        return (self.cost - self._lower_bound) / self._lower_bound
+        return self.gap_of(self.cost)
 
-    def verdict(self, tolerance: float) -> Status | None:
-        """Why to stop now, if there is a reason."""
-        if self.gap <= tolerance:
+    def gap_of(self, cost: float) -> float:
+        """`gap` of another feasible cost."""
+        return (cost - self._lower) / self._lower if self._lower > 0 else math.inf
+
+    def raise_to(self, bound: float) -> None:
+        """A new lower bound of the minimum."""
+        self._lower = max(self._lower, bound - self._rounding * abs(bound))
+
+    def verdict(self, cost: float, iteration: int) -> Status | None:
+        """Why to stop at a feasible cost after `iteration` iterations, if there is a reason."""
+        self.cost, self.iterations = cost, iteration
+        gap = self.gap
+        if math.isfinite(gap) and gap > 0 and self._sign > 0:
+            self._share = min(max(self._sign / (cost * gap), _SHARE / 4), 4 * _SHARE)
+        if gap < 0.9 * self._least:
+            self._least, self._idle = gap, 0
+        else:
+            self._idle += 1
+        if gap <= self._tolerance:
             return Status.CONVERGED
-        if self.cost - self._lower_bound <= self._negligible:
+        if cost - self._lower <= self.negligible:
             return Status.INVISIBLE
-        if self._idle >= _PATIENCE and np.isfinite(self.gap):
+        if self._idle >= _PATIENCE and math.isfinite(gap):
             return Status.STALLED
         return None
 
+    def likely(self, sign: float) -> bool:
+        """Whether the gap is likely to be small enough, by a `sign` that goes with it."""
+        self._sign = sign
+        cost = self.cost if math.isfinite(self.cost) else 0.5 * self._start
+        return sign <= self._share * max(self._tolerance * cost, self.negligible)
 
-_PATIENCE = 12  # checks in which the certified gap does not fall by a tenth
 
-
-def _nothing_to_do(problem: Problem, start: Light) -> bool:
-    """Whether the start shows the desired light to rounding, and is what the regulariser wants."""
-    if problem.penalty(start) > 0:
-        return False
-    weighting = problem.weighting
-    if not isinstance(weighting, CsfWeighting):
-        return False
-    residual = problem.residual(start) * weighting.support[None, :, :, None]
-    return float(np.abs(residual).max()) <= 8 * float(np.finfo(np.float32).eps)
+_SHARE = 0.15  # rho ||alpha (w - z)||² in shares of the gap, as is usual
+_PATIENCE = 6  # checks in which the certified gap does not fall by a tenth

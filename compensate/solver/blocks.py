@@ -1,47 +1,157 @@
-"""Small symmetric matrices of planes: one matrix for each frequency."""
+"""Small symmetric matrices, one for each frequency: what is left of the problem in Fourier.
+
+With the planes of a problem stacked, its Hessian at the frequency f is
+
+    H_0(f) = sum_c Omega_c(f)² K_c
+
+with a small symmetric matrix K_c for each opponent channel. Nothing of it is stored: it costs less
+to build and solve the few by few systems, strip by strip in the cache, than to fetch them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias, TypeVar, final
+
 import numpy as np
+from numpy.typing import NDArray
 
-from domesim.light import Array
+from domesim.light import Array, namespace, total
+from domesim.strips import in_strips
 
-Spectrum = Array  # (plane, padded row, padded col // 2 + 1) complex
+Spectra: TypeAlias = list[Array]
+"""One (padded row, padded col // 2 + 1) complex array a plane."""
+
+T = TypeVar("T")
 
 
-def blocks_times(blocks: list[list[Array]], spectrum: Spectrum) -> Spectrum:
-    """(plane, ...) product of a matrix of planes with a spectrum."""
-    result = np.empty_like(spectrum)
-    term = np.empty_like(spectrum[0])
-    for p, row in enumerate(blocks):
-        np.multiply(row[0], spectrum[0], out=result[p])
-        for q in range(1, len(row)):
-            np.multiply(row[q], spectrum[q], out=term)
-            result[p] += term
+@final
+class Blocks:
+    """sum_c Omega_c² K_c.
+
+    Parameters
+    ----------
+    squares
+        (padded row, padded col // 2 + 1) Omega_c², one a channel.
+    matrices
+        (channel, plane, plane) K_c, symmetric.
+    """
+
+    def __init__(self, squares: Sequence[Array], matrices: NDArray[np.floating[Any]]) -> None:
+        # Channels of one sensitivity are one
+        self.squares: list[Array] = []
+        kept: list[Any] = []
+        for square, matrix in zip(squares, matrices, strict=True):
+            for k, other in enumerate(self.squares):
+                if other is square:
+                    kept[k] = kept[k] + matrix
+                    break
+            else:
+                self.squares.append(square)
+                kept.append(matrix)
+        self.matrices = np.stack(kept)
+        self.size = self.matrices.shape[1]
+
+    def solved(self, strip: slice, spectra: Sequence[Array], sigma: Sequence[float]) -> list[Array]:
+        """(H_0 + diag(sigma))^-1 of a strip of rows, by its LDL' factors."""
+        factors = self.factors(strip, sigma)
+        return substituted(factors, spectra)
+
+    def times(self, strip: slice, spectra: Sequence[Array]) -> list[Array]:
+        """H_0 of a strip of rows."""
+        squares = [square[strip, :] for square in self.squares]
+        return [
+            _sum(
+                self._entry(squares, i, j, 0.0) * spectra[j]
+                for j in range(self.size)
+                if np.any(self.matrices[:, i, j] != 0)
+            )
+            for i in range(self.size)
+        ]
+
+    def factors(self, strip: slice, sigma: Sequence[float]) -> tuple[list[list[Any]], list[Any]]:
+        """L (below the diagonal; None for 0) and 1 / D of H_0 + diag(sigma), for a strip."""
+        squares = [square[strip, :] for square in self.squares]
+        lower: list[list[Any]] = [[None] * self.size for _ in range(self.size)]
+        inverse: list[Any] = []
+        scaled: list[list[Any]] = [[None] * self.size for _ in range(self.size)]  # L D
+        for j in range(self.size):
+            pivot = self._entry(squares, j, j, float(sigma[j]))
+            for m in range(j):
+                if lower[j][m] is not None:
+                    pivot = pivot - lower[j][m] * scaled[j][m]
+            inverse.append(1 / pivot)
+            for i in range(j + 1, self.size):
+                entry = None
+                if np.any(self.matrices[:, i, j] != 0):
+                    entry = self._entry(squares, i, j, 0.0)
+                for m in range(j):
+                    if lower[i][m] is not None and scaled[j][m] is not None:
+                        term = lower[i][m] * scaled[j][m]
+                        entry = -term if entry is None else entry - term
+                scaled[i][j] = entry
+                lower[i][j] = None if entry is None else entry * inverse[j]
+        return lower, inverse
+
+    def _entry(self, squares: Sequence[Array], i: int, j: int, plus: float) -> Array:
+        """One entry of H_0, with `plus` added."""
+        terms = [
+            (float(weight), square)
+            for weight, square in zip(self.matrices[:, i, j], squares, strict=True)
+            if weight != 0
+        ]
+        if not terms:
+            return squares[0] * 0 + plus
+        result = terms[0][1] * terms[0][0]
+        for weight, square in terms[1:]:
+            result += square * weight
+        if plus:
+            result += plus
+        return result
+
+
+def substituted(
+    factors: tuple[list[list[Any]], list[Any]], spectra: Sequence[Array]
+) -> list[Array]:
+    """What solves L D L' y = spectra."""
+    lower, inverse = factors
+    size = len(inverse)
+    y = list(spectra)
+    for i in range(size):
+        for j in range(i):
+            if lower[i][j] is not None:
+                y[i] = y[i] - lower[i][j] * y[j]
+    y = [plane * pivot for plane, pivot in zip(y, inverse, strict=True)]
+    for j in reversed(range(size)):
+        for i in range(j):
+            if lower[j][i] is not None:
+                y[i] -= lower[j][i] * y[j]
+    return y
+
+
+def each_strip(work: Callable[[slice], T], plane: Array, weight: int = 4) -> list[T]:
+    """`work(rows)` for strips of a plane's rows; for all rows at once but in NumPy.
+
+    `weight` says how many planes' strips should fit a core's cache together.
+    """
+    rows, cols = plane.shape
+    if not isinstance(plane, np.ndarray):
+        return [work(slice(0, rows))]
+    return in_strips(lambda _, strip: work(strip), (1, rows, cols * weight))
+
+
+def dot_of(left: Array, right: Array, cols: int) -> float:
+    """<l, r> of planes `cols` wide, from strips of their spectra; not yet over the plane's size."""
+    xp = namespace(left, right)
+    # rfft keeps half of the columns: all but the first (and Nyquist's) stand for two
+    result = 2 * float(total(xp.real(xp.vecdot(left, right))))
+    for col in (0, -1) if cols % 2 == 0 else (0,):
+        result -= float(total(xp.real(xp.conj(left[:, col]) * right[:, col])))
     return result
 
 
-def inverted(matrix: list[list[Array]]) -> list[list[Array]]:
-    """Inverse of a symmetric positive definite matrix of planes, in place, by sweeps.
-
-    A sweep of every pivot turns a symmetric matrix into minus its inverse and keeps it symmetric,
-    so that only one triangle is computed (Goodnight 1979, *The American Statistician* 33, 149).
-    """
-    size = len(matrix)
-    a = {(p, q): matrix[p][q].copy() for p in range(size) for q in range(p, size)}
-
-    def entry(p: int, q: int) -> Array:
-        return a[min(p, q), max(p, q)]
-
-    for k in range(size):
-        pivot = 1 / a[k, k]
-        scaled = {p: entry(p, k) * pivot for p in range(size) if p != k}
-        for p, q in a:
-            if k not in (p, q):
-                a[p, q] -= entry(p, k) * scaled[q]
-        for p, plane in scaled.items():
-            a[min(p, k), max(p, k)] = plane
-        a[k, k] = -pivot
-    for plane in a.values():
-        np.negative(plane, out=plane)
-    return [[entry(p, q) for q in range(size)] for p in range(size)]
+def _sum(terms: Any) -> Any:
+    result = None
+    for term in terms:
+        result = term if result is None else result + term
+    return result

@@ -1,9 +1,9 @@
 """A certified upper bound on how far a feasible light is from the optimum.
 
-At a feasible w with gradient g and Hessian H, every feasible v has
+At any w with gradient g and Hessian H, every feasible v has
 ``f(v) >= f(w) + g'(v - w) + 1/2 (v - w)' H (v - w)``. Split g = g_B + g_F. On B the bounds limit
 how much can be won: ``g_i (v_i - w_i) >= -|g_i| dist_i`` with the distance to the bound that -g
-points to. On F the quadratic does. So, for any split,
+points to (negative where w is beyond it). On F the quadratic does. So, for any split,
 
     f(w) - f* <= 1/2 g_F' H^-1 g_F + sum_B |g_i| dist_i
 
@@ -14,21 +14,22 @@ quadratic, for a typical curvature h. (The choice matters little: any split is v
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
+from domesim.light import namespace, total
 
 Planes = Any
 
-_CURVATURE = 0.1  # h, with weights of peak 1
+CURVATURE = 0.1
+"""h, with weights of peak 1."""
 
 
 def gap_bound(
     dual_energy: Callable[[Planes], float],
     planes: Planes,
     gradient: Planes,
-    bounds: tuple[Planes, Planes],
+    bounds: Sequence[tuple[Any, Any]],
 ) -> float:
     """Upper bound on f(w) - f*.
 
@@ -37,14 +38,22 @@ def gap_bound(
     dual_energy
         g' H^-1 g of planes g, or an upper bound of it.
     planes, gradient
-        (plane, padded row, padded col) w, within its bounds, and the gradient there.
+        (row, col) planes w, and the gradient there.
     bounds
-        Lower and upper planes (or broadcastable).
+        Lower and upper planes.
     """
-    lower, upper = bounds
-    distance = np.where(gradient > 0, planes - lower, upper - planes)
-    size = np.abs(gradient)
-    bound = distance * (2 * _CURVATURE) <= size
-    at_bounds = float(np.sum(size * distance, where=bound, dtype=np.float64))
-    free = np.where(bound, 0, gradient).astype(gradient.dtype, copy=False)
+    at_bounds, free = 0.0, []
+    for w, g, (lower, upper) in zip(planes, gradient, bounds, strict=True):
+        known, rest = parted(w, g, lower, upper)
+        at_bounds += known
+        free.append(rest)
     return 0.5 * dual_energy(free) + at_bounds
+
+
+def parted(w: Any, g: Any, lower: Any, upper: Any) -> tuple[float, Any]:
+    """Sum over B of |g| dist, and g_F, of a plane (or a strip of one)."""
+    xp = namespace(g)
+    distance = xp.where(g > 0, w - lower, upper - w)
+    size = xp.abs(g)
+    bound = distance * (2 * CURVATURE) <= size
+    return float(total(xp.where(bound, size * distance, 0 * size))), xp.where(bound, 0 * g, g)

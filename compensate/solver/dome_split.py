@@ -2,101 +2,117 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, final
 
 import numpy as np
 
 from compensate.problem import Problem
-from compensate.solver.certificate import gap_bound
-from compensate.solver.fourier_step import NormalInverse, PlaneModel
-from compensate.solver.split import Planes, SpectralMap, Split, require_certifiable
-from domesim.light import Light, dot
+from compensate.solver.dome_hessian import DomeHessian
+from compensate.solver.level import Planes
+from compensate.solver.split import Split, light_of, planes_of, widths_of
+from compensate.weighting import CsfWeighting
+from domesim.light import Array, Light, namespace
 from domesim.observation.lowrank import LowRankObservation
 
 
 @final
 class DomeSplit(Split):
-    """The problem in w = D x, on padded planes (primary, row, col).
+    """The problem in w = D x.
 
     Parameters
     ----------
     problem
-        One of a `LowRankObservation` (see `require_certifiable`).
-    start
-        Light off the support, where pixels are pinned.
+        One of a `LowRankObservation`.
     """
 
-    def __init__(self, problem: Problem, start: Light) -> None:
-        observation, weighting = problem.observation, require_certifiable(problem)
+    def __init__(self, problem: Problem) -> None:
+        observation = problem.observation
         if not isinstance(observation, LowRankObservation):
             raise ValueError(f"ADMM takes a low-rank observation, got {type(observation).__name__}")
-        off = ~weighting.support[None, :, :, None]
-        self.model = model = PlaneModel(observation, weighting, problem.desired.dtype)
-        self.fourier, self.dtype, self.strength = model.fourier, model.dtype, model.strength
-        self._gain = observation.factors.direct_gain.astype(model.dtype)
-        self._off_light = np.where(off, start, 0)
-        self.mu = problem.regularisation
-        self.gain = model.padded(
-            np.broadcast_to(self._gain[None, :, :, None], (1, *self._gain.shape, model.primaries))
-        )
-        self.gain[self.gain == 0] = 1
-        self.lower = self.planes(np.broadcast_to(problem.lower, start.shape))
-        self.upper = self.planes(np.broadcast_to(problem.upper, start.shape))
-        # What is seen of the pinned light off the support, and of ambient light, is given.
-        given = observation.observe(self._off_light)
-        target = model.fourier.forward(model.padded(problem.desired - given))
-        self.constant = target
-        self._target = model.polluted_adjoint(model.normal(target))
-        self.anchor = self.planes(problem.anchor)
-        diagonal = np.sqrt(np.sum(weighting.opponent**2, axis=0))
-        self.metric = diagonal / diagonal.max()
-        sigma = self.mu / float(self.gain.max()) ** 2
-        self._certifying = NormalInverse(model, np.full(model.primaries, sigma))
+        super().__init__(problem)
+        support = self.weighting.support
+        if bool(np.any(support & ~observation.screen)):
+            raise ValueError("the weighting's support reaches outside the observation's screen")
+        xp, base = namespace(self.base), self.base
 
-    def planes(self, light: Light) -> Planes:
-        """The planes w = D x of `light`."""
-        return self.model.padded(light * self._gain[None, :, :, None])
+        def like(array: Any) -> Array:
+            return xp.asarray(array, dtype=base.dtype, device=base.device)[None, :, :, None]
 
-    def light(self, planes: Planes) -> Light:
-        """The light x = w / D on the support, the start's elsewhere."""
-        rows, cols = self.model.support.shape
-        inner = np.moveaxis(planes[:, :rows, :cols], 0, -1)[None] / self._gain[None, :, :, None]
-        support = self.model.support[None, :, :, None]
-        return np.where(support, inner, self._off_light).astype(self._off_light.dtype)
+        self._observation = observation
+        gain = observation.factors.direct_gain
+        self._gain = None if bool(np.all(gain == 1)) else like(np.where(gain == 0, 1, gain))
+        self._support = None if bool(support.all()) else like(support)
 
-    def inverse(self, rho: float) -> SpectralMap:
-        """(C'A'A C + rho P)^-1."""
-        return NormalInverse(self.model, rho * self.metric)
+    def direction(self, planes: Planes) -> Light:
+        """The light w / D."""
+        light = light_of(planes, 1)
+        return light if self._gain is None else light / self._gain
 
-    def step(self, inverse: SpectralMap, weight: Planes, towards: Planes, last: Planes) -> Planes:
-        """The x-step, exact, with two FFTs a primary."""
-        right = self.fourier.forward(weight * towards)
-        right += self._target
-        return self.fourier.inverse(inverse(right))
+    def from_gradient(self, gradient: Light) -> Planes:
+        """1 / D times the gradient in x, on the support."""
+        if self._support is not None:
+            gradient = gradient * self._support
+        return planes_of(gradient if self._gain is None else gradient / self._gain)
 
-    def nearest(self, planes: Planes, weight: Planes) -> Planes:
-        """The z-step: the regulariser's and the bounds' proximal map."""
-        mu = self.mu / self.gain**2
-        z = (weight * planes + mu * self.anchor) / (weight + mu)
-        return np.clip(z, self.lower, self.upper)
+    def _hessian(self) -> DomeHessian:
+        return hessian_of(self._observation, self.weighting, self.base)
 
-    def quadratic(self, planes: Planes) -> tuple[float, Planes]:
-        """Cost and gradient in w, with two FFTs a primary."""
-        model = self.model
-        residual = model.polluted(model.fourier.forward(planes)) - self.constant
-        weighted = model.normal(residual)
-        energy = sum(model.fourier.dot(r, s) for r, s in zip(residual, weighted, strict=True))
-        change = (planes - self.anchor) / self.gain
-        gradient = model.fourier.inverse(model.polluted_adjoint(weighted))
-        gradient += self.mu * change / self.gain
-        return 0.5 * (energy + self.mu * dot(change, change)), gradient
+    def _seen(self, light: Any) -> Any:
+        for factor in (self._gain, self._support):
+            light = light if factor is None else light * factor
+        return light
 
-    def gap(self, planes: Planes, gradient: Planes) -> float:
-        """Certified upper bound of the cost's distance from the minimum, one FFT a primary."""
+    def _shown(self, plane: Array, rows: slice) -> Array:
+        return plane if self._gain is None else plane / self._gain[0, rows, :, 0]
 
-        def dual_energy(free: Any) -> float:
-            spectrum = self.fourier.forward(free)
-            inverted = self._certifying(spectrum)
-            return sum(self.fourier.dot(g, s) for g, s in zip(spectrum, inverted, strict=True))
+    def _damping(self) -> tuple[Any, float]:
+        mu = self.problem.regularisation
+        if self._gain is None:
+            return mu, mu
+        xp, fourier, base = namespace(self.base), self.weighting.fourier, self.base
+        rows, cols = base.shape[1:3]
+        around = xp.ones((fourier.rows, fourier.cols), dtype=base.dtype, device=base.device)
+        around[:rows, :cols] = self._gain[0, :, :, 0]
+        return mu / around**2, mu / max(float(xp.max(around)), 1.0) ** 2
 
-        return gap_bound(dual_energy, planes, gradient, (self.lower, self.upper))
+    def _lower(self) -> Planes:
+        planes = super()._lower()
+        for factor in (self._gain, self._support):
+            if factor is not None:
+                planes = [plane * factor[0, :, :, 0] for plane in planes]
+        return planes
+
+    def _widths(self) -> list[Array | float]:
+        plain = self._gain is None and self._support is None
+        return widths_of(self.problem, None if plain else self._seen(1.0))
+
+
+def hessian_of(
+    observation: LowRankObservation, weighting: CsfWeighting, like: Light
+) -> DomeHessian:
+    """The Hessian of a theatre, in arrays like `like`; kept for the next frame."""
+    return _hessian(observation, weighting, namespace(like), like.dtype, like.device)
+
+
+@lru_cache(maxsize=2)
+def _hessian(
+    observation: LowRankObservation, weighting: CsfWeighting, library: Any, dtype: Any, device: Any
+) -> DomeHessian:
+    factors, support, fourier = observation.factors, weighting.support, weighting.fourier
+
+    def modes(planes: Any) -> Array:
+        large = np.zeros((len(planes), fourier.rows, fourier.cols))
+        large[:, : support.shape[0], : support.shape[1]] = planes * support
+        return library.asarray(large, dtype=dtype, device=device)
+
+    like = library.zeros((1, 1, 1, 1), dtype=dtype, device=device)
+    return DomeHessian(
+        modes(factors.spread),
+        # In w = D x, a pixel's light has passed D already.
+        modes(factors.collect / np.where(factors.direct_gain == 0, 1, factors.direct_gain)),
+        factors.core,
+        weighting,
+        weighting.squares(like),
+        fourier,
+    )

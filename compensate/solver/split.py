@@ -1,91 +1,259 @@
-"""What ADMM needs to know of a problem: how it splits into Fourier's part and the bounds' part.
-
-Planes are padded pictures, (plane, padded row, padded col): one for each primary of each view.
-"""
+"""What ADMM needs to know of a problem: its levels, and how its planes become light again."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, TypeVar
 
 import numpy as np
 
-from compensate.fourier import Fourier
 from compensate.problem import Problem
-from compensate.solver.blocks import Spectrum
+from compensate.solver.hessian import Hessian
+from compensate.solver.level import Level, Planes, coarsened
 from compensate.weighting import CsfWeighting
-from domesim.light import Array, Light
+from domesim.light import Array, Light, namespace
+from domesim.strips import in_strips
 
-Planes: TypeAlias = Array
+T = TypeVar("T")
 
-SpectralMap: TypeAlias = Callable[[Spectrum], Spectrum]
+_SMALLEST = 32  # rows and columns of a coarser plane
+_WORTH = 0.5  # of the squared weights
 
 
 class Split(ABC):
-    """One problem as a quadratic f(w) that Fourier (nearly) diagonalises, and separate bounds.
+    """A problem as a quadratic that Fourier (nearly) diagonalises, and separate bounds.
+
+    Parameters
+    ----------
+    problem
+        One that has a regulariser, under a weighting that Fourier diagonalises (see
+        `require_certifiable`).
 
     Attributes
     ----------
-    fourier
-        The padded grid's transforms.
-    metric
-        (plane,) diagonal metric P.
-    lower, upper
-        Bounds of the planes.
-    strength
-        How much pollution amplifies light at most; 1 without any.
+    base
+        The light that planes are relative to: the regulariser's, within the bounds.
+    levels
+        The problem, and from there on coarser and coarser ones; none before `prepare`.
+    exact
+        Whether the Hessian is H_0.
     """
 
-    fourier: Fourier
-    metric: Any
-    lower: Planes
-    upper: Planes
-    strength: float
-    dtype: np.dtype[Any]
+    exact: bool = True
 
-    @abstractmethod
-    def planes(self, light: Light) -> Planes:
-        """The planes of `light`."""
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.weighting = require_certifiable(problem)
+        anchor: Any = problem.anchor
+        self.base = anchor if _within(problem, anchor) else problem.project(anchor)
+        self._offset = None if self.base is anchor else anchor - self.base
+        self._residual = _beyond(problem, self.base, self.weighting)
+        self.levels: list[Level] = []
 
-    @abstractmethod
-    def light(self, planes: Planes) -> Light:
-        """The light of planes."""
+    @property
+    def answered(self) -> bool:
+        """Whether the base is what the regulariser wants, and shows what is desired to rounding."""
+        limit = 8 * float(np.finfo(np.float32).eps)
+        xp = namespace(self.base)
+        return self._offset is None and all(
+            not any(
+                each_place(
+                    lambda view, rows, p=p: bool(  # type: ignore[misc]
+                        xp.any(xp.abs(self._residual[view, rows, :, p]) > limit)
+                    ),
+                    self._residual.shape,
+                )
+            )
+            for p in range(self._residual.shape[3])
+        )
 
-    def prepare(self, floor: float) -> None:  # noqa: B027 - an exact x-step needs no preparation
-        """Told before the first step: the least rho that there will be."""
+    def prepare(self, *, coarser: bool) -> None:
+        """Make the levels: the problem itself, and `coarser` ones.
 
-    @abstractmethod
-    def inverse(self, rho: float) -> SpectralMap:
-        """(H_0 + rho P)^-1, of the Hessian H_0 that Fourier diagonalises."""
-
-    @abstractmethod
-    def step(self, inverse: SpectralMap, weight: Planes, towards: Planes, last: Planes) -> Planes:
-        """The x-step: argmin f(w) + 1/2 ||w - towards||², weighted by rho P.
-
-        Parameters
-        ----------
-        inverse
-            `inverse` of rho.
-        weight
-            rho P, (plane, 1, 1).
-        towards
-            z - y.
-        last
-            The last step's w, from which an inexact one goes on.
+        A level is worth while if its frequencies have most of the weights (squared).
         """
+        fourier = self.weighting.fourier
+        residual = _padded(self._residual, fourier.rows, fourier.cols)
+        del self._residual
+        damping, least = self._damping()
+        offset = self._offset
+        level = Level(
+            self._hessian(),
+            [],
+            self._lower(),
+            self._widths(),
+            damping,
+            least,
+            None if offset is None else planes_of(self._seen(offset)),
+        )
+        self.levels = [level]
+        if coarser:
+            _add_coarser(self.levels, residual)
+        _aim(level, residual)
+
+    def planes(self, light: Light) -> Planes:
+        """(row, col) planes of `light`."""
+        return planes_of(self._seen(light - self.base))
+
+    def light(self, planes: Planes) -> Light:
+        """The light of (row, col) planes, within the bounds."""
+        xp, base, problem = namespace(self.base), self.base, self.problem
+        result = xp.empty_like(base)
+        primaries = base.shape[3]
+        lower, upper = (xp.broadcast_to(b, base.shape) for b in (problem.lower, problem.upper))
+
+        def work(view: int, rows: slice) -> None:
+            for p in range(primaries):
+                place = (view, rows, slice(None), p)
+                x = self._shown(planes[view * primaries + p][rows, :], rows) + base[place]
+                result[place] = xp.minimum(xp.maximum(x, lower[place]), upper[place])
+
+        each_place(work, base.shape)
+        return result
 
     @abstractmethod
-    def nearest(self, planes: Planes, weight: Planes) -> Planes:
-        """The z-step: the regulariser's and the bounds' proximal map."""
+    def direction(self, planes: Planes) -> Light:
+        """How the light changes as planes change."""
 
     @abstractmethod
-    def quadratic(self, planes: Planes) -> tuple[float, Planes]:
-        """Cost, and gradient in the planes."""
+    def from_gradient(self, gradient: Light) -> Planes:
+        """The gradient in planes, of one in light."""
 
     @abstractmethod
-    def gap(self, planes: Planes, gradient: Planes) -> float:
-        """Certified upper bound of the cost's distance from the minimum."""
+    def _hessian(self) -> Hessian: ...
+
+    @abstractmethod
+    def _seen(self, light: Light) -> Light:
+        """D of light, on the support."""
+
+    def _shown(self, plane: Array, rows: slice) -> Array:
+        """1 / D of rows of a plane."""
+        return plane
+
+    def _damping(self) -> tuple[Any, float]:
+        """M, and the least of it."""
+        return self.problem.regularisation, self.problem.regularisation
+
+    def _lower(self) -> Planes:
+        xp, base = namespace(self.base), self.base
+        lower = xp.broadcast_to(self.problem.lower, base.shape)
+        views, _, _, primaries = base.shape
+        return [
+            lower[view, :, :, p] - base[view, :, :, p]
+            for view in range(views)
+            for p in range(primaries)
+        ]
+
+    def _widths(self) -> list[Array | float]:
+        return widths_of(self.problem)
+
+
+def _add_coarser(levels: list[Level], residual: Planes) -> None:
+    """Append coarser levels, as long as they are worth while."""
+    weights = levels[0].hessian.weights
+    while True:
+        fine = levels[-1]
+        fourier = fine.hessian.fourier
+        if min(fourier.rows, fourier.cols) < 2 * _SMALLEST or fourier.rows % 4 or fourier.cols % 4:
+            return
+        if fine.hessian.coarser.weights < _WORTH * weights:
+            return
+        residual = [coarsened(plane) for plane in residual]
+        halves: dict[int, Array] = {}
+
+        def half(plane: Any, halves: dict[int, Array] = halves) -> Any:
+            if isinstance(plane, float):
+                return plane
+            if id(plane) not in halves:
+                halves[id(plane)] = coarsened(plane)
+            return halves[id(plane)]
+
+        level = Level(
+            fine.hessian.coarser,
+            [],
+            [half(plane) for plane in fine.lower],
+            [half(plane) for plane in fine.width],
+            half(fine.damping),
+            fine.least_damping,
+            None if fine.offset is None else [half(plane) for plane in fine.offset],
+        )
+        _aim(level, list(residual))
+        levels.append(level)
+
+
+def _aim(level: Level, residual: Planes) -> None:
+    """Set a level's target and cost by what is seen too much at the base; it is used up."""
+    fourier, spectra = level.hessian.fourier, []
+    while residual:
+        spectra.append(fourier.forward(residual.pop(0)))
+    energy, target = level.hessian.seen(spectra)
+    for p in range(len(target)):
+        target[p] *= -1
+    level.target, level.cost = target, 0.5 * energy
+
+
+def _within(problem: Problem, light: Light) -> bool:
+    """Whether light is within the bounds."""
+    xp = namespace(light)
+    lower, upper = (xp.broadcast_to(b, light.shape) for b in (problem.lower, problem.upper))
+
+    def work(view: int, rows: slice) -> bool:
+        part = light[view, rows, ...]
+        return bool(xp.all(part >= lower[view, rows, ...])) and bool(
+            xp.all(part <= upper[view, rows, ...])
+        )
+
+    return all(each_place(work, light.shape))
+
+
+def _beyond(problem: Problem, light: Light, weighting: CsfWeighting) -> Light:
+    """What is seen too much, where it counts."""
+    residual = problem.observation.observe(light)
+    residual -= problem.desired
+    if not weighting.support.all():
+        xp = namespace(light)
+        support = xp.asarray(weighting.support, dtype=light.dtype, device=light.device)
+        residual *= support[None, :, :, None]
+    return residual
+
+
+def each_place(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T]:
+    """`work(view, rows)` for strips of rows that together cover (view, row, col, primary)."""
+    return in_strips(work, shape)
+
+
+def _padded(light: Light, rows: int, cols: int) -> Planes:
+    """(padded row, padded col) planes of light, with 0 around."""
+    xp = namespace(light)
+    views, height, width, primaries = light.shape
+    result = []
+    for view in range(views):
+        for p in range(primaries):
+            large = xp.zeros((rows, cols), dtype=light.dtype, device=light.device)
+            large[:height, :width] = light[view, :, :, p]
+            result.append(large)
+    return result
+
+
+def planes_of(light: Light) -> Planes:
+    """(row, col) planes, all primaries of one view after the other."""
+    xp = namespace(light)
+    views, _, _, primaries = light.shape
+    pairs = [(view, p) for view in range(views) for p in range(primaries)]
+    return [xp.asarray(light[view, :, :, p], copy=True) for view, p in pairs]
+
+
+def light_of(planes: Planes, views: int) -> Light:
+    """(view, row, col, primary) light of planes."""
+    xp = namespace(planes[0])
+    rows, cols = planes[0].shape
+    primaries = len(planes) // views
+    shape = (views, rows, cols, primaries)
+    result = xp.empty(shape, dtype=planes[0].dtype, device=planes[0].device)
+    for k, plane in enumerate(planes):
+        result[k // primaries, :, :, k % primaries] = plane
+    return result
 
 
 def require_certifiable(problem: Problem) -> CsfWeighting:
@@ -97,13 +265,36 @@ def require_certifiable(problem: Problem) -> CsfWeighting:
         If it is not one that Fourier diagonalises, the problem has no regulariser, or its pixels
         are not pinned where the weighting has no support.
     """
-    weighting = problem.weighting
+    weighting: Any = problem.weighting
     if not isinstance(weighting, CsfWeighting):
         raise ValueError(f"ADMM takes a CsfWeighting, got {type(weighting).__name__}")
     if not problem.regularisation > 0:
         raise ValueError("ADMM certifies regularised problems only, got regularisation 0")
-    off = ~weighting.support[None, :, :, None]
-    pinned = np.broadcast_to(problem.lower == problem.upper, problem.observation.shape)
-    if bool(np.any(off & ~pinned)):
-        raise ValueError("ADMM takes a problem whose pixels off the support are pinned")
+    if not weighting.support.all():
+        xp = namespace(problem.desired)
+        free = xp.broadcast_to(problem.lower != problem.upper, problem.observation.shape)
+        off = xp.asarray(~weighting.support, device=problem.desired.device)
+        if bool(xp.any(free & off[None, :, :, None])):
+            raise ValueError("ADMM takes a problem whose pixels off the support are pinned")
     return weighting
+
+
+def widths_of(problem: Problem, gain: Any = None) -> list[Array | float]:
+    """Upper bounds above lower ones, D times if there is a `gain`: for each plane, as `Level` has.
+
+    One number where that is the same for all, one plane where it is for all primaries and views.
+    """
+    xp = namespace(problem.desired)
+    width = problem.upper - problem.lower
+    views, _, _, primaries = shape = problem.observation.shape
+    if width.ndim == 0 and gain is None:
+        return [float(width)] * (views * primaries)
+    width = xp.broadcast_to(width, shape)
+    if bool(xp.all(width == width[:1, :, :, :1])):
+        width = width[:1, :, :, :1]
+    if gain is not None:
+        width = width * gain
+    if bool(xp.all(width == width[0, 0, 0, 0])):
+        return [float(width[0, 0, 0, 0])] * (views * primaries)
+    planes: list[Array | float] = list(planes_of(width))
+    return planes if len(planes) > 1 else planes * (views * primaries)

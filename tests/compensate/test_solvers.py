@@ -12,10 +12,11 @@ from laws.test_linear_maps import RankTwo
 from scipy.optimize import lsq_linear, minimize
 from theatres import closed_form, picture, problem, unequal_weighting, weighting
 
+from compensate.fourier import Fourier
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
-from compensate.solver.fourier_step import NormalInverse, PlaneModel
+from compensate.solver.dome_split import hessian_of
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
 from validation.experiments.convergence import dense
@@ -102,19 +103,24 @@ def test_channels_with_a_sensitivity_each():
 
 
 @pytest.mark.parametrize("primaries", [1, 3])
-def test_the_normal_inverse_inverts(primaries):
+def test_the_hessian_is_inverted(primaries):
     observation = RankTwo(7, primaries)
     lambda_ = weighting(observation.screen, primaries)
-    model = PlaneModel(observation, lambda_, np.float64)
-    sigma = np.linspace(0.02, 0.05, primaries)
-    inverse = NormalInverse(model, sigma)
-    planes = np.random.default_rng(0).standard_normal(
-        (primaries, model.fourier.rows, model.fourier.cols)
-    )
-    spectrum = model.fourier.forward(planes)
-    there = model.polluted_adjoint(model.normal(model.polluted(spectrum)))
-    there += sigma[:, None, None] * spectrum
-    assert np.abs(inverse(there) - spectrum).max() <= 1e-9 * np.abs(spectrum).max()
+    hessian = hessian_of(observation, lambda_, np.zeros((1, 1, 1, 1)))
+    sigma = list(np.linspace(0.02, 0.05, primaries))
+    size = (primaries, hessian.fourier.rows, hessian.fourier.cols)
+    spectra = list(hessian.fourier.forward(np.random.default_rng(0).standard_normal(size)))
+    there = [spectrum.copy() for spectrum in spectra]
+    hessian.multiply(there)
+    for k, spectrum in enumerate(spectra):
+        there[k] += sigma[k] * spectrum
+    energy = hessian.dot(spectra, there)
+    for k, spectrum in enumerate(spectra):
+        energy -= sigma[k] * hessian.dot([spectrum], [spectrum])
+    assert hessian.energy(spectra) == pytest.approx(energy, rel=1e-12)
+    hessian.solve(there, sigma)
+    for spectrum, back in zip(spectra, there, strict=True):
+        assert np.abs(back - spectrum).max() <= 1e-9 * np.abs(spectrum).max()
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -275,12 +281,26 @@ def test_conjugate_gradients_end_where_no_bound_is_met():
 
 
 def test_ffts_are_counted():
-    """A certificate costs three a primary, an iteration two; so do cost and gradient at the end."""
+    """An iteration costs two a primary, a certificate two, the gradient at the end one."""
     posed, start = problem(9)
-    setup = 2 + 3  # the modes' shapes and the target
-    few = ADMM(tolerance=1e-15, max_iterations=10, first_check=10)(posed, start).ffts
-    more = ADMM(tolerance=1e-15, max_iterations=14, first_check=10, check_every=9)(
-        posed, start
-    ).ffts
-    assert more - few == 4 * 2 * 3
-    assert few == setup + 2 * 9 + 10 * 2 * 3 + 2 * 3
+
+    def ffts(iterations):
+        solver = ADMM(tolerance=1e-15, max_iterations=iterations, first_check=iterations)
+        return solver(posed, start).ffts
+
+    first, again, more = ffts(10), ffts(10), ffts(14)
+    target = 3
+    assert again == target + 10 * 2 * 3 + 2 * 3 + 3
+    assert more - again == 4 * 2 * 3
+    assert first - again == 2  # the modes' shapes, kept from then on
+
+
+def test_planes_of_a_quarter_count_as_a_quarter():
+    fine = Fourier(8, 12)
+    coarse = fine.coarser()
+    fine.inverse(fine.forward(np.ones((3, 8, 12))))
+    coarse.coarser().forward(np.ones((2, 2, 3)))
+    coarse.forward(np.ones((1, 4, 6)))
+    assert fine.count == 6 + 2 / 16 + 1 / 4
+    with pytest.raises(ValueError, match="no half"):
+        Fourier(9, 12).coarser()

@@ -1,0 +1,301 @@
+"""The Hessian of a dome's problem and its inverse, exact in Fourier.
+
+On the padded plane without bounds the objective in w = D x (the light that the projector puts on
+the screen) is ``1/2 ||A (C w - t)||²``, where A = lambda is diagonal in Fourier but for the mixing
+of primaries, W(f) = A'A = T' Omega(f)² T, and C = I + U V' holds the low-rank pollution. So
+
+    H = C' W C + sigma  =  B + Z M Z',     B(f) = W(f) + sigma,   sigma = diag(one a primary)
+    Z = [V, W U],     M = [[U' W U, I], [I, 0]]
+
+and the Sherman-Morrison-Woodbury formula inverts it with one small system. As W = B - sigma, all
+products with Z need only U, V and B^-1:
+
+    Z' B^-1 q       = [V' h,  U' (q - sigma h)],     h = B^-1 q
+    B^-1 Z [c, e]   = B^-1 (V c - sigma U e) + U e
+
+and so does the small system itself:
+
+    V' B^-1 W U     = V' U - V' B^-1 sigma U
+    U' W B^-1 W U   = U' W U - U' sigma U + U' sigma B^-1 sigma U
+
+The paper uses the circulant structure for products [Vogel 2002]; here it gives the inverse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.fourier import Fourier
+from compensate.solver.blocks import Blocks, Spectra, dot_of, each_strip
+from compensate.solver.hessian import Hessian, halved_spectrum, metric_of, strip_of
+from compensate.weighting import CsfWeighting
+from domesim.light import Array, namespace
+
+
+@final
+class DomeHessian(Hessian):
+    """Of one view with low-rank pollution, on padded planes (primary).
+
+    Parameters
+    ----------
+    spread, collect
+        (mode, padded row, padded col) pollution's modes in w = D x, 0 off the picture.
+    core
+        (primary, mode, mode) how the modes excite each other.
+    weighting
+        Of the picture.
+    squares
+        Omega_c² as arrays of the planes' library.
+    fourier
+        The padded grid's transforms.
+    """
+
+    def __init__(
+        self,
+        spread: Array,
+        collect: Array,
+        core: NDArray[np.floating[Any]],
+        weighting: CsfWeighting,
+        squares: Sequence[Array],
+        fourier: Fourier,
+    ) -> None:
+        self.fourier = fourier
+        self.metric = metric_of(weighting)
+        self.core = core
+        self._weighting, self._squares = weighting, squares
+        opponent = weighting.opponent
+        self._blocks = Blocks(squares, np.stack([np.outer(row, row) for row in opponent]))
+        xp = namespace(spread)
+        # V first, then the shapes of U
+        self._shapes = fourier.forward(xp.concat([collect, spread]))
+        half = np.full(fourier.cols // 2 + 1, 2.0)
+        half[0] = 1
+        if fourier.cols % 2 == 0:
+            half[-1] = 1
+        half /= fourier.rows * fourier.cols
+        self._half = xp.asarray(half[None, :], dtype=spread.dtype, device=spread.device)
+        self._pixels: tuple[Array, ...] = (spread, collect)
+        self._small: dict[tuple[float, ...], Any] = {}
+
+    @cached_property
+    def strength(self) -> float:  # type: ignore[override]
+        """1 + ||U V'||, the root of the largest eigenvalue of U'U V'V."""
+        core = self._core_matrix()
+        overlap = self._plain
+        uu = core.T @ overlap["uu"] @ core
+        return 1 + float(np.sqrt(np.abs(np.linalg.eigvals(uu @ overlap["vv"])).max()))
+
+    def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
+        """See `Hessian`."""
+        damping = np.asarray(sigma)[:, None]
+        modes = self.core.shape[1]
+
+        def inverted(rows: slice) -> tuple[Any, Any]:
+            strip = strip_of(spectra, rows, plus)
+            asked = self._dots(rows, strip)[:, modes:]
+            h = self._blocks.solved(rows, strip, sigma)
+            for plane, value in zip(spectra, h, strict=True):
+                plane[rows, :] = value
+            return asked, self._dots(rows, h)
+
+        parts = each_strip(inverted, spectra[0], 16)
+        asked, found = (sum(part[k] for part in parts) for k in range(2))
+        v, u = found[:, :modes], asked - damping * found[:, modes:]
+        known = np.stack([v, np.einsum("pjk,pj->pk", self.core, u)])
+        c, e = (self._small_inverse(tuple(sigma)) @ known.ravel()).reshape(known.shape)
+        e = np.einsum("pjk,pk->pj", self.core, e)
+
+        def corrected(rows: slice) -> None:
+            asked = self._combined(rows, np.concatenate([c, -damping * e], 1))
+            correction = self._blocks.solved(rows, asked, sigma)
+            shown = self._combined(rows, np.concatenate([0 * c, e], 1))
+            for plane, one, other in zip(spectra, correction, shown, strict=True):
+                plane[rows, :] -= one + other
+
+        each_strip(corrected, spectra[0], 16)
+
+    def multiply(self, spectra: Spectra) -> None:
+        """C'WC of `spectra`, in place."""
+        modes = self.core.shape[1]
+        polluted = self._excited(spectra)
+
+        def weighted(rows: slice) -> Any:
+            strip = [plane[rows, :] for plane in spectra]
+            added = self._combined(rows, np.concatenate([0 * polluted, polluted], 1))
+            seen = [a + b for a, b in zip(strip, added, strict=True)]
+            back = self._blocks.times(rows, seen)
+            for plane, value in zip(spectra, back, strict=True):
+                plane[rows, :] = value
+            return self._dots(rows, back)[:, modes:]
+
+        shown = sum(each_strip(weighted, spectra[0], 16))
+        self._add_collected(spectra, np.einsum("pjk,pj->pk", self.core, shown))
+
+    def energy(self, spectra: Spectra) -> float:
+        """<w, C'WC w>."""
+        polluted = self._excited(spectra)
+        cols = self.fourier.cols
+
+        def work(rows: slice) -> float:
+            added = self._combined(rows, np.concatenate([0 * polluted, polluted], 1))
+            seen = [plane[rows, :] + b for plane, b in zip(spectra, added, strict=True)]
+            images = self._blocks.times(rows, seen)
+            return sum(dot_of(a, b, cols) for a, b in zip(seen, images, strict=True))
+
+        return sum(each_strip(work, spectra[0], 16)) / (self.fourier.rows * cols)
+
+    @property
+    def squares(self) -> Sequence[Array]:
+        """See `Hessian`."""
+        return self._squares
+
+    def seen(self, residual: Spectra) -> tuple[float, Spectra]:
+        """||A r||² and C'W r of a residual r."""
+        modes, cols = self.core.shape[1], self.fourier.cols
+
+        def weighted(rows: slice) -> tuple[float, Any]:
+            strip = [plane[rows, :] for plane in residual]
+            back = self._blocks.times(rows, strip)
+            energy = sum(dot_of(a, b, cols) for a, b in zip(strip, back, strict=True))
+            for plane, value in zip(residual, back, strict=True):
+                plane[rows, :] = value
+            return energy, self._dots(rows, back)[:, modes:]
+
+        parts = each_strip(weighted, residual[0], 16)
+        energy, shown = (sum(part[k] for part in parts) for k in range(2))
+        self._add_collected(residual, np.einsum("pjk,pj->pk", self.core, shown))
+        return float(energy) / (self.fourier.rows * cols), residual
+
+    def _excited(self, spectra: Spectra) -> Any:
+        """(primary, mode) core V'w: how much each shape of U is seen."""
+        modes = self.core.shape[1]
+        parts = each_strip(
+            lambda rows: self._dots(rows, [plane[rows, :] for plane in spectra])[:, :modes],
+            spectra[0],
+            16,
+        )
+        return np.einsum("pjk,pk->pj", self.core, sum(parts))
+
+    def _add_collected(self, spectra: Spectra, coefficients: Any) -> None:
+        """Add V of (primary, mode) `coefficients` to `spectra`, in place."""
+
+        def add(rows: slice) -> None:
+            added = self._combined(rows, np.concatenate([coefficients, 0 * coefficients], 1))
+            for plane, value in zip(spectra, added, strict=True):
+                plane[rows, :] += value
+
+        each_strip(add, spectra[0], 16)
+
+    def _coarser(self) -> DomeHessian:
+        halves = {id(square): halved_spectrum(square) for square in self._squares}
+        spread, collect = (
+            namespace(planes).stack([halved(plane) for plane in planes]) for planes in self._pixels
+        )
+        self._pixels = ()  # a large part of what is kept
+        return DomeHessian(
+            spread,
+            4 * collect,
+            self.core,
+            self._weighting,
+            [halves[id(square)] for square in self._squares],
+            self.fourier.coarser(),
+        )
+
+    def _dots(self, rows: slice, strip: Sequence[Array]) -> Any:
+        """(primary, V and U mode) inner products with a strip's part of the modes."""
+        xp = namespace(strip[0])
+        shapes = xp.conj(xp.reshape(self._shapes[:, rows, :], (self._shapes.shape[0], -1)))
+        found = [
+            xp.real(xp.matmul(shapes, xp.reshape(self._half * plane, (-1,)))) for plane in strip
+        ]
+        return np.asarray([[float(value) for value in each] for each in found])
+
+    def _combined(self, rows: slice, coefficients: Any) -> list[Array]:
+        """Sums of the modes' strips times (primary, V and U mode) coefficients."""
+        result = []
+        for weights in coefficients:
+            plane = None
+            for k, weight in enumerate(weights):
+                if weight:
+                    term = self._shapes[k, rows, :] * float(weight)
+                    plane = term if plane is None else plane + term
+            result.append(0 * self._shapes[0, rows, :] if plane is None else plane)
+        return result
+
+    @cached_property
+    def _plain(self) -> dict[str, Any]:
+        """Inner products of the modes, the same for each primary: (primary mode, primary mode)."""
+        count = len(self.metric)
+        one = sum(each_strip(lambda rows: self._products(rows, None), self._shapes[0], 16))
+        return self._arranged(np.einsum("pq,jk->pqjk", np.eye(count), one))
+
+    def _small_inverse(self, sigma: tuple[float, ...]) -> Any:
+        """Of M^-1 + Z' B^-1 Z, M^-1 = [[0, I], [I, -U'WU]]; rows and columns (primary, mode)."""
+        if sigma not in self._small:
+            count = len(self.metric)
+
+            def between(rows: slice) -> Any:
+                zero = 0 * self._blocks.squares[0][rows, :]
+                result = []
+                for q in range(count):
+                    unit = [zero + (p == q) for p in range(count)]
+                    column = self._blocks.solved(rows, unit, sigma)
+                    result.append([self._products(rows, entry) for entry in column])
+                return np.asarray(result)
+
+            found = sum(each_strip(between, self._shapes[0], 32))
+            plain, b = self._plain, self._arranged(np.swapaxes(found, 0, 1))
+            core = self._core_matrix()
+            s = np.diag(np.repeat(sigma, self.core.shape[1]))
+            upper = plain["vu"] @ core - b["vu"] @ core @ s
+            # -U'WU of M^-1 and U'WU of Z'B^-1Z cancel
+            uu = core.T @ plain["uu"] @ core
+            corner = s @ core.T @ b["uu"] @ core @ s - s @ uu
+            one = np.eye(len(core))
+            self._small[sigma] = np.linalg.inv(
+                np.block([[b["vv"], one + upper], [one + upper.T, corner]])
+            )
+        return self._small[sigma]
+
+    def _products(self, rows: slice, entry: Array | None) -> Any:
+        """(V and U mode, V and U mode) inner products over a strip, with a plane in between."""
+        xp = namespace(self._half)
+        shapes = self._shapes[:, rows, :]
+        weight = self._half if entry is None else self._half * entry
+        flat = (shapes.shape[0], -1)
+        product = xp.matmul(xp.reshape(shapes * weight, flat), xp.conj(xp.reshape(shapes, flat)).T)
+        return np.asarray([[float(v) for v in row] for row in xp.real(product)])
+
+    def _arranged(self, products: Any) -> dict[str, Any]:
+        """(primary mode, primary mode) matrices of (primary, primary, V and U, V and U) ones."""
+        modes, count = self.core.shape[1], len(self.metric)
+        first, second = slice(0, modes), slice(modes, 2 * modes)
+        return {
+            name: np.swapaxes(products[:, :, left, right], 1, 2).reshape(count * modes, -1)
+            for name, left, right in (
+                ("vv", first, first),
+                ("vu", first, second),
+                ("uu", second, second),
+            )
+        }
+
+    def _core_matrix(self) -> Any:
+        """Block diagonal core: (primary mode, primary mode)."""
+        primaries, modes = self.core.shape[:2]
+        result = np.zeros((primaries, modes, primaries, modes))
+        for p in range(primaries):
+            result[p, :, p, :] = self.core[p]
+        return result.reshape(primaries * modes, primaries * modes)
+
+
+def halved(plane: Array) -> Array:
+    """(row, col) to half as many rows and columns: means of 2 x 2."""
+    xp = namespace(plane)
+    rows, cols = plane.shape
+    cells = xp.reshape(plane, (rows // 2, 2, cols // 2, 2))
+    return 0.25 * (cells[:, 0, :, 0] + cells[:, 0, :, 1] + cells[:, 1, :, 0] + cells[:, 1, :, 1])

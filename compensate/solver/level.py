@@ -1,0 +1,251 @@
+"""One problem at one resolution, as ADMM sees it: a quadratic in Fourier, bounds in pixels.
+
+All light is relative to a *base* x_a near the solution (the exact clipped subtraction): with
+w = D (x - x_a) on padded planes,
+
+    f(w) = c_a - <b, w> + 1/2 <w, H_0 w>             b = - gradient at the base, c_a its cost
+    g(w) = 1/2 <w - o, M (w - o)> + [lower <= w <= upper]        M = mu / D²
+
+What is clipped is sparse, so that b is small, sums lose no digits in float32, and a solution on a
+coarser plane goes over to the finer one without blurring the picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias, final
+
+from compensate.solver.blocks import Spectra, each_strip
+from compensate.solver.certificate import parted
+from compensate.solver.dome_hessian import halved
+from compensate.solver.hessian import Hessian
+from domesim.light import Array, namespace, total
+
+Planes: TypeAlias = list[Array]
+"""One (padded row, padded col) array for each primary of each view."""
+
+
+@final
+@dataclass
+class Level:
+    """The problem at one resolution.
+
+    Attributes
+    ----------
+    hessian
+        H_0.
+    target
+        b's spectra.
+    lower
+        (row, col) lower bounds of the picture's part of each plane; 0 on the padding.
+    width
+        How far up the upper ones are: a number, or (row, col); planes may share one.
+    damping
+        M: a number, or (padded row, padded col).
+    least_damping
+        The least of M.
+    offset
+        (row, col) o on the picture's part of each plane, or None where it is 0.
+    cost
+        c_a.
+    """
+
+    hessian: Hessian
+    target: Spectra
+    lower: Planes
+    width: list[Array | float]
+    damping: Any
+    least_damping: float
+    offset: Planes | None = None
+    cost: float = 0.0
+    _size: tuple[int, int] = field(init=False)
+
+    def __post_init__(self) -> None:
+        rows, cols = self.lower[0].shape
+        self._size = int(rows), int(cols)
+
+    def start(self, picture: Planes | None = None) -> Planes:
+        """Padded planes of (row, col) planes; 0 by default."""
+        xp, fourier = namespace(self.lower[0]), self.hessian.fourier
+        shape = (fourier.rows, fourier.cols)
+        like = self.lower[0]
+        planes = [xp.zeros(shape, dtype=like.dtype, device=like.device) for _ in self.lower]
+        rows, cols = self._size
+        for plane, inner in zip(planes, picture or [], strict=False):
+            plane[:rows, :cols] = inner
+        return planes
+
+    def feasible(self, p: int, s: Array, weight: float) -> Array:
+        """Z of s, (row, col): the regulariser's and the bounds' proximal map."""
+        rows, cols = self._size
+        z = namespace(s).empty_like(self.lower[p])
+
+        def work(strip: slice) -> None:
+            z[strip, :] = self._nearest(p, s, strip, weight)
+
+        each_strip(work, s[:rows, :cols], 4)
+        return z
+
+    def towards(self, p: int, s: Array, weight: float) -> Array:
+        """Weight (z - u) = weight (2 z - s): what the x-step goes to."""
+        result = namespace(s).empty_like(s)
+
+        def work(strip: slice) -> None:
+            result[strip, :] = s[strip, :] * -weight
+            if inner := self._inner(strip):
+                result[inner] += self._nearest(p, s, inner[0], weight) * (2 * weight)
+
+        each_strip(work, s, 6)
+        return result
+
+    def move(self, p: int, s: Array, w: Array, weight: float, relaxation: float) -> None:
+        """In place: w to the residual r = relaxation (w - z), and s to s + r."""
+
+        def work(strip: slice) -> None:
+            r = w[strip, :] * relaxation
+            w[strip, :] = r
+            if inner := self._inner(strip):
+                w[inner] -= self._nearest(p, s, inner[0], weight) * relaxation
+            s[strip, :] += w[strip, :]
+
+        each_strip(work, s, 6)
+
+    def reweigh(self, p: int, s: Array, weight: float, ratio: float) -> None:
+        """In place: the same z of s, and `ratio` times its dual s - z."""
+
+        def work(strip: slice) -> None:
+            if inner := self._inner(strip):
+                z = self._nearest(p, s, inner[0], weight)
+                s[strip, :] *= ratio
+                s[inner] += z * (1 - ratio)
+            else:
+                s[strip, :] *= ratio
+
+        each_strip(work, s, 6)
+
+    def lower_bound(self, p: int, s: Array, w: Array, weight: float) -> tuple[float, Array]:
+        """A plane's part of a lower bound of the minimum, at the x-step's w.
+
+        The gradient of f at w is weight (z - u - w), without a transform; g's is M (w - o). See
+        `certificate` for the split of their sum.
+
+        Returns
+        -------
+        known
+            1/2 <w, f'(w)> + 1/2 <w - o, M (w - o)> - sum over B of |g| dist.
+        free
+            g_F.
+        """
+        free = namespace(s).empty_like(s)
+
+        def work(strip: slice) -> float:
+            at = w[strip, :]
+            slope = (s[strip, :] + at) * -weight
+            away = at + 0
+            inner = self._inner(strip)
+            if inner:
+                part = (slice(0, inner[0].stop - inner[0].start), inner[1])
+                slope[part] += self._nearest(p, s, inner[0], weight) * (2 * weight)
+                if self.offset is not None:
+                    away[part] -= self.offset[p][inner[0], :]
+            damped = away * self._damping(strip)
+            known = 0.5 * (float(total(at * slope)) + float(total(damped * away)))
+            slope += damped
+            # The padding is pinned: all of it is known
+            known -= float(total(at * slope))
+            free[strip, :] = 0 * at
+            if inner:
+                inside, g = at[part], slope[part]
+                at_bounds, rest = parted(inside, g, *self.bounds(p, inner[0]))
+                known += float(total(inside * g)) - at_bounds
+                free[inner] = rest
+            return known
+
+        return sum(each_strip(work, s, 10)), free
+
+    def regulariser(self, p: int, z: Array) -> float:
+        """1/2 <z - o, M (z - o)> of a plane's picture (row, col)."""
+
+        def work(strip: slice) -> float:
+            away = self._away(p, z, strip)
+            return float(0.5 * total(self._damping(strip, inner=True) * away * away))
+
+        return sum(each_strip(work, z, 4))
+
+    def slope(self, p: int, z: Array) -> Array:
+        """M (z - o) of a plane's picture (row, col)."""
+        everything = slice(0, z.shape[0])
+        return self._damping(everything, inner=True) * self._away(p, z, everything)
+
+    def kkt_residual(self, p: int, z: Array, gradient: Array, mu: float) -> float:
+        """Largest |x - P(x - x's gradient)| of a plane's picture, in light; D² = mu / M."""
+
+        def work(rows: slice) -> float:
+            xp = namespace(z)
+            part, damping = z[rows, :], self._damping(rows, inner=True)
+            lower, upper = self.bounds(p, rows)
+            moved = part - gradient[rows, :] * (mu / damping)
+            away = xp.abs(part - xp.minimum(xp.maximum(moved, lower), upper))
+            return float(xp.max(away * (damping / mu) ** 0.5))
+
+        return max(each_strip(work, z, 6))
+
+    def weights(self, rho: float) -> list[float]:
+        """Rho P, one a plane."""
+        return [rho * value for value in self.hessian.metric]
+
+    def finer(self, p: int, s: Array, weight: float, ratio: float, coarse: Level) -> Array:
+        """S on this level, of a `coarse` level's: its z and `ratio` times its dual, enlarged."""
+        z = coarse.start([0 * s[: coarse._size[0], : coarse._size[1]]])[0]
+        rows, cols = coarse._size
+        inner = coarse.feasible(p, s, weight)
+        z[:rows, :cols] = inner
+        xp = namespace(s)
+        dual = (s - z) * ratio
+        result = xp.repeat(xp.repeat(dual, 2, axis=0), 2, axis=1)
+        rows, cols = self._size
+        large = xp.repeat(xp.repeat(inner, 2, axis=0), 2, axis=1)[:rows, :cols]
+        lower, upper = self.bounds(p, slice(0, rows))
+        feasible = xp.minimum(xp.maximum(large, lower), upper)
+        result[:rows, :cols] += feasible
+        return result
+
+    def _nearest(self, p: int, s: Array, rows: slice, weight: float) -> Array:
+        xp, cols = namespace(s), self._size[1]
+        damping = self._damping(rows, inner=True)
+        z = s[rows, :cols] * (weight / (weight + damping))
+        if self.offset is not None:
+            z += self.offset[p][rows, :] * (damping / (weight + damping))
+        lower, upper = self.bounds(p, rows)
+        return xp.minimum(xp.maximum(z, lower), upper)
+
+    def bounds(self, p: int, rows: slice) -> tuple[Array, Array]:
+        """Lower and upper bounds of rows of a plane's picture."""
+        lower, width = self.lower[p][rows, :], self.width[p]
+        return lower, lower + (width if isinstance(width, float) else width[rows, :])
+
+    def _inner(self, strip: slice) -> tuple[slice, slice] | None:
+        """The picture's part of a strip of padded rows."""
+        rows, cols = self._size
+        if strip.start >= rows:
+            return None
+        return slice(strip.start, min(strip.stop, rows)), slice(0, cols)
+
+    def _damping(self, rows: slice, *, inner: bool = False) -> Any:
+        if isinstance(self.damping, float):
+            return self.damping
+        return self.damping[rows, : self._size[1]] if inner else self.damping[rows, :]
+
+    def _away(self, p: int, z: Array, rows: slice) -> Array:
+        return z[rows, :] if self.offset is None else z[rows, :] - self.offset[p][rows, :]
+
+
+def coarsened(plane: Array) -> Array:
+    """Half as many rows and columns: means of 2 x 2, with a 0 beyond an odd edge."""
+    rows, cols = plane.shape
+    if rows % 2 == 0 and cols % 2 == 0:
+        return halved(plane)
+    xp = namespace(plane)
+    even = xp.zeros((rows + rows % 2, cols + cols % 2), dtype=plane.dtype, device=plane.device)
+    even[:rows, :cols] = plane
+    return halved(even)
