@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import json as json_module
-from collections.abc import Callable
-from dataclasses import asdict
+import os
+import platform
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Annotated, final
 
 import typer
 
-from domesim.cli import Json, Quiet, SceneName
+from domesim.cli import Json, Quiet
 from domesim.console import Console, prepare
 from domesim.errors import InputError
-from domesim.frames import write_whole
-from domesim.scene import load_scene
-from validation.benchmarks.solvers import GAPS, Cost, costs
+from validation.benchmarks import writing
+from validation.benchmarks.measuring import Cost, Settings, costs
+from validation.benchmarks.problems import PROBLEMS
+from validation.benchmarks.solvers import SOLVERS, USUAL
 from validation.experiments import EXPERIMENTS
 from validation.report import FAILED, NOT_RUN, Outcome, duration
 from validation.report import validate as run_experiments
@@ -92,39 +93,68 @@ class _Listener:
 
 
 def bench(
-    out: Annotated[Path, typer.Option("--out", help="Folder for bench.json.")] = Path("out/bench"),
-    scene: SceneName = "dome_imax",
-    sizes: Annotated[str, typer.Option(help="Sizes of the domemaster, pixels.")] = "128,256,512",
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder for bench.json, bench.md and plots.")
+    ] = Path("out/bench"),
+    problems: Annotated[str, typer.Option(help=f"By commas: {', '.join(PROBLEMS)}.")] = ",".join(
+        PROBLEMS
+    ),
+    sizes: Annotated[
+        str, typer.Option(help="Widths of the pictures, pixels; a domemaster is as high.")
+    ] = "128",
+    solvers: Annotated[str, typer.Option(help=f"By commas: {', '.join(SOLVERS)}.")] = ",".join(
+        USUAL
+    ),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer FFTs to slow solvers, one timed run, no memory.")
+    ] = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Count the work of each solver: FFTs of planes to a true gap, and certified gaps."""
+    """Count what solvers cost: FFTs of planes to a true gap, time as multiples, memory.
+
+    The whole matrix takes hours: --sizes 512,1024,2048, then --solvers admm --sizes
+    512,1024,2048,4096,8192 (8192 needs 16 GiB and more). Least costs, which take the longest, are
+    kept in OUT/references.json. TAO's solvers need Debian's python3-petsc4py, photographs the test
+    data (DOMESIM_DATA).
+    """
     console = Console(quiet=quiet, json=json)
+    widths = _widths(sizes)
+    wanted = _names("--problems", problems, PROBLEMS)
+    tried = _names("--solvers", solvers, SOLVERS)
+    settings = Settings(budget=150, repeats=1, memory=False) if quick else Settings()
+    prepare(out)
+    console.say(f"{writing.LEGEND}\n\n{writing.HEADER}")
+    machine = {
+        "cores": len(os.sched_getaffinity(0)),
+        "processor": platform.machine(),
+        "budget": settings.budget,
+        "repeats": settings.repeats,
+    }
+    found: list[Cost] = []
+    figures = writing.write_figures(out, found, machine)
+    for cost in costs(wanted, widths, tried, settings, out / "references.json"):
+        found.append(cost)
+        console.say(writing.lines(cost))
+        figures = writing.write_figures(out, found, machine)
+    report = writing.write_report(out, found)
+    console.figures(figures)
+    console.say(f"Written: {report.resolve()}")
+
+
+def _widths(sizes: str) -> tuple[int, ...]:
     try:
-        wanted = tuple(int(size) for size in sizes.split(","))
+        widths = tuple(int(size) for size in sizes.split(","))
     except ValueError:
         raise InputError(f"--sizes takes numbers such as 128,256, got {sizes!r}") from None
-    if min(wanted) < 16:
-        raise InputError(f"--sizes takes numbers of at least 16, got {min(wanted)}")
-    load_scene(scene)
-    prepare(out)
-    header = " ".join(f"{gap:>8.0e}" for gap in GAPS)
-    console.say(
-        f"FFTs of planes to a true relative gap of, and time in FFT pairs of one plane\n"
-        f"{'size':>5} {'solver':<38}{header} {'gap':>9} {'certified':>9} {'time':>7}"
-    )
-    found = []
-    for cost in costs(wanted, scene):
-        found.append(asdict(cost))
-        console.say(_row(cost))
-    write_whole(out / "bench.json", json_module.dumps(found, indent=1).encode())
-    console.figures({"scene": scene, "costs": found})
+    if min(widths) < 16:
+        raise InputError(f"--sizes takes numbers of at least 16, got {min(widths)}")
+    return widths
 
 
-def _row(cost: Cost) -> str:
-    ffts = " ".join(f"{'never' if n is None else n:>8}" for n in cost.ffts)
-    certified = "-" if cost.certified_gap is None else f"{cost.certified_gap:.1e}"
-    return (
-        f"{cost.size:>5} {cost.solver:<38}{ffts} {cost.final_gap:>9.1e} {certified:>9} "
-        f"{cost.transforms:>7.0f}"
-    )
+def _names(option: str, given: str, known: Collection[str]) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in given.split(","))
+    for name in names:
+        if name not in known:
+            raise InputError(f"{option} takes some of {', '.join(known)}, got {name!r}")
+    return names

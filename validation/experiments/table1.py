@@ -25,7 +25,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from compensate.solver.admm import ADMM
-from validation.benchmarks.solvers import SOLVERS, Case
+from validation.benchmarks.measuring import least_cost, traced
+from validation.benchmarks.problems import Case, night_dome
+from validation.benchmarks.solvers import SOLVERS
 from validation.experiment import (
     Cell,
     Check,
@@ -134,8 +136,8 @@ def run(work: Work) -> Finding:
 
 
 def _rows(work: Work, size: int) -> dict[str, Row]:
-    case = Case(size, SCENE, work.seed)
-    least = work.step(f"{size} least", float, lambda: case.least(1e-5))
+    case = night_dome(size, SCENE, work.seed)
+    least = work.step(f"{size} least", float, lambda: least_cost(case, 1e-5)[0])
     rows = {
         name: work.step(f"{size} {name}", Row, functools.partial(_row, case, name, least))
         for name in OURS
@@ -144,20 +146,20 @@ def _rows(work: Work, size: int) -> dict[str, Row]:
 
 
 def _clipped(work: Work, size: int) -> Callable[[], float]:
-    return lambda: Case(size, SCENE, work.seed).single.clipped
+    return lambda: night_dome(size, SCENE, work.seed).single.clipped
 
 
 def _row(case: Case, name: str, least: float) -> Row:
     """To the goal, or as far as the solver comes."""
-    last = case.cost(name, least, goal=GOAL).seen[-1]
+    last = traced(case, name, least, GOAL)[-1]
     return Row(last.ffts, last.iterations, last.seconds, last.gap)
 
 
 def _own(case: Case, least: float) -> Row:
     """The product's solver, which stops when it can certify the goal."""
-    posed = case.single
+    task = case.single
     begin = time.perf_counter()
-    result = ADMM(tolerance=GOAL, stop_when_invisible=False)(posed.problem, posed.subtractive)
+    result = ADMM(tolerance=GOAL, stop_when_invisible=False)(task.problem, task.start)
     seconds = time.perf_counter() - begin
     return Row(result.ffts, result.iterations, seconds, result.cost / least - 1)
 

@@ -1,0 +1,304 @@
+"""The benchmark counts what is done, and the product's solver needs the fewest FFTs.
+
+Counts, not seconds: gates with room for another machine's rounding.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from compensate.fourier import Fourier, transforms
+from compensate.solver.gpcg import GPCG
+from domesim.errors import InputError
+from validation.benchmarks import measuring, tao, writing
+from validation.benchmarks.measuring import (
+    Cost,
+    Settings,
+    Stop,
+    costs,
+    least_cost,
+    measure,
+    traced,
+)
+from validation.benchmarks.problems import PROBLEMS, Case, night_dome
+from validation.benchmarks.recording import Seen
+from validation.benchmarks.solvers import OURS, SOLVERS, Solver
+from validation.cli import bench
+from validation.experiment import Missing
+
+EVALUATORS = ("gpcg", "frozen", "accelerated", "lbfgsb")
+QUICK = Settings(repeats=1, memory=False)
+
+
+@pytest.fixture(scope="module")
+def synthetic() -> tuple[Case, float]:
+    case = PROBLEMS["synthetic"][1](512)
+    return case, least_cost(case, 1e-6)[0]
+
+
+@pytest.fixture(scope="module")
+def found(synthetic) -> dict[str, tuple[Seen, ...]]:
+    case, least = synthetic
+    return {name: traced(case, name, least, 1e-4, budget=250) for name in (OURS, *EVALUATORS)}
+
+
+def to(seen: tuple[Seen, ...], gap: float) -> float:
+    return next((one.ffts for one in seen if one.gap <= gap), math.inf)
+
+
+@pytest.mark.parametrize("name", [OURS, *EVALUATORS])
+def test_what_is_counted_is_what_is_done(name, monkeypatch):
+    """Against a count of the transforms' calls; those of the truth are left out."""
+    case = PROBLEMS["synthetic"][1](64)
+    least = least_cost(case, 1e-4)[0]
+    task = case.double if SOLVERS[name].double else case.single
+    fourier, library = task.problem.weighting.fourier, transforms()
+    done, truth = 0.0, measuring.Truth.gap
+
+    def counting(transform):
+        def counted(planes, *arguments, **options):
+            nonlocal done
+            size = options.get("s", planes.shape[-2:])
+            planes_worth = math.prod(size) / (fourier.rows * fourier.cols)
+            done += math.prod(planes.shape[:-2]) * planes_worth
+            return transform(planes, *arguments, **options)
+
+        return counted
+
+    def unseen(self, light):
+        nonlocal done
+        before = done
+        gap = truth(self, light)
+        assert done == before + task.planes
+        done = before
+        return gap
+
+    for transform in ("rfft2", "irfft2"):
+        monkeypatch.setattr(library, transform, counting(getattr(library, transform)))
+    monkeypatch.setattr(measuring.Truth, "gap", unseen)
+    seen = traced(case, name, least, 1e-3)
+    assert seen[-1].ffts == math.ceil(done) > 0
+    assert [one.ffts for one in seen] == sorted(one.ffts for one in seen)
+
+
+def test_ours_needs_the_fewest_ffts(found):
+    ours = found[OURS]
+    assert to(ours, 1e-3) <= 64
+    assert to(ours, 1e-4) <= 100
+    assert to(found["gpcg"], 1e-3) >= 2.8 * to(ours, 1e-3)
+    assert to(found["accelerated"], 1e-3) >= 2.4 * to(ours, 1e-3)
+    assert to(found["lbfgsb"], 1e-3) >= 1.2 * to(ours, 1e-3)
+
+
+def test_only_frozen_pollution_ends_above_the_minimum(found):
+    assert to(found["frozen"], 1e-4) == math.inf
+    assert all(to(found[name], 1e-4) < math.inf for name in found if name != "frozen")
+
+
+def test_nobody_finds_less_than_the_least(found):
+    assert min(one.gap for seen in found.values() for one in seen) > -1e-6
+
+
+def test_a_solver_is_stopped_at_the_goal(synthetic):
+    case, least = synthetic
+    for name in (OURS, "gpcg"):
+        seen = traced(case, name, least, 1e-2)
+        assert seen[-1].gap <= 1e-2
+        assert all(one.gap > 1e-2 for one in seen[:-1])
+
+
+def test_a_solver_is_stopped_when_its_budget_is_used_up(synthetic):
+    case, least = synthetic
+    seen = traced(case, "accelerated", least, 0.0, budget=20)
+    assert seen[-1].ffts == 20 * 2
+
+
+def test_gpcg_is_watched_without_being_changed():
+    case = night_dome(48)
+    least = least_cost(case)[0]
+    seen = traced(case, "gpcg", least, 1e-3)
+    task = case.single
+    whole = GPCG(tolerance=1e-12, max_iterations=seen[-1].iterations)(task.problem, task.start)
+    assert seen[-1].ffts <= whole.ffts
+    assert whole.cost <= (1 + seen[-1].gap + 1e-5) * least
+
+
+def test_ours_runs_to_its_own_stop_with_a_true_certificate(synthetic):
+    case, least = synthetic
+    cost = measure(case, OURS, least, Settings(repeats=1))
+    assert [stop.tolerance for stop in cost.stops] == [1e-3, 1e-4]
+    for stop in cost.stops:
+        assert stop.gap - 1e-6 <= stop.certified <= stop.tolerance
+        assert stop.certified <= 20 * stop.gap
+        assert stop.ffts > next(n for n in cost.ffts if n is not None)
+    assert 8 <= cost.memory <= 48 * 2
+    assert cost.clipped > 0.01
+
+
+def test_memory_is_counted_in_planes(monkeypatch):
+    """A solver that keeps five planes in float32, and two for a while."""
+
+    def hoarder(recorder, start):
+        kept = np.ones((5, *start.shape[1:3]), np.float32)
+        for _ in range(3):
+            kept += np.ones((2, *start.shape[1:3]), np.float32).sum(axis=0)
+
+    case = night_dome(256)
+    monkeypatch.setitem(SOLVERS, "gpcg", Solver("hoarder", hoarder))
+    assert measuring._memory(case, "gpcg") == pytest.approx(8, abs=0.2)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_problems_are_what_they_say(name):
+    try:
+        case = PROBLEMS[name][1](64)
+    except Missing as missing:
+        pytest.skip(str(missing))
+    single, double = case.single, case.double
+    assert single.start.dtype == single.problem.desired.dtype == np.float32
+    assert double.start.dtype == double.problem.desired.dtype == np.float64
+    rows = 64 if name == "dome-rgb" else 34
+    assert single.start.shape[1:3] == (rows, 64)
+    assert single.planes == (1 if name.startswith("dome") else 2) * (3 if "rgb" in name else 1)
+    assert 0.005 < single.clipped < 0.9
+    assert np.array_equal(double.problem.project(double.start), double.start)
+    assert single.problem.cost(single.start) == pytest.approx(
+        double.problem.cost(double.start), rel=1e-3
+    )
+    assert isinstance(single.problem.weighting.fourier, Fourier)
+
+
+def test_a_photograph_is_named_where_there_is_none(tmp_path, monkeypatch):
+    monkeypatch.setenv("DOMESIM_DATA", str(tmp_path))
+    rows = list(costs(["photo"], [64], [OURS, "gpcg"], QUICK, tmp_path / "references.json"))
+    assert len(rows) == 2
+    assert all("DOMESIM_DATA" in row.failure for row in rows)
+
+
+def test_a_missing_petsc_is_named(tmp_path, monkeypatch):
+    def nowhere():
+        raise Missing("python3-petsc4py is not installed")
+
+    monkeypatch.setattr(tao, "interpreter", nowhere)
+    (row,) = costs(["synthetic"], [32], ["tao-gpcg"], QUICK, tmp_path / "references.json")
+    assert row.failure == "not run: python3-petsc4py is not installed"
+    assert "not installed" in writing.lines(row)
+
+
+@pytest.fixture(scope="module")
+def _petsc() -> None:
+    try:
+        tao.interpreter()
+    except Missing as missing:
+        pytest.skip(str(missing))
+
+
+@pytest.mark.usefixtures("_petsc")
+@pytest.mark.parametrize("name", ["tao-gpcg", "tao-blmvm"])
+def test_tao_finds_the_minimum(name):
+    case = night_dome(48)  # pixels off the circle are pinned
+    seen = traced(case, name, least_cost(case)[0], 1e-4)
+    assert -1e-6 < seen[-1].gap <= 1e-4
+    assert seen[0].ffts == 6
+    assert seen[-1].ffts % 6 == 0
+
+
+@pytest.mark.usefixtures("_petsc")
+def test_a_tao_that_dies_is_a_row(tmp_path, monkeypatch):
+    dead = tmp_path / "dead.py"
+    dead.write_text("import sys; sys.exit('out of memory')")
+    tao.interpreter()
+    monkeypatch.setattr(tao, "WORKER", dead)
+    (row,) = costs(["synthetic"], [32], ["tao-gpcg"], QUICK, tmp_path / "references.json")
+    assert row.failure == "failed: TAO ended early: out of memory"
+
+
+def test_a_solver_that_does_not_take_the_problem_is_a_row(tmp_path, monkeypatch):
+    def refuses(recorder, start):
+        raise ValueError("takes no such thing")
+
+    monkeypatch.setitem(SOLVERS, "gpcg", Solver("choosy", refuses))
+    (row,) = costs(["synthetic"], [32], ["gpcg"], QUICK, tmp_path / "references.json")
+    assert row.failure == "not for this problem: takes no such thing"
+
+
+def test_what_is_too_large_for_the_truth_still_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(measuring, "LARGEST", 100)
+    rows = list(costs(["synthetic"], [32], [OURS, "gpcg"], QUICK, tmp_path / "references.json"))
+    ours, other = rows
+    assert [stop.gap for stop in ours.stops] == [None, None]
+    assert ours.stops[0].certified <= 1e-3
+    assert "too large" in other.failure
+
+
+def test_the_least_cost_is_remembered_for_that_problem_only(tmp_path, monkeypatch):
+    path = tmp_path / "references.json"
+    first = list(costs(["dome"], [32], ["gpcg"], QUICK, path))
+    known = json.loads(path.read_text())
+    monkeypatch.setattr(measuring, "least_cost", lambda case: pytest.fail("computed again"))
+    again = list(costs(["dome"], [32], ["gpcg"], QUICK, path))
+    assert [one.ffts for one in first] == [one.ffts for one in again]
+    assert json.loads(path.read_text()) == known
+    monkeypatch.setattr(measuring, "least_cost", lambda case: (1.0, None))
+    list(costs(["dome"], [48], ["gpcg"], QUICK, path))
+    assert len(json.loads(path.read_text())) == 2
+
+
+def test_bench_writes_its_figures(tmp_path, capsys):
+    out = tmp_path / "b"
+    bench(
+        out=out, problems="dome,synthetic", sizes="32,48", solvers="admm,accelerated",
+        quick=True, quiet=False, json=True,
+    )  # fmt: skip
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((out / "bench.json").read_text())
+    assert len(printed["costs"]) == 8
+    assert {cost["failure"] for cost in printed["costs"]} == {""}
+    table = (out / "bench.md").read_text()
+    for plot in ("gap-dome.svg", "gap-synthetic.svg", "time.svg"):
+        assert (out / plot).read_text().startswith("<?xml")
+        assert f"]({plot})" in table
+    assert "synthetic, 48" in table
+    assert "accelerated projected gradient" in table
+
+
+def test_bench_speaks_to_people_too(tmp_path, capsys):
+    bench(
+        out=tmp_path, problems="synthetic", sizes="16", solvers="frozen",
+        quick=True, quiet=False, json=False,
+    )  # fmt: skip
+    assert "GPCG, frozen pollution (the paper's)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("option", "given"),
+    [
+        *(("sizes", text) for text in ("0", "-5", "3", "64,x", "")),
+        *(("problems", text) for text in ("", "domes", "dome,")),
+        ("solvers", "simplex"),
+    ],
+)
+def test_bench_refuses_what_it_does_not_know(tmp_path, option, given):
+    options = {"problems": "dome", "sizes": "16", "solvers": "gpcg", option: given}
+    with pytest.raises(InputError, match=f"--{option}"):
+        bench(out=tmp_path, **options, quick=True, quiet=False, json=False)
+
+
+def test_growth_is_fitted():
+    def ran(size: int, seconds: float) -> Cost:
+        stop = Stop(1e-3, 1, 1, seconds, 1e-3, 1e-4, 1.0, 1.0)
+        return Cost("dome", size, "ours", pixels=size * size, stops=(stop,))
+
+    times = {n: 0.01 + 3e-9 * n * n * 2 * np.log2(n) for n in (512, 1024, 2048, 8192)}
+    fit = writing.growth([ran(n, t) for n, t in times.items()], "dome")
+    assert fit.a == pytest.approx(0.01)
+    assert fit.b == pytest.approx(3e-9)
+    assert fit.r_squared == pytest.approx(1)
+    assert fit.ratios == pytest.approx(dict.fromkeys(times, 1.0))
+    linear = writing.growth([ran(n, 1.0 * n) for n in times], "dome")
+    assert max(linear.ratios.values()) > 1.5
+    assert writing.growth([ran(n, 1.0) for n in (512, 1024)], "dome") is None
