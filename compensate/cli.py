@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from compensate.comparison import Comparison, compare_methods, shown_methods
+from compensate.devices import CPU, on_device
 from compensate.master import Figures, Posed, Solution, Stage, solve_frame
 from compensate.methods import METHODS, Solver, perceptual, require_method
 from compensate.solver.admm import ADMM
@@ -63,6 +64,14 @@ LowFrequencyGain = Annotated[
         "Low values give up the black level for detail, 1 comes close to subtraction."
     ),
 ]
+DeviceName = Annotated[
+    str,
+    typer.Option(
+        "--device",
+        help="Perceptual: what computes: cpu; cuda or cuda:1, a GPU by PyTorch (extra gpu); cupy, "
+        "a GPU by CuPy; torch, the processor by PyTorch.",
+    ),
+]
 
 
 INVISIBLE = 0.01
@@ -81,6 +90,7 @@ def compensate(
     method: Method = "perceptual",
     tolerance: Tolerance = 1e-3,
     low_frequency_gain: LowFrequencyGain = 0.1,
+    device: DeviceName = CPU,
     frames: Frames = None,
     file_format: Format = None,
     bits: Bits = None,
@@ -93,7 +103,7 @@ def compensate(
     console = Console(quiet=quiet, json=json)
     theatre = scene_of(scene, transport, console, seat)
     weighting = _weighting(low_frequency_gain)
-    solver = _solver(method, theatre, tolerance, console, worst=seat == "worst")
+    solver = _solver(method, theatre, tolerance, console, device, worst=seat == "worst")
     stage = Stage(theatre, weighting)
 
     def prepare(source: Master) -> tuple[Master, Posed, float]:
@@ -142,6 +152,7 @@ def compare(
     transport: TransportFile = None,
     tolerance: Tolerance = 1e-3,
     low_frequency_gain: LowFrequencyGain = 0.1,
+    device: DeviceName = CPU,
     size: Annotated[
         int, typer.Option(help="Largest side of the pictures on the page, pixels.", min=16)
     ] = 1024,
@@ -160,7 +171,7 @@ def compare(
         )
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{out}: a page is an .html file; give it such a name")
-    solver = _solver("perceptual", theatre, tolerance, console, worst=seat == "worst")
+    solver = _solver("perceptual", theatre, tolerance, console, device, worst=seat == "worst")
     weighting = _weighting(low_frequency_gain)
     prepare_folder(out.parent)
     (moment,) = show.moments
@@ -176,19 +187,21 @@ def demo(
     out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("out/demo"),
     scene: SceneName = "dome_imax",
     transport: TransportFile = None,
+    device: DeviceName = CPU,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Run the main job on the bundled night scene: frames to project, what is seen, the page."""
     console = Console(quiet=quiet, json=json)
     theatre = scene_of(scene, transport, console)
+    solver = on_device(ADMM(), device)
     if not isinstance(theatre, DomeScene):
         raise InputError(f"--scene {scene}: the demo's master is a domemaster; use a dome theatre")
     with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
         frame = read_master([path])
     console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
     prepare_folder(out)
-    comparison = _compared(frame, theatre, console, ADMM(), PerceptualWeighting())
+    comparison = _compared(frame, theatre, console, solver, PerceptualWeighting())
     files = []
     for name, written in comparison.frames():
         write_master(written, [out / f"{name}.exr"])
@@ -227,13 +240,21 @@ def _compared(
 
 
 def _solver(
-    method: str, scene: Scene, tolerance: float, console: Console, *, worst: bool = False
+    method: str,
+    scene: Scene,
+    tolerance: float,
+    console: Console,
+    device: str,
+    *,
+    worst: bool = False,
 ) -> Solver | None:
     """The perceptual method's solver, or None for the others' own."""
     require_method(method, scene)
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance must lie between 0 and 1, got {tolerance:g}")
     if method != "perceptual":
+        if device != CPU:
+            raise InputError(f"--device {device}: {method} is computed on the processor only")
         if worst and isinstance(scene, StereoScene) and len(scene.chosen) > 1:
             raise InputError(
                 f"--seat worst: {method} knows one seat or the mean of all; use --seat all, name "
@@ -244,7 +265,7 @@ def _solver(
     def note(iteration: int, gap: float) -> None:
         console.note(f"iteration {iteration}, within {gap:.1e} of the optimum")
 
-    return perceptual(scene, tolerance, worst=worst, progress=note)
+    return on_device(perceptual(scene, tolerance, worst=worst, progress=note), device)
 
 
 def _weighting(low_frequency_gain: float) -> PerceptualWeighting:

@@ -14,7 +14,9 @@ A domemaster's pixels count equally, as in the paper. They are smaller towards t
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
@@ -23,6 +25,7 @@ from numpy.typing import NDArray
 from compensate.fourier import Fourier, padded_size
 from compensate.vision.csf import LowFrequencyFloor, daly
 from domesim.light import Array, Light, dot, kind, namespace, require_light
+from domesim.strips import in_strips
 from domesim.viewing import Viewing
 
 
@@ -139,6 +142,11 @@ class CsfWeighting(Weighting):
         other._fourier, other._squares = self._fourier, self._squares
         return other
 
+    @cached_property
+    def typical(self) -> float:
+        """The median of Omega² of the first channel: small where most frequencies are not seen."""
+        return float(np.median(self.gains[0])) ** 2
+
     def squares(self, light: Light) -> list[Array]:
         """Omega_c² of each channel as arrays like `light`; channels of one sensitivity share one.
 
@@ -205,32 +213,51 @@ class CsfWeighting(Weighting):
     def _weighted_spectrum(self, residual: Light) -> Array:
         gains, opponent, support, _ = self._like(residual)
         xp = namespace(residual)
-        rows, cols = self.support.shape
-        channels = xp.permute_dims(
-            (residual * self._counting(residual, support)) @ opponent.T, (0, 3, 1, 2)
-        )
         planes = xp.zeros(
-            (*channels.shape[:2], self._fourier.rows, self._fourier.cols),
+            (len(self.importance), opponent.shape[0], *self.padded),
             dtype=residual.dtype,
             device=residual.device,
         )
-        planes[:, :, :rows, :cols] = channels
+        counting = self._counting(residual, support)
+        cols = self.shape[2]
+
+        def fill(view: int, rows: slice) -> None:
+            channels = xp.permute_dims(residual[view, rows, ...] @ opponent.T, (2, 0, 1))
+            planes[view, :, rows, :cols] = channels * counting(view, rows)
+
+        self._in_parts(fill, residual)
         spectrum = self._fourier.forward(planes)
         spectrum *= gains
         return spectrum
 
     def _to_light(self, planes: Array) -> Light:
         _, opponent, support, _ = self._like(planes)
-        rows, cols = self.support.shape
-        channels = namespace(planes).permute_dims(planes[:, :, :rows, :cols], (0, 2, 3, 1))
-        return (channels @ opponent) * self._counting(planes, support)
+        xp = namespace(planes)
+        light = xp.empty(self.shape, dtype=planes.dtype, device=planes.device)
+        counting = self._counting(planes, support)
+        cols = self.shape[2]
 
-    def _counting(self, light: Light, support: Array) -> Array:
-        """(view or 1, row, col, 1): the root of how much each pixel counts."""
+        def fill(view: int, rows: slice) -> None:
+            channels = planes[view, :, rows, :cols] * counting(view, rows)
+            light[view, rows, ...] = xp.permute_dims(channels, (1, 2, 0)) @ opponent
+
+        self._in_parts(fill, planes)
+        return light
+
+    def _in_parts(self, fill: Callable[[int, slice], None], array: Array) -> None:
+        """Fill what belongs to each view: strip by strip, if it is NumPy that computes."""
+        if isinstance(array, np.ndarray):
+            in_strips(fill, self.shape)
+            return
+        for view in range(len(self.importance)):
+            fill(view, slice(0, self.shape[1]))
+
+    def _counting(self, light: Light, support: Array) -> Callable[[int, slice], Array]:
+        """Of rows of a view, (row, col): the root of how much each pixel counts."""
         if self._alike:
-            return support[None, :, :, None]
+            return lambda view, rows: support[rows, :]
         root = self._like(light)[3]
-        return root[:, None, None, None] * support[None, :, :, None]
+        return lambda view, rows: root[view] * support[rows, :]
 
     def _like(self, light: Light) -> tuple[Array, Array, Array, Array]:
         xp, key = namespace(light), kind(light)

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from typing import Any, TypeAlias
 
-from array_api_compat import array_namespace
+import numpy as np
+from array_api_compat import array_namespace, is_cupy_array, is_torch_array, to_device
+from numpy.typing import NDArray
 
 Array: TypeAlias = Any
 """Any array of the array API standard: the standard has no static type yet."""
@@ -24,6 +26,13 @@ AXES = ("view", "row", "col", "primary")
 def namespace(*arrays: Array) -> Any:
     """The array API namespace (``xp``) of `arrays`."""
     return array_namespace(*arrays)
+
+
+def on_host(array: Array) -> NDArray[Any]:
+    """`array` as NumPy's, fetched from its device."""
+    if is_torch_array(array) or is_cupy_array(array):
+        array = to_device(array, "cpu")
+    return np.asarray(array)
 
 
 def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: str) -> None:

@@ -15,9 +15,10 @@ with a diagonal metric P over the primaries, ~ the root of diag(T'T). Four thing
 planes of a half or a quarter of the rows and columns, where an FFT costs a quarter or a sixteenth.
 As s is relative to the clipped subtraction, it is enlarged without blurring the picture.
 
-*A falling penalty* rho: 0.1 on coarse planes, 0.05 at first, then 0.03; u is rescaled with it.
+*A falling penalty* rho: 0.1 on coarse planes, 0.05 at first, then 0.02; u is rescaled with it. The
+less is unseen, the larger it stays: 3/2 of the median of Omega².
 
-*Anderson acceleration* (`anderson`), begun anew whenever rho changes.
+*Anderson acceleration* (`anderson`), begun anew when rho changes.
 
 *Few certificates*, of two FFTs a plane: the x-step's w has f's gradient rho P (z - u - w) without
 any, and serves for the lower bound. One is due when the gap is likely to be small enough: it goes
@@ -67,9 +68,10 @@ class ADMM:
     relaxation
         alpha.
     penalties
-        rho: on coarse planes, for the first `hold` iterations on full ones, and then. In a theatre
-        with strong pollution they are raised, with ||C||^1.5: found by trial, and tested from a cap
-        of 60 degrees and albedo 0.3 to 170 degrees and 0.95.
+        rho: on coarse planes, for the first `hold` iterations on full ones, and then. The last is
+        the least: small pictures, most of whose frequencies are seen, have a larger one. In a
+        theatre with strong pollution all are raised, with ||C||^1.5: found by trial, and tested
+        from a cap of 60 degrees and albedo 0.3 to 170 degrees and 0.95.
     hold
         See there.
     coarse
@@ -90,13 +92,13 @@ class ADMM:
 
     tolerance: float = 1e-3
     max_iterations: int = 400
-    relaxation: float = 1.8
-    penalties: tuple[float, float, float] = (0.1, 0.05, 0.03)
-    hold: int = 4
-    coarse: tuple[int, int] = (8, 4)
+    relaxation: float = 1.9
+    penalties: tuple[float, float, float] = (0.1, 0.05, 0.02)
+    hold: int = 5
+    coarse: tuple[int, int] = (10, 6)
     memory: int = 2
     stop_when_invisible: bool = True
-    first_check: int = 4
+    first_check: int = 3
     check_every: int = 12
     progress: Callable[[int, float], None] | None = None
     watch: Callable[[int, Callable[[], Light]], None] | None = None
@@ -157,7 +159,9 @@ class _Run:
         split.prepare(coarser=not masked and max(settings.coarse) > 0)
         self._level = split.levels[0]
         raised = max(1.0, self._level.hessian.strength**1.5 / 6)
-        self._penalties = [rho * raised for rho in settings.penalties]
+        first, then, last = settings.penalties
+        last = min(max(last, 1.5 * split.weighting.typical), first)
+        self._penalties = [rho * raised for rho in (first, max(then, last), last)]
         self._varying: Varying | None = None
         if masked or (isinstance(observation, StereoObservation) and not observation.uniform):
             self._varying = Varying(problem, split, min(self._penalties))
@@ -231,13 +235,14 @@ class _Run:
         settings, level = self._settings, self._level
         anderson = Anderson(settings.memory)
         rho = self._penalties[1]
+        weights = level.weights(rho)
         for iteration in range(1, settings.max_iterations + 1):
             if iteration == settings.hold + 1:
-                rho, old = self._penalties[2], level.weights(rho)
-                for p, (plane, weight) in enumerate(zip(s, old, strict=True)):
-                    level.reweigh(p, plane, weight, weight / level.weights(rho)[p])
+                ratio, rho = rho / self._penalties[2], self._penalties[2]
+                for p, (plane, weight) in enumerate(zip(s, weights, strict=True)):
+                    level.reweigh(p, plane, weight, ratio)
+                weights = level.weights(rho)
                 anderson.clear()
-            weights = level.weights(rho)
             due = iteration >= settings.first_check and (
                 iteration - self._checked_at >= settings.check_every
                 or self._bounds.likely(rho * anderson.energy)
@@ -407,7 +412,8 @@ class _Bounds:
         self.cost, self.iterations = cost, iteration
         gap = self.gap
         if math.isfinite(gap) and gap > 0 and self._sign > 0:
-            self._share = min(max(self._sign / (cost * gap), _SHARE / 4), 4 * _SHARE)
+            # It tends to fall
+            self._share = 0.85 * min(max(self._sign / (cost * gap), _SHARE / 4), 4 * _SHARE)
         if gap < 0.9 * self._least:
             self._least, self._idle = gap, 0
         else:

@@ -17,6 +17,7 @@ from typing import Any, final
 import numpy as np
 
 from compensate.solver.blocks import each_strip
+from compensate.solver.fused import loops
 from compensate.solver.level import Planes
 from domesim.light import Array, namespace, total
 
@@ -80,6 +81,11 @@ class Anderson:
         place = self._points[-1] if full else [xp.empty_like(plane) for plane in point]
         for p, plane in enumerate(place):
             points = [point[p], *(old[p] for old in self._points)]
+            if len(points) <= 3 and (compiled := loops(plane)):
+                given = np.zeros(3, plane.dtype)
+                given[: len(points)] = weights
+                compiled.combine(plane, *points, *[point[p]] * (3 - len(points)), given)
+                continue
 
             def work(rows: slice, points: Planes = points, plane: Array = plane) -> None:
                 result = points[0][rows, :] * float(weights[0])
@@ -87,7 +93,7 @@ class Anderson:
                     result += other[rows, :] * float(weight)
                 plane[rows, :] = result
 
-            each_strip(work, plane, 6)
+            each_strip(work, plane)
         return place
 
 
@@ -113,4 +119,4 @@ def _dot(left: Planes, right: Planes) -> float:
     def work(rows: slice) -> float:
         return sum(float(total(a[rows, :] * b[rows, :])) for a, b in zip(left, right, strict=True))
 
-    return sum(each_strip(work, left[0], 4 * len(left)))
+    return sum(each_strip(work, left[0]))

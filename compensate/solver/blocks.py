@@ -11,6 +11,7 @@ to build and solve the few by few systems, strip by strip in the cache, than to 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any, TypeAlias, TypeVar, final
 
 import numpy as np
@@ -51,6 +52,18 @@ class Blocks:
                 kept.append(matrix)
         self.matrices = np.stack(kept)
         self.size = self.matrices.shape[1]
+
+    @property
+    def three_squares(self) -> tuple[Array, ...]:
+        """`squares`, three of them, for the compiled loops; see `coefficients`."""
+        return tuple((self.squares * 3)[:3])
+
+    @cached_property
+    def coefficients(self) -> Any:
+        """(3, plane, plane) matrices of `three_squares`: 0 for those that are there again."""
+        result = np.zeros((3, self.size, self.size), self.squares[0].dtype)
+        result[: len(self.matrices)] = self.matrices
+        return result
 
     def solved(self, strip: slice, spectra: Sequence[Array], sigma: Sequence[float]) -> list[Array]:
         """(H_0 + diag(sigma))^-1 of a strip of rows, by its LDL' factors."""
@@ -129,15 +142,12 @@ def substituted(
     return y
 
 
-def each_strip(work: Callable[[slice], T], plane: Array, weight: int = 4) -> list[T]:
-    """`work(rows)` for strips of a plane's rows; for all rows at once but in NumPy.
-
-    `weight` says how many planes' strips should fit a core's cache together.
-    """
+def each_strip(work: Callable[[slice], T], plane: Array) -> list[T]:
+    """`work(rows)` for strips of a plane's rows; for all rows at once but in NumPy."""
     rows, cols = plane.shape
     if not isinstance(plane, np.ndarray):
         return [work(slice(0, rows))]
-    return in_strips(lambda _, strip: work(strip), (1, rows, cols * weight))
+    return in_strips(lambda _, strip: work(strip), (1, rows, cols))
 
 
 def dot_of(left: Array, right: Array, cols: int) -> float:

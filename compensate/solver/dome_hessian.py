@@ -32,9 +32,10 @@ from numpy.typing import NDArray
 
 from compensate.fourier import Fourier
 from compensate.solver.blocks import Blocks, Spectra, dot_of, each_strip
-from compensate.solver.hessian import Hessian, halved_spectrum, metric_of, strip_of
+from compensate.solver.fused import loops, parts
+from compensate.solver.hessian import Hessian, halved_spectrum, metric_of
 from compensate.weighting import CsfWeighting
-from domesim.light import Array, namespace
+from domesim.light import Array, namespace, on_host
 
 
 @final
@@ -94,30 +95,53 @@ class DomeHessian(Hessian):
         """See `Hessian`."""
         damping = np.asarray(sigma)[:, None]
         modes = self.core.shape[1]
-
-        def inverted(rows: slice) -> tuple[Any, Any]:
-            strip = strip_of(spectra, rows, plus)
-            asked = self._dots(rows, strip)[:, modes:]
-            h = self._blocks.solved(rows, strip, sigma)
-            for plane, value in zip(spectra, h, strict=True):
-                plane[rows, :] = value
-            return asked, self._dots(rows, h)
-
-        parts = each_strip(inverted, spectra[0], 16)
-        asked, found = (sum(part[k] for part in parts) for k in range(2))
+        if plus is not None:
+            for p, plane in enumerate(plus):
+                spectra[p] += plane
+        asked = self._sums(spectra)[:, modes:]
+        self._solve_blocks(spectra, sigma)
+        found = self._sums(spectra)
         v, u = found[:, :modes], asked - damping * found[:, modes:]
         known = np.stack([v, np.einsum("pjk,pj->pk", self.core, u)])
         c, e = (self._small_inverse(tuple(sigma)) @ known.ravel()).reshape(known.shape)
         e = np.einsum("pjk,pk->pj", self.core, e)
+        correction = self._planes(np.concatenate([c, -damping * e], 1))
+        self._solve_blocks(correction, sigma)
 
         def corrected(rows: slice) -> None:
-            asked = self._combined(rows, np.concatenate([c, -damping * e], 1))
-            correction = self._blocks.solved(rows, asked, sigma)
             shown = self._combined(rows, np.concatenate([0 * c, e], 1))
             for plane, one, other in zip(spectra, correction, shown, strict=True):
-                plane[rows, :] -= one + other
+                plane[rows, :] -= one[rows, :] + other
 
-        each_strip(corrected, spectra[0], 16)
+        each_strip(corrected, spectra[0])
+
+    def _solve_blocks(self, spectra: Spectra, sigma: Sequence[float]) -> None:
+        """B^-1 of `spectra`, in place."""
+        if len(spectra) == 3 and (compiled := loops(*spectra)):
+            blocks = self._blocks
+            given = np.asarray(sigma, blocks.coefficients.dtype)
+            compiled.block3(*parts(spectra), blocks.three_squares, blocks.coefficients, given)
+            return
+
+        def work(rows: slice) -> None:
+            found = self._blocks.solved(rows, [plane[rows, :] for plane in spectra], sigma)
+            for plane, value in zip(spectra, found, strict=True):
+                plane[rows, :] = value
+
+        each_strip(work, spectra[0])
+
+    def _planes(self, coefficients: Any) -> Spectra:
+        """Sums of the modes times (primary, V and U mode) coefficients."""
+        xp = namespace(self._shapes)
+        result = [xp.empty_like(self._shapes[0, :, :]) for _ in coefficients]
+
+        def work(rows: slice) -> None:
+            found = self._combined(rows, coefficients)
+            for plane, value in zip(result, found, strict=True):
+                plane[rows, :] = value
+
+        each_strip(work, result[0])
+        return result
 
     def multiply(self, spectra: Spectra) -> None:
         """C'WC of `spectra`, in place."""
@@ -133,7 +157,7 @@ class DomeHessian(Hessian):
                 plane[rows, :] = value
             return self._dots(rows, back)[:, modes:]
 
-        shown = sum(each_strip(weighted, spectra[0], 16))
+        shown = sum(each_strip(weighted, spectra[0]))
         self._add_collected(spectra, np.einsum("pjk,pj->pk", self.core, shown))
 
     def energy(self, spectra: Spectra) -> float:
@@ -147,7 +171,7 @@ class DomeHessian(Hessian):
             images = self._blocks.times(rows, seen)
             return sum(dot_of(a, b, cols) for a, b in zip(seen, images, strict=True))
 
-        return sum(each_strip(work, spectra[0], 16)) / (self.fourier.rows * cols)
+        return sum(each_strip(work, spectra[0])) / (self.fourier.rows * cols)
 
     @property
     def squares(self) -> Sequence[Array]:
@@ -166,20 +190,23 @@ class DomeHessian(Hessian):
                 plane[rows, :] = value
             return energy, self._dots(rows, back)[:, modes:]
 
-        parts = each_strip(weighted, residual[0], 16)
-        energy, shown = (sum(part[k] for part in parts) for k in range(2))
+        found = each_strip(weighted, residual[0])
+        energy, shown = (sum(part[k] for part in found) for k in range(2))
         self._add_collected(residual, np.einsum("pjk,pj->pk", self.core, shown))
         return float(energy) / (self.fourier.rows * cols), residual
 
     def _excited(self, spectra: Spectra) -> Any:
         """(primary, mode) core V'w: how much each shape of U is seen."""
         modes = self.core.shape[1]
-        parts = each_strip(
-            lambda rows: self._dots(rows, [plane[rows, :] for plane in spectra])[:, :modes],
-            spectra[0],
-            16,
+        return np.einsum("pjk,pk->pj", self.core, self._sums(spectra)[:, :modes])
+
+    def _sums(self, spectra: Spectra) -> Any:
+        """(primary, V and U mode) inner products with the modes."""
+        return sum(
+            each_strip(
+                lambda rows: self._dots(rows, [plane[rows, :] for plane in spectra]), spectra[0]
+            )
         )
-        return np.einsum("pjk,pk->pj", self.core, sum(parts))
 
     def _add_collected(self, spectra: Spectra, coefficients: Any) -> None:
         """Add V of (primary, mode) `coefficients` to `spectra`, in place."""
@@ -189,12 +216,13 @@ class DomeHessian(Hessian):
             for plane, value in zip(spectra, added, strict=True):
                 plane[rows, :] += value
 
-        each_strip(add, spectra[0], 16)
+        each_strip(add, spectra[0])
 
     def _coarser(self) -> DomeHessian:
         halves = {id(square): halved_spectrum(square) for square in self._squares}
         spread, collect = (
-            namespace(planes).stack([halved(plane) for plane in planes]) for planes in self._pixels
+            namespace(planes).stack([halved(planes[k, :, :]) for k in range(planes.shape[0])])
+            for planes in self._pixels
         )
         self._pixels = ()  # a large part of what is kept
         return DomeHessian(
@@ -213,7 +241,7 @@ class DomeHessian(Hessian):
         found = [
             xp.real(xp.matmul(shapes, xp.reshape(self._half * plane, (-1,)))) for plane in strip
         ]
-        return np.asarray([[float(value) for value in each] for each in found])
+        return on_host(xp.stack(found)).astype(np.float64)
 
     def _combined(self, rows: slice, coefficients: Any) -> list[Array]:
         """Sums of the modes' strips times (primary, V and U mode) coefficients."""
@@ -231,7 +259,7 @@ class DomeHessian(Hessian):
     def _plain(self) -> dict[str, Any]:
         """Inner products of the modes, the same for each primary: (primary mode, primary mode)."""
         count = len(self.metric)
-        one = sum(each_strip(lambda rows: self._products(rows, None), self._shapes[0], 16))
+        one = sum(each_strip(lambda rows: self._products(rows, None), self._shapes[0, :, :]))
         return self._arranged(np.einsum("pq,jk->pqjk", np.eye(count), one))
 
     def _small_inverse(self, sigma: tuple[float, ...]) -> Any:
@@ -243,12 +271,12 @@ class DomeHessian(Hessian):
                 zero = 0 * self._blocks.squares[0][rows, :]
                 result = []
                 for q in range(count):
-                    unit = [zero + (p == q) for p in range(count)]
+                    unit = [zero + float(p == q) for p in range(count)]
                     column = self._blocks.solved(rows, unit, sigma)
                     result.append([self._products(rows, entry) for entry in column])
                 return np.asarray(result)
 
-            found = sum(each_strip(between, self._shapes[0], 32))
+            found = sum(each_strip(between, self._shapes[0, :, :]))
             plain, b = self._plain, self._arranged(np.swapaxes(found, 0, 1))
             core = self._core_matrix()
             s = np.diag(np.repeat(sigma, self.core.shape[1]))
@@ -269,7 +297,7 @@ class DomeHessian(Hessian):
         weight = self._half if entry is None else self._half * entry
         flat = (shapes.shape[0], -1)
         product = xp.matmul(xp.reshape(shapes * weight, flat), xp.conj(xp.reshape(shapes, flat)).T)
-        return np.asarray([[float(v) for v in row] for row in xp.real(product)])
+        return on_host(xp.real(product)).astype(np.float64)
 
     def _arranged(self, products: Any) -> dict[str, Any]:
         """(primary mode, primary mode) matrices of (primary, primary, V and U, V and U) ones."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from compensate.fourier import Fourier
 from compensate.solver.blocks import Blocks, Spectra, dot_of, each_strip
+from compensate.solver.fused import loops, parts
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, namespace, total
 
@@ -85,7 +86,7 @@ class Hessian(ABC):
             pairs = zip(left, right, strict=True)
             return sum(dot_of(a[rows, :], b[rows, :], cols) for a, b in pairs)
 
-        return sum(each_strip(work, left[0], 4 * len(left))) / (self.fourier.rows * cols)
+        return sum(each_strip(work, left[0])) / (self.fourier.rows * cols)
 
 
 @final
@@ -139,6 +140,16 @@ class PairHessian(Hessian):
 
     def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
         """See `Hessian`."""
+        if self._summed and plus and len(sigma) in (2, 6) and (compiled := loops(*spectra)):
+            sums, differences = (blocks.coefficients for blocks in self._blocks)
+            given = np.asarray(sigma[: len(sigma) // 2], sums.dtype)
+            if len(sigma) == 2:
+                matrices = sums[0, 0, 0], differences[0, 0, 0], given[0]
+                compiled.pair1(*parts(spectra), parts(plus), self._blocks[0].squares[0], *matrices)
+            else:
+                squares = self._blocks[0].three_squares
+                compiled.pair3(*parts(spectra), parts(plus), squares, sums, differences, given)
+            return
 
         def work(rows: slice) -> None:
             turned = self._turned(strip_of(spectra, rows, plus))
@@ -149,7 +160,7 @@ class PairHessian(Hessian):
             ]
             self._put(spectra, rows, done)
 
-        each_strip(work, spectra[0], 4 * len(spectra))
+        each_strip(work, spectra[0])
 
     def multiply(self, spectra: Spectra) -> None:
         """H_0 of `spectra`."""
@@ -163,7 +174,7 @@ class PairHessian(Hessian):
             ]
             self._put(spectra, rows, done)
 
-        each_strip(work, spectra[0], 4 * len(spectra))
+        each_strip(work, spectra[0])
 
     @property
     def squares(self) -> Sequence[Array]:
@@ -195,7 +206,7 @@ class PairHessian(Hessian):
                 plane[rows, :] = combined(back, weights)
             return energy
 
-        energy = sum(each_strip(work, residual[0], 8 * len(residual)))
+        energy = sum(each_strip(work, residual[0]))
         return energy / (self.fourier.rows * cols), result
 
     def energy(self, spectra: Spectra) -> float:
@@ -211,7 +222,7 @@ class PairHessian(Hessian):
                 for plane, image in zip(turned[part], blocks.times(rows, turned[part]), strict=True)
             )
 
-        return sum(each_strip(work, spectra[0], 4 * len(spectra))) / (self.fourier.rows * cols)
+        return sum(each_strip(work, spectra[0])) / (self.fourier.rows * cols)
 
     def _coarser(self) -> PairHessian:
         central, weighting, squares = self._arguments

@@ -16,8 +16,9 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias, final
 
 from compensate.solver.blocks import Spectra, each_strip
-from compensate.solver.certificate import parted
+from compensate.solver.certificate import CURVATURE, parted
 from compensate.solver.dome_hessian import halved
+from compensate.solver.fused import loops
 from compensate.solver.hessian import Hessian
 from domesim.light import Array, namespace, total
 
@@ -83,23 +84,29 @@ class Level:
         def work(strip: slice) -> None:
             z[strip, :] = self._nearest(p, s, strip, weight)
 
-        each_strip(work, s[:rows, :cols], 4)
+        each_strip(work, s[:rows, :cols])
         return z
 
     def towards(self, p: int, s: Array, weight: float) -> Array:
         """Weight (z - u) = weight (2 z - s): what the x-step goes to."""
         result = namespace(s).empty_like(s)
+        if self.offset is None and (compiled := loops(s)):
+            compiled.towards(result, s, *self._numbers(p, weight))
+            return result
 
         def work(strip: slice) -> None:
             result[strip, :] = s[strip, :] * -weight
             if inner := self._inner(strip):
                 result[inner] += self._nearest(p, s, inner[0], weight) * (2 * weight)
 
-        each_strip(work, s, 6)
+        each_strip(work, s)
         return result
 
     def move(self, p: int, s: Array, w: Array, weight: float, relaxation: float) -> None:
         """In place: w to the residual r = relaxation (w - z), and s to s + r."""
+        if self.offset is None and (compiled := loops(s)):
+            compiled.move(s, w, *self._numbers(p, weight), s.dtype.type(relaxation))
+            return
 
         def work(strip: slice) -> None:
             r = w[strip, :] * relaxation
@@ -108,20 +115,20 @@ class Level:
                 w[inner] -= self._nearest(p, s, inner[0], weight) * relaxation
             s[strip, :] += w[strip, :]
 
-        each_strip(work, s, 6)
+        each_strip(work, s)
 
     def reweigh(self, p: int, s: Array, weight: float, ratio: float) -> None:
         """In place: the same z of s, and `ratio` times its dual s - z."""
 
         def work(strip: slice) -> None:
+            z: Any = 0.0
             if inner := self._inner(strip):
-                z = self._nearest(p, s, inner[0], weight)
-                s[strip, :] *= ratio
-                s[inner] += z * (1 - ratio)
-            else:
-                s[strip, :] *= ratio
+                z = self._nearest(p, s, inner[0], weight) * (1 - ratio)
+            s[strip, :] *= ratio
+            if inner:
+                s[inner] += z
 
-        each_strip(work, s, 6)
+        each_strip(work, s)
 
     def lower_bound(self, p: int, s: Array, w: Array, weight: float) -> tuple[float, Array]:
         """A plane's part of a lower bound of the minimum, at the x-step's w.
@@ -137,6 +144,10 @@ class Level:
             g_F.
         """
         free = namespace(s).empty_like(s)
+        if self.offset is None and (compiled := loops(s)):
+            curvature = s.dtype.type(CURVATURE)
+            known = compiled.lower_bound(free, s, w, *self._numbers(p, weight), curvature)
+            return float(known), free
 
         def work(strip: slice) -> float:
             at = w[strip, :]
@@ -161,7 +172,7 @@ class Level:
                 free[inner] = rest
             return known
 
-        return sum(each_strip(work, s, 10)), free
+        return sum(each_strip(work, s)), free
 
     def regulariser(self, p: int, z: Array) -> float:
         """1/2 <z - o, M (z - o)> of a plane's picture (row, col)."""
@@ -170,7 +181,7 @@ class Level:
             away = self._away(p, z, strip)
             return float(0.5 * total(self._damping(strip, inner=True) * away * away))
 
-        return sum(each_strip(work, z, 4))
+        return sum(each_strip(work, z))
 
     def slope(self, p: int, z: Array) -> Array:
         """M (z - o) of a plane's picture (row, col)."""
@@ -188,7 +199,7 @@ class Level:
             away = xp.abs(part - xp.minimum(xp.maximum(moved, lower), upper))
             return float(xp.max(away * (damping / mu) ** 0.5))
 
-        return max(each_strip(work, z, 6))
+        return max(each_strip(work, z))
 
     def weights(self, rho: float) -> list[float]:
         """Rho P, one a plane."""
@@ -196,12 +207,12 @@ class Level:
 
     def finer(self, p: int, s: Array, weight: float, ratio: float, coarse: Level) -> Array:
         """S on this level, of a `coarse` level's: its z and `ratio` times its dual, enlarged."""
-        z = coarse.start([0 * s[: coarse._size[0], : coarse._size[1]]])[0]
-        rows, cols = coarse._size
-        inner = coarse.feasible(p, s, weight)
-        z[:rows, :cols] = inner
         xp = namespace(s)
-        dual = (s - z) * ratio
+        inner = coarse.feasible(p, s, weight)
+        rows, cols = inner.shape
+        dual = xp.asarray(s, copy=True)
+        dual[:rows, :cols] -= inner
+        dual *= ratio
         result = xp.repeat(xp.repeat(dual, 2, axis=0), 2, axis=1)
         rows, cols = self._size
         large = xp.repeat(xp.repeat(inner, 2, axis=0), 2, axis=1)[:rows, :cols]
@@ -209,6 +220,13 @@ class Level:
         feasible = xp.minimum(xp.maximum(large, lower), upper)
         result[:rows, :cols] += feasible
         return result
+
+    def _numbers(self, p: int, weight: float) -> tuple[Any, ...]:
+        """What the compiled loops take: bounds, damping and weight of a plane, of its type."""
+        lower, width = self.lower[p], self.width[p]
+        number = lower.dtype.type
+        plain = [number(x) if isinstance(x, float) else x for x in (width, self.damping)]
+        return lower, *plain, number(weight)
 
     def _nearest(self, p: int, s: Array, rows: slice, weight: float) -> Array:
         xp, cols = namespace(s), self._size[1]

@@ -12,8 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import final
 
-import numpy as np
-
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.result import Result, Status
@@ -87,7 +85,7 @@ def _downhill(
     if (whole := true_cost(problem, exact, towards)) < cost:
         return towards, whole
     for halvings in range(1, 8):
-        new = light + np.asarray(0.5**halvings, light.dtype) * step
+        new = light + 0.5**halvings * step
         new_cost = true_cost(problem, exact, new)
         if new_cost < cost:
             return new, new_cost

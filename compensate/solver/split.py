@@ -62,7 +62,7 @@ class Split(ABC):
                     lambda view, rows, p=p: bool(  # type: ignore[misc]
                         xp.any(xp.abs(self._residual[view, rows, :, p]) > limit)
                     ),
-                    self._residual.shape,
+                    self._residual,
                 )
             )
             for p in range(self._residual.shape[3])
@@ -109,7 +109,7 @@ class Split(ABC):
                 x = self._shown(planes[view * primaries + p][rows, :], rows) + base[place]
                 result[place] = xp.minimum(xp.maximum(x, lower[place]), upper[place])
 
-        each_place(work, base.shape)
+        each_place(work, base)
         return result
 
     @abstractmethod
@@ -204,7 +204,7 @@ def _within(problem: Problem, light: Light) -> bool:
             xp.all(part <= upper[view, rows, ...])
         )
 
-    return all(each_place(work, light.shape))
+    return all(each_place(work, light))
 
 
 def _beyond(problem: Problem, light: Light, weighting: CsfWeighting) -> Light:
@@ -218,9 +218,14 @@ def _beyond(problem: Problem, light: Light, weighting: CsfWeighting) -> Light:
     return residual
 
 
-def each_place(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T]:
-    """`work(view, rows)` for strips of rows that together cover (view, row, col, primary)."""
-    return in_strips(work, shape)
+def each_place(work: Callable[[int, slice], T], light: Light) -> list[T]:
+    """`work(view, rows)` for strips of rows that together cover `light`.
+
+    For whole views but in NumPy.
+    """
+    if not isinstance(light, np.ndarray):
+        return [work(view, slice(0, light.shape[1])) for view in range(light.shape[0])]
+    return in_strips(work, light.shape)
 
 
 def _padded(light: Light, rows: int, cols: int) -> Planes:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
-from domesim.light import Light, namespace
+from domesim.light import Light, kind, namespace, on_host
 from domesim.observation.base import Observation
 from domesim.observation.stereo import StereoObservation, require_black
 
@@ -133,6 +133,7 @@ class Linearised(StereoObservation):
     def __init__(self, exact: GreyToGrey, at: Light, seen: Light, own: Light, other: Light) -> None:
         self.exact = exact
         self._own, self._other = own, other
+        self._kept = {kind(own): (own, other)}
         self._constant = seen - self._linear(at)
 
     @property
@@ -146,8 +147,8 @@ class Linearised(StereoObservation):
         """(view, primary, view, primary): the mean of all pixels' slopes."""
         primaries = self.shape[3]
         result = np.zeros((2, primaries, 2, primaries))
-        own = np.asarray(self._own).mean(axis=(1, 2), dtype=np.float64)
-        other = np.asarray(self._other).mean(axis=(1, 2), dtype=np.float64)
+        own = on_host(self._own).mean(axis=(1, 2), dtype=np.float64)
+        other = on_host(self._other).mean(axis=(1, 2), dtype=np.float64)
         for view in range(2):
             result[view, :, view] = np.diag(own[view])
             result[view, :, 1 - view] = np.diag(other[view])
@@ -159,19 +160,34 @@ class Linearised(StereoObservation):
         return False
 
     def _observe(self, light: Light) -> Light:
-        return self._linear(light) + self._constant
+        return self._linear(light) + self._like(light, self._constant)
 
     def _direct(self, light: Light) -> Light:
         return light
 
     def _linear(self, light: Light) -> Light:
-        return self._own * light + self._other * namespace(light).flip(light, axis=0)
+        own, other = self._slopes(light)
+        return own * light + other * namespace(light).flip(light, axis=0)
 
     def _adjoint(self, light: Light) -> Light:
-        return self._own * light + namespace(light).flip(self._other * light, axis=0)
+        own, other = self._slopes(light)
+        return own * light + namespace(light).flip(other * light, axis=0)
 
     def _direct_adjoint(self, light: Light) -> Light:
         return light
+
+    def _slopes(self, light: Light) -> tuple[Light, Light]:
+        key = kind(light)
+        if key not in self._kept:
+            self._kept[key] = self._like(light, self._own), self._like(light, self._other)
+        return self._kept[key]
+
+    def _like(self, light: Light, array: Light) -> Light:
+        """An array that is constant, as one of `light`'s library, precision and device."""
+        if kind(array) == kind(light):
+            return array
+        xp = namespace(light)
+        return xp.asarray(on_host(array), dtype=light.dtype, device=light.device)
 
 
 def _bilinear(levels: Any, table: Any, own: Any, other: Any) -> tuple[Any, Any, Any]:
@@ -180,7 +196,7 @@ def _bilinear(levels: Any, table: Any, own: Any, other: Any) -> tuple[Any, Any, 
     count = levels.shape[0]
 
     def cell(light: Any) -> tuple[Any, Any, Any]:
-        flat = xp.reshape(light, (-1,))
+        flat = xp.reshape(light, (-1,)) + 0  # PyTorch searches contiguous values
         first = xp.clip(xp.searchsorted(levels, flat, side="right") - 1, 0, count - 2)
         low, high = xp.take(levels, first), xp.take(levels, first + 1)
         # At 1 too: a white pixel can only get darker, along the slope of the last cell.

@@ -50,4 +50,4 @@ def require_black(black: ArrayLike, primaries: int) -> NDArray[np.float64]:
         raise InputError("black must be finite, got NaN or infinity")
     if given.min() < 0:
         raise InputError(f"black must be light >= 0, got {given.min():g}")
-    return np.broadcast_to(given, (2, primaries))
+    return np.array(np.broadcast_to(given, (2, primaries)))

@@ -1,0 +1,172 @@
+"""The solver's inner loops, each fused into one pass over memory, compiled by Numba.
+
+Only `fused` imports this module: Numba is of the extra ``fast``. The loops do what `level`,
+`anderson` and `hessian` do in strips of NumPy, and with the same results but for rounding. Spectra
+are real arrays here, (row, 2 x (col // 2 + 1)), of real and imaginary parts by turns.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numba.extending import overload
+
+_EXACT = {"contract", "nsz"}  # of fast-math: no sum is reordered
+
+_COMPILED: Any = numba.njit(parallel=True, cache=True, error_model="numpy", fastmath=_EXACT)
+
+
+def at(value, row, col):  # type: ignore[no-untyped-def]
+    """A number, or an array's element."""
+    raise NotImplementedError
+
+
+@overload(at, inline="always")
+def _at(value, row, col):  # type: ignore[no-untyped-def]
+    if isinstance(value, numba.types.Array):
+        return lambda value, row, col: value[row, col]
+    return lambda value, row, col: value
+
+
+@_COMPILED
+def towards(out: Any, s: Any, lower: Any, width: Any, damping: Any, weight: Any) -> None:
+    """`Level.towards`."""
+    rows, cols = lower.shape
+    for i in numba.prange(s.shape[0]):
+        for j in range(s.shape[1]):
+            out[i, j] = -weight * s[i, j]
+        if i < rows:
+            for j in range(cols):
+                z = s[i, j] * (weight / (weight + at(damping, i, j)))
+                z = min(max(z, lower[i, j]), lower[i, j] + at(width, i, j))
+                out[i, j] += (weight + weight) * z
+
+
+@_COMPILED
+def move(
+    s: Any, w: Any, lower: Any, width: Any, damping: Any, weight: Any, relaxation: Any
+) -> None:
+    """`Level.move`."""
+    rows, cols = lower.shape
+    for i in numba.prange(s.shape[0]):
+        if i < rows:
+            for j in range(cols):
+                z = s[i, j] * (weight / (weight + at(damping, i, j)))
+                z = min(max(z, lower[i, j]), lower[i, j] + at(width, i, j))
+                w[i, j] -= z
+        for j in range(s.shape[1]):
+            w[i, j] *= relaxation
+            s[i, j] += w[i, j]
+
+
+@_COMPILED
+def lower_bound(
+    free: Any, s: Any, w: Any, lower: Any, width: Any, damping: Any, weight: Any, curvature: Any
+) -> float:
+    """`Level.lower_bound`."""
+    rows, cols = lower.shape
+    known = 0.0
+    for i in numba.prange(s.shape[0]):
+        part = 0.0
+        inside = cols if i < rows else 0
+        for j in range(inside):
+            x, damped = w[i, j], at(damping, i, j)
+            upper = lower[i, j] + at(width, i, j)
+            z = min(max(s[i, j] * (weight / (weight + damped)), lower[i, j]), upper)
+            slope = weight * (z + z - s[i, j] - x)
+            g = slope + damped * x
+            distance = x - lower[i, j] if g > 0 else upper - x
+            bound = distance * (curvature + curvature) <= abs(g)
+            free[i, j] = 0 if bound else g
+            part += 0.5 * x * g - (abs(g) * distance if bound else 0)
+        for j in range(inside, s.shape[1]):
+            x = w[i, j]
+            free[i, j] = 0
+            slope = -weight * (s[i, j] + x)
+            part -= x * (slope + 0.5 * at(damping, i, j) * x) - 0.5 * x * slope
+        known += part
+    return known
+
+
+@_COMPILED
+def combine(out: Any, a: Any, b: Any, c: Any, weights: Any) -> None:
+    """A sum of planes times weights."""
+    for i in numba.prange(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = weights[0] * a[i, j] + weights[1] * b[i, j] + weights[2] * c[i, j]
+
+
+@numba.njit(inline="always", error_model="numpy", fastmath={"contract", "nsz"})
+def solve3(m: Any, sigma: Any, x: Any, y: Any, z: Any, b0: Any, b1: Any, b2: Any) -> Any:
+    """(sum of x, y, z times three matrices + diag(sigma))^-1 (b0, b1, b2), by LDL'."""
+    d0 = x * m[0, 0, 0] + y * m[1, 0, 0] + z * m[2, 0, 0] + sigma[0]
+    a10 = x * m[0, 1, 0] + y * m[1, 1, 0] + z * m[2, 1, 0]
+    a20 = x * m[0, 2, 0] + y * m[1, 2, 0] + z * m[2, 2, 0]
+    a21 = x * m[0, 2, 1] + y * m[1, 2, 1] + z * m[2, 2, 1]
+    i0 = 1 / d0
+    l10, l20 = a10 * i0, a20 * i0
+    d1 = x * m[0, 1, 1] + y * m[1, 1, 1] + z * m[2, 1, 1] + sigma[1] - l10 * a10
+    i1 = 1 / d1
+    e21 = a21 - l20 * a10
+    l21 = e21 * i1
+    d2 = x * m[0, 2, 2] + y * m[1, 2, 2] + z * m[2, 2, 2] + sigma[2] - l20 * a20 - l21 * e21
+    b1 = b1 - l10 * b0
+    b2 = (b2 - l20 * b0 - l21 * b1) * (1 / d2)
+    b1 = b1 * i1 - l21 * b2
+    b0 = b0 * i0 - l10 * b1 - l20 * b2
+    return b0, b1, b2
+
+
+@_COMPILED
+def pair3(
+    l0: Any, l1: Any, l2: Any, r0: Any, r1: Any, r2: Any, plus: Any, squares: Any,
+    sums: Any, differences: Any, sigma: Any,
+) -> None:  # fmt: skip
+    """`PairHessian.solve` of three primaries, whose directions leak alike."""
+    p0, p1, p2, q0, q1, q2 = plus
+    first, second, third = squares
+    half = np.float32(0.5)
+    for i in numba.prange(first.shape[0]):
+        for k in range(2 * first.shape[1]):
+            j = k // 2
+            x, y, z = first[i, j], second[i, j], third[i, j]
+            a0, b0 = l0[i, k] + p0[i, k], r0[i, k] + q0[i, k]
+            a1, b1 = l1[i, k] + p1[i, k], r1[i, k] + q1[i, k]
+            a2, b2 = l2[i, k] + p2[i, k], r2[i, k] + q2[i, k]
+            s0, s1, s2 = solve3(sums, sigma, x, y, z, a0 + b0, a1 + b1, a2 + b2)
+            d0, d1, d2 = solve3(differences, sigma, x, y, z, a0 - b0, a1 - b1, a2 - b2)
+            l0[i, k], r0[i, k] = half * (s0 + d0), half * (s0 - d0)
+            l1[i, k], r1[i, k] = half * (s1 + d1), half * (s1 - d1)
+            l2[i, k], r2[i, k] = half * (s2 + d2), half * (s2 - d2)
+
+
+@_COMPILED
+def pair1(
+    left: Any, right: Any, plus: Any, square: Any, sums: Any, differences: Any, sigma: Any
+) -> None:
+    """`PairHessian.solve` of one primary, whose directions leak alike."""
+    p, q = plus
+    half = np.float32(0.5)
+    for i in numba.prange(square.shape[0]):
+        for j in range(square.shape[1]):
+            s = half / (sums * square[i, j] + sigma)
+            d = half / (differences * square[i, j] + sigma)
+            for k in (2 * j, 2 * j + 1):
+                a, b = left[i, k] + p[i, k], right[i, k] + q[i, k]
+                total, difference = (a + b) * s, (a - b) * d
+                left[i, k], right[i, k] = total + difference, total - difference
+
+
+@_COMPILED
+def block3(a: Any, b: Any, c: Any, squares: Any, matrices: Any, sigma: Any) -> None:
+    """`Blocks.solved` of three planes, in place."""
+    first, second, third = squares
+    for i in numba.prange(first.shape[0]):
+        for k in range(2 * first.shape[1]):
+            j = k // 2
+            a[i, k], b[i, k], c[i, k] = solve3(
+                matrices, sigma, first[i, j], second[i, j], third[i, j],
+                a[i, k], b[i, k], c[i, k],
+            )  # fmt: skip

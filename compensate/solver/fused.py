@@ -1,0 +1,39 @@
+"""Whether the solver's inner loops are compiled: with the extra ``fast``, of Numba, they are.
+
+``DOMESIM_FAST=0`` in the environment leaves them out.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from domesim.light import Array
+from domesim.strips import threads
+
+
+def loops(*planes: Array) -> Any:
+    """`compensate.solver.compiled`, if it is to be had and `planes` are NumPy's; else None."""
+    return _compiled() if all(isinstance(plane, np.ndarray) for plane in planes) else None
+
+
+def parts(spectra: Sequence[Array]) -> tuple[Array, ...]:
+    """Spectra as the compiled loops take them: real and imaginary parts by turns."""
+    return tuple(plane.view(plane.real.dtype) for plane in spectra)
+
+
+@cache
+def _compiled() -> Any:
+    if os.environ.get("DOMESIM_FAST", "1") == "0":
+        return None
+    try:
+        numba = importlib.import_module("numba")
+    except ImportError:
+        return None
+    numba.set_num_threads(min(threads(), numba.config.NUMBA_NUM_THREADS))
+    return importlib.import_module("compensate.solver.compiled")

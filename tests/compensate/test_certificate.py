@@ -1,0 +1,274 @@
+"""The certified gap is an upper bound of the true one: 1000 small problems of every class.
+
+Each is stopped early, at random, from a random start. The true minimum is SciPy's BVLS's, on the
+problem's dense matrix: no code of the solver's is used but the cost and the Hessian's products.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from laws.test_linear_maps import RankTwo
+from pairs import COLOURED, pair, share
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import lsq_linear
+from theatres import BT709, closed_form, picture, unequal_weighting, viewing, weighting
+
+from compensate.problem import Problem
+from compensate.solver.admm import ADMM
+from compensate.solver.result import Status
+from compensate.vision.csf import LowFrequencyFloor
+from compensate.weighting import CsfWeighting, Masked, PerceptualWeighting, Weighting
+from domesim.observation.base import AdjointObservation
+from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from domesim.observation.seats import SeveralSeats
+
+EACH = int(os.environ.get("DOMESIM_CERTIFICATES", "91"))
+"""Problems of each class."""
+
+Theatre = tuple[AdjointObservation, Weighting]
+
+
+class Setting(NamedTuple):
+    """What problems of a class share, so that one dense Hessian serves many pictures."""
+
+    size: tuple[int, int]
+    gain: float
+    mu: float
+    padding: int = 5
+
+    def weighting(self, support: np.ndarray, views: int = 1) -> CsfWeighting:
+        settings = PerceptualWeighting(LowFrequencyFloor(self.gain), padding=self.padding)
+        return settings(viewing(), BT709, support, views)
+
+
+SETTINGS = [
+    Setting((4, 5), 0.1, 1e-3),
+    Setting((5, 4), 0.3, 1e-4),
+    Setting((3, 6), 0.0, 3e-4),
+    Setting((5, 3), 1.0, 1e-3),
+]
+
+
+def dome(primaries: int, *, falloff: bool = True) -> Callable[[Setting], Theatre]:
+    def made(setting: Setting) -> Theatre:
+        side = max(setting.size) + (5 if primaries == 1 else 1)
+        observation = closed_form(side, primaries, falloff=falloff)
+        if primaries == 1:
+            return observation, weighting(observation.screen, 1, setting.gain)
+        return observation, setting.weighting(observation.screen)
+
+    return made
+
+
+def rank_two(setting: Setting) -> Theatre:
+    observation = RankTwo(max(setting.size), 3)
+    return observation, setting.weighting(observation.screen)
+
+
+def unequal(setting: Setting) -> Theatre:
+    observation = closed_form(max(setting.size), 3)
+    return observation, unequal_weighting(observation.screen, setting.gain)
+
+
+def stereo(leak: np.ndarray, *, mapped: bool = False) -> Callable[[Setting], Theatre]:
+    def made(setting: Setting) -> Theatre:
+        rows, cols = setting.size
+        where = share(rows, cols) if mapped else None
+        observation = Crosstalk(rows, cols, leak, share=where, black=0.002)
+        return observation, setting.weighting(np.ones((rows, cols), bool), 2)
+
+    return made
+
+
+def seats(setting: Setting) -> Theatre:
+    rows, cols = setting.size
+    observation = SeveralSeats(
+        [
+            Crosstalk(rows, cols, leak_matrices(0.03), black=0.001),
+            Crosstalk(rows, cols, COLOURED, share=share(rows, cols)),
+        ]
+    )
+    each = setting.weighting(np.ones((rows, cols), bool), 2)
+    return observation, each.with_importance(np.array([1.0, 0.8, 0.4, 0.5]))
+
+
+def masked(made: Callable[[Setting], Theatre]) -> Callable[[Setting], Theatre]:
+    def with_mask(setting: Setting) -> Theatre:
+        observation, inner = made(setting)
+        random = np.random.default_rng(setting.size)
+        return observation, Masked(0.2 + random.random(inner.shape[1:3]), inner)
+
+    return with_mask
+
+
+CLASSES = {
+    "dome, one primary": dome(1),
+    "dome, colour": dome(3),
+    "dome, corrected lens": dome(3, falloff=False),
+    "dome, rank two": rank_two,
+    "dome, a sensitivity for each channel": unequal,
+    "dome, masked": masked(dome(3)),
+    "pair, sum and difference": stereo(leak_matrices(0.05)),
+    "pair, unequal matrices": stereo(COLOURED),
+    "pair, map": stereo(COLOURED, mapped=True),
+    "pair, several seats": seats,
+    "pair, masked": masked(stereo(COLOURED)),
+}
+
+
+EXACT_PAIRS = ("pair, sum and difference", "pair, unequal matrices")
+"""Their Hessian is the same in Fourier."""
+
+
+@cache
+def theatre(name: str, setting: Setting) -> tuple[AdjointObservation, Weighting, np.ndarray]:
+    """And the dense root R of the Hessian on what is free: H = R'R."""
+    observation, lambda_ = CLASSES[name](setting)
+    bare = Problem(
+        observation,
+        lambda_,
+        np.zeros(observation.seen_shape),
+        anchor=np.zeros(observation.shape),
+        regularisation=setting.mu,
+    )
+    columns = []
+    for index in np.argwhere(free(observation)):
+        unit = np.zeros(observation.shape)
+        unit[tuple(index)] = 1
+        columns.append(bare.curvature(unit)[1][free(observation)])
+    hessian = np.array(columns)
+    assert np.abs(hessian - hessian.T).max() <= 1e-12
+    return observation, lambda_, cholesky(hessian)
+
+
+def free(observation: AdjointObservation) -> np.ndarray:
+    """Which values of light are not pinned."""
+    screen = getattr(observation, "screen", None)
+    if screen is None:
+        return np.ones(observation.shape, bool)
+    return np.broadcast_to(screen[None, :, :, None], observation.shape)
+
+
+def posed(name: str, setting: Setting, seed: int) -> Problem:
+    """With a picture, an anchor and bounds of its own."""
+    observation, lambda_, _ = theatre(name, setting)
+    random = np.random.default_rng(seed)
+    views, rows, cols, primaries = observation.shape
+    master = picture(rows, primaries, seed) if views == 1 else pair(rows, cols, seed)
+    on = free(observation)
+    lower, upper = np.where(on, 0, master), np.where(on, 1, master)
+    if seed % 3 == 0:  # neither black nor white is where it was
+        lower = np.where(on, 0.01 * random.random(master.shape), master)
+        upper = np.where(on, 0.6 + 0.4 * random.random(master.shape), master)
+    anchor = np.clip(master - 0.05 * random.random(master.shape), lower, upper)
+    if seed % 5 == 0:  # out of the bounds
+        anchor = np.where(on, anchor - 0.05, anchor)
+    return Problem(
+        observation,
+        lambda_,
+        observation.direct(master),
+        (lower, upper),
+        anchor=anchor,
+        regularisation=setting.mu,
+    )
+
+
+def least(name: str, setting: Setting, problem: Problem) -> float:
+    """The minimum, of BVLS on the dense problem 1/2 ||R v - b||²."""
+    observation, _, root = theatre(name, setting)
+    on = free(observation)
+    fixed = np.where(on, 0, problem.lower)
+    right = -solve_triangular(root, problem.gradient(fixed)[on], trans="T")
+    bounds = (problem.lower[on], problem.upper[on])
+    light = fixed.copy()
+    light[on] = lsq_linear(root, right, bounds, method="bvls", tol=1e-13, max_iter=500).x
+    light = problem.project(light)
+    assert problem.optimality(light) <= 1e-9
+    return problem.cost(light)
+
+
+@pytest.mark.parametrize("precision", [np.float64, np.float32])
+@pytest.mark.parametrize("name", CLASSES)
+def test_it_bounds_the_true_gap(name, precision):
+    certified, useful = 0, 0
+    many = EACH if precision is np.float64 else EACH // 10
+    for seed in range(many):
+        setting = SETTINGS[seed % len(SETTINGS)]
+        random = np.random.default_rng(1000 + seed)
+        problem = posed(name, setting, seed)
+        steps = int(random.integers(2, 21))
+        solver = ADMM(tolerance=1e-13, max_iterations=steps, first_check=int(random.integers(2, 9)))
+        start = problem.anchor if seed % 4 else random.random(problem.anchor.shape)
+        if precision is np.float32:
+            problem = of_type(problem, precision)
+            start = problem.anchor if seed % 4 else start.astype(precision)
+        early = solver(problem, start)
+        problem = of_type(problem, np.float64)
+        light = early.light.astype(np.float64)
+        assert (light >= problem.lower).all()
+        assert (light <= problem.upper).all()
+        if early.gap is None:
+            continue
+        certified += 1
+        minimum = least(name, setting, problem)
+        cost = problem.cost(light)
+        true_gap = cost / minimum - 1
+        assert early.gap >= true_gap - 1e-9, f"problem {seed}: {early.gap} < {true_gap}"
+        useful += early.gap <= 30 * true_gap + 1e-3
+    # A bound that is never given, or far off, is no use
+    assert certified >= 0.5 * many
+    assert useful >= 0.5 * certified
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_it_is_sharp_without_bounds_and_padding(name):
+    """So that no part of it can be too small."""
+    setting = Setting((4, 8), 0.3, 1e-3, padding=0)
+    for seed in range(3):
+        problem = posed(name, setting, seed)
+        on = free(problem.observation)
+        problem = Problem(
+            problem.observation,
+            problem.weighting,
+            problem.desired,
+            (np.where(on, -9.0, problem.lower), np.where(on, 9.0, problem.upper)),
+            anchor=problem.anchor,
+            regularisation=setting.mu,
+        )
+        steps = 4 + seed
+        early = ADMM(tolerance=1e-13, max_iterations=steps, first_check=2)(problem, problem.anchor)
+        true_gap = problem.cost(early.light) / least(name, setting, problem) - 1
+        assert true_gap > 1e-4
+        if name in EXACT_PAIRS:  # nothing is off the screen
+            assert true_gap * (1 - 1e-9) <= early.gap <= true_gap * (1 + 1e-6)
+        elif early.gap is not None:
+            assert early.gap >= true_gap * (1 - 1e-9)
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_it_holds_to_the_end_from_an_anchor_out_of_bounds(name):
+    for seed in (5, 20):
+        setting = SETTINGS[seed % len(SETTINGS)]
+        problem = posed(name, setting, seed)
+        assert (problem.anchor < problem.lower).any()
+        found = ADMM(tolerance=1e-5, max_iterations=3000)(problem, problem.anchor)
+        assert found.status is Status.CONVERGED
+        assert found.gap >= problem.cost(found.light) / least(name, setting, problem) - 1 - 1e-9
+
+
+def of_type(problem: Problem, dtype: type) -> Problem:
+    """The same numbers in another precision."""
+    return Problem(
+        problem.observation,
+        problem.weighting,
+        problem.desired.astype(dtype),
+        (problem.lower.astype(dtype), problem.upper.astype(dtype)),
+        anchor=problem.anchor.astype(dtype),
+        regularisation=problem.regularisation,
+    )

@@ -1,0 +1,295 @@
+"""The solver on other array libraries than NumPy: the same result, with as many transforms.
+
+A GPU is not needed: what PyTorch does there, it does on the processor too.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+import types
+
+import array_api_strict
+import numpy as np
+import pytest
+from laws.test_linear_maps import RankTwo
+from pairs import OBSERVATIONS, pair_problem
+from test_bad_input import store
+from theatres import closed_form, picture, problem, weighting
+
+from compensate.devices import moved, on_device
+from compensate.problem import Problem
+from compensate.solver.admm import ADMM
+from compensate.solver.baselines import clipped_subtraction
+from compensate.solver.relinearised import Relinearised
+from compensate.solver.result import Status
+from compensate.solver.worst_seat import WorstSeat
+from compensate.weighting import Masked
+from domesim import cli
+from domesim.errors import InputError
+from domesim.light import on_host
+
+Posed = tuple[Problem, np.ndarray]
+
+
+def torch(array):
+    return pytest.importorskip("torch").tensor(np.asarray(array))
+
+
+LIBRARIES = [
+    pytest.param(array_api_strict.asarray, id="array_api_strict"),
+    pytest.param(torch, id="torch"),
+]
+
+
+def low_rank() -> Posed:
+    """A dome with two modes of pollution."""
+    observation = RankTwo(9, 3)
+    master = picture(9, seed=1)
+    on = observation.screen[None, :, :, None]
+    bounds = (np.where(on, 0, master), np.where(on, 1, master))
+    seen, lambda_ = observation.direct(master), weighting(observation.screen)
+    start, _ = clipped_subtraction(Problem(observation, lambda_, seen, bounds))
+    return Problem(observation, lambda_, seen, bounds, anchor=start, regularisation=1e-3), start
+
+
+def masked(posed: Problem, start: np.ndarray) -> Posed:
+    mask = 0.3 + np.random.default_rng(3).random(posed.desired.shape[1:3])
+    return posed.weighted_by(Masked(mask, posed.weighting)), start
+
+
+def beyond(posed: Problem, start: np.ndarray) -> Posed:
+    """With an anchor out of the bounds."""
+    anchor = start - 0.02
+    return Problem(
+        posed.observation, posed.weighting, posed.desired, anchor=anchor, regularisation=1e-3
+    ), anchor
+
+
+PROBLEMS = {
+    "dome": lambda: problem(9),
+    "dome, one primary": lambda: problem(9, 1),
+    "dome, corrected lens": lambda: problem(9, falloff=False),
+    "dome, rank two": low_rank,
+    "dome, masked": lambda: masked(*problem(5)),
+    "dome, with coarse planes": lambda: problem(60, 1),
+    "pair, with coarse planes": lambda: pair_problem(OBSERVATIONS["constant"](60, 59)),
+    "pair, masked": lambda: masked(*pair_problem(OBSERVATIONS["by direction"](4, 5))),
+    "pair, anchor out of bounds": lambda: beyond(*pair_problem(OBSERVATIONS["3x3"](6, 7))),
+    **{
+        f"pair, {name}": lambda name=name: pair_problem(OBSERVATIONS[name](4, 5))
+        for name in ("constant", "3x3", "map of 3x3", "linearised table", "several seats")
+    },
+}
+
+
+def as_type(posed: Problem, start: np.ndarray, dtype: type) -> Posed:
+    """It in that precision; the start stays the anchor where it is."""
+    there = moved(posed, lambda array: np.asarray(array, dtype))
+    return there, there.anchor if start is posed.anchor else start.astype(dtype)
+
+
+def solved(make, convert, dtype, solver):
+    """Anew each time: transforms are counted from 0."""
+    posed, start = as_type(*make(), dtype)
+    there = moved(posed, convert)
+    found = solver(there, there.anchor if start is posed.anchor else convert(start))
+    assert found.light.dtype == there.desired.dtype
+    assert type(found.light) is type(there.desired)
+    return found, posed.cost(on_host(found.light))
+
+
+@pytest.mark.parametrize("convert", LIBRARIES)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_the_same_result_with_as_many_transforms(name, convert):
+    solver = ADMM(tolerance=3e-2, max_iterations=60)
+    wanted, cost = solved(PROBLEMS[name], np.asarray, np.float64, solver)
+    assert wanted.status is Status.CONVERGED
+    found, other = solved(PROBLEMS[name], convert, np.float64, solver)
+    assert np.abs(on_host(found.light) - wanted.light).max() <= 1e-10
+    assert found.ffts == wanted.ffts
+    assert found.iterations == wanted.iterations
+    assert found.status is wanted.status
+    assert found.gap == pytest.approx(wanted.gap, rel=1e-6)
+    assert found.optimality == pytest.approx(wanted.optimality, rel=1e-6, abs=1e-12)
+    assert other == pytest.approx(cost, rel=1e-10)
+
+
+@pytest.mark.parametrize("convert", LIBRARIES)
+@pytest.mark.parametrize("name", ["dome", "dome, rank two", "pair, 3x3", "pair, map of 3x3"])
+def test_the_same_result_within_the_certificate_in_single_precision(name, convert):
+    solver = ADMM(tolerance=3e-2, max_iterations=60)
+    wanted, cost = solved(PROBLEMS[name], np.asarray, np.float32, solver)
+    found, other = solved(PROBLEMS[name], convert, np.float32, solver)
+    assert found.status is Status.CONVERGED
+    assert found.ffts == wanted.ffts
+    assert abs(other / cost - 1) <= found.gap
+    assert found.gap == pytest.approx(wanted.gap, rel=0.02)
+
+
+@pytest.mark.parametrize("convert", LIBRARIES)
+def test_what_nothing_clips_is_known_to_be_exact(convert):
+    observation = OBSERVATIONS["constant"](6, 7)
+    master = 0.3 + 0.4 * pair_problem(observation)[0].desired
+    start = observation.invert(master)
+    lambda_ = pair_problem(observation)[0].weighting
+    posed = moved(Problem(observation, lambda_, master, anchor=start, regularisation=1e-3), convert)
+    found = ADMM()(posed, posed.anchor)
+    assert found.status is Status.EXACT
+    assert found.ffts == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "solver"),
+    [
+        ("linearised table", Relinearised(ADMM(tolerance=5e-2), max_rounds=2)),
+        ("several seats", WorstSeat(ADMM(tolerance=5e-2), max_rounds=2)),
+        ("constant", ADMM()),
+    ],
+)
+def test_a_device_gets_the_problem_and_numpy_gets_the_light(name, solver):
+    pytest.importorskip("torch")
+    posed, start = pair_problem(OBSERVATIONS[name](5, 6))
+    wanted = solver(posed, start)
+    posed, start = pair_problem(OBSERVATIONS[name](5, 6))
+    found = on_device(solver, "torch")(posed, start)
+    assert isinstance(found.light, np.ndarray)
+    assert np.abs(found.light - wanted.light).max() <= 1e-10
+    assert found.ffts == wanted.ffts
+    assert found.status is wanted.status
+
+
+def test_the_processor_is_left_alone():
+    solver = ADMM()
+    assert on_device(solver, "cpu") is solver
+
+
+def without(monkeypatch, name: str) -> None:
+    real = importlib.import_module
+
+    def imported(asked: str, *rest: str):
+        if asked == name:
+            raise ImportError(asked)
+        return real(asked, *rest)
+
+    monkeypatch.setattr(importlib, "import_module", imported)
+
+
+def pretend(monkeypatch, name: str, library: object) -> None:
+    real = importlib.import_module
+    monkeypatch.setattr(
+        importlib, "import_module", lambda asked, *rest: library if asked == name else real(asked)
+    )
+
+
+@pytest.mark.parametrize(
+    ("device", "library", "way"),
+    [
+        ("cuda", "torch", r"pip install 'domesim\[gpu\]'"),
+        ("torch", "torch", r"pip install 'domesim\[gpu\]'"),
+        ("cupy:1", "cupy", "pip install cupy"),
+    ],
+)
+def test_a_library_that_is_not_installed(device, library, way, monkeypatch):
+    without(monkeypatch, library)
+    wanted = f"--device {device} needs {library}, which is not installed.*{way}.*leave --device out"
+    with pytest.raises(InputError, match=wanted):
+        on_device(ADMM(), device)
+
+
+@pytest.mark.parametrize(
+    ("device", "count", "found"),
+    [
+        ("cuda", 0, "no CUDA device"),
+        ("cuda:2", 2, r"only 2 CUDA device\(s\)"),
+        ("cupy", None, "no CUDA device"),
+    ],
+)
+def test_a_gpu_that_is_not_there(device, count, found, monkeypatch):
+    def counted() -> int:
+        if count is None:
+            raise RuntimeError("CUDA driver version is insufficient")
+        return count
+
+    pretend(
+        monkeypatch,
+        "torch",
+        types.SimpleNamespace(cuda=types.SimpleNamespace(device_count=counted)),
+    )
+    runtime = types.SimpleNamespace(getDeviceCount=counted)
+    pretend(monkeypatch, "cupy", types.SimpleNamespace(cuda=types.SimpleNamespace(runtime=runtime)))
+    with pytest.raises(InputError, match=rf"{device}: {found} found; leave --device out"):
+        on_device(ADMM(), device)
+
+
+@pytest.mark.parametrize("device", ["gpu", "mps", "cuda:", "cuda:x", "torch:0", "cpu:0", ""])
+def test_a_device_that_is_not_known(device):
+    with pytest.raises(InputError, match=f"--device {device}: not known; use cpu"):
+        on_device(ADMM(), device)
+
+
+def commanded(monkeypatch, *arguments: object) -> None:
+    monkeypatch.setattr(sys, "argv", ["domesim", *map(str, arguments)])
+    cli.run()
+
+
+@pytest.mark.parametrize(
+    ("command", "options", "message"),
+    [
+        ("compensate", ("--device", "gpu"), "--device gpu: not known"),
+        ("compensate", ("--device", "cuda"), "--device cuda needs torch"),
+        (
+            "compensate",
+            ("--device", "cuda", "--method", "subtractive"),
+            "subtractive is computed on the processor only",
+        ),
+        ("compare", ("--device", "cuda"), "--device cuda needs torch"),
+        ("demo", ("--device", "cuda"), "--device cuda needs torch"),
+    ],
+)
+def test_the_command_says_so_before_it_works(
+    command, options, message, tmp_path, monkeypatch, capsys
+):
+    without(monkeypatch, "torch")
+    master, out = tmp_path / "master.png", tmp_path / "out"
+    named = () if command == "demo" else (master, "--scene", "dome_imax")
+    store(master, kind="uint8")
+    page = out / "page.html" if command == "compare" else out
+    with pytest.raises(SystemExit) as end:
+        commanded(monkeypatch, command, *named, "--out", page, *options)
+    assert end.value.code == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert len(told.splitlines()) == 1
+    assert not out.exists()
+
+
+def test_the_command_computes_there(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("torch")
+    master = tmp_path / "master.exr"
+    store(master, picture(24, dtype=np.float32)[0])
+    figures = []
+    for device in ("cpu", "torch"):
+        out = tmp_path / device
+        with pytest.raises(SystemExit) as end:
+            commanded(
+                monkeypatch,
+                *("compensate", master, "--scene", "dome_imax", "--out", out),
+                *("--device", device, "--json"),
+            )
+        assert not end.value.code
+        (frame,) = json.loads(capsys.readouterr().out)["frames"]
+        figures.append(frame)
+    assert figures[0]["iterations"] > 0
+    for name in ("iterations", "ffts"):
+        assert figures[1][name] == figures[0][name]
+    assert figures[1]["error_after"] == pytest.approx(figures[0]["error_after"], rel=1e-3)
+
+
+def test_a_problem_moved_is_the_same_problem():
+    posed, start = problem(5)
+    there = moved(posed, np.asarray)
+    assert there.cost(start) == posed.cost(start)
+    assert there.negligible == posed.negligible
+    assert closed_form(5).shape == there.desired.shape
