@@ -162,15 +162,15 @@ class Posed:
         return self._untouched[1]
 
     @cached_property
-    def _untouched(self) -> tuple[float, float, NDArray[np.float64]]:
+    def _untouched(self) -> tuple[float, float, NDArray[np.floating]]:
         """`pollution`, `error_before`, and (view, row, col) luminance that is seen too much."""
         residual = self.residual(self.desired)
         ghost = self._luminance(residual[: self.scene.views])
         pollution = mean_luminance(residual, self.scene, self.areas)
         return pollution, self._visible(residual), ghost
 
-    def _luminance(self, light: Light) -> NDArray[np.float64]:
-        planes = np.empty(light.shape[:3])
+    def _luminance(self, light: Light) -> NDArray[np.floating]:
+        planes = np.empty(light.shape[:3], light.dtype)
         weights = self.scene.projector.luminance_weights.astype(light.dtype)
         in_strips(
             lambda view, rows: np.matmul(light[view, rows], weights, out=planes[view, rows]),
@@ -238,6 +238,8 @@ class Posed:
         ghost = self._untouched[2]
         if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT:
             return None
+        if self.exact and light is self.subtractive:
+            return 0.0
         error = self._luminance(self.residual(light)[: self.scene.views])
         if _is_rounding(error):
             return 0.0
@@ -448,19 +450,30 @@ def _shared(scene: Scene, settings: PerceptualWeighting, rows: int, cols: int) -
 
 
 def _subtracted(observation: Crosstalk, desired: Light) -> Light:
-    """`deghosting.clipped_subtraction` within 0..1, which mixes no pixels, strip by strip."""
-    light = np.clip(desired, 0, 1)
+    """`deghosting.clipped_subtraction` within 0..1, which mixes no pixels, strip by strip.
+
+    It begins with what subtracts the mean of the map: where that is flat and nothing clips, this
+    is the result.
+    """
+    light = np.empty_like(desired)
     dtype = desired.dtype
     mixing = [np.ascontiguousarray(matrix.T, dtype) for matrix in observation.matrices]
     share = observation.share[..., None].astype(dtype)
     # Of a whole row: NumPy repeats three numbers slowly.
     black = np.repeat(observation.black[:, None, None, :], desired.shape[2], 2).astype(dtype)
+    primaries = desired.shape[3]
+    inverse = np.linalg.inv(observation.central.reshape(2 * primaries, -1)).astype(dtype)
+    unmixing = inverse.reshape(2, primaries, 2, primaries).transpose(0, 2, 3, 1).copy()
     tiny = float(np.finfo(dtype).eps)
 
     def subtract(_: int, rows: slice) -> None:
         part = light[:, rows]
         varying = share if share.shape[1] == 1 else share[:, rows]
         wanted = desired[:, rows] - black
+        for view in (0, 1):
+            start = wanted[0] @ unmixing[view, 0]
+            start += wanted[1] @ unmixing[view, 1]
+            np.clip(start, 0, 1, out=part[view])
         best, since_best = np.inf, 0
         for _ in range(deghosting.MAX_ROUNDS):
             change = 0.0
