@@ -248,13 +248,22 @@ class _Run:
                 or self._bounds.likely(rho * anderson.energy)
             )
             due |= iteration == settings.max_iterations
+            if due:
+                anderson.forget_oldest()  # a certificate needs as much memory
             step = self._varying_step if self._varying else self._exact_step
             w, status = step(s, weights, iteration, due=due)
             if status:
                 return status
             s = self._moved(level, s, w, weights, anderson)
-            if due and not self._varying and (status := self._offered(s, weights, iteration)):
-                return status
+            del w  # a certificate needs as much memory
+            if due and not self._varying:
+                spectra, regulariser = self._feasible_spectra(s, weights)
+                status = self._offered(spectra, regulariser, iteration)
+                if status or iteration == settings.max_iterations:
+                    anderson.clear()
+                    self._settle_at(s, weights, spectra)
+                    return status
+                del spectra
             if settings.watch:
                 settings.watch(iteration, lambda: self._split.light(self._feasible(s, weights)))  # noqa: B023
         return None
@@ -279,24 +288,33 @@ class _Run:
             self._bounds.raise_to(known - 0.5 * dual)
         return w, None
 
-    def _offered(self, s: Planes, weights: list[float], iteration: int) -> Status | None:
-        """Certify the feasible iterate of s; why to stop there, if there is a reason."""
+    def _offered(self, spectra: Spectra, regulariser: float, iteration: int) -> Status | None:
+        """Note a feasible iterate's cost; why to stop there, if there is a reason."""
         level, hessian = self._level, self._level.hessian
-        picture = self._feasible(s, weights)
-        spectra = [hessian.fourier.forward(plane) for plane in level.start(picture)]
         cost = level.cost - hessian.dot(spectra, level.target) + 0.5 * hessian.energy(spectra)
-        cost += sum(level.regulariser(p, plane) for p, plane in enumerate(picture))
-        status = self._checked(cost, iteration)
-        if status or iteration == self._settings.max_iterations:
-            hessian.multiply(spectra)
-            for p, target in enumerate(level.target):
-                spectra[p] -= target
-            rows, cols = picture[0].shape
-            gradient = [plane[:rows, :cols] for plane in _inverse(hessian.fourier, spectra)]
-            for p in range(len(gradient)):
-                gradient[p] += level.slope(p, picture[p])
-            self._settle(picture, gradient)
-        return status
+        return self._checked(cost + regulariser, iteration)
+
+    def _feasible_spectra(self, s: Planes, weights: list[float]) -> tuple[Spectra, float]:
+        """Spectra of s's feasible planes, and their regulariser."""
+        level, spectra, regulariser = self._level, [], 0.0
+        for p, (plane, weight) in enumerate(zip(s, weights, strict=True)):
+            z = level.feasible(p, plane, weight)
+            regulariser += level.regulariser(p, z)
+            spectra.append(level.hessian.fourier.forward(level.padded(z)))
+        return spectra, regulariser
+
+    def _settle_at(self, s: Planes, weights: list[float], spectra: Spectra) -> None:
+        """Keep the feasible light of s, whose spectra these are, for an FFT a plane more."""
+        level, hessian = self._level, self._level.hessian
+        hessian.multiply(spectra)
+        for p, target in enumerate(level.target):
+            spectra[p] -= target
+        picture = self._feasible(s, weights)
+        rows, cols = picture[0].shape
+        gradient = [plane[:rows, :cols] for plane in _inverse(hessian.fourier, spectra)]
+        for p in range(len(gradient)):
+            gradient[p] += level.slope(p, picture[p])
+        self._settle(picture, gradient)
 
     def _varying_step(
         self, s: Planes, weights: list[float], iteration: int, *, due: bool

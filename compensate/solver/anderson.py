@@ -7,7 +7,7 @@ on Numerical Analysis* 49, 1715-1735, eq. 2.2):
     s <- sum alpha_i t_i,     alpha = argmin ||sum alpha_i r_i||,  sum alpha_i = 1
 
 Only the inner products of residuals are needed, and the combination is not delicate: they are taken
-on every other pixel and row, so that old residuals cost a quarter of their memory.
+on every fourth pixel and row, so that old residuals cost little memory.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from compensate.solver.level import Planes
 from domesim.light import Array, namespace, total
 
 _GROWN = 2.0  # times the last residual: the acceleration is given up and begins anew
+_STRIDE = 4  # between the pixels that are looked at
 _DAMPING = 1e-8  # of the inner products' trace
 
 
@@ -52,11 +53,17 @@ class Anderson:
         self._points, self._residuals = [], []
         self._products = np.zeros((0, 0))
 
+    def forget_oldest(self) -> None:
+        """Give back the memory of the oldest of all the points that it can keep."""
+        if len(self._points) == self._memory > 0:
+            del self._points[-1], self._residuals[-1]
+            self._products = self._products[:-1, :-1]
+
     def next(self, point: Planes, residual: Planes) -> Planes:
         """The next s, of t = s + r and r; t's planes are kept, r's may be used up."""
         sampled = [_sampled(plane) for plane in residual]
         products = np.array([_dot(sampled, other) for other in [sampled, *self._residuals]])
-        self.energy = 4 * float(products[0])
+        self.energy = _STRIDE**2 * float(products[0])
         if not self._memory:
             return point
         if len(products) > 1 and products[0] > _GROWN**2 * self._products[0, 0]:
@@ -112,7 +119,7 @@ def _least(gram: Any) -> Any:
 
 
 def _sampled(plane: Array) -> Array:
-    return namespace(plane).asarray(plane[::2, ::2], copy=True)
+    return namespace(plane).asarray(plane[::_STRIDE, ::_STRIDE], copy=True)
 
 
 def _dot(left: Planes, right: Planes) -> float:

@@ -15,6 +15,8 @@ from numba.extending import overload
 
 _EXACT = {"contract", "nsz"}  # of fast-math: no sum is reordered
 
+_ONE_THREAD: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=_EXACT)
+
 _COMPILED: Any = numba.njit(parallel=True, cache=True, error_model="numpy", fastmath=_EXACT)
 
 
@@ -159,11 +161,11 @@ def pair1(
                 left[i, k], right[i, k] = total + difference, total - difference
 
 
-@_COMPILED
+@_ONE_THREAD
 def block3(a: Any, b: Any, c: Any, squares: Any, matrices: Any, sigma: Any) -> None:
-    """`Blocks.solved` of three planes, in place."""
+    """`Blocks.solved` of a strip of three planes, in place; strips run on threads of their own."""
     first, second, third = squares
-    for i in numba.prange(first.shape[0]):
+    for i in range(first.shape[0]):
         for k in range(2 * first.shape[1]):
             j = k // 2
             a[i, k], b[i, k], c[i, k] = solve3(

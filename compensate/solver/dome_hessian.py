@@ -105,43 +105,35 @@ class DomeHessian(Hessian):
         known = np.stack([v, np.einsum("pjk,pj->pk", self.core, u)])
         c, e = (self._small_inverse(tuple(sigma)) @ known.ravel()).reshape(known.shape)
         e = np.einsum("pjk,pk->pj", self.core, e)
-        correction = self._planes(np.concatenate([c, -damping * e], 1))
-        self._solve_blocks(correction, sigma)
+        asks, shows = np.concatenate([c, -damping * e], 1), np.concatenate([0 * c, e], 1)
 
-        def corrected(rows: slice) -> None:
-            shown = self._combined(rows, np.concatenate([0 * c, e], 1))
+        def correct(rows: slice) -> None:
+            correction = self._solved(rows, self._combined(rows, asks), sigma)
+            shown = self._combined(rows, shows)
             for plane, one, other in zip(spectra, correction, shown, strict=True):
-                plane[rows, :] -= one[rows, :] + other
+                plane[rows, :] -= one + other
 
-        each_strip(corrected, spectra[0])
+        each_strip(correct, spectra[0])
 
     def _solve_blocks(self, spectra: Spectra, sigma: Sequence[float]) -> None:
         """B^-1 of `spectra`, in place."""
-        if len(spectra) == 3 and (compiled := loops(*spectra)):
-            blocks = self._blocks
-            given = np.asarray(sigma, blocks.coefficients.dtype)
-            compiled.block3(*parts(spectra), blocks.three_squares, blocks.coefficients, given)
-            return
 
         def work(rows: slice) -> None:
-            found = self._blocks.solved(rows, [plane[rows, :] for plane in spectra], sigma)
+            found = self._solved(rows, [plane[rows, :] for plane in spectra], sigma)
             for plane, value in zip(spectra, found, strict=True):
                 plane[rows, :] = value
 
         each_strip(work, spectra[0])
 
-    def _planes(self, coefficients: Any) -> Spectra:
-        """Sums of the modes times (primary, V and U mode) coefficients."""
-        xp = namespace(self._shapes)
-        result = [xp.empty_like(self._shapes[0, :, :]) for _ in coefficients]
-
-        def work(rows: slice) -> None:
-            found = self._combined(rows, coefficients)
-            for plane, value in zip(result, found, strict=True):
-                plane[rows, :] = value
-
-        each_strip(work, result[0])
-        return result
+    def _solved(self, rows: slice, strip: list[Array], sigma: Sequence[float]) -> list[Array]:
+        """B^-1 of a strip, which may be used up."""
+        blocks = self._blocks
+        if len(strip) == 3 and (compiled := loops(*strip)):
+            squares = tuple(square[rows, :] for square in blocks.three_squares)
+            given = np.asarray(sigma, blocks.coefficients.dtype)
+            compiled.block3(*parts(strip), squares, blocks.coefficients, given)
+            return strip
+        return blocks.solved(rows, strip, sigma)
 
     def multiply(self, spectra: Spectra) -> None:
         """C'WC of `spectra`, in place."""

@@ -140,15 +140,18 @@ class PairHessian(Hessian):
 
     def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
         """See `Hessian`."""
-        if self._summed and plus and len(sigma) in (2, 6) and (compiled := loops(*spectra)):
+        if self._summed and len(sigma) in (2, 6) and (compiled := loops(*spectra)):
+            real = parts(spectra)
+            nothing = np.broadcast_to(real[0].dtype.type(0), real[0].shape)
+            added = parts(plus) if plus else (nothing,) * len(real)
             sums, differences = (blocks.coefficients for blocks in self._blocks)
             given = np.asarray(sigma[: len(sigma) // 2], sums.dtype)
             if len(sigma) == 2:
                 matrices = sums[0, 0, 0], differences[0, 0, 0], given[0]
-                compiled.pair1(*parts(spectra), parts(plus), self._blocks[0].squares[0], *matrices)
+                compiled.pair1(*real, added, self._blocks[0].squares[0], *matrices)
             else:
                 squares = self._blocks[0].three_squares
-                compiled.pair3(*parts(spectra), parts(plus), squares, sums, differences, given)
+                compiled.pair3(*real, added, squares, sums, differences, given)
             return
 
         def work(rows: slice) -> None:

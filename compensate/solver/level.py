@@ -67,14 +67,18 @@ class Level:
 
     def start(self, picture: Planes | None = None) -> Planes:
         """Padded planes of (row, col) planes; 0 by default."""
-        xp, fourier = namespace(self.lower[0]), self.hessian.fourier
-        shape = (fourier.rows, fourier.cols)
-        like = self.lower[0]
-        planes = [xp.zeros(shape, dtype=like.dtype, device=like.device) for _ in self.lower]
-        rows, cols = self._size
-        for plane, inner in zip(planes, picture or [], strict=False):
-            plane[:rows, :cols] = inner
-        return planes
+        if picture is None:
+            return [self.padded(lower[:0, :]) for lower in self.lower]
+        return [self.padded(plane) for plane in picture]
+
+    def padded(self, picture: Array) -> Array:
+        """A padded plane with a (row, col) one in its corner."""
+        fourier = self.hessian.fourier
+        result = namespace(picture).zeros(
+            (fourier.rows, fourier.cols), dtype=picture.dtype, device=picture.device
+        )
+        result[: picture.shape[0], : picture.shape[1]] = picture
+        return result
 
     def feasible(self, p: int, s: Array, weight: float) -> Array:
         """Z of s, (row, col): the regulariser's and the bounds' proximal map."""
