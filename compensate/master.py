@@ -76,7 +76,10 @@ class Figures:
     status
         What the solver's outcome means.
     gap
-        Certified upper bound of the relative distance from the least possible error, or None.
+        Certified upper bound of the cost's relative distance from the least possible, or None.
+    distance
+        The same in just-noticeable differences: what is seen differs from what the optimum would
+        show by at most so much, root-mean-square of the weighted difference over the screen.
     iterations, ffts
         Work done by the solver.
     seconds
@@ -95,6 +98,7 @@ class Figures:
     file_clipped: float
     status: str
     gap: float | None
+    distance: float | None
     iterations: int
     ffts: int
     seconds: float
@@ -225,6 +229,17 @@ class Posed:
         if _is_rounding(residual):
             return 0.0
         energy = self.judge.energy(residual)
+        mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
+        return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
+
+    def distance(self, result: Result) -> float | None:
+        """How far, at most, what is seen is from what the optimum x* shows, JND rms; see `Figures`.
+
+        As x* is optimal, 1/2 ||lambda(psi(x) - psi(x*))||² <= cost(x) - cost(x*).
+        """
+        if result.gap is None:
+            return None
+        energy = 2 * result.cost * result.gap / (1 + result.gap)
         mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
         return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
 
@@ -598,6 +613,7 @@ class Solution:
             file_clipped=file_clipped,
             status=result.status.value,
             gap=result.gap,
+            distance=posed.distance(result),
             iterations=result.iterations,
             ffts=result.ffts,
             seconds=self.seconds,

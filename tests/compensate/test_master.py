@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from theatres import DATA, needs_data
 
+from compensate.cli import goal
 from compensate.master import compensate, compensate_frame, pose, pose_frame
 from compensate.methods import DOME as METHODS
 from compensate.solver.admm import ADMM
@@ -240,3 +241,31 @@ def test_nothing_certified_is_no_figure():
     figures = compensate_frame(frame(64), bright, solver=solver).figures
     assert figures.gap is None
     json.dumps(asdict(figures), allow_nan=False)
+
+
+def test_the_certificate_is_told_in_just_noticeable_differences():
+    """What an early stop shows is within it of what the optimum shows, by the weighting itself."""
+    posed = pose(night(48), load_scene("dome_imax"))
+    optimum = ADMM(tolerance=1e-7, max_iterations=2000, stop_when_invisible=False)(
+        posed.problem, posed.subtractive
+    )
+    for steps in (3, 6, 12):
+        early = ADMM(
+            tolerance=1e-9, max_iterations=steps, first_check=steps, stop_when_invisible=False
+        )(posed.problem, posed.subtractive)
+        seen, best = (
+            posed.observation.observe(found.light.astype(np.float64)) for found in (early, optimum)
+        )
+        energy = posed.problem.weighting.energy(seen - best)
+        white = posed.scene.projector.white / posed.scene.viewing.adaptation
+        rms = np.sqrt(energy / posed.screen.sum()) * white * posed.problem.weighting.peak
+        assert rms <= posed.distance(early)
+        assert posed.distance(early) <= 10 * rms
+
+
+def test_quality_is_a_tolerance():
+    assert goal(None, quality=False) == 1e-3
+    assert goal(None, quality=True) == 1e-4
+    assert goal(0.01, quality=False) == 0.01
+    with pytest.raises(InputError, match=r"--quality is --tolerance 1e-4, got --tolerance 0\.01"):
+        goal(0.01, quality=True)
