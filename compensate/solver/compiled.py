@@ -15,8 +15,6 @@ from numba.extending import overload
 
 _EXACT = {"contract", "nsz"}  # of fast-math: no sum is reordered
 
-_ONE_THREAD: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=_EXACT)
-
 _COMPILED: Any = numba.njit(parallel=True, cache=True, error_model="numpy", fastmath=_EXACT)
 
 
@@ -161,14 +159,55 @@ def pair1(
                 left[i, k], right[i, k] = total + difference, total - difference
 
 
-@_ONE_THREAD
-def block3(a: Any, b: Any, c: Any, squares: Any, matrices: Any, sigma: Any) -> None:
-    """`Blocks.solved` of a strip of three planes, in place; strips run on threads of their own."""
+@_COMPILED
+def dome3(
+    a: Any, b: Any, c: Any, plus: Any, v: Any, u: Any, squares: Any, matrices: Any, sigma: Any,
+    sums: Any,
+) -> None:  # fmt: skip
+    """The first half of `DomeHessian.solve`, of three primaries and one mode.
+
+    The row's inner products go to `sums` (row, 9): of U before, of V and of U after.
+    """
+    p0, p1, p2 = plus
     first, second, third = squares
-    for i in range(first.shape[0]):
+    last = 2 * first.shape[1]
+    for i in numba.prange(first.shape[0]):
+        row = np.zeros(9)
+        for k in range(last):
+            j = k // 2
+            x, y, z = a[i, k] + p0[i, k], b[i, k] + p1[i, k], c[i, k] + p2[i, k]
+            share = sums[i, 0] if k < 2 else (sums[i, 1] if k >= last - 2 else 2.0)
+            at_u, at_v = share * u[i, k], share * v[i, k]
+            row[0] += at_u * x
+            row[1] += at_u * y
+            row[2] += at_u * z
+            x, y, z = solve3(matrices, sigma, first[i, j], second[i, j], third[i, j], x, y, z)
+            row[3] += at_v * x
+            row[4] += at_v * y
+            row[5] += at_v * z
+            row[6] += at_u * x
+            row[7] += at_u * y
+            row[8] += at_u * z
+            a[i, k], b[i, k], c[i, k] = x, y, z
+        sums[i] = row
+
+
+@_COMPILED
+def correct3(
+    a: Any, b: Any, c: Any, v: Any, u: Any, squares: Any, matrices: Any, sigma: Any, weights: Any
+) -> None:
+    """The second half: less B^-1 of V and U times `weights` (3, primary), and less U times."""
+    first, second, third = squares
+    for i in numba.prange(first.shape[0]):
         for k in range(2 * first.shape[1]):
             j = k // 2
-            a[i, k], b[i, k], c[i, k] = solve3(
+            at_v, at_u = v[i, k], u[i, k]
+            x, y, z = solve3(
                 matrices, sigma, first[i, j], second[i, j], third[i, j],
-                a[i, k], b[i, k], c[i, k],
+                weights[0, 0] * at_v + weights[1, 0] * at_u,
+                weights[0, 1] * at_v + weights[1, 1] * at_u,
+                weights[0, 2] * at_v + weights[1, 2] * at_u,
             )  # fmt: skip
+            a[i, k] -= x + weights[2, 0] * at_u
+            b[i, k] -= y + weights[2, 1] * at_u
+            c[i, k] -= z + weights[2, 2] * at_u

@@ -95,45 +95,70 @@ class DomeHessian(Hessian):
         """See `Hessian`."""
         damping = np.asarray(sigma)[:, None]
         modes = self.core.shape[1]
-        if plus is not None:
-            for p, plane in enumerate(plus):
-                spectra[p] += plane
-        asked = self._sums(spectra)[:, modes:]
-        self._solve_blocks(spectra, sigma)
-        found = self._sums(spectra)
+        asked, found = self._solve_blocks(spectra, sigma, plus)
         v, u = found[:, :modes], asked - damping * found[:, modes:]
         known = np.stack([v, np.einsum("pjk,pj->pk", self.core, u)])
         c, e = (self._small_inverse(tuple(sigma)) @ known.ravel()).reshape(known.shape)
         e = np.einsum("pjk,pk->pj", self.core, e)
+        if compiled := self._fused(spectra):
+            number = self._blocks.coefficients.dtype
+            weights = np.stack([c, -damping * e, e])[:, :, 0].astype(number)
+            compiled.correct3(*parts(spectra), *self._given(sigma), weights)
+            return
         asks, shows = np.concatenate([c, -damping * e], 1), np.concatenate([0 * c, e], 1)
 
         def correct(rows: slice) -> None:
-            correction = self._solved(rows, self._combined(rows, asks), sigma)
+            correction = self._blocks.solved(rows, self._combined(rows, asks), sigma)
             shown = self._combined(rows, shows)
             for plane, one, other in zip(spectra, correction, shown, strict=True):
                 plane[rows, :] -= one + other
 
         each_strip(correct, spectra[0])
 
-    def _solve_blocks(self, spectra: Spectra, sigma: Sequence[float]) -> None:
-        """B^-1 of `spectra`, in place."""
+    def _fused(self, spectra: Spectra) -> Any:
+        """The compiled loops, where there are any for such a problem."""
+        plain = len(spectra) == 3 and self.core.shape[1] == 1
+        return loops(*spectra) if plain else None
+
+    def _given(self, sigma: Sequence[float]) -> tuple[Any, ...]:
+        """What the compiled loops take, of one mode."""
+        blocks = self._blocks
+        shapes = parts([self._shapes[0], self._shapes[1]])
+        given = np.asarray(sigma, blocks.coefficients.dtype)
+        return *shapes, blocks.three_squares, blocks.coefficients, given
+
+    def _solve_blocks(
+        self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None
+    ) -> tuple[Any, Any]:
+        """B^-1 of `spectra`, in place, and their inner products with the modes.
+
+        Returns
+        -------
+        (primary, mode) with U before, and (primary, V and U mode) after.
+        """
+        modes, fourier = self.core.shape[1], self.fourier
+        if compiled := self._fused(spectra):
+            real = parts(spectra)
+            nothing = np.broadcast_to(real[0].dtype.type(0), real[0].shape)
+            sums = np.zeros((fourier.rows, 9))
+            # How much the first and the last column count
+            sums[:, 0], sums[:, 1] = 1, 1 if fourier.cols % 2 == 0 else 2
+            added = parts(plus) if plus else (nothing,) * 3
+            compiled.dome3(*real, added, *self._given(sigma), sums)
+            found = sums.sum(axis=0).reshape(3, 3) / (fourier.rows * fourier.cols)
+            return found[0][:, None], found[1:].T
+        if plus is not None:
+            for p, plane in enumerate(plus):
+                spectra[p] += plane
+        asked = self._sums(spectra)[:, modes:]
 
         def work(rows: slice) -> None:
-            found = self._solved(rows, [plane[rows, :] for plane in spectra], sigma)
+            found = self._blocks.solved(rows, [plane[rows, :] for plane in spectra], sigma)
             for plane, value in zip(spectra, found, strict=True):
                 plane[rows, :] = value
 
         each_strip(work, spectra[0])
-
-    def _solved(self, rows: slice, strip: list[Array], sigma: Sequence[float]) -> list[Array]:
-        """B^-1 of a strip, which may be used up."""
-        blocks = self._blocks
-        if len(strip) == 3 and (compiled := loops(*strip)):
-            squares = tuple(square[rows, :] for square in blocks.three_squares)
-            given = np.asarray(sigma, blocks.coefficients.dtype)
-            compiled.block3(*parts(strip), squares, blocks.coefficients, given)
-            return strip
-        return blocks.solved(rows, strip, sigma)
+        return asked, self._sums(spectra)
 
     def multiply(self, spectra: Spectra) -> None:
         """C'WC of `spectra`, in place."""
@@ -228,12 +253,13 @@ class DomeHessian(Hessian):
 
     def _dots(self, rows: slice, strip: Sequence[Array]) -> Any:
         """(primary, V and U mode) inner products with a strip's part of the modes."""
-        xp = namespace(strip[0])
-        shapes = xp.conj(xp.reshape(self._shapes[:, rows, :], (self._shapes.shape[0], -1)))
+        fourier, shapes = self.fourier, self._shapes
+        # Row by row: a product of matrices would start threads of its own, in each strip's thread
         found = [
-            xp.real(xp.matmul(shapes, xp.reshape(self._half * plane, (-1,)))) for plane in strip
+            [dot_of(shapes[k, rows, :], plane, fourier.cols) for k in range(shapes.shape[0])]
+            for plane in strip
         ]
-        return on_host(xp.stack(found)).astype(np.float64)
+        return np.asarray(found) / (fourier.rows * fourier.cols)
 
     def _combined(self, rows: slice, coefficients: Any) -> list[Array]:
         """Sums of the modes' strips times (primary, V and U mode) coefficients."""
