@@ -235,9 +235,11 @@ class Posed:
     def distance(self, result: Result) -> float | None:
         """How far, at most, what is seen is from what the optimum x* shows, JND rms; see `Figures`.
 
-        As x* is optimal, 1/2 ||lambda(psi(x) - psi(x*))||² <= cost(x) - cost(x*).
+        As x* is optimal, 1/2 ||lambda(psi(x) - psi(x*))||² <= cost(x) - cost(x*), of an affine psi:
+        None for a table, and for several seats, of which the worst may count.
         """
-        if result.gap is None:
+        several = isinstance(self.observation, GreyToGrey | SeveralSeats)
+        if result.gap is None or several:
             return None
         energy = 2 * result.cost * result.gap / (1 + result.gap)
         mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)

@@ -75,7 +75,7 @@ class Problem:
             xp.asarray(bound, dtype=desired.dtype, device=desired.device) for bound in bounds
         )
         self.anchor = anchor
-        self.regularisation = regularisation
+        self.regularisation = float(regularisation)
         self.negligible = negligible
         if bool(xp.any(self.lower > self.upper)):
             raise ValueError("a lower bound is above its upper bound")

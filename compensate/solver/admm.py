@@ -109,8 +109,9 @@ class ADMM:
         Raises
         ------
         ValueError
-            If the problem is neither a dome's nor a stereo pair's under a `CsfWeighting`, has no
-            regulariser, or its pixels are not pinned where the weighting has no support.
+            If the problem is neither a dome's nor a stereo pair's under a `CsfWeighting` (`Masked`
+            or not), has no regulariser or infinite bounds, or its pixels are not pinned where the
+            weighting has no support.
         """
         before = problem.ffts
         plain = problem
@@ -165,8 +166,13 @@ class _Run:
         self._varying: Varying | None = None
         if masked or (isinstance(observation, StereoObservation) and not observation.uniform):
             self._varying = Varying(problem, split, min(self._penalties))
+        level = self._level
+        self._base_cost = level.cost
+        if level.offset is not None:
+            self._base_cost += sum(level.regulariser(p, 0 * at) for p, at in enumerate(level.lower))
         self._bounds = _Bounds(
-            self._level,
+            level,
+            self._base_cost,
             problem.negligible if settings.stop_when_invisible else 0.0,
             settings.tolerance,
         )
@@ -177,8 +183,8 @@ class _Run:
     def solve(self, start: Light) -> Status | None:
         """Iterate until there is a reason to stop; None where there is none."""
         split, level, problem = self._split, self._level, self._problem
-        if self._varying is None and level.cost <= self._bounds.negligible:
-            self._bounds.cost = level.cost
+        if self._varying is None and self._base_cost <= self._bounds.negligible:
+            self._bounds.cost = self._base_cost
             self._optimality = problem.optimality(split.base)
             return Status.INVISIBLE
         if start is split.base or start is problem.anchor:
@@ -191,8 +197,8 @@ class _Run:
         """What was found; the base where that is better."""
         light = self._found
         cost, gap, optimality = self._bounds.cost, self._bounds.gap, self._optimality
-        if self._varying is None and self._level.cost < cost:
-            light, cost = self._split.base, self._level.cost
+        if self._varying is None and self._base_cost < cost:
+            light, cost = self._split.base, self._base_cost
             gap, optimality = self._bounds.gap_of(cost), self._problem.optimality(light)
         return Result(
             light,
@@ -243,9 +249,9 @@ class _Run:
                     level.reweigh(p, plane, weight, ratio)
                 weights = level.weights(rho)
                 anderson.clear()
+            likely = self._bounds.likely(rho * anderson.energy)
             due = iteration >= settings.first_check and (
-                iteration - self._checked_at >= settings.check_every
-                or self._bounds.likely(rho * anderson.energy)
+                likely or iteration - self._checked_at >= settings.check_every
             )
             due |= iteration == settings.max_iterations
             if due:
@@ -400,15 +406,15 @@ def _inverse(fourier: Fourier, spectra: Spectra) -> Planes:
 class _Bounds:
     """The last feasible cost, the best lower bound of the minimum, and what they tell."""
 
-    def __init__(self, level: Level, negligible: float, tolerance: float) -> None:
+    def __init__(self, level: Level, start: float, negligible: float, tolerance: float) -> None:
         self.negligible = negligible
         self._tolerance = tolerance
-        # Costs and bounds are sums of rounded numbers: a bound is only as good as they are.
+        # Costs and bounds are differences from the base's: a bound is only as good as those are.
         self._rounding = 64 * float(namespace(level.lower[0]).finfo(level.lower[0].dtype).eps)
         self._lower = 0.0
-        self._least, self._idle = math.inf, 0
+        self._least, self._progress_at = math.inf, 0
         self._share, self._sign = _SHARE, 0.0
-        self._start = level.cost
+        self._start = start
         self.cost = math.inf
         self.iterations = 0
 
@@ -419,11 +425,11 @@ class _Bounds:
 
     def gap_of(self, cost: float) -> float:
         """`gap` of another feasible cost."""
-        return (cost - self._lower) / self._lower if self._lower > 0 else math.inf
+        return max(cost - self._lower, 0.0) / self._lower if self._lower > 0 else math.inf
 
     def raise_to(self, bound: float) -> None:
         """A new lower bound of the minimum."""
-        self._lower = max(self._lower, bound - self._rounding * abs(bound))
+        self._lower = max(self._lower, bound - self._rounding * max(abs(bound), self._start))
 
     def verdict(self, cost: float, iteration: int) -> Status | None:
         """Why to stop at a feasible cost after `iteration` iterations, if there is a reason."""
@@ -433,14 +439,12 @@ class _Bounds:
             # It tends to fall
             self._share = 0.85 * min(max(self._sign / (cost * gap), _SHARE / 4), 4 * _SHARE)
         if gap < 0.9 * self._least:
-            self._least, self._idle = gap, 0
-        else:
-            self._idle += 1
+            self._least, self._progress_at = gap, iteration
         if gap <= self._tolerance:
             return Status.CONVERGED
         if cost - self._lower <= self.negligible:
             return Status.INVISIBLE
-        if self._idle >= _PATIENCE and math.isfinite(gap):
+        if iteration - self._progress_at >= _PATIENCE and math.isfinite(gap):
             return Status.STALLED
         return None
 
@@ -452,4 +456,4 @@ class _Bounds:
 
 
 _SHARE = 0.15  # rho ||alpha (w - z)||² in shares of the gap, as is usual
-_PATIENCE = 6  # checks in which the certified gap does not fall by a tenth
+_PATIENCE = 40  # iterations in which the certified gap does not fall by a tenth

@@ -15,7 +15,9 @@ from numba.extending import overload
 
 _EXACT = {"contract", "nsz"}  # of fast-math: no sum is reordered
 
-_COMPILED: Any = numba.njit(parallel=True, cache=True, error_model="numpy", fastmath=_EXACT)
+_COMPILED: Any = numba.njit(
+    parallel=True, cache=True, nogil=True, error_model="numpy", fastmath=_EXACT
+)
 
 
 def at(value, row, col):  # type: ignore[no-untyped-def]

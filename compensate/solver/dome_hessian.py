@@ -117,7 +117,7 @@ class DomeHessian(Hessian):
 
     def _fused(self, spectra: Spectra) -> Any:
         """The compiled loops, where there are any for such a problem."""
-        plain = len(spectra) == 3 and self.core.shape[1] == 1
+        plain = len(spectra) == 3 and self.core.shape[1] == 1 and len(self._blocks.squares) <= 3
         return loops(*spectra) if plain else None
 
     def _given(self, sigma: Sequence[float]) -> tuple[Any, ...]:

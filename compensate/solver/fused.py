@@ -31,9 +31,9 @@ def parts(spectra: Sequence[Array]) -> tuple[Array, ...]:
 def _compiled() -> Any:
     if os.environ.get("DOMESIM_FAST", "1") == "0":
         return None
+    # Numba's own setting is for one thread of ours only
+    os.environ.setdefault("NUMBA_NUM_THREADS", str(threads()))
     try:
-        numba = importlib.import_module("numba")
+        return importlib.import_module("compensate.solver.compiled")
     except ImportError:
         return None
-    numba.set_num_threads(min(threads(), numba.config.NUMBA_NUM_THREADS))
-    return importlib.import_module("compensate.solver.compiled")

@@ -140,7 +140,9 @@ class PairHessian(Hessian):
 
     def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
         """See `Hessian`."""
-        if self._summed and len(sigma) in (2, 6) and (compiled := loops(*spectra)):
+        channels = len(self._blocks[0].squares)
+        fits = (len(sigma), channels) == (2, 1) or (len(sigma) == 6 and channels <= 3)
+        if self._summed and fits and (compiled := loops(*spectra)):
             real = parts(spectra)
             nothing = np.broadcast_to(real[0].dtype.type(0), real[0].shape)
             added = parts(plus) if plus else (nothing,) * len(real)

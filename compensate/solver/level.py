@@ -6,8 +6,8 @@ w = D (x - x_a) on padded planes,
     f(w) = c_a - <b, w> + 1/2 <w, H_0 w>             b = - gradient at the base, c_a its cost
     g(w) = 1/2 <w - o, M (w - o)> + [lower <= w <= upper]        M = mu / D²
 
-What is clipped is sparse, so that b is small, sums lose no digits in float32, and a solution on a
-coarser plane goes over to the finer one without blurring the picture.
+Near the base, what is clipped is sparse, so that b is small, sums lose few digits in float32, and a
+solution on a coarser plane goes over to the finer one without blurring the picture.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Level:
     offset
         (row, col) o on the picture's part of each plane, or None where it is 0.
     cost
-        c_a.
+        c_a, of f: without the regulariser.
     """
 
     hessian: Hessian

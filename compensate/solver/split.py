@@ -36,11 +36,7 @@ class Split(ABC):
         The light that planes are relative to: the regulariser's, within the bounds.
     levels
         The problem, and from there on coarser and coarser ones; none before `prepare`.
-    exact
-        Whether the Hessian is H_0.
     """
-
-    exact: bool = True
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -60,7 +56,7 @@ class Split(ABC):
             not any(
                 each_place(
                     lambda view, rows, p=p: bool(  # type: ignore[misc]
-                        xp.any(xp.abs(self._residual[view, rows, :, p]) > limit)
+                        not xp.all(xp.abs(self._residual[view, rows, :, p]) <= limit)
                     ),
                     self._residual,
                 )
@@ -267,16 +263,18 @@ def require_certifiable(problem: Problem) -> CsfWeighting:
     Raises
     ------
     ValueError
-        If it is not one that Fourier diagonalises, the problem has no regulariser, or its pixels
-        are not pinned where the weighting has no support.
+        If it is not one that Fourier diagonalises, the problem has no regulariser, its bounds are
+        not finite, or its pixels are not pinned where the weighting has no support.
     """
     weighting: Any = problem.weighting
     if not isinstance(weighting, CsfWeighting):
         raise ValueError(f"ADMM takes a CsfWeighting, got {type(weighting).__name__}")
+    xp = namespace(problem.desired)
+    if not bool(xp.all(xp.isfinite(problem.lower)) & xp.all(xp.isfinite(problem.upper))):
+        raise ValueError("ADMM takes finite bounds")
     if not problem.regularisation > 0:
         raise ValueError("ADMM certifies regularised problems only, got regularisation 0")
     if not weighting.support.all():
-        xp = namespace(problem.desired)
         free = xp.broadcast_to(problem.lower != problem.upper, problem.observation.shape)
         off = xp.asarray(~weighting.support, device=problem.desired.device)
         if bool(xp.any(free & off[None, :, :, None])):

@@ -87,8 +87,10 @@ class Varying:
         direction = step = self._preconditioned(remainder)
         y = [0 * plane for plane in free]
         product = _dot(remainder, step)
-        best = float("inf")
+        best = _dot(free, free) / self._mu
         for _ in range(_STEPS):
+            if not product > 0:  # nothing is free, or all is known
+                break
             image = self._curved(direction)
             length = product / _dot(direction, image)
             y = _plus(y, length, direction)
@@ -126,8 +128,8 @@ class Varying:
         reach = opponent * importance * self._deviation() / np.sqrt(rho * min(self._hessian.metric))
         bound = (1 + reach) ** 2
         if bound <= _SAFE:
-            return max(mask, 1e-6)
-        return self._by_power(rho) if mask == 1 else max(mask, 1e-6) * bound
+            return mask
+        return self._by_power(rho) if mask == 1 else mask * bound
 
     def _deviation(self) -> float:
         """The largest norm of a pixel's matrix of crosstalk less the central one."""

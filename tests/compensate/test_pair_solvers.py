@@ -225,3 +225,17 @@ class _Plain:
 
     def quadratic(self, residual: np.ndarray) -> tuple[float, np.ndarray]:
         return self.energy(residual), residual
+
+
+@pytest.mark.parametrize("gain", [0.1, 1.0])
+def test_a_black_pair_that_cannot_be_black_is_solved(gain):
+    """Everything is at a bound: nothing is left for the certificate's conjugate gradients."""
+    plain = OBSERVATIONS["map"](12, 16)
+    observation = Crosstalk(12, 16, plain.matrices, share=plain.share, black=0.01)
+    master = np.zeros((2, 12, 16, 3))
+    posed = Problem(
+        observation, two_views(12, 16, gain), master, anchor=master, regularisation=1e-4
+    )
+    found = ADMM()(posed, master)
+    assert found.status is Status.CONVERGED
+    assert found.cost <= posed.cost(master)

@@ -304,3 +304,34 @@ def test_planes_of_a_quarter_count_as_a_quarter():
     assert fine.count == 6 + 2 / 16 + 1 / 4
     with pytest.raises(ValueError, match="no half"):
         Fourier(9, 12).coarser()
+
+
+def test_infinite_bounds_are_refused():
+    posed, start = problem(9)
+    unbounded = Problem(
+        posed.observation,
+        posed.weighting,
+        posed.desired,
+        (-np.inf, posed.upper),
+        anchor=start,
+        regularisation=1,
+    )
+    with pytest.raises(ValueError, match="finite bounds"):
+        ADMM()(unbounded, start)
+
+
+def test_the_base_is_told_with_its_own_cost():
+    """An anchor out of bounds: the base's regulariser is not 0."""
+    posed, start = problem(9)
+    shifted = Problem(
+        posed.observation,
+        posed.weighting,
+        posed.desired,
+        (posed.lower, posed.upper),
+        anchor=start - 3.0 * posed.observation.screen[None, :, :, None],
+        regularisation=1,
+    )
+    for steps in (1, 2, 40):
+        found = ADMM(max_iterations=steps, first_check=1)(shifted, start)
+        assert found.cost == pytest.approx(shifted.cost(found.light), rel=1e-9)
+        assert found.gap is None or found.gap >= 0
