@@ -6,6 +6,8 @@ against the true gap; KKT conditions, not only answers.
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from laws.test_linear_maps import RankTwo
@@ -13,13 +15,16 @@ from scipy.optimize import lsq_linear, minimize
 from theatres import closed_form, picture, problem, unequal_weighting, weighting
 
 from compensate.fourier import Fourier
+from compensate.master import pose
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
 from compensate.solver.dome_split import hessian_of
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
+from domesim.scene import load_dome
 from validation.experiments.convergence import dense
+from validation.masters import night
 
 MINIMISERS = {
     "admm": ADMM(tolerance=1e-13, max_iterations=20000),
@@ -335,3 +340,26 @@ def test_the_base_is_told_with_its_own_cost():
         found = ADMM(max_iterations=steps, first_check=1)(shifted, start)
         assert found.cost == pytest.approx(shifted.cost(found.light), rel=1e-9)
         assert found.gap is None or found.gap >= 0
+
+
+def test_nothing_is_of_double_precision_on_the_way(monkeypatch):
+    """A hidden float64 or complex128 copy doubles the memory, and the time of an FFT."""
+    seen = set()
+    for name in ("forward", "inverse"):
+        plain = getattr(Fourier, name)
+
+        def watched(self, planes, plain=plain):
+            result = plain(self, planes)
+            seen.update({str(planes.dtype), str(result.dtype)})
+            return result
+
+        monkeypatch.setattr(Fourier, name, watched)
+    posed = pose(night(256), load_dome("dome_imax"))
+    tracemalloc.start()
+    found = ADMM(stop_when_invisible=False)(posed.problem, posed.subtractive)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert seen == {"float32", "complex64"}
+    assert found.light.dtype == np.float32
+    plane = posed.problem.weighting.fourier.rows * posed.problem.weighting.fourier.cols * 4
+    assert peak / plane <= 110  # most of it strips, which are as large as such a small picture
