@@ -46,26 +46,13 @@ def on_device(solver: Solver, device: str) -> Solver:
     send = _sender(device)
 
     def solve(problem: Problem, start: Light) -> Result:
-        there = moved(problem, send)
+        there = problem.sent(send)
         # Solvers know their own start again by its being the anchor
         at_anchor = start is problem.anchor
         found = solver(there, there.anchor if at_anchor else send(start))
         return replace(found, light=on_host(found.light))
 
     return solve
-
-
-def moved(problem: Problem, send: Callable[[Array], Array]) -> Problem:
-    """The same problem, of arrays that `send` makes of its own."""
-    return Problem(
-        problem.observation,
-        problem.weighting,
-        send(problem.desired),
-        (send(problem.lower), send(problem.upper)),
-        anchor=None if problem.anchor is None else send(problem.anchor),
-        regularisation=problem.regularisation,
-        negligible=problem.negligible,
-    )
 
 
 def _sender(device: str) -> Callable[[Array], Array]:

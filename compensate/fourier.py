@@ -74,7 +74,10 @@ class Fourier:
         return namespace(spectrum).fft.irfftn(spectrum, s=size, axes=(-2, -1))
 
     def dot(self, left: Array, right: Array) -> float:
-        """<l, r> of the real planes whose spectra these are (Parseval), summed in float64."""
+        """<l, r> of the real planes whose spectra these are (Parseval), summed in float64.
+
+        Of some rows of the spectra, their part of it.
+        """
         xp = namespace(left, right)
         # rfft keeps half of the columns: all but the first (and Nyquist's) stand for two
         result = 2 * total(xp.real(xp.vecdot(left, right)))

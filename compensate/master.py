@@ -425,7 +425,7 @@ class _Shared:
             return problem, baselines.clipped_subtraction(problem)[0]
         problem = Problem(observation, self.plain, desired)
         if isinstance(observation, Crosstalk):
-            return problem, _subtracted(observation, desired)
+            return problem, deghosting.subtracted_crosstalk(observation, desired)
         light, _ = deghosting.clipped_subtraction(problem)
         if isinstance(self.single, GreyToGrey):
             problem = problem.observed_by(self.single.linearised(light))
@@ -464,52 +464,6 @@ def _shared(scene: Scene, settings: PerceptualWeighting, rows: int, cols: int) -
         scene.pixel_areas(rows, cols),
         float(negligible),
     )
-
-
-def _subtracted(observation: Crosstalk, desired: Light) -> Light:
-    """`deghosting.clipped_subtraction` within 0..1, which mixes no pixels, strip by strip.
-
-    It begins with what subtracts the mean of the map: where that is flat and nothing clips, this
-    is the result.
-    """
-    light = np.empty_like(desired)
-    dtype = desired.dtype
-    mixing = [np.ascontiguousarray(matrix.T, dtype) for matrix in observation.matrices]
-    share = observation.share[..., None].astype(dtype)
-    # Of a whole row: NumPy repeats three numbers slowly.
-    black = np.repeat(observation.black[:, None, None, :], desired.shape[2], 2).astype(dtype)
-    primaries = desired.shape[3]
-    inverse = np.linalg.inv(observation.central.reshape(2 * primaries, -1)).astype(dtype)
-    unmixing = inverse.reshape(2, primaries, 2, primaries).transpose(0, 2, 3, 1).copy()
-    tiny = float(np.finfo(dtype).eps)
-
-    def subtract(_: int, rows: slice) -> None:
-        part = light[:, rows]
-        varying = share if share.shape[1] == 1 else share[:, rows]
-        wanted = desired[:, rows] - black
-        for view in (0, 1):
-            start = wanted[0] @ unmixing[view, 0]
-            start += wanted[1] @ unmixing[view, 1]
-            np.clip(start, 0, 1, out=part[view])
-        best, since_best = np.inf, 0
-        for _ in range(deghosting.MAX_ROUNDS):
-            change = 0.0
-            for view in (0, 1):
-                new = part[1 - view] @ mixing[view]
-                new *= varying[view]
-                np.subtract(wanted[view], new, out=new)
-                np.clip(new, 0, 1, out=new)
-                difference = new - part[view]
-                change = max(change, float(difference.max()), -float(difference.min()))
-                part[view] = new
-            since_best = 0 if change < best else since_best + 1
-            best = min(best, change)
-            # Rounding can keep the last digits moving.
-            if change <= tiny or (change <= 16 * tiny and since_best > 2):
-                return
-
-    in_strips(subtract, (1, *desired.shape[1:3], 2 * desired.shape[3]))
-    return light
 
 
 def _require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:

@@ -9,6 +9,7 @@ small mu keeps frequencies that the eye cannot see from filling with noise.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import final
 
 from compensate.weighting import Weighting
@@ -138,13 +139,22 @@ class Problem:
         """The same problem with another `weighting` of the same shape."""
         return self._with(self.observation, weighting)
 
-    def _with(self, observation: AdjointObservation, weighting: Weighting) -> Problem:
+    def sent(self, send: Callable[[Array], Array]) -> Problem:
+        """The same problem, of arrays that `send` makes of its own, as on a GPU."""
+        return self._with(self.observation, self.weighting, send)
+
+    def _with(
+        self,
+        observation: AdjointObservation,
+        weighting: Weighting,
+        send: Callable[[Array], Array] = lambda array: array,
+    ) -> Problem:
         return Problem(
             observation,
             weighting,
-            self.desired,
-            (self.lower, self.upper),
-            anchor=self.anchor,
+            send(self.desired),
+            (send(self.lower), send(self.upper)),
+            anchor=None if self.anchor is None else send(self.anchor),
             regularisation=self.regularisation,
             negligible=self.negligible,
         )

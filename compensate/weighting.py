@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from compensate.fourier import Fourier, padded_size
 from compensate.vision.csf import LowFrequencyFloor, daly
 from domesim.light import Array, Light, dot, kind, namespace, require_light
-from domesim.strips import in_strips
+from domesim.strips import in_parts
 from domesim.viewing import Viewing
 
 
@@ -225,7 +225,7 @@ class CsfWeighting(Weighting):
             channels = xp.permute_dims(residual[view, rows, ...] @ opponent.T, (2, 0, 1))
             planes[view, :, rows, :cols] = channels * counting(view, rows)
 
-        self._in_parts(fill, residual)
+        in_parts(fill, self.shape, residual)
         spectrum = self._fourier.forward(planes)
         spectrum *= gains
         return spectrum
@@ -241,16 +241,8 @@ class CsfWeighting(Weighting):
             channels = planes[view, :, rows, :cols] * counting(view, rows)
             light[view, rows, ...] = xp.permute_dims(channels, (1, 2, 0)) @ opponent
 
-        self._in_parts(fill, planes)
+        in_parts(fill, self.shape, planes)
         return light
-
-    def _in_parts(self, fill: Callable[[int, slice], None], array: Array) -> None:
-        """Fill what belongs to each view: strip by strip, if it is NumPy that computes."""
-        if isinstance(array, np.ndarray):
-            in_strips(fill, self.shape)
-            return
-        for view in range(len(self.importance)):
-            fill(view, slice(0, self.shape[1]))
 
     def _counting(self, light: Light, support: Array) -> Callable[[int, slice], Array]:
         """Of rows of a view, (row, col): the root of how much each pixel counts."""

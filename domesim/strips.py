@@ -13,6 +13,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import TypeVar
 
+import numpy as np
+
 T = TypeVar("T")
 
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
@@ -43,6 +45,13 @@ def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T
     if len(places) == 1:
         return [work(*places[0])]
     return list(_pool().map(lambda place: work(*place), places))
+
+
+def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: object) -> list[T]:
+    """`in_strips` where `computes`, an array, is NumPy's; else `work` of all rows of each view."""
+    if isinstance(computes, np.ndarray):
+        return in_strips(work, shape)
+    return [work(view, slice(0, shape[1])) for view in range(shape[0])]
 
 
 def threads() -> int:

@@ -44,7 +44,7 @@ from compensate.problem import Problem
 from compensate.solver.anderson import Anderson
 from compensate.solver.blocks import Spectra
 from compensate.solver.dome_split import DomeSplit
-from compensate.solver.level import Level, Planes
+from compensate.solver.level import Level, Planes, padded
 from compensate.solver.pair_split import PairSplit
 from compensate.solver.result import Result, Status
 from compensate.solver.split import Split
@@ -256,10 +256,12 @@ class _Run:
             due |= iteration == settings.max_iterations
             if due:
                 anderson.forget_oldest()  # a certificate needs as much memory
-            step = self._varying_step if self._varying else self._exact_step
-            w, status = step(s, weights, iteration, due=due)
-            if status:
-                return status
+            if self._varying:
+                w, status = self._varying_step(s, weights, iteration, due=due)
+                if status:
+                    return status
+            else:
+                w = self._exact_step(s, weights, due=due)
             s = self._moved(level, s, w, weights, anderson)
             del w  # a certificate needs as much memory
             if due and not self._varying:
@@ -274,9 +276,7 @@ class _Run:
                 settings.watch(iteration, lambda: self._split.light(self._feasible(s, weights)))  # noqa: B023
         return None
 
-    def _exact_step(
-        self, s: Planes, weights: list[float], iteration: int, *, due: bool
-    ) -> tuple[Planes, Status | None]:
+    def _exact_step(self, s: Planes, weights: list[float], *, due: bool) -> Planes:
         """The x-step's w; where a certificate is due, the lower bound is known afterwards."""
         level, hessian = self._level, self._level.hessian
         spectra = _x_step(level, s, weights)
@@ -292,7 +292,7 @@ class _Run:
             hessian.solve(free, [sigma] * len(free))
             dual = hessian.energy(free) + sigma * hessian.dot(free, free)
             self._bounds.raise_to(known - 0.5 * dual)
-        return w, None
+        return w
 
     def _offered(self, spectra: Spectra, regulariser: float, iteration: int) -> Status | None:
         """Note a feasible iterate's cost; why to stop there, if there is a reason."""
@@ -306,7 +306,7 @@ class _Run:
         for p, (plane, weight) in enumerate(zip(s, weights, strict=True)):
             z = level.feasible(p, plane, weight)
             regulariser += level.regulariser(p, z)
-            spectra.append(level.hessian.fourier.forward(level.padded(z)))
+            spectra.append(level.hessian.fourier.forward(padded(z, level.hessian.fourier)))
         return spectra, regulariser
 
     def _settle_at(self, s: Planes, weights: list[float], spectra: Spectra) -> None:

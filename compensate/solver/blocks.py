@@ -17,8 +17,8 @@ from typing import Any, TypeAlias, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.light import Array, namespace, total
-from domesim.strips import in_strips
+from domesim.light import Array
+from domesim.strips import in_parts
 
 Spectra: TypeAlias = list[Array]
 """One (padded row, padded col // 2 + 1) complex array a plane."""
@@ -67,8 +67,7 @@ class Blocks:
 
     def solved(self, strip: slice, spectra: Sequence[Array], sigma: Sequence[float]) -> list[Array]:
         """(H_0 + diag(sigma))^-1 of a strip of rows, by its LDL' factors."""
-        factors = self.factors(strip, sigma)
-        return substituted(factors, spectra)
+        return _substituted(self._factors(strip, sigma), spectra)
 
     def times(self, strip: slice, spectra: Sequence[Array]) -> list[Array]:
         """H_0 of a strip of rows."""
@@ -82,7 +81,7 @@ class Blocks:
             for i in range(self.size)
         ]
 
-    def factors(self, strip: slice, sigma: Sequence[float]) -> tuple[list[list[Any]], list[Any]]:
+    def _factors(self, strip: slice, sigma: Sequence[float]) -> tuple[list[list[Any]], list[Any]]:
         """L (below the diagonal; None for 0) and 1 / D of H_0 + diag(sigma), for a strip."""
         squares = [square[strip, :] for square in self.squares]
         lower: list[list[Any]] = [[None] * self.size for _ in range(self.size)]
@@ -123,7 +122,7 @@ class Blocks:
         return result
 
 
-def substituted(
+def _substituted(
     factors: tuple[list[list[Any]], list[Any]], spectra: Sequence[Array]
 ) -> list[Array]:
     """What solves L D L' y = spectra."""
@@ -144,20 +143,7 @@ def substituted(
 
 def each_strip(work: Callable[[slice], T], plane: Array) -> list[T]:
     """`work(rows)` for strips of a plane's rows; for all rows at once but in NumPy."""
-    rows, cols = plane.shape
-    if not isinstance(plane, np.ndarray):
-        return [work(slice(0, rows))]
-    return in_strips(lambda _, strip: work(strip), (1, rows, cols))
-
-
-def dot_of(left: Array, right: Array, cols: int) -> float:
-    """<l, r> of planes `cols` wide, from strips of their spectra; not yet over the plane's size."""
-    xp = namespace(left, right)
-    # rfft keeps half of the columns: all but the first (and Nyquist's) stand for two
-    result = 2 * float(total(xp.real(xp.vecdot(left, right))))
-    for col in (0, -1) if cols % 2 == 0 else (0,):
-        result -= float(total(xp.real(xp.conj(left[:, col]) * right[:, col])))
-    return result
+    return in_parts(lambda _, strip: work(strip), (1, *plane.shape), plane)
 
 
 def _sum(terms: Any) -> Any:

@@ -56,9 +56,11 @@ from compensate.solver.baselines import computed
 from compensate.solver.result import Result, Status
 from domesim.light import Array, Light, namespace
 from domesim.observation.base import Observation
+from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.stereo import StereoObservation
 from domesim.projector import conversion
+from domesim.strips import in_strips
 
 Floats = NDArray[np.float64]
 
@@ -278,6 +280,48 @@ def clipped_subtraction(problem: Problem, max_rounds: int = MAX_ROUNDS) -> tuple
     return _fixed_point(observation, problem.desired, problem.lower, problem.upper, max_rounds)
 
 
+def subtracted_crosstalk(observation: Crosstalk, desired: Light) -> Light:
+    """`clipped_subtraction` within 0..1, which mixes no pixels, strip by strip.
+
+    It begins with what subtracts the mean of the map: where that is flat and nothing clips, this
+    is the result.
+    """
+    light = np.empty_like(desired)
+    dtype = desired.dtype
+    mixing = [np.ascontiguousarray(matrix.T, dtype) for matrix in observation.matrices]
+    share = observation.share[..., None].astype(dtype)
+    # Of a whole row: NumPy repeats three numbers slowly.
+    black = np.repeat(observation.black[:, None, None, :], desired.shape[2], 2).astype(dtype)
+    primaries = desired.shape[3]
+    inverse = np.linalg.inv(observation.central.reshape(2 * primaries, -1)).astype(dtype)
+    unmixing = inverse.reshape(2, primaries, 2, primaries).transpose(0, 2, 3, 1).copy()
+
+    def subtract(_: int, rows: slice) -> None:
+        part = light[:, rows]
+        varying = share if share.shape[1] == 1 else share[:, rows]
+        wanted = desired[:, rows] - black
+        for view in (0, 1):
+            start = wanted[0] @ unmixing[view, 0]
+            start += wanted[1] @ unmixing[view, 1]
+            np.clip(start, 0, 1, out=part[view])
+        settling = _Settling(float(np.finfo(dtype).eps))
+        for _ in range(MAX_ROUNDS):
+            change = 0.0
+            for view in (0, 1):
+                new = part[1 - view] @ mixing[view]
+                new *= varying[view]
+                np.subtract(wanted[view], new, out=new)
+                np.clip(new, 0, 1, out=new)
+                difference = new - part[view]
+                change = max(change, float(difference.max()), -float(difference.min()))
+                part[view] = new
+            if settling.done(change):
+                return
+
+    in_strips(subtract, (1, *desired.shape[1:3], 2 * desired.shape[3]))
+    return light
+
+
 def uncorrectable(problem: Problem, light: Light) -> NDArray[np.bool_]:
     """(view, row, col, primary): where clipped subtraction, `light`, cannot show what is desired.
 
@@ -308,6 +352,22 @@ def bumps(needed: Floats, sigma: float) -> Floats:
     return veil
 
 
+@final
+class _Settling:
+    """Whether an iteration's changes have come down to rounding, of relative size `tiny`."""
+
+    def __init__(self, tiny: float) -> None:
+        self._tiny = tiny
+        self._best, self._since_best = np.inf, 0
+
+    def done(self, change: float) -> bool:
+        """Note the largest change of a round."""
+        self._since_best = 0 if change < self._best else self._since_best + 1
+        self._best = min(self._best, change)
+        # Rounding can keep the last digits moving.
+        return change <= self._tiny or (change <= 16 * self._tiny and self._since_best > 2)
+
+
 def _fixed_point(
     observation: Observation, desired: Light, lower: Array, upper: Array, max_rounds: int
 ) -> tuple[Light, int]:
@@ -318,8 +378,7 @@ def _fixed_point(
     xp = namespace(desired)
     light = xp.minimum(xp.maximum(desired, lower), upper)
     slopes = None if isinstance(observation, GreyToGrey) else _own_slopes(observation, light)
-    tiny = float(xp.finfo(desired.dtype).eps)
-    best, since_best = np.inf, 0
+    settling = _Settling(float(xp.finfo(desired.dtype).eps))
     for rounds in range(1, max_rounds + 1):
         if isinstance(observation, GreyToGrey):
             own = _along_table(observation, desired, light)
@@ -328,10 +387,7 @@ def _fixed_point(
         new = xp.minimum(xp.maximum(own, lower), upper)
         change = float(xp.max(xp.abs(new - light)))
         light = new
-        since_best = 0 if change < best else since_best + 1
-        best = min(best, change)
-        # Rounding can keep the last digits moving.
-        if change <= tiny or (change <= 16 * tiny and since_best > 2):
+        if settling.done(change):
             return light, rounds
     return light, max_rounds
 

@@ -31,9 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.fourier import Fourier
-from compensate.solver.blocks import Blocks, Spectra, dot_of, each_strip
-from compensate.solver.fused import loops, parts
-from compensate.solver.hessian import Hessian, halved_spectrum, metric_of
+from compensate.solver.blocks import Blocks, Spectra, each_strip
+from compensate.solver.fused import loops, parts, parts_or_zero
+from compensate.solver.hessian import Hessian, halved, metric_of
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, namespace, on_host
 
@@ -138,13 +138,11 @@ class DomeHessian(Hessian):
         """
         modes, fourier = self.core.shape[1], self.fourier
         if compiled := self._fused(spectra):
-            real = parts(spectra)
-            nothing = np.broadcast_to(real[0].dtype.type(0), real[0].shape)
             sums = np.zeros((fourier.rows, 9))
             # How much the first and the last column count
             sums[:, 0], sums[:, 1] = 1, 1 if fourier.cols % 2 == 0 else 2
-            added = parts(plus) if plus else (nothing,) * 3
-            compiled.dome3(*real, added, *self._given(sigma), sums)
+            added = parts_or_zero(plus, spectra)
+            compiled.dome3(*parts(spectra), added, *self._given(sigma), sums)
             found = sums.sum(axis=0).reshape(3, 3) / (fourier.rows * fourier.cols)
             return found[0][:, None], found[1:].T
         if plus is not None:
@@ -180,15 +178,14 @@ class DomeHessian(Hessian):
     def energy(self, spectra: Spectra) -> float:
         """<w, C'WC w>."""
         polluted = self._excited(spectra)
-        cols = self.fourier.cols
 
         def work(rows: slice) -> float:
             added = self._combined(rows, np.concatenate([0 * polluted, polluted], 1))
             seen = [plane[rows, :] + b for plane, b in zip(spectra, added, strict=True)]
             images = self._blocks.times(rows, seen)
-            return sum(dot_of(a, b, cols) for a, b in zip(seen, images, strict=True))
+            return sum(self.fourier.dot(a, b) for a, b in zip(seen, images, strict=True))
 
-        return sum(each_strip(work, spectra[0])) / (self.fourier.rows * cols)
+        return sum(each_strip(work, spectra[0]))
 
     @property
     def squares(self) -> Sequence[Array]:
@@ -197,12 +194,12 @@ class DomeHessian(Hessian):
 
     def seen(self, residual: Spectra) -> tuple[float, Spectra]:
         """||A r||² and C'W r of a residual r."""
-        modes, cols = self.core.shape[1], self.fourier.cols
+        modes = self.core.shape[1]
 
         def weighted(rows: slice) -> tuple[float, Any]:
             strip = [plane[rows, :] for plane in residual]
             back = self._blocks.times(rows, strip)
-            energy = sum(dot_of(a, b, cols) for a, b in zip(strip, back, strict=True))
+            energy = sum(self.fourier.dot(a, b) for a, b in zip(strip, back, strict=True))
             for plane, value in zip(residual, back, strict=True):
                 plane[rows, :] = value
             return energy, self._dots(rows, back)[:, modes:]
@@ -210,7 +207,7 @@ class DomeHessian(Hessian):
         found = each_strip(weighted, residual[0])
         energy, shown = (sum(part[k] for part in found) for k in range(2))
         self._add_collected(residual, np.einsum("pjk,pj->pk", self.core, shown))
-        return float(energy) / (self.fourier.rows * cols), residual
+        return float(energy), residual
 
     def _excited(self, spectra: Spectra) -> Any:
         """(primary, mode) core V'w: how much each shape of U is seen."""
@@ -235,8 +232,7 @@ class DomeHessian(Hessian):
 
         each_strip(add, spectra[0])
 
-    def _coarser(self) -> DomeHessian:
-        halves = {id(square): halved_spectrum(square) for square in self._squares}
+    def _coarser(self, squares: Sequence[Array]) -> DomeHessian:
         spread, collect = (
             namespace(planes).stack([halved(planes[k, :, :]) for k in range(planes.shape[0])])
             for planes in self._pixels
@@ -247,19 +243,19 @@ class DomeHessian(Hessian):
             4 * collect,
             self.core,
             self._weighting,
-            [halves[id(square)] for square in self._squares],
+            squares,
             self.fourier.coarser(),
         )
 
     def _dots(self, rows: slice, strip: Sequence[Array]) -> Any:
         """(primary, V and U mode) inner products with a strip's part of the modes."""
-        fourier, shapes = self.fourier, self._shapes
+        shapes = self._shapes
         # Row by row: a product of matrices would start threads of its own, in each strip's thread
         found = [
-            [dot_of(shapes[k, rows, :], plane, fourier.cols) for k in range(shapes.shape[0])]
+            [self.fourier.dot(shapes[k, rows, :], plane) for k in range(shapes.shape[0])]
             for plane in strip
         ]
-        return np.asarray(found) / (fourier.rows * fourier.cols)
+        return np.asarray(found)
 
     def _combined(self, rows: slice, coefficients: Any) -> list[Array]:
         """Sums of the modes' strips times (primary, V and U mode) coefficients."""
@@ -337,11 +333,3 @@ class DomeHessian(Hessian):
         for p in range(primaries):
             result[p, :, p, :] = self.core[p]
         return result.reshape(primaries * modes, primaries * modes)
-
-
-def halved(plane: Array) -> Array:
-    """(row, col) to half as many rows and columns: means of 2 x 2."""
-    xp = namespace(plane)
-    rows, cols = plane.shape
-    cells = xp.reshape(plane, (rows // 2, 2, cols // 2, 2))
-    return 0.25 * (cells[:, 0, :, 0] + cells[:, 0, :, 1] + cells[:, 1, :, 0] + cells[:, 1, :, 1])

@@ -27,6 +27,14 @@ def parts(spectra: Sequence[Array]) -> tuple[Array, ...]:
     return tuple(plane.view(plane.real.dtype) for plane in spectra)
 
 
+def parts_or_zero(plus: Sequence[Array] | None, spectra: Sequence[Array]) -> tuple[Array, ...]:
+    """`parts` of what is added to `spectra`: zeros, which take no memory, where that is nothing."""
+    if plus is not None:
+        return parts(plus)
+    (first, *_) = parts(spectra)
+    return (np.broadcast_to(first.dtype.type(0), first.shape),) * len(spectra)
+
+
 @cache
 def _compiled() -> Any:
     if os.environ.get("DOMESIM_FAST", "1") == "0":

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.fourier import Fourier
-from compensate.solver.blocks import Blocks, Spectra, dot_of, each_strip
-from compensate.solver.fused import loops, parts
+from compensate.solver.blocks import Blocks, Spectra, each_strip
+from compensate.solver.fused import loops, parts, parts_or_zero
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, namespace, total
 
@@ -66,7 +66,8 @@ class Hessian(ABC):
         """Omega_c² of each channel."""
 
     @abstractmethod
-    def _coarser(self) -> Hessian: ...
+    def _coarser(self, squares: Sequence[Array]) -> Hessian:
+        """`coarser`, with its Omega_c²."""
 
     @cached_property
     def weights(self) -> float:
@@ -76,17 +77,18 @@ class Hessian(ABC):
     @cached_property
     def coarser(self) -> Hessian:
         """The same on planes of half the rows and columns."""
-        return self._coarser()
+        # Channels of one sensitivity stay one
+        halves = {id(square): halved_spectrum(square) for square in self.squares}
+        return self._coarser([halves[id(square)] for square in self.squares])
 
     def dot(self, left: Spectra, right: Spectra) -> float:
         """<l, r> of the planes whose spectra these are."""
-        cols = self.fourier.cols
 
         def work(rows: slice) -> float:
             pairs = zip(left, right, strict=True)
-            return sum(dot_of(a[rows, :], b[rows, :], cols) for a, b in pairs)
+            return sum(self.fourier.dot(a[rows, :], b[rows, :]) for a, b in pairs)
 
-        return sum(each_strip(work, left[0])) / (self.fourier.rows * cols)
+        return sum(each_strip(work, left[0]))
 
 
 @final
@@ -143,9 +145,7 @@ class PairHessian(Hessian):
         channels = len(self._blocks[0].squares)
         fits = (len(sigma), channels) == (2, 1) or (len(sigma) == 6 and channels <= 3)
         if self._summed and fits and (compiled := loops(*spectra)):
-            real = parts(spectra)
-            nothing = np.broadcast_to(real[0].dtype.type(0), real[0].shape)
-            added = parts(plus) if plus else (nothing,) * len(real)
+            real, added = parts(spectra), parts_or_zero(plus, spectra)
             sums, differences = (blocks.coefficients for blocks in self._blocks)
             given = np.asarray(sigma[: len(sigma) // 2], sums.dtype)
             if len(sigma) == 2:
@@ -191,7 +191,6 @@ class PairHessian(Hessian):
         central, weighting, squares = self._arguments
         seen, primaries = central.shape[:2]
         planes = 2 * primaries
-        cols = self.fourier.cols
         xp = namespace(residual[0])
         result = residual[:planes] if seen == 2 else [xp.empty_like(r) for r in residual[:planes]]
         mixing = central.reshape(seen * primaries, planes)
@@ -204,36 +203,32 @@ class PairHessian(Hessian):
                 strip = [plane[rows, :] for plane in residual[part]]
                 weighted = weighed(strip, weighting.opponent, squares, rows)
                 energy += float(weighting.importance[view]) * sum(
-                    dot_of(a, b, cols) for a, b in zip(strip, weighted, strict=True)
+                    self.fourier.dot(a, b) for a, b in zip(strip, weighted, strict=True)
                 )
                 back += weighted
             for plane, weights in zip(result, (importance[:, None] * mixing).T, strict=True):
                 plane[rows, :] = combined(back, weights)
             return energy
 
-        energy = sum(each_strip(work, residual[0]))
-        return energy / (self.fourier.rows * cols), result
+        return sum(each_strip(work, residual[0])), result
 
     def energy(self, spectra: Spectra) -> float:
         """<w, H_0 w>."""
-        cols = self.fourier.cols
         share = 0.5 if self._summed else 1.0
 
         def work(rows: slice) -> float:
             turned = self._turned([plane[rows, :] for plane in spectra])
             return share * sum(
-                dot_of(plane, image, cols)
+                self.fourier.dot(plane, image)
                 for part, blocks in zip(self._parts, self._blocks, strict=True)
                 for plane, image in zip(turned[part], blocks.times(rows, turned[part]), strict=True)
             )
 
-        return sum(each_strip(work, spectra[0])) / (self.fourier.rows * cols)
+        return sum(each_strip(work, spectra[0]))
 
-    def _coarser(self) -> PairHessian:
-        central, weighting, squares = self._arguments
-        halves = {id(square): halved_spectrum(square) for square in squares}
-        each = [halves[id(square)] for square in squares]
-        return PairHessian(central, weighting, each, self.fourier.coarser())
+    def _coarser(self, squares: Sequence[Array]) -> PairHessian:
+        central, weighting, _ = self._arguments
+        return PairHessian(central, weighting, squares, self.fourier.coarser())
 
     def _turned(self, planes: list[Array]) -> list[Array]:
         if not self._summed:
@@ -292,3 +287,11 @@ def halved_spectrum(plane: Array) -> Array:
     keep, quarter = (cols - 1) // 2 + 1, rows // 4
     xp = namespace(plane)
     return xp.concat([plane[:quarter, :keep], plane[rows - quarter :, :keep]])
+
+
+def halved(plane: Array) -> Array:
+    """(row, col) to half as many rows and columns: means of 2 x 2."""
+    xp = namespace(plane)
+    rows, cols = plane.shape
+    cells = xp.reshape(plane, (rows // 2, 2, cols // 2, 2))
+    return 0.25 * (cells[:, 0, :, 0] + cells[:, 0, :, 1] + cells[:, 1, :, 0] + cells[:, 1, :, 1])

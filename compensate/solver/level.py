@@ -15,11 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias, final
 
+from compensate.fourier import Fourier
 from compensate.solver.blocks import Spectra, each_strip
 from compensate.solver.certificate import CURVATURE, parted
-from compensate.solver.dome_hessian import halved
 from compensate.solver.fused import loops
-from compensate.solver.hessian import Hessian
+from compensate.solver.hessian import Hessian, halved
 from domesim.light import Array, namespace, total
 
 Planes: TypeAlias = list[Array]
@@ -68,17 +68,8 @@ class Level:
     def start(self, picture: Planes | None = None) -> Planes:
         """Padded planes of (row, col) planes; 0 by default."""
         if picture is None:
-            return [self.padded(lower[:0, :]) for lower in self.lower]
-        return [self.padded(plane) for plane in picture]
-
-    def padded(self, picture: Array) -> Array:
-        """A padded plane with a (row, col) one in its corner."""
-        fourier = self.hessian.fourier
-        result = namespace(picture).zeros(
-            (fourier.rows, fourier.cols), dtype=picture.dtype, device=picture.device
-        )
-        result[: picture.shape[0], : picture.shape[1]] = picture
-        return result
+            picture = [lower[:0, :] for lower in self.lower]
+        return [padded(plane, self.hessian.fourier) for plane in picture]
 
     def feasible(self, p: int, s: Array, weight: float) -> Array:
         """Z of s, (row, col): the regulariser's and the bounds' proximal map."""
@@ -260,6 +251,15 @@ class Level:
 
     def _away(self, p: int, z: Array, rows: slice) -> Array:
         return z[rows, :] if self.offset is None else z[rows, :] - self.offset[p][rows, :]
+
+
+def padded(picture: Array, fourier: Fourier) -> Array:
+    """A (padded row, padded col) plane with a (row, col) one in its corner, and 0 around."""
+    result = namespace(picture).zeros(
+        (fourier.rows, fourier.cols), dtype=picture.dtype, device=picture.device
+    )
+    result[: picture.shape[0], : picture.shape[1]] = picture
+    return result
 
 
 def coarsened(plane: Array) -> Array:

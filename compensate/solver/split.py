@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from compensate.problem import Problem
 from compensate.solver.hessian import Hessian
-from compensate.solver.level import Level, Planes, coarsened
+from compensate.solver.level import Level, Planes, coarsened, padded
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace
-from domesim.strips import in_strips
-
-T = TypeVar("T")
+from domesim.strips import in_parts
 
 _SMALLEST = 32  # rows and columns of a coarser plane
 _WORTH = 0.5  # of the squared weights
@@ -51,18 +48,12 @@ class Split(ABC):
     def answered(self) -> bool:
         """Whether the base is what the regulariser wants, and shows what is desired to rounding."""
         limit = 8 * float(np.finfo(np.float32).eps)
-        xp = namespace(self.base)
-        return self._offset is None and all(
-            not any(
-                each_place(
-                    lambda view, rows, p=p: bool(  # type: ignore[misc]
-                        not xp.all(xp.abs(self._residual[view, rows, :, p]) <= limit)
-                    ),
-                    self._residual,
-                )
-            )
-            for p in range(self._residual.shape[3])
-        )
+        residual, xp = self._residual, namespace(self.base)
+
+        def work(view: int, rows: slice) -> bool:
+            return bool(xp.all(xp.abs(residual[view, rows, ...]) <= limit))
+
+        return self._offset is None and all(in_parts(work, residual.shape, residual))
 
     def prepare(self, *, coarser: bool) -> None:
         """Make the levels: the problem itself, and `coarser` ones.
@@ -70,7 +61,7 @@ class Split(ABC):
         A level is worth while if its frequencies have most of the weights (squared).
         """
         fourier = self.weighting.fourier
-        residual = _padded(self._residual, fourier.rows, fourier.cols)
+        residual = [padded(plane, fourier) for plane in _each_plane(self._residual)]
         del self._residual
         damping, least = self._damping()
         offset = self._offset
@@ -105,7 +96,7 @@ class Split(ABC):
                 x = self._shown(planes[view * primaries + p][rows, :], rows) + base[place]
                 result[place] = xp.minimum(xp.maximum(x, lower[place]), upper[place])
 
-        each_place(work, base)
+        in_parts(work, base.shape, base)
         return result
 
     @abstractmethod
@@ -132,14 +123,9 @@ class Split(ABC):
         return self.problem.regularisation, self.problem.regularisation
 
     def _lower(self) -> Planes:
-        xp, base = namespace(self.base), self.base
-        lower = xp.broadcast_to(self.problem.lower, base.shape)
-        views, _, _, primaries = base.shape
-        return [
-            lower[view, :, :, p] - base[view, :, :, p]
-            for view in range(views)
-            for p in range(primaries)
-        ]
+        lower = namespace(self.base).broadcast_to(self.problem.lower, self.base.shape)
+        pairs = zip(_each_plane(lower), _each_plane(self.base), strict=True)
+        return [bound - plane for bound, plane in pairs]
 
     def _widths(self) -> list[Array | float]:
         return widths_of(self.problem)
@@ -200,7 +186,7 @@ def _within(problem: Problem, light: Light) -> bool:
             xp.all(part <= upper[view, rows, ...])
         )
 
-    return all(each_place(work, light))
+    return all(in_parts(work, light.shape, light))
 
 
 def _beyond(problem: Problem, light: Light, weighting: CsfWeighting) -> Light:
@@ -214,35 +200,16 @@ def _beyond(problem: Problem, light: Light, weighting: CsfWeighting) -> Light:
     return residual
 
 
-def each_place(work: Callable[[int, slice], T], light: Light) -> list[T]:
-    """`work(view, rows)` for strips of rows that together cover `light`.
-
-    For whole views but in NumPy.
-    """
-    if not isinstance(light, np.ndarray):
-        return [work(view, slice(0, light.shape[1])) for view in range(light.shape[0])]
-    return in_strips(work, light.shape)
-
-
-def _padded(light: Light, rows: int, cols: int) -> Planes:
-    """(padded row, padded col) planes of light, with 0 around."""
-    xp = namespace(light)
-    views, height, width, primaries = light.shape
-    result = []
-    for view in range(views):
-        for p in range(primaries):
-            large = xp.zeros((rows, cols), dtype=light.dtype, device=light.device)
-            large[:height, :width] = light[view, :, :, p]
-            result.append(large)
-    return result
+def _each_plane(light: Light) -> list[Array]:
+    """(row, col) views of the planes, all primaries of one view after the other."""
+    views, _, _, primaries = light.shape
+    return [light[view, :, :, p] for view in range(views) for p in range(primaries)]
 
 
 def planes_of(light: Light) -> Planes:
     """(row, col) planes, all primaries of one view after the other."""
     xp = namespace(light)
-    views, _, _, primaries = light.shape
-    pairs = [(view, p) for view in range(views) for p in range(primaries)]
-    return [xp.asarray(light[view, :, :, p], copy=True) for view, p in pairs]
+    return [xp.asarray(plane, copy=True) for plane in _each_plane(light)]
 
 
 def light_of(planes: Planes, views: int) -> Light:

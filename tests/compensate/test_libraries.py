@@ -18,7 +18,7 @@ from pairs import OBSERVATIONS, pair_problem
 from test_bad_input import store
 from theatres import closed_form, picture, problem, weighting
 
-from compensate.devices import moved, on_device
+from compensate.devices import on_device
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
@@ -86,14 +86,14 @@ PROBLEMS = {
 
 def as_type(posed: Problem, start: np.ndarray, dtype: type) -> Posed:
     """It in that precision; the start stays the anchor where it is."""
-    there = moved(posed, lambda array: np.asarray(array, dtype))
+    there = posed.sent(lambda array: np.asarray(array, dtype))
     return there, there.anchor if start is posed.anchor else start.astype(dtype)
 
 
 def solved(make, convert, dtype, solver):
     """Anew each time: transforms are counted from 0."""
     posed, start = as_type(*make(), dtype)
-    there = moved(posed, convert)
+    there = posed.sent(convert)
     found = solver(there, there.anchor if start is posed.anchor else convert(start))
     assert found.light.dtype == there.desired.dtype
     assert type(found.light) is type(there.desired)
@@ -134,7 +134,8 @@ def test_what_nothing_clips_is_known_to_be_exact(convert):
     master = 0.3 + 0.4 * pair_problem(observation)[0].desired
     start = observation.invert(master)
     lambda_ = pair_problem(observation)[0].weighting
-    posed = moved(Problem(observation, lambda_, master, anchor=start, regularisation=1e-3), convert)
+    here = Problem(observation, lambda_, master, anchor=start, regularisation=1e-3)
+    posed = here.sent(convert)
     found = ADMM()(posed, posed.anchor)
     assert found.status is Status.EXACT
     assert found.ffts == 0
@@ -289,7 +290,7 @@ def test_the_command_computes_there(tmp_path, monkeypatch, capsys):
 
 def test_a_problem_moved_is_the_same_problem():
     posed, start = problem(5)
-    there = moved(posed, np.asarray)
+    there = posed.sent(np.asarray)
     assert there.cost(start) == posed.cost(start)
     assert there.negligible == posed.negligible
     assert closed_form(5).shape == there.desired.shape
