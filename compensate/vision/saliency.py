@@ -1,0 +1,224 @@
+"""Graph-based visual saliency (GBVS): where a viewer looks first.
+
+A picture is split into feature maps on a coarse grid. On each map M a walker moves between all
+places, the likelier the more the places differ and the closer they are; the walker's equilibrium is
+large where the map differs from its surroundings. It is the *activation* A. A second walk, drawn to
+places of large A, concentrates it to few places:
+
+    activation      w_ij = |M_i - M_j| K_ij,     pi_i  ∝  sum_j w_ij                (symmetric w)
+    concentration   w_ij = A_j K_ij,             pi_i  ∝  A_i (K A)_i
+
+with K_ij = exp(-d_ij² / 2 sigma²). Both equilibria have a closed form. A walk that leaves i for j
+with probability P_ij = w_ij / sum_k w_ik keeps every pi that balances each pair of places, that is,
+for which pi_i P_ij is symmetric. For symmetric w, pi_i = sum_k w_ik gives pi_i P_ij = w_ij. For the
+concentration P_ij = A_j K_ij / (K A)_i, and pi_i = A_i (K A)_i gives A_i K_ij A_j. The closed forms
+also hold where a power iteration never settles: on a map of two values the first walk alternates
+for ever.
+
+Harel, J., Koch, C., Perona, P. (2007), "Graph-based visual saliency", NIPS 19, 545-552. Constants
+from the authors' MATLAB code (gbvs.m, makeGBVSParams.m, initGBVS.m, graphsalapply.m), as stored in
+github.com/sergeyk/vislab. What differs from it:
+
+- |M_i - M_j| is the code's dissimilarity, and here the only one; the paper's |log(M_i / M_j)| has
+  no meaning for opponent colours, which have a sign, and none at 0.
+- The concentration is the paper's; the code has replaced it by A^1.5, as faster.
+- The code is given encoded pictures. Here intensity and orientation take light encoded by the power
+  1/2.2 of the peak; the opponent colours are `castle`'s for BT.709 primaries, where the code has
+  those of one monitor.
+- Scales are tied to the grid and not to the pixels, so that a picture's saliency hardly depends on
+  its resolution. Only orientation is sought in each; colour and intensity, averaged onto the grid,
+  are (nearly) the same in all, and counted as often.
+- A map without differences prefers no place, and is left out. The picture's border is mirrored,
+  where the code fades it out.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.signal import fftconvolve
+
+from compensate.vision.castle import DKL_FROM_XYZ
+from domesim.errors import InputError
+
+Floats = NDArray[np.floating[Any]]
+
+GRID = 32
+"""Longest side of the grid, places (salmapmaxsize)."""
+
+SCALES = (4, 2, 1)
+"""Sides of the pictures in which orientation is sought, in grids."""
+
+ACTIVATION_SPREAD = 0.15
+"""sigma of the activation, of the grid's mean side (sigma_frac_act)."""
+
+CONCENTRATION_SPREAD = 0.06
+"""sigma of the concentration, of the grid's mean side (sigma_frac_norm)."""
+
+FINAL_BLUR = 0.02
+"""sigma of the last blur, of the grid's longest side (blurfrac)."""
+
+GABOR_ANGLES = (0, 45, 90, 135)
+"""Degrees (gaborangles)."""
+
+GABOR_SIGMA, GABOR_ELONGATION, GABOR_PERIOD = 2.0, 2.0, np.pi
+"""Width and period in pixels, length over width (initGBVS.m)."""
+
+XYZ_FROM_RGB: Floats = np.array(
+    [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+)
+"""BT.709 primaries (IEC 61966-2-1)."""
+
+NOISE = 1e-9
+"""Differences below this share of the peak are rounding, not features."""
+
+
+def gbvs(image: ArrayLike) -> Floats:
+    """Saliency of every pixel: 0 at the least salient, 1 at the most.
+
+    A picture without features (one colour, black, a single pixel) prefers no place: 1 everywhere,
+    so that a mask made of it hides nothing.
+
+    Parameters
+    ----------
+    image
+        (row, col, rgb), linear light in any unit; only ratios count.
+
+    Returns
+    -------
+    Floats
+        (row, col), 0..1.
+
+    Raises
+    ------
+    InputError
+        If the image is not (row, col, 3) or empty, or a value is negative or not finite.
+    """
+    light = np.asarray(image)
+    if light.ndim != 3 or light.shape[-1] != 3 or not light.size:
+        raise InputError(f"saliency takes an image (row, col, rgb), got {light.shape}")
+    if not np.isfinite(light).all():
+        raise InputError("saliency takes finite light, got NaN or infinity")
+    if light.min() < 0:
+        raise InputError(f"saliency takes light of at least 0, got {light.min():g}")
+    rows, cols = light.shape[:2]
+    grid = _shape((rows, cols), GRID)
+    near = _kernel(grid, ACTIVATION_SPREAD)
+    nearer = _kernel(grid, CONCENTRATION_SPREAD)
+    total = np.zeros(grid[0] * grid[1])
+    for feature, weight in _features(light, grid):
+        if np.ptp(feature) > NOISE:
+            total += weight * _concentration(_activation(feature.ravel(), near), nearer)
+    blurred = _blur(total.reshape(grid), FINAL_BLUR * max(grid))
+    saliency = _interpolation(rows, grid[0]) @ blurred @ _interpolation(cols, grid[1]).T
+    low, high = saliency.min(), saliency.max()
+    if high - low <= NOISE * high:
+        return np.ones((rows, cols))
+    return np.asarray((saliency - low) / (high - low))
+
+
+def _activation(feature: Floats, kernel: Floats) -> Floats:
+    """Equilibrium, sum 1, of the walk between places that differ; `feature` is not constant."""
+    degree = (np.abs(feature[:, np.newaxis] - feature) * kernel).sum(axis=1)
+    return np.asarray(degree / degree.sum())
+
+
+def _concentration(activation: Floats, kernel: Floats) -> Floats:
+    """Equilibrium, sum 1, of the walk drawn to places of large activation."""
+    mass = activation * (kernel @ activation)
+    return np.asarray(mass / mass.sum())
+
+
+def _kernel(grid: tuple[int, int], spread: float) -> Floats:
+    """K between all places of the grid, sigma = spread x the mean side (graphsalapply.m)."""
+    row, col = (axis.ravel() for axis in np.indices(grid))
+    d2 = (row[:, np.newaxis] - row) ** 2 + (col[:, np.newaxis] - col) ** 2
+    sigma = spread * (grid[0] + grid[1]) / 2
+    return np.asarray(np.exp(-d2 / (2 * sigma**2)))
+
+
+def _features(light: NDArray[Any], grid: tuple[int, int]) -> list[tuple[Floats, float]]:
+    """Feature maps on the grid, from a picture of peak 1, each with its weight.
+
+    Three opponent colours, intensity, four orientations in three scales: the code's channels "DIO".
+    """
+    shape = light.shape[0], light.shape[1]
+    pictures = [light]
+    for scale in SCALES:
+        pictures.append(_average(pictures[-1], _shape(shape, scale * GRID)))
+    peak = pictures[1].max()
+    if peak == 0:
+        return []
+    finest, coarsest = pictures[1] / peak, _average(pictures[-1], grid) / peak
+    opponent = coarsest @ (DKL_FROM_XYZ @ XYZ_FROM_RGB).T
+    same = float(len(SCALES))
+    maps = [(opponent[..., k], same) for k in range(3)]
+    maps.append((_average(_encoded(finest), grid), same))
+    for picture in pictures[1:]:
+        intensity = _encoded(picture / peak)
+        maps += [(_average(_energy(intensity, angle), grid), 1.0) for angle in GABOR_ANGLES]
+    return maps
+
+
+def _encoded(picture: Floats) -> Floats:
+    """Intensity as the code takes it: the mean of the three encoded primaries."""
+    return np.asarray((picture ** (1 / 2.2)).mean(axis=-1))
+
+
+def _energy(intensity: Floats, angle: float) -> Floats:
+    """|even| + |odd| response to a grating whose wave runs along `angle` (O_orientation.m)."""
+    reach = int(np.ceil(GABOR_SIGMA * GABOR_ELONGATION * np.sqrt(10)))
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    theta = np.radians(angle)
+    across, along = y * np.cos(theta) - x * np.sin(theta), y * np.sin(theta) + x * np.cos(theta)
+    window = np.exp(-((across**2) + (along / GABOR_ELONGATION) ** 2) / (2 * GABOR_SIGMA**2))
+    padded = np.pad(intensity, reach, mode="symmetric")
+    energy = np.zeros_like(intensity)
+    for wave in (np.cos, np.sin):
+        gabor = window * wave(2 * np.pi / GABOR_PERIOD * across)
+        gabor -= gabor.mean()
+        energy += np.abs(fftconvolve(padded, gabor / np.linalg.norm(gabor), mode="valid"))
+    return energy
+
+
+def _blur(grid: Floats, sigma: float) -> Floats:
+    """Gaussian blur whose weights sum to 1 at every place, also at the border."""
+    for axis in (0, 1):
+        place = np.arange(grid.shape[axis])
+        weight = np.exp(-((place[:, np.newaxis] - place) ** 2) / (2 * sigma**2))
+        grid = np.moveaxis(
+            np.tensordot(weight / weight.sum(axis=1, keepdims=True), grid, (1, axis)), 0, axis
+        )
+    return grid
+
+
+def _shape(shape: tuple[int, int], longest: int) -> tuple[int, int]:
+    """`shape` scaled so that its longest side is `longest`; never enlarged, never empty."""
+    factor = min(1.0, longest / max(shape))
+    rows, cols = (max(1, round(side * factor)) for side in shape)
+    return rows, cols
+
+
+def _average(picture: NDArray[Any], shape: tuple[int, int]) -> Floats:
+    """Means over the areas of a coarser grid."""
+    rows, cols = picture.shape[:2]
+    tall = np.tensordot(_areas(shape[0], rows), picture, (1, 0))
+    return np.asarray(np.moveaxis(np.tensordot(_areas(shape[1], cols), tall, (1, 1)), 0, 1))
+
+
+def _areas(coarse: int, fine: int) -> Floats:
+    """Share of every fine cell in the mean over a coarse one, (coarse, fine)."""
+    edges = np.linspace(0, fine, coarse + 1)
+    cell = np.arange(fine)
+    overlap = [np.minimum(b, cell + 1) - np.maximum(a, cell) for a, b in pairwise(edges)]
+    return np.asarray(np.maximum(overlap, 0) * (coarse / fine))
+
+
+def _interpolation(fine: int, coarse: int) -> Floats:
+    """Linear interpolation between the centres of coarse cells, level outside them."""
+    centre = (np.arange(fine) + 0.5) * coarse / fine - 0.5
+    hat = 1 - np.abs(np.clip(centre, 0, coarse - 1)[:, np.newaxis] - np.arange(coarse))
+    return np.asarray(np.maximum(hat, 0))
