@@ -169,9 +169,9 @@ class _Run:
         level = self._level
         self._base_cost = level.cost
         if level.offset is not None:
-            self._base_cost += sum(level.regulariser(p, 0 * at) for p, at in enumerate(level.lower))
+            self._base_cost += level.regulariser([0 * at for at in level.lower])
         self._bounds = _Bounds(
-            level,
+            split.base,
             self._base_cost,
             problem.negligible if settings.stop_when_invisible else 0.0,
             settings.tolerance,
@@ -245,8 +245,7 @@ class _Run:
         for iteration in range(1, settings.max_iterations + 1):
             if iteration == settings.hold + 1:
                 ratio, rho = rho / self._penalties[2], self._penalties[2]
-                for p, (plane, weight) in enumerate(zip(s, weights, strict=True)):
-                    level.reweigh(p, plane, weight, ratio)
+                level.reweigh(s, weights, ratio)
                 weights = level.weights(rho)
                 anderson.clear()
             likely = self._bounds.likely(rho * anderson.energy)
@@ -273,7 +272,7 @@ class _Run:
                     return status
                 del spectra
             if settings.watch:
-                settings.watch(iteration, lambda: self._split.light(self._feasible(s, weights)))  # noqa: B023
+                settings.watch(iteration, lambda: self._split.light(level.feasible(s, weights)))  # noqa: B023
         return None
 
     def _exact_step(self, s: Planes, weights: list[float], *, due: bool) -> Planes:
@@ -284,8 +283,7 @@ class _Run:
         w = _inverse(hessian.fourier, spectra)
         if due:
             known, free = level.cost - 0.5 * along, []
-            for p, (plane, step, weight) in enumerate(zip(s, w, weights, strict=True)):
-                part, rest = level.lower_bound(p, plane, step, weight)
+            for part, rest in level.lower_bound(s, w, weights):
                 known += part
                 free.append(hessian.fourier.forward(rest))
             sigma = level.least_damping
@@ -302,11 +300,12 @@ class _Run:
 
     def _feasible_spectra(self, s: Planes, weights: list[float]) -> tuple[Spectra, float]:
         """Spectra of s's feasible planes, and their regulariser."""
-        level, spectra, regulariser = self._level, [], 0.0
-        for p, (plane, weight) in enumerate(zip(s, weights, strict=True)):
-            z = level.feasible(p, plane, weight)
-            regulariser += level.regulariser(p, z)
-            spectra.append(level.hessian.fourier.forward(padded(z, level.hessian.fourier)))
+        level, fourier = self._level, self._level.hessian.fourier
+        planes = level.feasible(s, weights)
+        regulariser = level.regulariser(planes)
+        spectra = []
+        while planes:
+            spectra.append(fourier.forward(padded(planes.pop(0), fourier)))
         return spectra, regulariser
 
     def _settle_at(self, s: Planes, weights: list[float], spectra: Spectra) -> None:
@@ -315,7 +314,7 @@ class _Run:
         hessian.multiply(spectra)
         for p, target in enumerate(level.target):
             spectra[p] -= target
-        picture = self._feasible(s, weights)
+        picture = level.feasible(s, weights)
         rows, cols = picture[0].shape
         gradient = [plane[:rows, :cols] for plane in _inverse(hessian.fourier, spectra)]
         for p in range(len(gradient)):
@@ -328,7 +327,7 @@ class _Run:
         """One preconditioned step from z, whose cost and gradient are known on the way."""
         level, varying = self._level, self._varying
         assert varying is not None
-        picture = self._feasible(s, weights)
+        picture = level.feasible(s, weights)
         cost, gradient = varying.quadratic(picture)
         if due:
             self._bounds.raise_to(cost - varying.gap(picture, gradient))
@@ -354,15 +353,8 @@ class _Run:
         self, level: Level, s: Planes, w: Planes, weights: list[float], anderson: Anderson
     ) -> Planes:
         """The next s; the old one and w are used up."""
-        for p, (plane, step, weight) in enumerate(zip(s, w, weights, strict=True)):
-            level.move(p, plane, step, weight, self._settings.relaxation)
+        level.move(s, w, weights, self._settings.relaxation)
         return anderson.next(s, w)
-
-    def _feasible(self, s: Planes, weights: list[float]) -> Planes:
-        return [
-            self._level.feasible(p, plane, weight)
-            for p, (plane, weight) in enumerate(zip(s, weights, strict=True))
-        ]
 
     def _checked(self, cost: float, iteration: int) -> Status | None:
         """Note a feasible cost; why to stop, if there is a reason, or when to look again."""
@@ -377,19 +369,13 @@ class _Run:
         """Keep what would be returned."""
         mu = self._problem.regularisation
         self._found = self._split.light(picture)
-        self._optimality = max(
-            self._level.kkt_residual(p, z, g, mu)
-            for p, (z, g) in enumerate(zip(picture, gradient, strict=True))
-        )
+        self._optimality = self._level.kkt_residual(picture, gradient, mu)
 
 
 def _x_step(level: Level, s: Planes, weights: list[float]) -> Spectra:
     """W's spectra: (H_0 + rho P)^-1 (b + rho P (z - u))."""
     fourier = level.hessian.fourier
-    spectra = [
-        fourier.forward(level.towards(p, plane, weight))
-        for p, (plane, weight) in enumerate(zip(s, weights, strict=True))
-    ]
+    spectra = [fourier.forward(plane) for plane in level.towards(s, weights)]
     level.hessian.solve(spectra, weights, level.target)
     return spectra
 
@@ -406,11 +392,11 @@ def _inverse(fourier: Fourier, spectra: Spectra) -> Planes:
 class _Bounds:
     """The last feasible cost, the best lower bound of the minimum, and what they tell."""
 
-    def __init__(self, level: Level, start: float, negligible: float, tolerance: float) -> None:
+    def __init__(self, base: Light, start: float, negligible: float, tolerance: float) -> None:
         self.negligible = negligible
         self._tolerance = tolerance
         # Costs and bounds are differences from the base's: a bound is only as good as those are.
-        self._rounding = 64 * float(namespace(level.lower[0]).finfo(level.lower[0].dtype).eps)
+        self._rounding = 64 * float(namespace(base).finfo(base.dtype).eps)
         self._lower = 0.0
         self._least, self._progress_at = math.inf, 0
         self._share, self._sign = _SHARE, 0.0

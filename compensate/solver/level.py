@@ -12,6 +12,8 @@ solution on a coarser plane goes over to the finer one without blurring the pict
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias, final
 
@@ -26,9 +28,7 @@ Planes: TypeAlias = list[Array]
 """One (padded row, padded col) array for each primary of each view."""
 
 
-@final
-@dataclass
-class Level:
+class Level(ABC):
     """The problem at one resolution.
 
     Attributes
@@ -37,18 +37,88 @@ class Level:
         H_0.
     target
         b's spectra.
+    least_damping
+        The least of M.
+    cost
+        c_a, of f: without the regulariser.
+    """
+
+    hessian: Hessian
+    target: Spectra
+    least_damping: float
+    cost: float
+
+    @abstractmethod
+    def start(self, picture: Planes | None = None) -> Planes:
+        """Padded planes of (row, col) planes; 0 by default."""
+
+    @abstractmethod
+    def feasible(self, s: Planes, weights: list[float]) -> Planes:
+        """Z of s, (row, col): the regulariser's and the bounds' proximal map."""
+
+    @abstractmethod
+    def towards(self, s: Planes, weights: list[float]) -> Iterator[Array]:
+        """Weight (z - u) = weight (2 z - s): what the x-step goes to, plane by plane."""
+
+    @abstractmethod
+    def move(self, s: Planes, w: Planes, weights: list[float], relaxation: float) -> None:
+        """In place: w to the residual r = relaxation (w - z), and s to s + r."""
+
+    @abstractmethod
+    def reweigh(self, s: Planes, weights: list[float], ratio: float) -> None:
+        """In place: the same z of s, and `ratio` times its dual s - z."""
+
+    @abstractmethod
+    def lower_bound(
+        self, s: Planes, w: Planes, weights: list[float]
+    ) -> Iterator[tuple[float, Array]]:
+        """The planes' parts of a lower bound of the minimum, at the x-step's w.
+
+        The gradient of f at w is weight (z - u - w), without a transform; g's is M (w - o). See
+        `certificate` for the split of their sum.
+
+        Yields
+        ------
+        known
+            1/2 <w, f'(w)> + 1/2 <w - o, M (w - o)> - sum over B of |g| dist.
+        free
+            g_F.
+        """
+
+    @abstractmethod
+    def regulariser(self, z: Planes) -> float:
+        """1/2 <z - o, M (z - o)> of the planes' picture (row, col)."""
+
+    @abstractmethod
+    def slope(self, p: int, z: Array) -> Array:
+        """M (z - o) of a plane's picture (row, col)."""
+
+    @abstractmethod
+    def kkt_residual(self, z: Planes, gradient: Planes, mu: float) -> float:
+        """Largest |x - P(x - x's gradient)|, in light, of the planes' picture and gradient."""
+
+    def weights(self, rho: float) -> list[float]:
+        """Rho P, one a plane."""
+        return [rho * value for value in self.hessian.metric]
+
+
+@final
+@dataclass
+class BoxLevel(Level):
+    """With bounds that are separate for each pixel of each plane.
+
+    Attributes
+    ----------
+    hessian, target, least_damping, cost
+        See `Level`.
     lower
         (row, col) lower bounds of the picture's part of each plane; 0 on the padding.
     width
         How far up the upper ones are: a number, or (row, col); planes may share one.
     damping
         M: a number, or (padded row, padded col).
-    least_damping
-        The least of M.
     offset
         (row, col) o on the picture's part of each plane, or None where it is 0.
-    cost
-        c_a, of f: without the regulariser.
     """
 
     hessian: Hessian
@@ -66,13 +136,44 @@ class Level:
         self._size = int(rows), int(cols)
 
     def start(self, picture: Planes | None = None) -> Planes:
-        """Padded planes of (row, col) planes; 0 by default."""
+        """See `Level`."""
         if picture is None:
             picture = [lower[:0, :] for lower in self.lower]
         return [padded(plane, self.hessian.fourier) for plane in picture]
 
-    def feasible(self, p: int, s: Array, weight: float) -> Array:
-        """Z of s, (row, col): the regulariser's and the bounds' proximal map."""
+    def feasible(self, s: Planes, weights: list[float]) -> Planes:
+        """See `Level`."""
+        return [self._feasible(p, s[p], weight) for p, weight in enumerate(weights)]
+
+    def towards(self, s: Planes, weights: list[float]) -> Iterator[Array]:
+        """See `Level`."""
+        return (self._towards(p, s[p], weight) for p, weight in enumerate(weights))
+
+    def move(self, s: Planes, w: Planes, weights: list[float], relaxation: float) -> None:
+        """See `Level`."""
+        for p, weight in enumerate(weights):
+            self._move(p, s[p], w[p], weight, relaxation)
+
+    def reweigh(self, s: Planes, weights: list[float], ratio: float) -> None:
+        """See `Level`."""
+        for p, weight in enumerate(weights):
+            self._reweigh(p, s[p], weight, ratio)
+
+    def lower_bound(
+        self, s: Planes, w: Planes, weights: list[float]
+    ) -> Iterator[tuple[float, Array]]:
+        """See `Level`."""
+        return (self._lower_bound(p, s[p], w[p], weight) for p, weight in enumerate(weights))
+
+    def regulariser(self, z: Planes) -> float:
+        """See `Level`."""
+        return sum(self._regulariser(p, plane) for p, plane in enumerate(z))
+
+    def kkt_residual(self, z: Planes, gradient: Planes, mu: float) -> float:
+        """See `Level`; D² = mu / M."""
+        return max(self._kkt_residual(p, z[p], gradient[p], mu) for p in range(len(z)))
+
+    def _feasible(self, p: int, s: Array, weight: float) -> Array:
         rows, cols = self._size
         z = namespace(s).empty_like(self.lower[p])
 
@@ -82,8 +183,7 @@ class Level:
         each_strip(work, s[:rows, :cols])
         return z
 
-    def towards(self, p: int, s: Array, weight: float) -> Array:
-        """Weight (z - u) = weight (2 z - s): what the x-step goes to."""
+    def _towards(self, p: int, s: Array, weight: float) -> Array:
         result = namespace(s).empty_like(s)
         if self.offset is None and (compiled := loops(s)):
             compiled.towards(result, s, *self._numbers(p, weight))
@@ -97,8 +197,7 @@ class Level:
         each_strip(work, s)
         return result
 
-    def move(self, p: int, s: Array, w: Array, weight: float, relaxation: float) -> None:
-        """In place: w to the residual r = relaxation (w - z), and s to s + r."""
+    def _move(self, p: int, s: Array, w: Array, weight: float, relaxation: float) -> None:
         if self.offset is None and (compiled := loops(s)):
             compiled.move(s, w, *self._numbers(p, weight), s.dtype.type(relaxation))
             return
@@ -112,8 +211,7 @@ class Level:
 
         each_strip(work, s)
 
-    def reweigh(self, p: int, s: Array, weight: float, ratio: float) -> None:
-        """In place: the same z of s, and `ratio` times its dual s - z."""
+    def _reweigh(self, p: int, s: Array, weight: float, ratio: float) -> None:
 
         def work(strip: slice) -> None:
             z: Any = 0.0
@@ -125,19 +223,7 @@ class Level:
 
         each_strip(work, s)
 
-    def lower_bound(self, p: int, s: Array, w: Array, weight: float) -> tuple[float, Array]:
-        """A plane's part of a lower bound of the minimum, at the x-step's w.
-
-        The gradient of f at w is weight (z - u - w), without a transform; g's is M (w - o). See
-        `certificate` for the split of their sum.
-
-        Returns
-        -------
-        known
-            1/2 <w, f'(w)> + 1/2 <w - o, M (w - o)> - sum over B of |g| dist.
-        free
-            g_F.
-        """
+    def _lower_bound(self, p: int, s: Array, w: Array, weight: float) -> tuple[float, Array]:
         free = namespace(s).empty_like(s)
         if self.offset is None and (compiled := loops(s)):
             curvature = s.dtype.type(CURVATURE)
@@ -169,8 +255,7 @@ class Level:
 
         return sum(each_strip(work, s)), free
 
-    def regulariser(self, p: int, z: Array) -> float:
-        """1/2 <z - o, M (z - o)> of a plane's picture (row, col)."""
+    def _regulariser(self, p: int, z: Array) -> float:
 
         def work(strip: slice) -> float:
             away = self._away(p, z, strip)
@@ -179,12 +264,11 @@ class Level:
         return sum(each_strip(work, z))
 
     def slope(self, p: int, z: Array) -> Array:
-        """M (z - o) of a plane's picture (row, col)."""
+        """See `Level`."""
         everything = slice(0, z.shape[0])
         return self._damping(everything, inner=True) * self._away(p, z, everything)
 
-    def kkt_residual(self, p: int, z: Array, gradient: Array, mu: float) -> float:
-        """Largest |x - P(x - x's gradient)| of a plane's picture, in light; D² = mu / M."""
+    def _kkt_residual(self, p: int, z: Array, gradient: Array, mu: float) -> float:
 
         def work(rows: slice) -> float:
             xp = namespace(z)
@@ -196,14 +280,10 @@ class Level:
 
         return max(each_strip(work, z))
 
-    def weights(self, rho: float) -> list[float]:
-        """Rho P, one a plane."""
-        return [rho * value for value in self.hessian.metric]
-
-    def finer(self, p: int, s: Array, weight: float, ratio: float, coarse: Level) -> Array:
+    def finer(self, p: int, s: Array, weight: float, ratio: float, coarse: BoxLevel) -> Array:
         """S on this level, of a `coarse` level's: its z and `ratio` times its dual, enlarged."""
         xp = namespace(s)
-        inner = coarse.feasible(p, s, weight)
+        inner = coarse._feasible(p, s, weight)
         rows, cols = inner.shape
         dual = xp.asarray(s, copy=True)
         dual[:rows, :cols] -= inner

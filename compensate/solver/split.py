@@ -9,7 +9,7 @@ import numpy as np
 
 from compensate.problem import Problem
 from compensate.solver.hessian import Hessian
-from compensate.solver.level import Level, Planes, coarsened, padded
+from compensate.solver.level import BoxLevel, Planes, coarsened, padded
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace
 from domesim.strips import in_parts
@@ -42,7 +42,7 @@ class Split(ABC):
         self.base = anchor if _within(problem, anchor) else problem.project(anchor)
         self._offset = None if self.base is anchor else anchor - self.base
         self._residual = _beyond(problem, self.base, self.weighting)
-        self.levels: list[Level] = []
+        self.levels: list[BoxLevel] = []
 
     @property
     def answered(self) -> bool:
@@ -65,7 +65,7 @@ class Split(ABC):
         del self._residual
         damping, least = self._damping()
         offset = self._offset
-        level = Level(
+        level = BoxLevel(
             self._hessian(),
             [],
             self._lower(),
@@ -131,7 +131,7 @@ class Split(ABC):
         return widths_of(self.problem)
 
 
-def _add_coarser(levels: list[Level], residual: Planes) -> None:
+def _add_coarser(levels: list[BoxLevel], residual: Planes) -> None:
     """Append coarser levels, as long as they are worth while."""
     weights = levels[0].hessian.weights
     while True:
@@ -151,7 +151,7 @@ def _add_coarser(levels: list[Level], residual: Planes) -> None:
                 halves[id(plane)] = coarsened(plane)
             return halves[id(plane)]
 
-        level = Level(
+        level = BoxLevel(
             fine.hessian.coarser,
             [],
             [half(plane) for plane in fine.lower],
@@ -164,7 +164,7 @@ def _add_coarser(levels: list[Level], residual: Planes) -> None:
         levels.append(level)
 
 
-def _aim(level: Level, residual: Planes) -> None:
+def _aim(level: BoxLevel, residual: Planes) -> None:
     """Set a level's target and cost by what is seen too much at the base; it is used up."""
     fourier, spectra = level.hessian.fourier, []
     while residual:
