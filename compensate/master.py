@@ -16,6 +16,7 @@ from typing import cast, final
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.contrast import Eye
 from compensate.ghosts import edge_energy
 from compensate.methods import Solver, methods_of, require_method
 from compensate.problem import Problem
@@ -228,6 +229,8 @@ class Posed:
         """`visible_error` of what is left; rounding is nothing."""
         if _is_rounding(residual):
             return 0.0
+        if self.problem.contrast is not None:
+            residual = residual * self.problem.contrast
         energy = self.judge.energy(residual)
         mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
         return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
@@ -270,6 +273,8 @@ class Posed:
             return {}
         assert isinstance(self.scene, StereoScene)
         residual = self.residual(light)
+        if self.problem.contrast is not None:
+            residual = residual * self.problem.contrast
         weighting = self.judge.with_importance(np.ones(self.scene.views))
         factor = _differences(self.scene, weighting)
         factor /= np.sqrt(np.count_nonzero(self.screen) * self.scene.views)
@@ -300,7 +305,7 @@ def compensate(
     scene: Scene,
     *,
     solver: Solver | None = None,
-    weighting: PerceptualWeighting | None = None,
+    weighting: Eye | None = None,
 ) -> Result:
     """The light to project so that what the audience sees is as close as can be to `desired`.
 
@@ -326,7 +331,7 @@ def compensate(
     return chosen(posed.problem, posed.subtractive)
 
 
-def pose(desired: Light, scene: Scene, weighting: PerceptualWeighting | None = None) -> Posed:
+def pose(desired: Light, scene: Scene, weighting: Eye | None = None) -> Posed:
     """The optimisation problem of a master in a scene; parameters as for `compensate`."""
     return Stage(scene, weighting).pose(desired)
 
@@ -343,7 +348,7 @@ class Stage:
         Settings of the vision model.
     """
 
-    def __init__(self, scene: Scene, weighting: PerceptualWeighting | None = None) -> None:
+    def __init__(self, scene: Scene, weighting: Eye | None = None) -> None:
         self._scene = scene
         self._settings = weighting or PerceptualWeighting()
         self._shared: _Shared | None = None
@@ -364,6 +369,7 @@ class Stage:
         solvable = single.observation
         if isinstance(shared.observation, SeveralSeats):
             solvable = shared.observation
+        seen = shared.observation.observe(subtractive)
         problem = Problem(
             solvable,
             shared.weighting,
@@ -372,6 +378,9 @@ class Stage:
             anchor=subtractive,
             regularisation=REGULARISATION,
             negligible=shared.negligible,
+            contrast=self._settings.contrast(
+                seen, self._scene.viewing, self._scene.projector, shared.screen
+            ),
         )
         return Posed(
             scene=self._scene,
@@ -383,7 +392,7 @@ class Stage:
             screen=shared.screen,
             areas=shared.areas,
             judge=shared.judge,
-            exact=_is_rounding(shared.observation.observe(subtractive) - problem.desired),
+            exact=_is_rounding(seen - problem.desired),
         )
 
     def pose_frame(self, frame: Master) -> tuple[Posed, float]:
@@ -432,7 +441,7 @@ class _Shared:
         return problem, light
 
 
-def _shared(scene: Scene, settings: PerceptualWeighting, rows: int, cols: int) -> _Shared:
+def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
     observation = scene.observation(rows, cols)
     single = observation
     if isinstance(scene, DomeScene):
@@ -440,7 +449,7 @@ def _shared(scene: Scene, settings: PerceptualWeighting, rows: int, cols: int) -
     elif isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         single = scene.mean_seat(rows, cols)
     screen = scene.screen(rows, cols)
-    plain = settings(scene.viewing, scene.projector.luminance_weights, screen, scene.views)
+    plain = settings.of(scene.viewing, scene.projector, screen, scene.views)
     weighting = plain
     if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         weighting = plain.with_importance(seat_importance(scene.weights))
@@ -492,7 +501,7 @@ def compensate_frame(
     *,
     method: str = "perceptual",
     solver: Solver | None = None,
-    weighting: PerceptualWeighting | None = None,
+    weighting: Eye | None = None,
 ) -> Outcome:
     """The frame to project for a master, in the master's own encoding.
 
@@ -520,7 +529,7 @@ def compensate_frame(
 
 
 def pose_frame(
-    frame: Master, scene: Scene, weighting: PerceptualWeighting | None = None
+    frame: Master, scene: Scene, weighting: Eye | None = None
 ) -> tuple[Posed, float]:
     """`pose` for a master, and the share of its screen that is out of the projector's range."""
     return Stage(scene, weighting).pose_frame(frame)

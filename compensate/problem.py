@@ -1,9 +1,12 @@
 """The optimisation problem: what to project within the projector's bounds (eqs. 3, 5, 7).
 
-    min_x  1/2 ||lambda(psi(x) - seen)||² + 1/2 mu ||x - anchor||²,   lower <= x <= upper
+    min_x  1/2 ||lambda(K (psi(x) - seen))||² + 1/2 mu ||K L (x - anchor)||²,  lower <= x <= upper
 
 With an affine psi it is a convex quadratic with bound constraints, solved in *linear light*. The
-small mu keeps frequencies that the eye cannot see from filling with noise.
+small mu keeps frequencies that the eye cannot see from filling with noise. K is 1, as in the paper,
+or turns light into local contrast (`compensate.contrast`); it multiplies each pixel of what is
+seen, and L is how a pixel's light is seen in its own place (`AdjointObservation.local`). Without K
+the regulariser is plain, 1/2 mu ||x - anchor||².
 """
 
 from __future__ import annotations
@@ -40,6 +43,8 @@ class Problem:
         x_0 and mu of the regulariser. Without an anchor, mu must be 0.
     negligible
         A difference in cost that nobody can see: solvers need not go on for less.
+    contrast
+        (seen view, row, col, 1) K, above 0; None for 1.
 
     Raises
     ------
@@ -57,12 +62,17 @@ class Problem:
         anchor: Light | None = None,
         regularisation: float = 0.0,
         negligible: float = 0.0,
+        contrast: Array | None = None,
     ) -> None:
         require_light(desired, observation.seen_shape, who="Problem's desired light")
         if weighting.shape != observation.seen_shape:
             raise ValueError(
                 f"weighting takes {weighting.shape}, but the observation gives "
                 f"{observation.seen_shape}"
+            )
+        if contrast is not None and contrast.shape != (*observation.seen_shape[:3], 1):
+            raise ValueError(
+                f"contrast takes {(*observation.seen_shape[:3], 1)}, got {contrast.shape}"
             )
         if regularisation and anchor is None:
             raise ValueError("a regularised problem needs an anchor, got none")
@@ -78,6 +88,7 @@ class Problem:
         self.anchor = anchor
         self.regularisation = float(regularisation)
         self.negligible = negligible
+        self.contrast = contrast
         if bool(xp.any(self.lower > self.upper)):
             raise ValueError("a lower bound is above its upper bound")
 
@@ -87,8 +98,8 @@ class Problem:
         return math.ceil(self.weighting.fourier.count)
 
     def residual(self, light: Light) -> Light:
-        """psi(x) - seen."""
-        return self.observation.observe(light) - self.desired
+        """K (psi(x) - seen)."""
+        return self._contrast(self.observation.observe(light) - self.desired)
 
     def cost(self, light: Light) -> float:
         """The objective at `light`."""
@@ -101,17 +112,18 @@ class Problem:
     def quadratic(self, light: Light) -> tuple[float, Light]:
         """The objective and its gradient, sharing their transforms."""
         energy, weighted = self.weighting.quadratic(self.residual(light))
-        gradient = self.observation.adjoint(weighted)
+        gradient = self.observation.adjoint(self._contrast(weighted))
         if self.anchor is not None:
-            gradient = gradient + self.regularisation * (light - self.anchor)
+            gradient = gradient + self._damped(light - self.anchor)
         return 0.5 * energy + self.penalty(light), gradient
 
     def curvature(self, direction: Light) -> tuple[float, Light]:
         """<d, H d> and H d of the (constant) Hessian H."""
-        energy, weighted = self.weighting.quadratic(self.observation.linear(direction))
-        product = self.observation.adjoint(weighted)
-        product = product + self.regularisation * direction
-        return energy + self.regularisation * dot(direction, direction), product
+        seen = self._contrast(self.observation.linear(direction))
+        energy, weighted = self.weighting.quadratic(seen)
+        product = self.observation.adjoint(self._contrast(weighted))
+        damped = self._damped(direction)
+        return energy + dot(direction, damped), product + damped
 
     def project(self, light: Light) -> Light:
         """The nearest light within the bounds."""
@@ -157,6 +169,7 @@ class Problem:
             anchor=None if self.anchor is None else send(self.anchor),
             regularisation=self.regularisation,
             negligible=self.negligible,
+            contrast=None if self.contrast is None else send(self.contrast),
         )
 
     def penalty(self, light: Light) -> float:
@@ -164,4 +177,14 @@ class Problem:
         if self.anchor is None:
             return 0.0
         change = light - self.anchor
-        return 0.5 * self.regularisation * dot(change, change)
+        return 0.5 * dot(change, self._damped(change))
+
+    def _damped(self, change: Light) -> Light:
+        """Mu L' K² L of a change of light."""
+        if self.contrast is None:
+            return self.regularisation * change
+        local = self._contrast(self._contrast(self.observation.local(change)))
+        return self.regularisation * self.observation.local_adjoint(local)
+
+    def _contrast(self, seen: Light) -> Light:
+        return seen if self.contrast is None else seen * self.contrast

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from compensate.fourier import Fourier, padded_size
 from compensate.vision.csf import LowFrequencyFloor, daly
 from domesim.light import Array, Light, dot, kind, namespace, require_light
+from domesim.projector import Projector
 from domesim.strips import in_parts
 from domesim.viewing import Viewing
 
@@ -329,6 +330,17 @@ class PerceptualWeighting:
     low_frequency: LowFrequencyFloor = field(default_factory=LowFrequencyFloor)
     chroma_low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(1.0))
     padding: int = 64
+
+    def of(
+        self, viewing: Viewing, projector: Projector, support: NDArray[np.bool_], views: int
+    ) -> CsfWeighting:
+        """The weighting of `views` pictures with that `support` (row, col) seen that way."""
+        return self(viewing, projector.luminance_weights, support, views)
+
+    def contrast(
+        self, seen: Light, viewing: Viewing, projector: Projector, screen: NDArray[np.bool_]
+    ) -> None:
+        """None: one adaptation luminance for the whole picture, as in the paper."""
 
     def __call__(
         self,

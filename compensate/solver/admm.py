@@ -44,9 +44,10 @@ from compensate.problem import Problem
 from compensate.solver.anderson import Anderson
 from compensate.solver.blocks import Spectra
 from compensate.solver.dome_split import DomeSplit
-from compensate.solver.level import Level, Planes, padded
+from compensate.solver.level import BoxLevel, Level, Planes, padded
 from compensate.solver.pair_split import PairSplit
 from compensate.solver.result import Result, Status
+from compensate.solver.seen_split import SeenSplit
 from compensate.solver.split import Split
 from compensate.solver.varying import Varying
 from compensate.weighting import Masked
@@ -133,9 +134,10 @@ def split_of(problem: Problem) -> Split:
     ValueError
         If ADMM cannot solve it.
     """
-    if isinstance(problem.observation, StereoObservation):
-        return PairSplit(problem)
-    return DomeSplit(problem)
+    observation = problem.observation
+    if not isinstance(observation, StereoObservation):
+        return DomeSplit(problem)
+    return PairSplit(problem) if problem.contrast is None else SeenSplit(problem)
 
 
 @final
@@ -154,7 +156,6 @@ class _Run:
 
     def __init__(self, settings: ADMM, problem: Problem, split: Split) -> None:
         self._settings, self._problem, self._split = settings, problem, split
-        observation = problem.observation
         masked = isinstance(problem.weighting, Masked)
         # A coarse picture without the mask would be another's
         split.prepare(coarser=not masked and max(settings.coarse) > 0)
@@ -164,12 +165,10 @@ class _Run:
         last = min(max(last, 1.5 * split.weighting.typical), first)
         self._penalties = [rho * raised for rho in (first, max(then, last), last)]
         self._varying: Varying | None = None
-        if masked or (isinstance(observation, StereoObservation) and not observation.uniform):
+        if masked or (isinstance(split, PairSplit) and not split.uniform):
             self._varying = Varying(problem, split, min(self._penalties))
         level = self._level
-        self._base_cost = level.cost
-        if level.offset is not None:
-            self._base_cost += level.regulariser([0 * at for at in level.lower])
+        self._base_cost = level.cost + level.regulariser_at_base()
         self._bounds = _Bounds(
             split.base,
             self._base_cost,
@@ -231,6 +230,8 @@ class _Run:
 
     def _finer(self, s: Planes, depth: int, ratio: float) -> Planes:
         fine, coarse = self._split.levels[depth : depth + 2]
+        assert isinstance(fine, BoxLevel)
+        assert isinstance(coarse, BoxLevel)
         weights = coarse.weights(self._penalties[0])
         return [
             fine.finer(p, plane, weight, ratio, coarse)
@@ -311,6 +312,10 @@ class _Run:
     def _settle_at(self, s: Planes, weights: list[float], spectra: Spectra) -> None:
         """Keep the feasible light of s, whose spectra these are, for an FFT a plane more."""
         level, hessian = self._level, self._level.hessian
+        if self._problem.contrast is not None:
+            self._found = self._split.light(level.feasible(s, weights))
+            self._optimality = self._problem.optimality(self._found)
+            return
         hessian.multiply(spectra)
         for p, target in enumerate(level.target):
             spectra[p] -= target
@@ -367,9 +372,10 @@ class _Run:
 
     def _settle(self, picture: Planes, gradient: Planes) -> None:
         """Keep what would be returned."""
-        mu = self._problem.regularisation
+        level, mu = self._level, self._problem.regularisation
+        assert isinstance(level, BoxLevel)
         self._found = self._split.light(picture)
-        self._optimality = self._level.kkt_residual(picture, gradient, mu)
+        self._optimality = level.kkt_residual(picture, gradient, mu)
 
 
 def _x_step(level: Level, s: Planes, weights: list[float]) -> Spectra:

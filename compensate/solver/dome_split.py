@@ -1,4 +1,8 @@
-"""A dome's problem for ADMM: in w = D x, Fourier diagonalises all but a low-rank part."""
+"""A dome's problem for ADMM: in w = K D x, Fourier diagonalises all but a low-rank part.
+
+K is the problem's contrast, if it has one. The pollution's modes are seen under it as well; the
+regulariser mu ||K D x||² is the same for all pixels then.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +16,13 @@ from compensate.solver.dome_hessian import DomeHessian
 from compensate.solver.level import Planes
 from compensate.solver.split import Split, light_of, planes_of, widths_of
 from compensate.weighting import CsfWeighting
-from domesim.light import Array, Light, namespace
+from domesim.light import Array, Light, namespace, on_host
 from domesim.observation.lowrank import LowRankObservation
 
 
 @final
 class DomeSplit(Split):
-    """The problem in w = D x.
+    """The problem in w = K D x; "gain" below is K D.
 
     Parameters
     ----------
@@ -42,6 +46,9 @@ class DomeSplit(Split):
         self._observation = observation
         gain = observation.factors.direct_gain
         self._gain = None if bool(np.all(gain == 1)) else like(np.where(gain == 0, 1, gain))
+        if problem.contrast is not None:
+            kept = problem.contrast
+            self._gain = kept if self._gain is None else kept * self._gain
         self._support = None if bool(support.all()) else like(support)
 
     def direction(self, planes: Planes) -> Light:
@@ -56,7 +63,10 @@ class DomeSplit(Split):
         return planes_of(gradient if self._gain is None else gradient / self._gain)
 
     def _hessian(self) -> DomeHessian:
-        return hessian_of(self._observation, self.weighting, self.base)
+        if self.problem.contrast is None:
+            return hessian_of(self._observation, self.weighting, self.base)
+        contrast = on_host(self.problem.contrast)[0, :, :, 0]
+        return _made(self._observation, self.weighting, self.base, contrast)
 
     def _seen(self, light: Any) -> Any:
         for factor in (self._gain, self._support):
@@ -68,7 +78,7 @@ class DomeSplit(Split):
 
     def _damping(self) -> tuple[Any, float]:
         mu = self.problem.regularisation
-        if self._gain is None:
+        if self._gain is None or self.problem.contrast is not None:
             return mu, mu
         xp, fourier, base = namespace(self.base), self.weighting.fourier, self.base
         rows, cols = base.shape[1:3]
@@ -91,7 +101,7 @@ class DomeSplit(Split):
 def hessian_of(
     observation: LowRankObservation, weighting: CsfWeighting, like: Light
 ) -> DomeHessian:
-    """The Hessian of a theatre, in arrays like `like`; kept for the next frame."""
+    """The Hessian of w = D x of a theatre, in arrays like `like`; kept for the next frame."""
     return _hessian(observation, weighting, namespace(like), like.dtype, like.device)
 
 
@@ -99,18 +109,25 @@ def hessian_of(
 def _hessian(
     observation: LowRankObservation, weighting: CsfWeighting, library: Any, dtype: Any, device: Any
 ) -> DomeHessian:
+    return _made(observation, weighting, library.zeros((1, 1, 1, 1), dtype=dtype, device=device))
+
+
+def _made(
+    observation: LowRankObservation, weighting: CsfWeighting, like: Light, contrast: Any = 1.0
+) -> DomeHessian:
+    """The Hessian of w = K D x, of K (row, col)."""
     factors, support, fourier = observation.factors, weighting.support, weighting.fourier
 
     def modes(planes: Any) -> Array:
         large = np.zeros((len(planes), fourier.rows, fourier.cols))
         large[:, : support.shape[0], : support.shape[1]] = planes * support
-        return library.asarray(large, dtype=dtype, device=device)
+        return namespace(like).asarray(large, dtype=like.dtype, device=like.device)
 
-    like = library.zeros((1, 1, 1, 1), dtype=dtype, device=device)
+    # In w = K D x, a pixel's light has passed K D already.
+    gain = contrast * np.where(factors.direct_gain == 0, 1, factors.direct_gain)
     return DomeHessian(
-        modes(factors.spread),
-        # In w = D x, a pixel's light has passed D already.
-        modes(factors.collect / np.where(factors.direct_gain == 0, 1, factors.direct_gain)),
+        modes(factors.spread * contrast),
+        modes(factors.collect / gain),
         factors.core,
         weighting,
         weighting.squares(like),

@@ -86,16 +86,16 @@ class Level(ABC):
         """
 
     @abstractmethod
+    def regulariser_at_base(self) -> float:
+        """`regulariser` of the base itself, of which o may be away."""
+
+    @abstractmethod
     def regulariser(self, z: Planes) -> float:
         """1/2 <z - o, M (z - o)> of the planes' picture (row, col)."""
 
     @abstractmethod
     def slope(self, p: int, z: Array) -> Array:
         """M (z - o) of a plane's picture (row, col)."""
-
-    @abstractmethod
-    def kkt_residual(self, z: Planes, gradient: Planes, mu: float) -> float:
-        """Largest |x - P(x - x's gradient)|, in light, of the planes' picture and gradient."""
 
     def weights(self, rho: float) -> list[float]:
         """Rho P, one a plane."""
@@ -165,12 +165,16 @@ class BoxLevel(Level):
         """See `Level`."""
         return (self._lower_bound(p, s[p], w[p], weight) for p, weight in enumerate(weights))
 
+    def regulariser_at_base(self) -> float:
+        """See `Level`."""
+        return 0.0 if self.offset is None else self.regulariser([0 * at for at in self.lower])
+
     def regulariser(self, z: Planes) -> float:
         """See `Level`."""
         return sum(self._regulariser(p, plane) for p, plane in enumerate(z))
 
     def kkt_residual(self, z: Planes, gradient: Planes, mu: float) -> float:
-        """See `Level`; D² = mu / M."""
+        """Largest |x - P(x - x's gradient)|, in light, of the planes' picture; D² = mu / M."""
         return max(self._kkt_residual(p, z[p], gradient[p], mu) for p in range(len(z)))
 
     def _feasible(self, p: int, s: Array, weight: float) -> Array:

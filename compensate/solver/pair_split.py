@@ -40,6 +40,11 @@ class PairSplit(Split):
         super().__init__(problem)
         self._observation = observation
 
+    @property
+    def uniform(self) -> bool:
+        """Whether all pixels have that matrix."""
+        return self._observation.uniform
+
     def direction(self, planes: Planes) -> Light:
         """Light, as it is."""
         return light_of(planes, 2)

@@ -9,7 +9,7 @@ import numpy as np
 
 from compensate.problem import Problem
 from compensate.solver.hessian import Hessian
-from compensate.solver.level import BoxLevel, Planes, coarsened, padded
+from compensate.solver.level import BoxLevel, Level, Planes, coarsened, padded
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace
 from domesim.strips import in_parts
@@ -39,10 +39,10 @@ class Split(ABC):
         self.problem = problem
         self.weighting = require_certifiable(problem)
         anchor: Any = problem.anchor
-        self.base = anchor if _within(problem, anchor) else problem.project(anchor)
+        self.base: Any = anchor if _within(problem, anchor) else problem.project(anchor)
         self._offset = None if self.base is anchor else anchor - self.base
         self._residual = _beyond(problem, self.base, self.weighting)
-        self.levels: list[BoxLevel] = []
+        self.levels: list[Level] = []
 
     @property
     def answered(self) -> bool:
@@ -63,20 +63,10 @@ class Split(ABC):
         fourier = self.weighting.fourier
         residual = [padded(plane, fourier) for plane in _each_plane(self._residual)]
         del self._residual
-        damping, least = self._damping()
-        offset = self._offset
-        level = BoxLevel(
-            self._hessian(),
-            [],
-            self._lower(),
-            self._widths(),
-            damping,
-            least,
-            None if offset is None else planes_of(self._seen(offset)),
-        )
+        level = self._finest()
         self.levels = [level]
-        if coarser:
-            _add_coarser(self.levels, residual)
+        if coarser and isinstance(level, BoxLevel):
+            _add_coarser(self.levels, level, residual)
         _aim(level, residual)
 
     def planes(self, light: Light) -> Planes:
@@ -114,6 +104,19 @@ class Split(ABC):
     def _seen(self, light: Light) -> Light:
         """D of light, on the support."""
 
+    def _finest(self) -> Level:
+        damping, least = self._damping()
+        offset = self._offset
+        return BoxLevel(
+            self._hessian(),
+            [],
+            self._lower(),
+            self._widths(),
+            damping,
+            least,
+            None if offset is None else planes_of(self._seen(offset)),
+        )
+
     def _shown(self, plane: Array, rows: slice) -> Array:
         """1 / D of rows of a plane."""
         return plane
@@ -131,11 +134,10 @@ class Split(ABC):
         return widths_of(self.problem)
 
 
-def _add_coarser(levels: list[BoxLevel], residual: Planes) -> None:
-    """Append coarser levels, as long as they are worth while."""
-    weights = levels[0].hessian.weights
+def _add_coarser(levels: list[Level], fine: BoxLevel, residual: Planes) -> None:
+    """Append coarser levels than a `fine` one, as long as they are worth while."""
+    weights = fine.hessian.weights
     while True:
-        fine = levels[-1]
         fourier = fine.hessian.fourier
         if min(fourier.rows, fourier.cols) < 2 * _SMALLEST or fourier.rows % 4 or fourier.cols % 4:
             return
@@ -162,9 +164,10 @@ def _add_coarser(levels: list[BoxLevel], residual: Planes) -> None:
         )
         _aim(level, list(residual))
         levels.append(level)
+        fine = level
 
 
-def _aim(level: BoxLevel, residual: Planes) -> None:
+def _aim(level: Level, residual: Planes) -> None:
     """Set a level's target and cost by what is seen too much at the base; it is used up."""
     fourier, spectra = level.hessian.fourier, []
     while residual:
@@ -191,8 +194,7 @@ def _within(problem: Problem, light: Light) -> bool:
 
 def _beyond(problem: Problem, light: Light, weighting: CsfWeighting) -> Light:
     """What is seen too much, where it counts."""
-    residual = problem.observation.observe(light)
-    residual -= problem.desired
+    residual = problem.residual(light)
     if not weighting.support.all():
         xp = namespace(light)
         support = xp.asarray(weighting.support, dtype=light.dtype, device=light.device)

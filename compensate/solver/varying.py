@@ -29,7 +29,7 @@ import numpy as np
 from compensate.problem import Problem
 from compensate.solver.blocks import Spectra
 from compensate.solver.certificate import gap_bound
-from compensate.solver.level import Planes
+from compensate.solver.level import BoxLevel, Planes
 from compensate.solver.split import Split
 from compensate.weighting import Masked
 from domesim.light import dot, namespace
@@ -57,7 +57,9 @@ class Varying:
 
     def __init__(self, problem: Problem, plain: Split, rho: float) -> None:
         self._problem, self._plain = problem, plain
-        self._level = plain.levels[0]
+        level = plain.levels[0]
+        assert isinstance(level, BoxLevel)
+        self._level = level
         self._hessian = self._level.hessian
         self._mu = self._level.least_damping
         self.scale = self._needed_scale(rho)

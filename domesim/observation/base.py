@@ -79,6 +79,14 @@ class AdjointObservation(Observation):
         """D' y: the adjoint of `direct`."""
         return self._direct_adjoint(self._guarded_seen(light))
 
+    def local(self, light: Light) -> Light:
+        """How each pixel's light is seen in its own place: D x, but where views mix pixelwise."""
+        return self.direct(light)
+
+    def local_adjoint(self, light: Light) -> Light:
+        """The adjoint of `local`."""
+        return self.direct_adjoint(light)
+
     def _guarded_seen(self, light: Light) -> Light:
         require_light(light, self.seen_shape, who=f"{type(self).__name__} has an adjoint for")
         return light

@@ -176,6 +176,10 @@ class Linearised(StereoObservation):
     def _direct_adjoint(self, light: Light) -> Light:
         return light
 
+    def slopes(self, like: Light) -> tuple[Light, Light]:
+        """See `StereoObservation`."""
+        return self._slopes(like)
+
     def _slopes(self, light: Light) -> tuple[Light, Light]:
         key = kind(light)
         if key not in self._kept:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.light import Array, Light
 from domesim.observation.base import AdjointObservation
 
 VIEWS = ("left", "right")
@@ -22,6 +23,14 @@ class StereoObservation(AdjointObservation):
     projector.
     """
 
+    def local(self, light: Light) -> Light:
+        """A x: no pixel's light is seen in another place."""
+        return self.linear(light)
+
+    def local_adjoint(self, light: Light) -> Light:
+        """A' y."""
+        return self.adjoint(light)
+
     @property
     @abstractmethod
     def central(self) -> NDArray[Any]:
@@ -31,6 +40,18 @@ class StereoObservation(AdjointObservation):
     @abstractmethod
     def uniform(self) -> bool:
         """Whether all pixels have that matrix."""
+
+    def slopes(self, like: Light) -> tuple[Array, Array]:
+        """What an eye sees of its own view's light, and of the other's, in the same primary.
+
+        Each (view, row or 1, col or 1, primary), in arrays like `like`.
+
+        Raises
+        ------
+        NotImplementedError
+            If there is more than one seat.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no slopes of two eyes")
 
 
 def require_black(black: ArrayLike, primaries: int) -> NDArray[np.float64]:

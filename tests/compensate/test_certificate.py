@@ -119,6 +119,11 @@ CLASSES = {
     "pair, map": stereo(COLOURED, mapped=True),
     "pair, several seats": seats,
     "pair, masked": masked(stereo(COLOURED)),
+    "dome, contrast": dome(3),
+    "dome, rank two, contrast": rank_two,
+    "pair, contrast": stereo(leak_matrices(0.05)),
+    "pair, unequal matrices, contrast": stereo(COLOURED),
+    "pair, map, contrast": stereo(COLOURED, mapped=True),
 }
 
 
@@ -136,6 +141,7 @@ def theatre(name: str, setting: Setting) -> tuple[AdjointObservation, Weighting,
         np.zeros(observation.seen_shape),
         anchor=np.zeros(observation.shape),
         regularisation=setting.mu,
+        contrast=contrast(name, observation),
     )
     columns = []
     for index in np.argwhere(free(observation)):
@@ -145,6 +151,15 @@ def theatre(name: str, setting: Setting) -> tuple[AdjointObservation, Weighting,
     hessian = np.array(columns)
     assert np.abs(hessian - hessian.T).max() <= 1e-12
     return observation, lambda_, cholesky(hessian)
+
+
+def contrast(name: str, observation: AdjointObservation) -> np.ndarray | None:
+    """K of a class that has one: a hundredfold range, as between black and white."""
+    if "contrast" not in name:
+        return None
+    random = np.random.default_rng(observation.seen_shape[1:3])
+    factors = 0.1 * 100 ** random.random((*observation.seen_shape[:3], 1))
+    return factors.astype(np.float32).astype(np.float64)
 
 
 def free(observation: AdjointObservation) -> np.ndarray:
@@ -176,6 +191,7 @@ def posed(name: str, setting: Setting, seed: int) -> Problem:
         (lower, upper),
         anchor=anchor,
         regularisation=setting.mu,
+        contrast=contrast(name, observation),
     )
 
 
@@ -240,6 +256,7 @@ def test_it_is_sharp_without_bounds_and_padding(name):
             (np.where(on, -9.0, problem.lower), np.where(on, 9.0, problem.upper)),
             anchor=problem.anchor,
             regularisation=setting.mu,
+            contrast=problem.contrast,
         )
         steps = 4 + seed
         early = ADMM(tolerance=1e-13, max_iterations=steps, first_check=2)(problem, problem.anchor)
@@ -271,6 +288,7 @@ def of_type(problem: Problem, dtype: type) -> Problem:
         (problem.lower.astype(dtype), problem.upper.astype(dtype)),
         anchor=problem.anchor.astype(dtype),
         regularisation=problem.regularisation,
+        contrast=None if problem.contrast is None else problem.contrast.astype(dtype),
     )
 
 

@@ -1,0 +1,125 @@
+"""Weighting local contrast: the same error matters more in the dark.
+
+Weber's law: what the eye sees of a difference of light goes with the light around it. So a residual
+is divided by the local luminance of what is seen *before* the contrast sensitivity, and not the
+same everywhere by one adaptation luminance,
+
+    lambda(r) = A_l T K r,     K = l / (L + c)
+
+with l the adaptation luminance, which makes K = 1 where a plain weighting is right, L the luminance
+that the best subtraction shows, averaged over a few minutes of arc, and c a share of white below
+which the eye loses its contrast. Without c, black would have to be exact.
+
+T takes light to the three mechanisms of castleCSF (`compensate.vision.castle`), achromatic,
+red-green and yellow-violet, each with its own sensitivity, in place of Daly's for all three.
+
+L is of what is *seen*, not of the master: where a ghost lies on black, it is the ghost's own light.
+That this, and these numbers, do better than others is measured by ``validate --only quality``; see
+``validation/notes/0007``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from compensate.fourier import Fourier, padded_size
+from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, castle
+from compensate.vision.csf import LowFrequencyFloor
+from compensate.weighting import CsfWeighting, PerceptualWeighting
+from domesim.errors import InputError
+from domesim.light import Light
+from domesim.projector import Projector
+from domesim.viewing import Viewing
+
+DETAIL = float(np.pi * 1.5**2)
+"""Area of a pattern, deg²: castleCSF wants one. That of ColorVideoVDP's table, of 3° across."""
+
+
+@final
+@dataclass(frozen=True)
+class ContrastWeighting:
+    """The settings of the weighting of local contrast.
+
+    Parameters
+    ----------
+    low_frequency
+        The low-frequency policy of the achromatic mechanism; the chromatic ones are most sensitive
+        to low frequencies as they are, but for the lowest, and have the same floor there.
+    reach
+        Standard deviation of the Gaussian that L is averaged by, degrees.
+    floor
+        c, of white.
+    padding
+        As for `PerceptualWeighting`.
+
+    Raises
+    ------
+    InputError
+        If the reach is negative or the floor not above 0.
+    """
+
+    low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(0.2))
+    reach: float = 0.1
+    floor: float = 0.01
+    padding: int = 64
+
+    def __post_init__(self) -> None:
+        if not self.reach >= 0:
+            raise InputError(f"contrast reach must be at least 0 degrees, got {self.reach:g}")
+        if not self.floor > 0:
+            raise InputError(f"contrast floor must be above 0 of white, got {self.floor:g}")
+
+    def of(
+        self, viewing: Viewing, projector: Projector, support: NDArray[np.bool_], views: int
+    ) -> CsfWeighting:
+        """A_l T for `views` pictures with that `support` (row, col) seen that way.
+
+        Scaled so that the brightest primary's weight at the peaks is 1.
+        """
+        rows, cols = support.shape
+        padded = (padded_size(rows, self.padding), padded_size(cols, self.padding))
+        row, col = Fourier(*padded).frequencies(viewing.pixels_per_degree(rows, cols))
+        frequency = np.hypot(row, col)
+        axis = np.geomspace(0.01, 60, 4096)
+        gains, peaks = [], []
+        for mechanism in MECHANISMS:
+            curve = castle(axis, viewing.adaptation, mechanism, area=DETAIL)
+            peaks.append(float(curve.max()))
+            omega = castle(frequency, viewing.adaptation, mechanism, area=DETAIL) / peaks[-1]
+            floored = self.low_frequency(frequency, omega, axis[curve.argmax()])
+            gains.append(floored)
+        opponent = DKL_FROM_XYZ @ projector.to_xyz
+        # Contrast is relative to the achromatic mechanism's response to white, and then to the
+        # threshold at each mechanism's peak
+        opponent = np.array(peaks)[:, None] * opponent / opponent[0].sum()
+        peak = float(np.sqrt(np.sum(opponent**2, axis=0).max()))
+        return CsfWeighting(np.stack(gains), opponent / peak, support, padded, peak, views)
+
+    def contrast(
+        self,
+        seen: Light,
+        viewing: Viewing,
+        projector: Projector,
+        screen: NDArray[np.bool_],
+    ) -> NDArray[np.floating[Any]] | None:
+        """K, (view, row, col, 1) like `seen` (view, row, col, primary); 1 off the screen."""
+        density = viewing.pixels_per_degree(*screen.shape)
+        weights = projector.luminance_weights.astype(seen.dtype)
+        level = viewing.adaptation / projector.white
+        on = screen.astype(seen.dtype)
+        around = np.maximum(gaussian_filter(on, self.reach * density, mode="constant"), 1e-3)
+        result = np.ones((*seen.shape[:3], 1), seen.dtype)
+        for view, light in enumerate(seen):
+            luminance = np.maximum(light @ weights, 0) * on
+            local = gaussian_filter(luminance, self.reach * density, mode="constant") / around
+            result[view, screen, 0] = (level / (local + self.floor))[screen]
+        return result
+
+
+Eye: TypeAlias = PerceptualWeighting | ContrastWeighting
+"""Settings of a vision model: the paper's, or that of local contrast."""

@@ -1,0 +1,84 @@
+"""A stereo pair's problem for ADMM in what is seen: see `seen_level`."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from compensate.problem import Problem
+from compensate.solver.hessian import PairHessian
+from compensate.solver.level import Level, Planes
+from compensate.solver.seen_level import SeenLevel
+from compensate.solver.split import Split, light_of, planes_of
+from domesim.light import Light, namespace
+from domesim.observation.stereo import StereoObservation
+
+
+@final
+class SeenSplit(Split):
+    """The problem of two eyes in w = K M (x - x_a).
+
+    Parameters
+    ----------
+    problem
+        One of a `StereoObservation` of one seat, with a contrast K.
+
+    Raises
+    ------
+    ValueError
+        If it is another.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        observation = problem.observation
+        if not isinstance(observation, StereoObservation) or len(problem.desired) != 2:
+            raise ValueError(
+                f"contrast is weighted for one seat's two eyes, got {type(observation).__name__}"
+            )
+        if problem.contrast is None:
+            raise ValueError("SeenSplit takes a problem with a contrast, got none")
+        super().__init__(problem)
+        base = self.base
+        xp = namespace(base)
+        lower, upper = (xp.broadcast_to(b, base.shape) for b in (problem.lower, problem.upper))
+        identity = np.zeros((2, base.shape[3]) * 2)
+        for view in range(2):
+            identity[view, :, view] = np.eye(base.shape[3])
+        weighting = self.weighting
+        squares = weighting.squares(base)
+        self._level = SeenLevel(
+            PairHessian(identity, weighting, squares, weighting.fourier),
+            [],
+            problem.regularisation,
+            observation,
+            problem.contrast,
+            lower - base,
+            upper - base,
+        )
+        if self._offset is not None:
+            self._level.offset = self._level.seen(self._offset)
+
+    def light(self, planes: Planes) -> Light:
+        """See `Split`."""
+        xp, problem = namespace(self.base), self.problem
+        x = self.base + self._level.change(light_of(planes, 2))
+        return xp.minimum(xp.maximum(x, problem.lower), problem.upper)
+
+    def direction(self, planes: Planes) -> Light:
+        """See `Split`."""
+        return self._level.projected(light_of(planes, 2))
+
+    def from_gradient(self, gradient: Light) -> Planes:
+        """See `Split`."""
+        return planes_of(self._level.projected_adjoint(gradient))
+
+    def _finest(self) -> Level:
+        return self._level
+
+    def _hessian(self) -> PairHessian:
+        assert isinstance(self._level.hessian, PairHessian)
+        return self._level.hessian
+
+    def _seen(self, light: Light) -> Light:
+        return self._level.seen(light)
