@@ -1,0 +1,399 @@
+"""The subcommand that says which frames of a show need what: predict.
+
+For each frame it writes the maps of `compensate.prediction` twice: as an EXR of floats, and as the
+four pictures of the paper's Fig. 8, to look at.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, final
+
+import numpy as np
+import typer
+
+from compensate.master import Posed, Stage
+from compensate.prediction import (
+    Combination,
+    Planes,
+    Prediction,
+    Triage,
+    Verdict,
+    probability,
+    regions,
+    triage,
+)
+from compensate.vision.tvi import MesopicBlend
+from domesim.cli import (
+    Frames,
+    Identical,
+    Json,
+    Left,
+    MasterName,
+    OutFolder,
+    PackingName,
+    Quiet,
+    Repair,
+    Right,
+    SceneName,
+    SeatName,
+    TransportFile,
+    about_scene,
+    finish,
+    scene_of,
+    told,
+)
+from domesim.console import Console, Done, Work, Write, each_frame
+from domesim.errors import InputError
+from domesim.frames import ColourTag, Master
+from domesim.frames.colour import colour_chunks
+from domesim.frames.png import with_colour_chunks
+from domesim.frames.whole import write_together
+from domesim.frames.writing import bare_specification, encode, state_exr_compression
+from domesim.observation.stereo import VIEWS
+from domesim.scene import StereoScene
+from domesim.shows import Show, find_show
+
+Threshold = Annotated[
+    float, typer.Option(help="Prediction, 0..1, above which pollution counts as visible.")
+]
+CombinationName = Annotated[
+    str,
+    typer.Option(
+        "--combination",
+        help="How the maps are combined: with-veils; or paper (eqs. 12-14), which is blind to "
+        "uniform veils and counts saliency.",
+    ),
+]
+Saliency = Annotated[
+    bool | None,
+    typer.Option(
+        "--saliency/--no-saliency",
+        help="Count pollution only where a viewer looks first (of a pair, by the other eye's "
+        "picture); by default as the combination has it.",
+        show_default=False,
+    ),
+]
+BlendName = Annotated[
+    str,
+    typer.Option(
+        "--mesopic",
+        help="Whose threshold holds in dim light: more-sensitive (of rods and cones), or cie-191.",
+    ),
+]
+
+MAPS = ".maps.exr"
+"""What the EXR's name ends in: it must not replace a frame that another command wrote there."""
+
+CHANNELS = ("TVI", "masking", "saliency", "prediction", "mask", "subtracted")
+"""Of the EXR: the maps of `Predicted`, and the mask of what subtraction leaves."""
+
+PICTURES = {
+    "tvi": "Light pollution over its threshold at the local luminance; grey: at it, white: twice.",
+    "masking": "Whether the eye's mechanisms tell polluted from not; grey: at threshold.",
+    "saliency": "Where a viewer looks first; of a pair, in the other eye's picture.",
+    "prediction": "White: visible pollution that subtraction leaves; grey: that it removes.",
+}
+"""Fig. 8, a to d: names and captions."""
+
+LARGEST = 1024
+"""Longest side of a map in a picture, pixels."""
+
+GAP = 4
+"""Between the halves of a picture, pixels."""
+
+BRIGHTEST = 4096
+"""What a residual is brightened by at most."""
+
+MARGIN = 1.0
+"""Around what is to be solved, degrees."""
+
+TOLD = 5
+"""Worst frames that the summary names."""
+
+
+def predict(
+    scene: SceneName,
+    out: OutFolder,
+    master: MasterName = None,
+    left: Left = None,
+    right: Right = None,
+    packing: PackingName = None,
+    seat: SeatName = None,
+    transport: TransportFile = None,
+    threshold: Threshold = 0.05,
+    combination: CombinationName = Combination.WITH_VEILS.value,
+    saliency: Saliency = None,
+    mesopic: BlendName = MesopicBlend.MORE_SENSITIVE.value,
+    frames: Frames = None,
+    repair: Repair = False,
+    allow_identical: Identical = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Tell which frames need compensation, and where: maps of visible light pollution."""
+    console = Console(quiet=quiet, json=json)
+    settings = _settings(threshold, combination, saliency, mesopic)
+    theatre = scene_of(scene, transport, console, seat)
+    if isinstance(theatre, StereoScene) and len(theatre.chosen) > 1:
+        raise InputError(
+            f"--seat {seat}: pollution is predicted for one seat; name one of "
+            f"{', '.join(theatre.chosen)}"
+        )
+    show = find_show(
+        master, left, right, packing=packing, frames=frames, allow_identical=allow_identical
+    )
+    places = _places(show, out, theatre.views)
+    stage = Stage(theatre)
+
+    def prepare(source: Master) -> tuple[Master, Posed]:
+        return source, stage.pose_frame(source)[0]
+
+    def solve(prepared: tuple[Master, Posed]) -> tuple[Master, Posed, Triage]:
+        source, posed = prepared
+        return source, posed, triage(posed, settings)
+
+    def end(solved: tuple[Master, Posed, Triage], write: Write) -> tuple[dict[str, Any], str]:
+        source, posed, found = solved
+        brightened = _write(places[source.paths], posed, found)
+        figures = _figures(posed, found)
+        pictures = [str(path) for place in places[source.paths] for path in place.pictures]
+        return {**figures, "pictures": pictures, "brightened": brightened}, _line(figures)
+
+    done = each_frame(
+        show,
+        out,
+        Work(prepare, solve, end),
+        console,
+        what="predicting",
+        repair=repair,
+        suffix=MAPS,
+    )
+    worst = _worst(done)
+    if len(show.moments) > 1 and done.frames:
+        console.say(_summary(done, worst))
+    facts = {
+        "threshold": settings.threshold,
+        "combination": settings.combination.value,
+        "saliency": settings.counts_saliency,
+        "mesopic": settings.blend.value,
+        "worst": [frame["input"] for frame in worst],
+    }
+    finish(console, {**about_scene(theatre), **facts, **told(done)}, done.failed)
+
+
+def _settings(
+    threshold: float, combination: str, saliency: bool | None, mesopic: str
+) -> Prediction:
+    combinations = {each.value: each for each in Combination}
+    blends = {each.value: each for each in MesopicBlend}
+    if combination not in combinations:
+        raise InputError(
+            f"--combination {combination!r} is not known; use one of {', '.join(combinations)}"
+        )
+    if mesopic not in blends:
+        raise InputError(f"--mesopic {mesopic!r} is not known; use one of {', '.join(blends)}")
+    return Prediction(threshold, combinations[combination], saliency, blends[mesopic])
+
+
+# Where it goes.
+
+
+@final
+@dataclass(frozen=True)
+class _Place:
+    """Where the maps of one view go, or of two that lie in one file."""
+
+    maps: Path
+    views: dict[str, int]  # by what tells them apart in names: "left."
+
+    def picture(self, name: str, kind: str) -> Path:
+        """Of one view, one of `PICTURES`."""
+        return self.maps.with_name(f"{self.maps.name.removesuffix(MAPS)}.{name}{kind}.png")
+
+    @property
+    def pictures(self) -> list[Path]:
+        """All of them."""
+        return [self.picture(name, kind) for name in self.views for kind in PICTURES]
+
+
+Places = dict[tuple[Path, ...], list[_Place]]
+
+
+def _places(show: Show, folder: Path, views: int) -> Places:
+    """Where the maps of each moment go.
+
+    Raises
+    ------
+    InputError
+        If two would go to one place, or one over an input.
+    """
+    places: Places = {}
+    for moment, outputs in zip(show.moments, show.outputs(folder, MAPS), strict=True):
+        if len(outputs) < views:
+            places[moment] = [_Place(outputs[0], {f"{each}.": k for k, each in enumerate(VIEWS)})]
+        else:
+            places[moment] = [_Place(output, {"": k}) for k, output in enumerate(outputs)]
+    sources = {file.resolve() for moment in show.moments for file in moment}
+    for place in (each for found in places.values() for each in found):
+        for path in place.pictures:
+            if path.resolve() in sources:
+                raise InputError(
+                    f"{path}: wanted a place for the result, got an input. Choose another folder."
+                )
+    return places
+
+
+# What is written.
+
+
+def _write(places: list[_Place], posed: Posed, found: Triage) -> int:
+    """Write all files of a frame at once; by what the residual is brightened."""
+    maps, white = found.untouched, posed.scene.projector.white
+    brightened = _brightening(maps.residual[:, posed.screen] / white)
+    contents = []
+    for place in places:
+        contents.append((place.maps, _exr(place, found)))
+        for name, view in place.views.items():
+            ghost = np.abs(maps.residual[view]) * (brightened / white)
+            for kind, shown in _shown(found, view).items():
+                caption = f"{PICTURES[kind]} Left: the map. Right: the map times the pollution's "
+                caption += f"light, {brightened} times brighter."
+                path = place.picture(name, kind)
+                contents.append((path, _png(path, shown, ghost, caption)))
+    write_together(contents)
+    return brightened
+
+
+def _shown(found: Triage, view: int) -> dict[str, Planes]:
+    """The maps as they are shown, 0..1."""
+    maps = found.untouched
+    remaining = found.subtracted.mask[view]
+    return {
+        "tvi": np.minimum(maps.tvi[view] / 2, 1),
+        "masking": probability(maps.masking[view]),
+        "saliency": maps.saliency[view],
+        "prediction": np.where(remaining, 1, np.float32(0.5) * maps.mask[view]),
+    }
+
+
+def _brightening(residual: Planes) -> int:
+    """The power of two that brings all but a thousandth of the screen below white."""
+    bright = float(np.quantile(np.abs(residual), 0.999)) if residual.size else 0.0
+    if bright * BRIGHTEST <= 1:
+        return BRIGHTEST
+    return int(2 ** max(0, np.floor(np.log2(1 / bright))))
+
+
+def _png(path: Path, shown: Planes, ghost: Planes, caption: str) -> bytes:
+    """A map beside itself times the ghost, as sRGB."""
+    step = -(-max(shown.shape) // LARGEST)
+    light = np.minimum(_reduced(shown * ghost, step), 1) ** (1 / 2.2)
+    gap = np.ones((len(light), GAP), np.float32)
+    picture = np.hstack([_reduced(shown, step), gap, light])
+    codes = np.rint(picture * 255).astype(np.uint8)[..., None]
+    attributes = [("ImageDescription", "string", caption)]
+    spec = bare_specification(("Y",), ("uint8",), (codes.shape[1], codes.shape[0]), attributes)
+    png = encode(path, "png", [(spec, codes)])
+    return with_colour_chunks(png, colour_chunks(ColourTag("srgb", "BT.709", "computed")))
+
+
+def _reduced(plane: Planes, step: int) -> Planes:
+    """Means over blocks of pixels."""
+    if step == 1:
+        return plane
+    starts = [np.arange(0, side, step) for side in plane.shape]
+    sums = np.add.reduceat(np.add.reduceat(plane, starts[0], axis=0), starts[1], axis=1)
+    rows, cols = (
+        np.diff(np.append(at, side)) for at, side in zip(starts, plane.shape, strict=True)
+    )
+    return np.asarray(sums / (rows[:, None] * cols).astype(np.float32))
+
+
+def _exr(place: _Place, found: Triage) -> bytes:
+    """All maps of the views of a file, as float channels."""
+    maps = found.untouched
+    each = (
+        maps.tvi,
+        maps.masking,
+        maps.saliency,
+        maps.prediction,
+        maps.mask,
+        found.subtracted.mask,
+    )
+    names = tuple(f"{name}{channel}" for name in place.views for channel in CHANNELS)
+    samples = np.stack([planes[k] for k in place.views.values() for planes in each], axis=-1)
+    samples = _rounded(samples.astype(np.float32))
+    size = (samples.shape[1], samples.shape[0])
+    spec = bare_specification(names, ("float",) * len(names), size, [])
+    state_exr_compression(spec, None)
+    return encode(place.maps, "openexr", [(spec, samples)])
+
+
+def _rounded(samples: Planes) -> Planes:
+    """With 11 significant bits, as half has, but without its limits: a file half as large."""
+    bits = samples.view(np.uint32)
+    bits += np.uint32(1 << 12)
+    bits &= np.uint32(0xFFFFE000)
+    return samples
+
+
+# What is said.
+
+
+def _figures(posed: Posed, found: Triage) -> dict[str, Any]:
+    """Of a frame: see `Predicted` and `Triage`."""
+    density = posed.scene.viewing.pixels_per_degree(*posed.screen.shape)
+    boxes = regions(found.subtracted.mask, round(MARGIN * density))
+    return {
+        "visible": found.untouched.share,
+        "visible_by_view": list(found.untouched.visible.shares),
+        "visible_salient": found.untouched.salient,
+        "visible_subtracted": found.subtracted.share,
+        "visible_subtracted_by_view": list(found.subtracted.shares),
+        "verdict": found.verdict.name.lower(),
+        "regions": [[rows.start, rows.stop, cols.start, cols.stop] for rows, cols in boxes],
+    }
+
+
+def _line(figures: dict[str, Any]) -> str:
+    verdict = Verdict[figures["verdict"].upper()].value
+    return (
+        f"visible pollution on {_percent(figures['visible'])} of the screen, "
+        f"{_percent(figures['visible_subtracted'])} after subtraction: {verdict}"
+    )
+
+
+def _percent(share: float) -> str:
+    """Two digits, but never 0 for something."""
+    return f"{share:.2%}" if 0 < share < 0.1 else f"{share:.0%}"
+
+
+def _worst(done: Done) -> list[dict[str, Any]]:
+    """The frames, those first that need most."""
+    order = [each.name.lower() for each in Verdict]
+
+    def need(frame: dict[str, Any]) -> tuple[int, float, float]:
+        rank = order.index(frame["verdict"])
+        return -rank, -frame["visible_subtracted"], -frame["visible"]
+
+    return sorted(done.frames, key=need)
+
+
+def _summary(done: Done, worst: list[dict[str, Any]]) -> str:
+    counts = Counter(frame["verdict"] for frame in done.frames)
+    parts = [f"{count} {each.value}" for each in Verdict if (count := counts[each.name.lower()])]
+    named = [
+        f"{_name(frame['input'])} ({_percent(frame['visible'])}, "
+        f"{_percent(frame['visible_subtracted'])} after subtraction)"
+        for frame in worst[:TOLD]
+        if frame["verdict"] != Verdict.NOTHING.name.lower()
+    ]
+    text = f"{len(done.frames)} frames: {'; '.join(parts)}"
+    return f"{text}. Worst first: {', '.join(named)}" if named else text
+
+
+def _name(source: str | list[str]) -> str:
+    return Path(source if isinstance(source, str) else source[0]).name

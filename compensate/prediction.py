@@ -1,0 +1,485 @@
+"""Where light pollution will be seen, before anything is solved (section 5 of the paper).
+
+Four maps of a picture, as the eye at its seat has them:
+
+    delta(x) = |residual averaged over some area| > Delta_TVI           (eq. 10)
+    v(x)     = sum of the mechanisms' squared changes of response       (eq. 11)
+    gamma(x) = saliency: of a dome's own picture, of the *other* eye's of a pair
+    Lambda_n = [gamma] delta P(v),    P(v) = 1 - 2^-v                   (eqs. 12 - 14)
+
+and the mask, where Lambda_n exceeds a threshold.
+
+*Normalised* can mean two things. Divided by its largest value, as is usual for maps, the faintest
+frame of a show would have a mask as full as the worst: useless for choosing between frames. Here
+every map is absolute. delta is 0 or 1. v is in units of a threshold (v = 1: one mechanism on a
+plain field is at its own), which P(v) takes to 0..1, with 1/2 at the threshold. P stands for the
+chance of seeing; its form is chosen, not fitted. Saliency alone is relative to its frame, and it
+may be, because it only ever takes away.
+
+*Combined* cannot be the paper's product alone. No mechanism looks at the mean level: inside a wide
+uniform veil v is 0, and so is the product, whatever the veil's brightness; but such a veil is what
+a dome's pollution is. So the default counts one mechanism more in eq. 11, the base band that is
+missing there, with the threshold that TVI has measured for wide fields:
+
+    v_0 = R(|residual averaged over the widest mechanism's period| / Delta_TVI)²
+
+R is `masking.transducer`, and v_0 = 1 at its threshold like every other mechanism's. A veil is
+seen when TVI says so; a ghost in a texture of its own kind is masked as before.
+
+What is polluted? The room's own light (`psi(0)`: projector black, stray light) is there in any
+frame, so that a viewer cannot tell by it what is wrong with this one, and no frame takes it away
+where the picture is black. Neither the desired picture nor the desired picture with that light on
+top is pollution: the residual is the distance from the nearest one between. Else every black frame
+of a theatre with a black level of 0.007 cd/m² would be wanted for compensation.
+
+The area that eq. 10 averages over is not given. Light adds up, as the average supposes, within
+Ricco's area, which is some minutes of arc in the bright fovea and grows in the dark (Barlow 1958,
+J. Physiol. 141, 337-350) and off the fovea. The default, a square of 0.25 degrees, is chosen.
+
+The eye is adapted to the desired picture and the room's light, not to the pollution, so that more
+is called visible where the picture is black.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from compensate.master import Posed
+from compensate.vision.adaptation import adaptation_luminance
+from compensate.vision.masking import Cortex, masked_difference, transducer
+from compensate.vision.saliency import gbvs
+from compensate.vision.tvi import MesopicBlend, threshold
+from domesim.errors import InputError
+from domesim.light import Light
+from domesim.strips import in_strips
+
+Planes = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+FINEST = 8.0
+"""Pixels per degree that maps are computed with at least: a finer picture is reduced to a half, a
+quarter, ... that still has as many. Little is lost that could pass eq. 10: averaged over a square
+of 0.25 degrees, a grating of 4 cycles/degree along its sides is 0."""
+
+
+@final
+class Combination(Enum):
+    """How the maps make one; see the module's docstring."""
+
+    WITH_VEILS = "with-veils"
+    """delta P(v + v_0), without saliency: it tells where a viewer looks first, not what is seen."""
+
+    PAPER = "paper"
+    """gamma delta P(v): eq. 13, and of a pair eq. 14. Blind to veils."""
+
+
+@final
+class Verdict(Enum):
+    """What a frame needs."""
+
+    NOTHING = "nothing visible: leave it alone"
+    SUBTRACT = "subtraction is enough"
+    COMPENSATE = "compensation worth while"
+
+
+@final
+@dataclass(frozen=True)
+class Prediction:
+    """Settings of the prediction.
+
+    Parameters
+    ----------
+    threshold
+        t of Lambda_n, above which the mask is true; the paper's Fig. 8 has 0.05.
+    combination
+        How the maps are combined.
+    saliency
+        Whether gamma is a factor of Lambda_n: eq. 12 or eqs. 13 and 14. None: as `combination` has
+        it.
+    blend
+        Whose threshold holds in mesopic light.
+    area
+        Side of the square that eq. 10 averages the residual over, degrees.
+    negligible
+        Visible pollution that is nothing, deg² of each eye's picture; the default, 1, is about what
+        the fovea sees at a glance.
+    cortex
+        The mechanisms of eq. 11; of pictures too coarse for them, wider ones.
+
+    Raises
+    ------
+    InputError
+        If the threshold lies outside 0..1, or the area or what is negligible is no size.
+    """
+
+    threshold: float = 0.05
+    combination: Combination = Combination.WITH_VEILS
+    saliency: bool | None = None
+    blend: MesopicBlend = MesopicBlend.MORE_SENSITIVE
+    area: float = 0.25
+    negligible: float = 1.0
+    cortex: Cortex = field(default_factory=Cortex)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.threshold < 1:
+            raise InputError(f"threshold must lie in 0..1, below 1, got {self.threshold:g}")
+        if not (np.isfinite(self.area) and self.area > 0):
+            raise InputError(f"prediction averages over an area above 0 deg, got {self.area:g}")
+        if not (np.isfinite(self.negligible) and self.negligible >= 0):
+            raise InputError(f"negligible must be at least 0 deg², got {self.negligible:g}")
+
+    @property
+    def counts_saliency(self) -> bool:
+        """Whether gamma is a factor of Lambda_n."""
+        if self.saliency is None:
+            return self.combination is Combination.PAPER
+        return self.saliency
+
+
+@final
+@dataclass(frozen=True)
+class Visible:
+    """Where pollution is visible.
+
+    Parameters
+    ----------
+    mask
+        (view, row, col) bool: false off the screen.
+    shares
+        Share of the screen's area that it takes, of each view.
+    """
+
+    mask: Mask
+    shares: tuple[float, ...]
+
+    @property
+    def share(self) -> float:
+        """Share of the screen's area, of all views."""
+        return sum(self.shares) / len(self.shares)
+
+
+@final
+@dataclass(frozen=True)
+class Predicted:
+    """The maps of a picture, (view, row, col) each; 0 off the screen.
+
+    Parameters
+    ----------
+    residual
+        psi(x) less the nearest picture without pollution, cd/m².
+    tvi
+        |averaged residual| / Delta_TVI: delta of eq. 10 is where it exceeds 1.
+    masking
+        v of eq. 11, in units of a threshold; by the combination with veils, v + v_0.
+    saliency
+        gamma, 0..1, whether it counts or not.
+    prediction
+        Lambda_n, 0..1.
+    visible
+        Where the prediction exceeds its threshold.
+    salient
+        Share of the screen's area where it would, had saliency counted.
+    """
+
+    residual: Planes
+    tvi: Planes
+    masking: Planes
+    saliency: Planes
+    prediction: Planes
+    visible: Visible
+    salient: float
+
+    @property
+    def mask(self) -> Mask:
+        """The binary mask, (view, row, col)."""
+        return self.visible.mask
+
+    @property
+    def share(self) -> float:
+        """Share of the screen's area, of all views, where pollution is visible."""
+        return self.visible.share
+
+
+@final
+@dataclass(frozen=True)
+class Triage:
+    """What is predicted of a frame as it is, and of what exact clipped subtraction leaves.
+
+    The first tells whether anything need be done at all, the second whether more than subtraction;
+    its mask is what a solver has to care for.
+    """
+
+    untouched: Predicted
+    subtracted: Visible
+    verdict: Verdict
+
+
+def predict(
+    posed: Posed, light: Light | None = None, settings: Prediction | None = None
+) -> Predicted:
+    """Where the pollution of `light` is visible.
+
+    Parameters
+    ----------
+    posed
+        The master in its scene; of several seats, the first counts.
+    light
+        What is projected, (view, row, col, primary). Default: the untouched master.
+    settings
+        See `Prediction`.
+    """
+    eye = _Eye(posed, settings or Prediction())
+    return eye.predicts(posed.desired if light is None else light)
+
+
+def triage(posed: Posed, settings: Prediction | None = None) -> Triage:
+    """Whether a frame needs nothing, subtraction or a solver; parameters as for `predict`."""
+    chosen = settings or Prediction()
+    eye = _Eye(posed, chosen)
+    untouched = eye.predicts(posed.desired)
+    subtracted = eye.sees(posed.subtractive)
+    area = posed.scene.viewing.image_area
+    if max(untouched.visible.shares) * area <= chosen.negligible:
+        verdict = Verdict.NOTHING
+    elif max(subtracted.shares) * area <= chosen.negligible:
+        verdict = Verdict.SUBTRACT
+    else:
+        verdict = Verdict.COMPENSATE
+    return Triage(untouched, subtracted, verdict)
+
+
+def regions(mask: Mask, margin: int = 0) -> list[tuple[slice, slice]]:
+    """Rectangles (rows, cols) that hold all that is true in a mask, with a margin around it.
+
+    They are the bounding boxes of what is connected once it is dilated by the margin; boxes that
+    overlap or touch are made one, so that no pixel lies in two. Eyes share their rectangles: they
+    pollute each other.
+
+    Parameters
+    ----------
+    mask
+        (row, col) or (view, row, col).
+    margin
+        Pixels that are added on all sides, as far as there is picture.
+
+    Raises
+    ------
+    InputError
+        If the mask has other axes, or the margin is negative.
+    """
+    found = np.asarray(mask, bool)
+    if found.ndim not in (2, 3):
+        raise InputError(f"regions takes a mask (row, col) or (view, row, col), got {found.shape}")
+    if margin < 0:
+        raise InputError(f"regions takes a margin of at least 0 pixels, got {margin}")
+    joined = np.asarray(found.any(axis=0) if found.ndim == 3 else found)
+    if margin:
+        joined = ndimage.maximum_filter(joined, 2 * margin + 1, mode="constant")
+    count = None
+    while True:
+        boxes = [(rows, cols) for rows, cols in ndimage.find_objects(_labelled(joined))]
+        if len(boxes) == count:
+            return boxes
+        count = len(boxes)
+        joined = np.zeros(joined.shape, bool)
+        for box in boxes:
+            joined[box] = True
+
+
+def _labelled(mask: NDArray[Any]) -> NDArray[Any]:
+    """Numbers of connected components; pixels that only meet at a corner are connected."""
+    return np.asarray(ndimage.label(mask, np.ones((3, 3), int))[0])
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What a viewer sees of a frame, on the grid: luminances, cd/m², and eq. 10."""
+
+    wanted: Planes
+    seen: Planes
+    residual: Planes
+    tvi: Planes
+    delta: Mask
+
+
+@final
+class _Eye:
+    """A viewer of a posed frame, who compares with what is desired."""
+
+    def __init__(self, posed: Posed, settings: Prediction) -> None:
+        self._posed, self._settings = posed, settings
+        self._projector = posed.scene.projector
+        rows, cols = posed.screen.shape
+        finest = posed.scene.viewing.pixels_per_degree(rows, cols)
+        step = 2 ** max(0, int(np.floor(np.log2(finest / FINEST))))
+        self._grid = _Grid(posed.screen, step)
+        self._per_degree = finest / step
+        # of very coarse pictures, the widest mechanism that they can hold
+        self._lowest = min(settings.cortex.lowest, self._per_degree / 2)
+        views = posed.scene.views
+        desired = self._grid.mean(posed.problem.desired[:views])
+        self._desired = self._luminance(desired)
+        room = self._luminance(self._grid.mean(posed.seen(np.zeros_like(posed.desired))))
+        self._with_room = self._desired + room
+        self._adaptation = adaptation_luminance(
+            self._with_room, self._per_degree, self._grid.screen
+        )
+        self._threshold = threshold(self._adaptation, settings.blend)
+        pictures = [self._salient(eye) for eye in self._projector.to_display(desired)]
+        # the pollution of one eye is the other's picture (eq. 14)
+        self._saliency = np.stack(pictures[::-1])
+
+    def predicts(self, light: Light) -> Predicted:
+        """All maps of projected `light`."""
+        full = self._grid.full
+        found = self._looks(light)
+        masking = self._masking(found, slice(None), slice(None)) + self._base_band(found)
+        visible = np.where(found.delta, probability(masking), 0)
+        salient = visible * self._saliency
+        prediction = salient if self._settings.counts_saliency else visible
+        return Predicted(
+            residual=full(found.residual),
+            tvi=full(found.tvi),
+            masking=full(masking),
+            saliency=full(self._saliency),
+            prediction=full(prediction),
+            visible=self._visible(prediction > self._settings.threshold),
+            salient=self._visible(salient > self._settings.threshold).share,
+        )
+
+    def sees(self, light: Light) -> Visible:
+        """The mask alone: v is computed only around pixels that v_0 and delta leave open."""
+        least = self._settings.threshold
+        weight = self._saliency if self._settings.counts_saliency else np.float32(1)
+        found = self._looks(light)
+        veils = self._base_band(found)
+        seen = found.delta & (weight * probability(veils) > least)
+        open_ = found.delta & (weight > least) & ~seen
+        if open_.any():
+            # beyond the widest mechanism's period nothing matters
+            part = _bounds(
+                np.asarray(open_.any(axis=0)), int(np.ceil(self._per_degree / self._lowest))
+            )
+            masking = self._masking(found, *part) + veils[:, *part]
+            weights = np.broadcast_to(weight, seen.shape)[:, *part]
+            seen[:, *part] |= open_[:, *part] & (weights * probability(masking) > least)
+        return self._visible(seen)
+
+    def _looks(self, light: Light) -> _Look:
+        """What is compared, and eq. 10."""
+        seen = self._luminance(self._grid.mean(self._posed.seen(light)))
+        wanted = np.clip(seen, self._desired, self._with_room)
+        residual = np.asarray(np.where(self._grid.screen, seen - wanted, 0), np.float32)
+        mean = self._averaged(residual, self._settings.area)
+        tvi = np.asarray(np.abs(mean) / self._threshold, np.float32)
+        return _Look(wanted, seen, residual, tvi, (tvi > 1) & self._grid.screen)
+
+    def _masking(self, look: _Look, rows: slice, cols: slice) -> Planes:
+        """Eq. 11 in a part of the picture."""
+        viewing = self._posed.scene.viewing
+        wanted, seen, adaptation = (
+            self._grid.filled(each)[:, rows, cols]
+            for each in (look.wanted, look.seen, self._adaptation)
+        )
+        # the angle that the part covers, at the same resolution
+        viewing = replace(viewing, extent=max(wanted.shape[1:]) / self._per_degree)
+        cortex = replace(self._settings.cortex, lowest=self._lowest)
+        return masked_difference(wanted, seen, adaptation, viewing, cortex=cortex)
+
+    def _base_band(self, look: _Look) -> Planes:
+        """v_0, if the combination has it."""
+        if self._settings.combination is Combination.PAPER:
+            return np.zeros_like(look.residual)
+        mean = self._averaged(look.residual, 1 / self._lowest)
+        return np.asarray(transducer(np.abs(mean) / self._threshold) ** 2)
+
+    def _visible(self, seen: Mask) -> Visible:
+        mask, areas = self._grid.full(seen), self._posed.areas
+        return Visible(mask, tuple(float(np.sum(view * areas) / np.sum(areas)) for view in mask))
+
+    def _salient(self, picture: Light) -> Planes:
+        """Saliency of (row, col, rgb); the rim of the screen is no feature."""
+        whole = self._grid.filled(np.moveaxis(picture, -1, 0))
+        return gbvs(np.maximum(np.moveaxis(whole, 0, -1), 0)).astype(np.float32)
+
+    def _averaged(self, planes: Planes, degrees: float) -> Planes:
+        """Means over squares, of the screen's pixels only."""
+        side = 2 * round((degrees * self._per_degree - 1) / 2) + 1
+        if side <= 1:
+            return planes
+
+        def sums(plane: Planes) -> Planes:
+            return np.asarray(ndimage.uniform_filter(plane, side, mode="constant"))
+
+        screen = np.maximum(sums(self._grid.screen.astype(np.float32)), 1 / side**2)
+        return np.stack([sums(plane) / screen for plane in planes])
+
+    def _luminance(self, light: Light) -> Planes:
+        """(view, row, col), cd/m²; of a measured display a little below 0 is 0."""
+        weights = (self._projector.luminance_weights * self._projector.white).astype(np.float32)
+        return np.asarray(np.maximum(light @ weights, 0))
+
+
+@final
+class _Grid:
+    """Blocks of `step` x `step` pixels, and back; the last ones may be cut off by the edge."""
+
+    def __init__(self, screen: Mask, step: int) -> None:
+        self._fine, self._step = screen, step
+        self._share = self._sums(screen.astype(np.float32))
+        self.screen: Mask = self._share > 0
+
+    def mean(self, light: Light) -> Light:
+        """Means over the blocks' pixels on the screen, (view, row, col, primary)."""
+        if self._step == 1:
+            return np.asarray(light)
+        result = np.empty((len(light), *self.screen.shape, light.shape[-1]), np.float32)
+        share = np.maximum(self._share, 1)
+
+        def average(view: int, rows: slice) -> None:
+            fine = slice(rows.start * self._step, rows.stop * self._step)
+            on = np.where(self._fine[fine, :, None], light[view, fine], 0)
+            result[view, rows] = self._sums(on) / share[rows, :, None]
+
+        # strips are counted in blocks, of step² pixels each
+        in_strips(average, (*result.shape, self._step**2))
+        return result
+
+    def full(self, planes: NDArray[Any]) -> NDArray[Any]:
+        """Planes of the blocks as planes of pixels: 0 off the screen."""
+        rows, cols = self._fine.shape
+        tall = planes.repeat(self._step, axis=1)[:, :rows] if self._step > 1 else planes
+        wide = tall.repeat(self._step, axis=2)[..., :cols] if self._step > 1 else tall
+        return np.where(self._fine, wide, planes.dtype.type(0))
+
+    def filled(self, planes: Planes) -> Planes:
+        """Planes with their mean off the screen, so that its rim is no edge of a veil."""
+        if self.screen.all():
+            return planes
+        means = np.array([plane[self.screen].mean() for plane in planes], np.float32)
+        return np.where(self.screen, planes, means[:, None, None])
+
+    def _sums(self, planes: NDArray[Any]) -> NDArray[Any]:
+        """(row, col, ...) summed over blocks."""
+        if self._step == 1:
+            return planes
+        tall = np.add.reduceat(planes, np.arange(0, planes.shape[0], self._step), axis=0)
+        return np.asarray(np.add.reduceat(tall, np.arange(0, planes.shape[1], self._step), axis=1))
+
+
+def probability(masking: Planes) -> Planes:
+    """P(v) = 1 - 2^-v."""
+    return np.asarray(-np.expm1(-np.float32(np.log(2)) * masking))
+
+
+def _bounds(mask: Mask, margin: int) -> tuple[slice, slice]:
+    """The rectangle of all that is true, with a margin as far as there is picture."""
+    places = (np.flatnonzero(mask.any(axis=1 - axis)) for axis in (0, 1))
+    rows, cols = (slice(max(0, int(at[0]) - margin), int(at[-1]) + margin + 1) for at in places)
+    return rows, cols

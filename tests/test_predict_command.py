@@ -1,0 +1,410 @@
+"""The command predict: what it writes and says, of domes and pairs, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+import test_bad_input
+from test_bad_input import Run, damage, store, written
+
+from compensate.master import pose_frame
+from compensate.prediction import regions, triage
+from domesim.frames import read_master
+from domesim.scene import load_scene
+
+run = test_bad_input.run
+out = test_bad_input.out
+
+DOME, STEREO = "dome_hemisphere", "stereo_polarised_paper"
+ROWS, COLS = 60, 96
+KINDS = ("masking", "prediction", "saliency", "tvi")
+CHANNELS = ("TVI", "masking", "saliency", "prediction", "mask", "subtracted")
+
+
+def view(place: int, light: float = 0.9, black: float = 0.0) -> np.ndarray:
+    pixels = np.full((ROWS, COLS, 3), black, np.float32)
+    pixels[20:44, place : place + 20] = light
+    return pixels
+
+
+def pair(folder: Path, **light: float) -> tuple[object, ...]:
+    folder.mkdir(exist_ok=True)
+    left = store(folder / "l.exr", view(12, **light), "float")
+    return "--left", left, "--right", store(folder / "r.exr", view(60, **light), "float")
+
+
+def fulldome(path: Path, light: float = 0.5, size: int = 48) -> Path:
+    pixels = np.zeros((size, size, 3), np.float32)
+    pixels[20:30, 8:40] = light
+    return store(path, pixels, "float")
+
+
+def figures(run: Run, *arguments: object) -> dict[str, object]:
+    outcome = run("predict", *arguments, "--json")
+    assert (outcome.code, outcome.err) == (0, "")
+    found = json.loads(outcome.out)
+    assert found["failed"] == []
+    return found
+
+
+def channels(path: Path) -> dict[str, np.ndarray]:
+    image = oiio.ImageBuf(str(path))
+    assert image.spec().format == oiio.FLOAT
+    assert image.spec().getattribute("compression") == "zip"
+    planes = image.get_pixels(oiio.FLOAT)
+    return {name: planes[..., k] for k, name in enumerate(image.spec().channelnames)}
+
+
+def names(stem: str) -> list[str]:
+    return sorted([f"{stem}.maps.exr", *(f"{stem}.{kind}.png" for kind in KINDS)])
+
+
+def test_a_dome(run: Run, tmp_path: Path, out: Path) -> None:
+    master = fulldome(tmp_path / "m.exr")
+    outcome = run("predict", master, "--scene", DOME, "--out", out)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert written(out) == names("m")
+    found = figures(run, master, "--scene", DOME, "--out", out)
+    assert (found["scene"], found["threshold"], found["combination"]) == (DOME, 0.05, "with-veils")
+    (frame,) = found["frames"]
+    scene = load_scene(DOME)
+    posed, _ = pose_frame(read_master([master]), scene)
+    wanted = triage(posed)
+    assert frame["input"] == str(master)
+    assert frame["output"] == str(out / "m.maps.exr")
+    assert sorted(frame["pictures"]) == [str(out / f"m.{kind}.png") for kind in KINDS]
+    assert frame["visible"] == wanted.untouched.share > 0.5
+    assert frame["visible_by_view"] == [frame["visible"]]
+    assert frame["visible_subtracted"] == wanted.subtracted.share
+    assert frame["visible_salient"] == wanted.untouched.salient
+    assert frame["verdict"] == wanted.verdict.name.lower() == "compensate"
+    boxes = regions(wanted.subtracted.mask, round(48 / 180))
+    assert frame["regions"] == [[r.start, r.stop, c.start, c.stop] for r, c in boxes]
+    assert f"{wanted.untouched.share:.0%} of the screen" in outcome.out
+    assert f"{wanted.subtracted.share:.0%} after subtraction: compensation worth" in outcome.out
+
+
+def test_the_maps_are_read_back(run: Run, tmp_path: Path, out: Path) -> None:
+    master = fulldome(tmp_path / "m.exr")
+    assert run("predict", master, "--scene", DOME, "--out", out).code == 0
+    maps = channels(out / "m.maps.exr")
+    assert sorted(maps) == sorted(CHANNELS)
+    posed, _ = pose_frame(read_master([master]), load_scene(DOME))
+    wanted = triage(posed)
+    for name in CHANNELS[:4]:
+        of = getattr(wanted.untouched, name.lower())[0]
+        np.testing.assert_allclose(maps[name], of, rtol=2**-11, err_msg=name)
+    np.testing.assert_array_equal(maps["mask"], wanted.untouched.mask[0])
+    np.testing.assert_array_equal(maps["subtracted"], wanted.subtracted.mask[0])
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_other_formats_have_the_same_outputs(
+    run: Run, tmp_path: Path, out: Path, suffix: str
+) -> None:
+    master = store(tmp_path / f"m{suffix}", view(4)[:, :ROWS], "uint8")
+    assert run("predict", master, "--scene", DOME, "--out", out).code == 0
+    assert written(out) == names("m")
+
+
+def test_a_pair(run: Run, tmp_path: Path, out: Path) -> None:
+    found = figures(run, *pair(tmp_path / "in"), "--scene", STEREO, "--out", out)
+    assert found["seats"] == ["sweet spot"]
+    assert written(out) == sorted(names("l") + names("r"))
+    (frame,) = found["frames"]
+    assert frame["visible"] == pytest.approx(np.mean(frame["visible_by_view"]))
+    assert frame["verdict"] == "compensate"
+    left, right = (channels(out / f"{eye}.maps.exr") for eye in "lr")
+    # the ghost is where the other eye's picture is, and so is saliency
+    for maps, place in ((left, 70), (right, 22)):
+        assert np.argwhere(maps["mask"])[:, 1].mean() == pytest.approx(place, abs=2)
+        assert np.unravel_index(maps["saliency"].argmax(), (ROWS, COLS))[1] == pytest.approx(
+            place, abs=9
+        )
+        # nothing can be subtracted from black
+        np.testing.assert_array_equal(maps["mask"], maps["subtracted"])
+    assert [maps["mask"].mean() for maps in (left, right)] == pytest.approx(
+        frame["visible_by_view"]
+    )
+
+
+@pytest.mark.parametrize(("packing", "axis"), [("side-by-side", 1), ("top-bottom", 0)])
+def test_views_in_one_file(run: Run, tmp_path: Path, out: Path, packing: str, axis: int) -> None:
+    master = store(tmp_path / "m.exr", np.concatenate([view(12), view(60)], axis), "float")
+    arguments = ("--packing", packing, "--scene", STEREO, "--out", out)
+    (frame,) = figures(run, master, *arguments)["frames"]
+    pictures = [f"m.{eye}.{kind}.png" for eye in ("left", "right") for kind in KINDS]
+    assert written(out) == sorted(["m.maps.exr", *pictures])
+    assert frame["output"] == str(out / "m.maps.exr")
+    assert len(frame["pictures"]) == 8
+    assert run("predict", *pair(tmp_path / "in"), "--scene", STEREO, "--out", out / "two").code == 0
+    both = channels(out / "m.maps.exr")
+    assert set(both) == {f"{eye}.{name}" for eye in ("left", "right") for name in CHANNELS}
+    for eye in ("left", "right"):
+        for name, plane in channels(out / "two" / f"{eye[0]}.maps.exr").items():
+            np.testing.assert_array_equal(both[f"{eye}.{name}"], plane)
+        for kind in KINDS:
+            one, other = (out / f"m.{eye}.{kind}.png", out / "two" / f"{eye[0]}.{kind}.png")
+            assert one.read_bytes() == other.read_bytes()
+
+
+def test_pictures_show_the_map_and_the_map_times_the_ghost(
+    run: Run, tmp_path: Path, out: Path
+) -> None:
+    arguments = (*pair(tmp_path / "in"), "--scene", STEREO, "--out", out)
+    (frame,) = figures(run, *arguments)["frames"]
+    maps = channels(out / "l.maps.exr")
+    for kind in KINDS:
+        image = oiio.ImageBuf(str(out / f"l.{kind}.png"))
+        spec = image.spec()
+        assert (spec.width, spec.height, spec.nchannels) == (2 * COLS + 4, ROWS, 1)
+        caption = spec.getattribute("ImageDescription")
+        assert f"{frame['brightened']} times brighter" in caption
+        codes = image.get_pixels(oiio.FLOAT)[..., 0]
+        shown = {
+            "tvi": np.minimum(maps["TVI"] / 2, 1),
+            "masking": 1 - 2.0 ** -maps["masking"],
+            "saliency": maps["saliency"],
+            "prediction": (maps["mask"] + maps["subtracted"]) / 2,
+        }[kind]
+        np.testing.assert_allclose(codes[:, :COLS], shown, atol=0.004, err_msg=kind)
+        ghost = codes[:, COLS + 4 :]
+        assert ghost[32, 70] > 0.7 if kind != "saliency" else ghost[32, 70] > 0.4
+        assert ghost[5, 5] < 0.05
+        assert ghost.max() <= 1
+    white = load_scene(STEREO).projector.white
+    posed, _ = pose_frame(read_master([arguments[1], arguments[3]]), load_scene(STEREO))
+    ghost = np.abs(triage(posed).untouched.residual) / white
+    assert 0.5 < np.quantile(ghost, 0.999) * frame["brightened"] <= 1
+
+
+def test_large_pictures_are_reduced(run: Run, tmp_path: Path, out: Path) -> None:
+    left, right = (np.repeat(view(place), 22, axis=1)[:40] for place in (12, 60))
+    files = [store(tmp_path / f"{k}.exr", eye) for k, eye in enumerate((left, right))]
+    arguments = ("--left", files[0], "--right", files[1], "--scene", STEREO, "--out", out)
+    assert run("predict", *arguments).code == 0
+    assert channels(out / "0.maps.exr")["TVI"].shape == (40, 22 * COLS)
+    spec = oiio.ImageBuf(str(out / "0.tvi.png")).spec()
+    assert (spec.width, spec.height) == (2 * 704 + 4, 14)
+
+
+def test_verdicts_and_the_summary_of_a_sequence(run: Run, tmp_path: Path, out: Path) -> None:
+    (tmp_path / "in").mkdir()
+    # nothing; a ghost in the dark; one that can be subtracted; a larger one in the dark
+    lights = [(0.0, 0.0), (0.5, 0.0), (1.0, 0.02), (1.0, 0.0)]
+    for number, (light, black) in enumerate(lights, 1):
+        for eye, place in (("L", 12), ("R", 60)):
+            pixels = view(place, light, black)
+            if number == 4:
+                pixels[5:55, place - 8 : place + 24] = light
+            store(tmp_path / "in" / f"{eye}.{number:04d}.exr", pixels, "float")
+    arguments = (
+        "--left",
+        tmp_path / "in" / "L.####.exr",
+        "--right",
+        tmp_path / "in" / "R.####.exr",
+    )
+    arguments += ("--scene", STEREO, "--out", out)
+    found = figures(run, *arguments)
+    assert [frame["verdict"] for frame in found["frames"]] == [
+        "nothing",
+        "compensate",
+        "subtract",
+        "compensate",
+    ]
+    order = [int(Path(files[0]).stem[-4:]) for files in found["worst"]]
+    assert order == [4, 2, 3, 1]
+    lines = run("predict", *arguments).out.splitlines()
+    said = [line for line in lines if "visible pollution" in line]
+    assert len(said) == 4
+    assert said[0].endswith(
+        "visible pollution on 0% of the screen, 0% after subtraction: nothing "
+        "visible: leave it alone"
+    )
+    assert said[2].endswith(", 0% after subtraction: subtraction is enough")
+    summary = lines[-1]
+    assert summary.startswith(
+        "4 frames: 1 nothing visible: leave it alone; 1 subtraction is enough"
+    )
+    assert "2 compensation worth while" in summary
+    worst = summary.split("Worst first: ")[1]
+    assert [worst.index(f"L.{n:04d}.exr") for n in (4, 2, 3)] == sorted(
+        worst.index(f"L.{n:04d}.exr") for n in (4, 2, 3)
+    )
+    assert "L.0001" not in worst
+    assert len(written(out)) == 4 * 2 * 5
+    chosen = figures(run, *arguments, "--frames", "2-3")
+    assert len(chosen["frames"]) == 2
+
+
+def test_settings_reach_the_prediction(run: Run, tmp_path: Path, out: Path) -> None:
+    master = fulldome(tmp_path / "m.exr", 0.2)
+    base = (master, "--scene", DOME, "--out", out)
+    plain = figures(run, *base)["frames"][0]
+    paper = figures(run, *base, "--combination", "paper")
+    assert paper["saliency"] is True
+    assert paper["frames"][0]["visible"] < 0.7 * plain["visible"]
+    salient = figures(run, *base, "--saliency")
+    assert salient["frames"][0]["visible"] == plain["visible_salient"] < plain["visible"]
+    without = figures(run, *base, "--combination", "paper", "--no-saliency")
+    assert without["saliency"] is False
+    assert without["frames"][0]["visible"] >= paper["frames"][0]["visible"]
+    strict = figures(run, *base, "--threshold", "0.9", "--saliency")
+    assert strict["frames"][0]["visible"] < salient["frames"][0]["visible"]
+    blend = figures(run, *base, "--mesopic", "cie-191")
+    assert blend["mesopic"] == "cie-191"
+    before = channels(out / "m.maps.exr")["TVI"]
+    assert run("predict", *base).code == 0
+    assert (channels(out / "m.maps.exr")["TVI"] != before).any()
+
+
+def test_the_seat_matters(run: Run, tmp_path: Path, out: Path) -> None:
+    base = (*pair(tmp_path / "in", light=0.2), "--scene", STEREO, "--out", out)
+    assert figures(run, *base, "--seat", "left")["seats"] == ["left"]
+    side = channels(out / "l.maps.exr")["TVI"].max()
+    assert figures(run, *base)["frames"]
+    assert side > 1.2 * channels(out / "l.maps.exr")["TVI"].max()
+
+
+def test_the_same_again(run: Run, tmp_path: Path, out: Path) -> None:
+    arguments = (*pair(tmp_path / "in"), "--scene", STEREO)
+    for name in "ab":
+        assert run("predict", *arguments, "--out", out / name).code == 0
+    for name in written(out / "a"):
+        assert (out / "a" / name).read_bytes() == (out / "b" / name).read_bytes()
+
+
+# Bad input.
+
+
+def test_quiet_is_quiet(run: Run, tmp_path: Path, out: Path) -> None:
+    outcome = run("predict", fulldome(tmp_path / "m.exr"), "--scene", DOME, "--out", out, "--quiet")
+    assert (outcome.code, outcome.out, outcome.err) == (0, "", "")
+
+
+@pytest.mark.parametrize("case", test_bad_input.MASTERS)
+def test_a_bad_master_is_named_in_one_line(run: Run, tmp_path: Path, out: Path, case: str) -> None:
+    make, words = test_bad_input.MASTERS[case]
+    (tmp_path / "in").mkdir()
+    run("predict", make(tmp_path / "in"), "--scene", DOME, "--out", out).is_refused(*words)
+    assert written(out) == []
+
+
+@pytest.mark.parametrize("case", test_bad_input.UNSUITABLE)
+def test_an_unsuitable_master_is_named_in_one_line(
+    run: Run, tmp_path: Path, out: Path, case: str
+) -> None:
+    make, words = test_bad_input.UNSUITABLE[case]
+    run("predict", make(tmp_path), "--scene", DOME, "--out", out).is_refused(*words)
+    assert written(out) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--combination", "both"), ("'both'", "with-veils, paper")),
+        (("--mesopic", "rods"), ("'rods'", "more-sensitive, cie-191")),
+        (("--threshold", "1"), ("threshold", "got 1")),
+        (("--threshold", "nan"), ("threshold", "got nan")),
+        (("--threshold", "-0.1"), ("threshold", "got -0.1")),
+        (("--seat", "left"), ("dome", "--seat")),
+        (("--frames", "1-3"), ("--frames", "one file")),
+    ],
+)
+def test_options_that_mean_nothing(
+    run: Run, tmp_path: Path, out: Path, options: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    master = fulldome(tmp_path / "m.exr")
+    run("predict", master, "--scene", DOME, "--out", out, *options).is_refused(*words)
+    assert written(out) == []
+
+
+@pytest.mark.parametrize("seat", ["all", "worst"])
+def test_several_seats_are_refused(run: Run, tmp_path: Path, out: Path, seat: str) -> None:
+    arguments = (*pair(tmp_path / "in"), "--scene", STEREO, "--out", out, "--seat", seat)
+    run("predict", *arguments).is_refused("--seat", "sweet spot")
+    assert written(out) == []
+
+
+def test_one_eye_is_refused(run: Run, tmp_path: Path, out: Path) -> None:
+    master = store(tmp_path / "m.exr", view(12))
+    run("predict", master, "--scene", STEREO, "--out", out).is_refused("left and right", "--left")
+    arguments = (*pair(tmp_path / "in"), "--scene", DOME, "--out", out)
+    run("predict", *arguments).is_refused("domemaster")
+    assert written(out) == []
+
+
+def test_neither_inputs_nor_frames_are_replaced(run: Run, tmp_path: Path) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    master = fulldome(folder / "m.exr")
+    before = master.read_bytes()
+    assert run("predict", master, "--scene", DOME, "--out", folder).code == 0
+    assert written(folder) == sorted(["m.exr", *names("m")])
+    assert master.read_bytes() == before
+    # maps and pictures may have an input's name, too
+    maps, picture = folder / "a.maps.exr", folder / "a.tvi.png"
+    left = store(folder / "a.png", view(12), "uint8")
+    store(maps, view(60))
+    store(picture, view(60), "uint8")
+    for right, words in ((maps, ("input itself",)), (picture, ("got an input", "another folder"))):
+        before = right.read_bytes()
+        arguments = ("--left", left, "--right", right, "--scene", STEREO, "--out", folder)
+        run("predict", *arguments).is_refused(right.name, *words)
+        assert right.read_bytes() == before
+
+
+def test_two_frames_of_one_name_are_refused(run: Run, tmp_path: Path, out: Path) -> None:
+    left = store(tmp_path / "a.png", view(12), "uint8")
+    right = store(tmp_path / "a.tif", view(60), "uint8")
+    arguments = ("--left", left, "--right", right, "--scene", STEREO, "--out", out)
+    run("predict", *arguments).is_refused("a.png", "a.tif", "two names", "Rename")
+    assert not out.exists()
+
+
+def test_left_and_right_of_one_name_in_two_folders(run: Run, tmp_path: Path, out: Path) -> None:
+    for eye, place in (("L", 12), ("R", 60)):
+        (tmp_path / eye).mkdir()
+        store(tmp_path / eye / "a.exr", view(place))
+    arguments = ("--left", tmp_path / "L/a.exr", "--right", tmp_path / "R/a.exr")
+    assert run("predict", *arguments, "--scene", STEREO, "--out", out).code == 0
+    for eye in ("left", "right"):
+        assert written(out / eye) == names("a")
+
+
+def test_the_other_frames_of_a_sequence_are_written(run: Run, tmp_path: Path, out: Path) -> None:
+    for number in (1, 2, 3):
+        fulldome(tmp_path / f"s.{number}.exr")
+    damage(tmp_path / "s.2.exr")
+    outcome = run("predict", tmp_path / "s.#.exr", "--scene", DOME, "--out", out)
+    outcome.is_refused("s.2.exr", "wanted an image")
+    assert written(out) == sorted(names("s.1") + names("s.3"))
+    assert "2 frames: " in outcome.out
+
+
+def test_nothing_is_half_written(
+    run: Run, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A picture's place is taken by a folder: none of the frame's files is there."""
+    master = fulldome(tmp_path / "m.exr")
+    (out / "m.saliency.png").mkdir(parents=True)
+    run("predict", master, "--scene", DOME, "--out", out).is_refused("m.saliency.png")
+    assert written(out) == ["m.saliency.png"]
+
+
+def test_help(run: Run) -> None:
+    help_ = run("predict", "--help")
+    assert help_.code == 0
+    for option in (
+        "--threshold",
+        "--combination",
+        "--saliency",
+        "--mesopic",
+        "--packing",
+        "--seat",
+    ):
+        assert option in help_.out
