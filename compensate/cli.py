@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from compensate.comparison import Comparison, compare_methods, shown_methods
+from compensate.contrast import ContrastWeighting, Eye
 from compensate.devices import CPU, on_device
 from compensate.master import Figures, Posed, Solution, Stage, solve_frame
 from compensate.methods import METHODS, Solver, perceptual, require_method
@@ -63,10 +64,20 @@ Quality = Annotated[
     typer.Option("--quality", help="Perceptual: --tolerance 1e-4, for about twice the time."),
 ]
 LowFrequencyGain = Annotated[
-    float,
+    float | None,
     typer.Option(
-        help="Perceptual: how much coarse luminance errors count, 0..1 of the most visible ones. "
-        "Low values give up the black level for detail, 1 comes close to subtraction."
+        help="Perceptual: how much coarse luminance errors count, 0..1 of the most visible ones; "
+        "0.15 by default, 0.1 of the paper's weighting. Low values give up the black level for "
+        "detail, 1 comes close to subtraction.",
+        show_default=False,
+    ),
+]
+EyeName = Annotated[
+    str,
+    typer.Option(
+        "--weighting",
+        help="Perceptual: contrast, relative to the local luminance that is seen, with castleCSF's "
+        "three sensitivities; or paper, with one adaptation luminance and Daly's.",
     ),
 ]
 DeviceName = Annotated[
@@ -78,6 +89,9 @@ DeviceName = Annotated[
     ),
 ]
 
+
+CONTRAST = "contrast"
+"""Name of the default vision model."""
 
 INVISIBLE = 0.01
 """JND rms of rounding that is not worth a word."""
@@ -95,7 +109,8 @@ def compensate(
     method: Method = "perceptual",
     tolerance: Tolerance = None,
     quality: Quality = False,
-    low_frequency_gain: LowFrequencyGain = 0.1,
+    low_frequency_gain: LowFrequencyGain = None,
+    eye: EyeName = CONTRAST,
     device: DeviceName = CPU,
     frames: Frames = None,
     file_format: Format = None,
@@ -108,7 +123,7 @@ def compensate(
     """Compute the frames to project, so that the audience sees the master as closely as can be."""
     console = Console(quiet=quiet, json=json)
     theatre = scene_of(scene, transport, console, seat)
-    weighting = _weighting(low_frequency_gain)
+    weighting = _weighting(eye, low_frequency_gain)
     wanted = goal(tolerance, quality=quality)
     solver = _solver(method, theatre, wanted, console, device, worst=seat == "worst")
     stage = Stage(theatre, weighting)
@@ -159,7 +174,8 @@ def compare(
     transport: TransportFile = None,
     tolerance: Tolerance = None,
     quality: Quality = False,
-    low_frequency_gain: LowFrequencyGain = 0.1,
+    low_frequency_gain: LowFrequencyGain = None,
+    eye: EyeName = CONTRAST,
     device: DeviceName = CPU,
     size: Annotated[
         int, typer.Option(help="Largest side of the pictures on the page, pixels.", min=16)
@@ -181,7 +197,7 @@ def compare(
         raise InputError(f"{out}: a page is an .html file; give it such a name")
     wanted = goal(tolerance, quality=quality)
     solver = _solver("perceptual", theatre, wanted, console, device, worst=seat == "worst")
-    weighting = _weighting(low_frequency_gain)
+    weighting = _weighting(eye, low_frequency_gain)
     prepare_folder(out.parent)
     (moment,) = show.moments
     with about(moment[0]):
@@ -210,7 +226,7 @@ def demo(
         frame = read_master([path])
     console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
     prepare_folder(out)
-    comparison = _compared(frame, theatre, console, solver, PerceptualWeighting())
+    comparison = _compared(frame, theatre, console, solver, ContrastWeighting())
     files = []
     for name, written in comparison.frames():
         write_master(written, [out / f"{name}.exr"])
@@ -233,7 +249,7 @@ def _compared(
     theatre: Scene,
     console: Console,
     solver: Solver | None,
-    weighting: PerceptualWeighting,
+    weighting: Eye,
 ) -> Comparison:
     with console.progress("solving", len(shown_methods(theatre))) as start:
         comparison = compare_methods(
@@ -286,8 +302,13 @@ def goal(tolerance: float | None, *, quality: bool) -> float:
     return 1e-3 if tolerance is None else tolerance
 
 
-def _weighting(low_frequency_gain: float) -> PerceptualWeighting:
-    return PerceptualWeighting(LowFrequencyFloor(low_frequency_gain))
+def _weighting(name: str, low_frequency_gain: float | None) -> Eye:
+    settings: dict[str, type[Eye]] = {CONTRAST: ContrastWeighting, "paper": PerceptualWeighting}
+    if name not in settings:
+        raise InputError(f"--weighting {name!r} is not known; use one of {', '.join(settings)}")
+    if low_frequency_gain is None:
+        return settings[name]()
+    return settings[name](LowFrequencyFloor(low_frequency_gain))
 
 
 def _line(f: Figures) -> str:

@@ -10,10 +10,10 @@ from typing import Any, final
 
 import numpy as np
 
+from compensate.contrast import Eye
 from compensate.master import Outcome, Posed, pose_frame, solve_frame
 from compensate.methods import Solver
 from compensate.page import Figure, View, write_page
-from compensate.weighting import PerceptualWeighting
 from domesim.frames import Master
 from domesim.light import Light
 from domesim.scene import DomeScene, Scene
@@ -183,7 +183,7 @@ def compare_methods(
     scene: Scene,
     *,
     solver: Solver | None,
-    weighting: PerceptualWeighting,
+    weighting: Eye,
     progress: Callable[[str], None] = lambda name: None,
 ) -> Comparison:
     """Run the methods that are shown on one master; `solver` is the perceptual one's.

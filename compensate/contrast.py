@@ -7,8 +7,8 @@ same everywhere by one adaptation luminance,
     lambda(r) = A_l T K r,     K = l / (L + c)
 
 with l the adaptation luminance, which makes K = 1 where a plain weighting is right, L the luminance
-that the best subtraction shows, averaged over a few minutes of arc, and c a share of white below
-which the eye loses its contrast. Without c, black would have to be exact.
+that the best subtraction shows, averaged over a few minutes of arc, and c a luminance below
+which the eye loses contrast. Without c, black would have to be exact.
 
 T takes light to the three mechanisms of castleCSF (`compensate.vision.castle`), achromatic,
 red-green and yellow-violet, each with its own sensitivity, in place of Daly's for all three.
@@ -47,13 +47,12 @@ class ContrastWeighting:
 
     Parameters
     ----------
-    low_frequency
-        The low-frequency policy of the achromatic mechanism; the chromatic ones are most sensitive
-        to low frequencies as they are, but for the lowest, and have the same floor there.
+    low_frequency, chroma_low_frequency
+        The low-frequency policies of the achromatic mechanism and of the chromatic ones.
     reach
         Standard deviation of the Gaussian that L is averaged by, degrees.
     floor
-        c, of white.
+        c, cd/m².
     padding
         As for `PerceptualWeighting`.
 
@@ -63,16 +62,17 @@ class ContrastWeighting:
         If the reach is negative or the floor not above 0.
     """
 
-    low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(0.2))
+    low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(0.15))
+    chroma_low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(1.0))
     reach: float = 0.1
-    floor: float = 0.01
+    floor: float = 0.1
     padding: int = 64
 
     def __post_init__(self) -> None:
         if not self.reach >= 0:
             raise InputError(f"contrast reach must be at least 0 degrees, got {self.reach:g}")
         if not self.floor > 0:
-            raise InputError(f"contrast floor must be above 0 of white, got {self.floor:g}")
+            raise InputError(f"contrast floor must be above 0 cd/m², got {self.floor:g}")
 
     def of(
         self, viewing: Viewing, projector: Projector, support: NDArray[np.bool_], views: int
@@ -91,8 +91,8 @@ class ContrastWeighting:
             curve = castle(axis, viewing.adaptation, mechanism, area=DETAIL)
             peaks.append(float(curve.max()))
             omega = castle(frequency, viewing.adaptation, mechanism, area=DETAIL) / peaks[-1]
-            floored = self.low_frequency(frequency, omega, axis[curve.argmax()])
-            gains.append(floored)
+            policy = self.chroma_low_frequency if gains else self.low_frequency
+            gains.append(policy(frequency, omega, axis[curve.argmax()]))
         opponent = DKL_FROM_XYZ @ projector.to_xyz
         # Contrast is relative to the achromatic mechanism's response to white, and then to the
         # threshold at each mechanism's peak
@@ -117,7 +117,7 @@ class ContrastWeighting:
         for view, light in enumerate(seen):
             luminance = np.maximum(light @ weights, 0) * on
             local = gaussian_filter(luminance, self.reach * density, mode="constant") / around
-            result[view, screen, 0] = (level / (local + self.floor))[screen]
+            result[view, screen, 0] = (level / (local + self.floor / projector.white))[screen]
         return result
 
 

@@ -16,14 +16,14 @@ from typing import cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.contrast import Eye
+from compensate.contrast import ContrastWeighting, Eye
 from compensate.ghosts import edge_energy
 from compensate.methods import Solver, methods_of, require_method
 from compensate.problem import Problem
 from compensate.solver import baselines, deghosting
 from compensate.solver.result import Result, Status
 from compensate.solver.worst_seat import seat_importance
-from compensate.weighting import CsfWeighting, PerceptualWeighting, Weighting
+from compensate.weighting import CsfWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Light, require_light
@@ -229,9 +229,7 @@ class Posed:
         """`visible_error` of what is left; rounding is nothing."""
         if _is_rounding(residual):
             return 0.0
-        if self.problem.contrast is not None:
-            residual = residual * self.problem.contrast
-        energy = self.judge.energy(residual)
+        energy = self.judge.energy(self.problem.contrasted(residual))
         mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
         return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
 
@@ -272,9 +270,7 @@ class Posed:
         if not isinstance(self.observation, SeveralSeats):
             return {}
         assert isinstance(self.scene, StereoScene)
-        residual = self.residual(light)
-        if self.problem.contrast is not None:
-            residual = residual * self.problem.contrast
+        residual = self.problem.contrasted(self.residual(light))
         weighting = self.judge.with_importance(np.ones(self.scene.views))
         factor = _differences(self.scene, weighting)
         factor /= np.sqrt(np.count_nonzero(self.screen) * self.scene.views)
@@ -350,7 +346,7 @@ class Stage:
 
     def __init__(self, scene: Scene, weighting: Eye | None = None) -> None:
         self._scene = scene
-        self._settings = weighting or PerceptualWeighting()
+        self._settings = weighting or ContrastWeighting()
         self._shared: _Shared | None = None
 
     def pose(self, desired: Light) -> Posed:
@@ -378,9 +374,7 @@ class Stage:
             anchor=subtractive,
             regularisation=REGULARISATION,
             negligible=shared.negligible,
-            contrast=self._settings.contrast(
-                seen, self._scene.viewing, self._scene.projector, shared.screen
-            ),
+            contrast=self._contrast(seen, shared),
         )
         return Posed(
             scene=self._scene,
@@ -400,6 +394,17 @@ class Stage:
         light = decoded(frame, self._scene)
         desired, out_of_range = within_range(light, self._of_size(*light.shape[1:3]).screen)
         return self.pose(desired), out_of_range
+
+    def _contrast(self, seen: Light, shared: _Shared) -> NDArray[np.floating] | None:
+        """The local contrast of what subtraction shows.
+
+        Of several seats there is none: each would see another, and the problem would have twice as
+        many planes.
+        """
+        if isinstance(shared.observation, SeveralSeats):
+            return None
+        scene = self._scene
+        return self._settings.contrast(seen, scene.viewing, scene.projector, shared.screen)
 
     def _of_size(self, rows: int, cols: int) -> _Shared:
         if self._shared is None or self._shared.screen.shape != (rows, cols):
@@ -528,9 +533,7 @@ def compensate_frame(
     return solve_frame(frame, posed, out_of_range, method, solver).outcome()
 
 
-def pose_frame(
-    frame: Master, scene: Scene, weighting: Eye | None = None
-) -> tuple[Posed, float]:
+def pose_frame(frame: Master, scene: Scene, weighting: Eye | None = None) -> tuple[Posed, float]:
     """`pose` for a master, and the share of its screen that is out of the projector's range."""
     return Stage(scene, weighting).pose_frame(frame)
 

@@ -99,7 +99,7 @@ class Problem:
 
     def residual(self, light: Light) -> Light:
         """K (psi(x) - seen)."""
-        return self._contrast(self.observation.observe(light) - self.desired)
+        return self.contrasted(self.observation.observe(light) - self.desired)
 
     def cost(self, light: Light) -> float:
         """The objective at `light`."""
@@ -112,16 +112,16 @@ class Problem:
     def quadratic(self, light: Light) -> tuple[float, Light]:
         """The objective and its gradient, sharing their transforms."""
         energy, weighted = self.weighting.quadratic(self.residual(light))
-        gradient = self.observation.adjoint(self._contrast(weighted))
+        gradient = self.observation.adjoint(self.contrasted(weighted))
         if self.anchor is not None:
             gradient = gradient + self._damped(light - self.anchor)
         return 0.5 * energy + self.penalty(light), gradient
 
     def curvature(self, direction: Light) -> tuple[float, Light]:
         """<d, H d> and H d of the (constant) Hessian H."""
-        seen = self._contrast(self.observation.linear(direction))
+        seen = self.contrasted(self.observation.linear(direction))
         energy, weighted = self.weighting.quadratic(seen)
-        product = self.observation.adjoint(self._contrast(weighted))
+        product = self.observation.adjoint(self.contrasted(weighted))
         damped = self._damped(direction)
         return energy + dot(direction, damped), product + damped
 
@@ -183,8 +183,9 @@ class Problem:
         """Mu L' K² L of a change of light."""
         if self.contrast is None:
             return self.regularisation * change
-        local = self._contrast(self._contrast(self.observation.local(change)))
+        local = self.contrasted(self.contrasted(self.observation.local(change)))
         return self.regularisation * self.observation.local_adjoint(local)
 
-    def _contrast(self, seen: Light) -> Light:
+    def contrasted(self, seen: Light) -> Light:
+        """K times a difference of what is seen, (seen view, row, col, primary)."""
         return seen if self.contrast is None else seen * self.contrast

@@ -157,6 +157,8 @@ class _Run:
     def __init__(self, settings: ADMM, problem: Problem, split: Split) -> None:
         self._settings, self._problem, self._split = settings, problem, split
         masked = isinstance(problem.weighting, Masked)
+        if masked and isinstance(split, SeenSplit):
+            raise ValueError("ADMM takes a pair's mask without a contrast; use Accelerated")
         # A coarse picture without the mask would be another's
         split.prepare(coarser=not masked and max(settings.coarse) > 0)
         self._level = split.levels[0]

@@ -93,6 +93,43 @@ def lower_bound(
 
 
 @_COMPILED
+def nearest_pair(
+    z: Any, other_z: Any, s: Any, other_s: Any, k: Any, own: Any, other: Any, lower: Any,
+    upper: Any, shrink: Any,
+) -> None:  # fmt: skip
+    """`SeenLevel.feasible` of one primary whose leaks stay in it: planes of both eyes.
+
+    K, slopes and bounds are (view, row, col).
+    """
+    rows, cols = z.shape
+    for i in numba.prange(rows):
+        for j in range(cols):
+            kl, kr = k[0, i, j], k[1, i, j]
+            a, b, e, f = own[0, i, j], other[0, i, j], other[1, i, j], own[1, i, j]
+            left, right = s[i, j] * shrink / kl, other_s[i, j] * shrink / kr
+            determinant = a * f - b * e
+            x, y = (f * left - b * right) / determinant, (a * right - e * left) / determinant
+            x1, y1 = min(max(x, lower[0, i, j]), upper[0, i, j]), y
+            y1 = min(max(y, lower[1, i, j]), upper[1, i, j])
+            if x1 != x or y1 != y:
+                hx, hy = (kl * a) ** 2 + (kr * e) ** 2, (kl * b) ** 2 + (kr * f) ** 2
+                h = kl * kl * a * b + kr * kr * e * f
+                # Each eye's best light where the other's is at its bound
+                x2 = min(max(x - h / hx * (y1 - y), lower[0, i, j]), upper[0, i, j])
+                y2 = min(max(y - h / hy * (x1 - x), lower[1, i, j]), upper[1, i, j])
+                u, v = x2 - x, y1 - y
+                with_x = hx * u * u + 2 * h * u * v + hy * v * v
+                u, v = x1 - x, y2 - y
+                with_y = hx * u * u + 2 * h * u * v + hy * v * v
+                if y1 != y and (x1 == x or with_x <= with_y):
+                    x1 = x2
+                else:
+                    y1 = y2
+            z[i, j] = kl * (a * x1 + b * y1)
+            other_z[i, j] = kr * (e * x1 + f * y1)
+
+
+@_COMPILED
 def combine(out: Any, a: Any, b: Any, c: Any, weights: Any) -> None:
     """A sum of planes times weights."""
     for i in numba.prange(out.shape[0]):

@@ -31,6 +31,7 @@ import numpy as np
 
 from compensate.solver.blocks import Spectra
 from compensate.solver.certificate import CURVATURE
+from compensate.solver.fused import loops
 from compensate.solver.hessian import Hessian
 from compensate.solver.level import Level, Planes, padded
 from domesim.light import Array, Light, dot, namespace, total
@@ -94,7 +95,25 @@ class SeenLevel(Level):
 
     def feasible(self, s: Planes, weights: list[float]) -> Planes:
         """See `Level`."""
+        compiled = loops(*s)
+        if self._leaks is None and self.offset is None and compiled:
+            return self._compiled_feasible(compiled, s, weights)
         return self._planes(self.seen(self.change(self._inner(s), weights)))
+
+    def _compiled_feasible(self, compiled: Any, s: Planes, weights: list[float]) -> Planes:
+        views, rows, cols, primaries = self.lower.shape
+        z = [np.empty((rows, cols), s[0].dtype) for _ in range(views * primaries)]
+        pixelwise = (self._own, self._other, self.lower, self.upper)
+        for p in range(primaries):
+            number = s[0].dtype.type
+            shrink = number(weights[p] / (weights[p] + self.least_damping))
+            q = p + primaries
+            compiled.nearest_pair(
+                *(z[p], z[q], s[p], s[q], self.contrast[..., 0]),
+                *(np.broadcast_to(array[..., p], (views, rows, cols)) for array in pixelwise),
+                shrink,
+            )
+        return z
 
     def towards(self, s: Planes, weights: list[float]) -> Iterator[Array]:
         """See `Level`; z is kept for `move`."""

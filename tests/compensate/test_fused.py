@@ -8,19 +8,19 @@ import sys
 
 import numpy as np
 import pytest
-from pairs import pair
+from pairs import pair, share
 from theatres import weighting
 
 from compensate.master import pose
 from compensate.problem import Problem
-from compensate.solver import anderson, dome_hessian, fused, hessian, level
+from compensate.solver import anderson, dome_hessian, fused, hessian, level, seen_level
 from compensate.solver.admm import ADMM
 from compensate.solver.deghosting import clipped_subtraction
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.scene import load_dome
 from validation.masters import night
 
-USERS = (anderson, dome_hessian, hessian, level)
+USERS = (anderson, dome_hessian, hessian, level, seen_level)
 
 
 @pytest.fixture
@@ -50,12 +50,34 @@ def dark_dome():
     return posed.problem, posed.subtractive
 
 
-@pytest.mark.parametrize("name", ["pair of one", "pair of three", "dome"])
+def contrast_pair(share=None):
+    plain, anchor = dark_pair(3)
+    observation = plain.observation
+    if share is not None:
+        observation = Crosstalk(40, 56, leak_matrices(0.05, 3), share=share)
+    random = np.random.default_rng(3)
+    contrast = (0.1 * 100 ** random.random((2, 40, 56, 1))).astype(np.float32)
+    problem = Problem(
+        observation,
+        plain.weighting,
+        plain.desired,
+        anchor=anchor,
+        regularisation=1e-4,
+        contrast=contrast,
+    )
+    return problem, anchor
+
+
+@pytest.mark.parametrize(
+    "name", ["pair of one", "pair of three", "dome", "pair, contrast", "pair, map, contrast"]
+)
 def test_results_are_the_same(name, compiled):
     problem, start = {
         "pair of one": lambda: dark_pair(1),
         "pair of three": lambda: dark_pair(3),
         "dome": dark_dome,
+        "pair, contrast": contrast_pair,
+        "pair, map, contrast": lambda: contrast_pair(share(40, 56)),
     }[name]()
     found = {}
     ADMM(max_iterations=1)(problem, start)  # the modes' transforms are kept from then on

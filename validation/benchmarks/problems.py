@@ -229,7 +229,7 @@ def _in_theatre(name: str) -> Callable[[Light], Task]:
     scene = load_dome(name)
 
     def task(light: Light) -> Task:
-        posed: Posed = pose(light, scene)
+        posed: Posed = pose(light, scene, PerceptualWeighting())
         return Task(posed.problem, posed.subtractive, posed.screen)
 
     return task

@@ -17,7 +17,7 @@ from compensate.master import REGULARISATION, pose
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
-from compensate.weighting import CsfWeighting
+from compensate.weighting import CsfWeighting, PerceptualWeighting
 from domesim.observation.spherical import ClosedFormDome
 from domesim.scene import load_dome
 from validation.experiment import Column, Finding, Table, Work, at_least
@@ -29,7 +29,7 @@ _RANGES = ((0.0, 1.0), (-0.5, 0.5), (-0.5, 0.5))  # of Y, Cb, Cr
 def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[str, float]:
     """Share of the screen out of gamut, and costs of joint and separate solutions."""
     theatre = load_dome(scene)
-    posed = pose(night(size, seed), theatre)
+    posed = pose(night(size, seed), theatre, PerceptualWeighting())
     problem, screen, lambda_ = posed.problem, posed.screen, posed.problem.weighting
     assert isinstance(lambda_, CsfWeighting)
     joint = ADMM()(problem, posed.subtractive)

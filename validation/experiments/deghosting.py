@@ -200,7 +200,7 @@ def unclipped(width: int, seed: int) -> tuple[float, float, float]:
     That is the largest residual, in units of white, of subtraction and of ours.
     """
     light = np.float32(0.2) + np.float32(0.8) * pairs.generated(width, seed)
-    posed = pose(light, scene_at(STILL))
+    posed = pose(light, scene_at(STILL), PerceptualWeighting())
     left = [
         float(np.abs(posed.residual(solved(posed, method).light)).max())
         for method in ("subtractive", "perceptual")
@@ -280,7 +280,7 @@ def _shape(light: Callable[[], Light]) -> Shape:
 
 
 def _posed(light: Callable[[], Light], level: float) -> Posed:
-    return pose(light(), scene_at(level))
+    return pose(light(), scene_at(level), PerceptualWeighting())
 
 
 def _wanted(work: Work) -> tuple[Mapping[str, Wanted], list[str]]:

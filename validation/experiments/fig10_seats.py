@@ -25,6 +25,7 @@ import numpy as np
 
 from compensate.master import pose, solved
 from compensate.solver.worst_seat import WorstSeat
+from compensate.weighting import PerceptualWeighting
 from domesim.scene import load_stereo
 from validation.experiment import (
     Check,
@@ -113,8 +114,8 @@ def measure(scene_name: str, name: str, width: int, seed: int = 0) -> Outcome:
     """Compensate a pair for the sweet spot, and for all seats, and look from each."""
     scene = load_stereo(scene_name)
     light = pair(name, width, scene, seed)
-    posed = {seat: pose(light, scene.seen_from(seat)) for seat in SEATS}
-    together = pose(light, scene.seen_from(*SEATS))
+    posed = {seat: pose(light, scene.seen_from(seat), PerceptualWeighting()) for seat in SEATS}
+    together = pose(light, scene.seen_from(*SEATS), PerceptualWeighting())
     sweet = posed["sweet spot"]
     lights = {method: project(sweet, method) for method in ONE_SEAT}
     lights["all"] = solved(together, "perceptual").light

@@ -34,6 +34,7 @@ from compensate.problem import Problem
 from compensate.solver.gpcg import GPCG
 from compensate.solver.paper import PaperMethod
 from compensate.solver.result import Result
+from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene, StereoScene, load_stereo
 from validation.drawing import pictures
@@ -215,7 +216,7 @@ def exposure(region: Light, scene: Scene) -> int:
 def measure(name: str, width: int, seed: int = 0) -> Outcome:
     """A pair in the paper's rig, at the sweet spot."""
     scene = load_stereo(SCENE)
-    posed = pose(pair(name, width, scene, seed), scene)
+    posed = pose(pair(name, width, scene, seed), scene, PerceptualWeighting())
     lights = {method: project(posed, method) for method in TITLES}
     region = uncorrectable(posed)
     seen = {method: _measured(posed, light, region) for method, light in lights.items()}

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from compensate.comparison import Comparison, compare_methods
+from compensate.contrast import ContrastWeighting
 from compensate.solver.admm import ADMM
-from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene, load_dome
 from validation.drawing import pictures
@@ -119,7 +119,7 @@ def measure(scene: str = THEATRE) -> Outcome:
     """The bundled night in a theatre."""
     frame = bundled_night()
     theatre = load_dome(scene)
-    comparison = compare_methods(frame, theatre, solver=ADMM(), weighting=PerceptualWeighting())
+    comparison = compare_methods(frame, theatre, solver=ADMM(), weighting=ContrastWeighting())
     best = comparison.outcomes["perceptual"].figures
     problem = comparison.posed.problem
     observed = {

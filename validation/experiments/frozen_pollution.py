@@ -26,7 +26,7 @@ from compensate.master import Posed, pose
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
-from compensate.weighting import CsfWeighting
+from compensate.weighting import CsfWeighting, PerceptualWeighting
 from domesim.light import Light
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.scene import load_dome, load_stereo
@@ -57,7 +57,7 @@ EXAMPLE = (0.1, (0.005, 0.4))
 
 def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[str, float]:
     """Relative excess cost of GPCG with frozen and exact pollution over the certified minimum."""
-    posed = pose(night(size, seed).astype(np.float64), load_dome(scene))
+    posed = pose(night(size, seed).astype(np.float64), load_dome(scene), PerceptualWeighting())
     return {**_excesses(posed), "pollution_cd_m2": posed.pollution}
 
 
@@ -66,7 +66,7 @@ def measure_pair(pair: Light, crosstalk: float) -> dict[str, float]:
     scene = load_stereo(STEREO)
     seats = {SWEET_SPOT: Seat(leak_matrices(crosstalk))}
     scene = replace(scene, seats=seats, chosen=(SWEET_SPOT,))
-    return _excesses(pose(pair.astype(np.float64), scene))
+    return _excesses(pose(pair.astype(np.float64), scene, PerceptualWeighting()))
 
 
 def two_numbers() -> dict[str, tuple[float, float]]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from compensate.master import pose
 from compensate.solver.admm import ADMM
+from compensate.weighting import PerceptualWeighting
 from domesim.scene import load_dome
 from validation.experiment import Column, Finding, Table, Work, at_least, at_most
 from validation.masters import night
@@ -25,7 +26,10 @@ def measure(
     """Visible errors (JND rms) by what is projected, and the share that subtraction clips."""
     theatre = load_dome(scene)
     light = night(size, seed)
-    posed, coded = pose(light, theatre), pose(light ** np.float32(1 / gamma), theatre)
+    posed, coded = (
+        pose(each, theatre, PerceptualWeighting())
+        for each in (light, light ** np.float32(1 / gamma))
+    )
     linear = ADMM()(posed.problem, posed.subtractive).light
     decoded = ADMM()(coded.problem, coded.subtractive).light ** np.float32(gamma)
     return {

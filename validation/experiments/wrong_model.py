@@ -28,6 +28,7 @@ from scipy.ndimage import gaussian_filter
 
 from compensate.master import Posed, pose
 from compensate.solver.admm import ADMM
+from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tabulate import tabulate
@@ -295,7 +296,7 @@ def measure(name: str, effort: Effort, seed: int = 0) -> Outcome:
     real = _Real(scene, tracer, effort, seed)
 
     master = _night(scene, effort.size)
-    posed = {model: pose(master, knows) for model, knows in models.items()}
+    posed = {model: pose(master, knows, PerceptualWeighting()) for model, knows in models.items()}
     lights = _projected(posed)
     looks = real.look(lights)
     untouched, wanted = looks["untouched"], looks["untouched"].direct
@@ -460,7 +461,9 @@ def _contrasts(models: Mapping[str, DomeScene], real: _Real) -> dict[str, dict[s
     found: dict[str, dict[str, Estimate]] = {method: {} for method in METHODS}
     for pattern, (_, draw, figure) in PATTERNS.items():
         drawn = draw(real.scene, min(real.effort.size, 128))
-        lights = _projected({model: pose(drawn, knows) for model, knows in models.items()})
+        lights = _projected(
+            {model: pose(drawn, knows, PerceptualWeighting()) for model, knows in models.items()}
+        )
         for method, look in real.look(lights).items():
             found[method][pattern] = _jackknife(look.seen, figure, real.scene)
     return found

@@ -1,0 +1,197 @@
+"""The weighting of local contrast, and the small problems of each pixel that it brings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pairs import COLOURED, grey, pair, share
+from scipy.optimize import lsq_linear
+from theatres import closed_form, picture, viewing
+
+from compensate.contrast import DETAIL, ContrastWeighting
+from compensate.master import pose, solved
+from compensate.problem import Problem
+from compensate.solver.admm import ADMM
+from compensate.solver.relinearised import Relinearised, true_cost
+from compensate.solver.seen_level import nearest_mixed, nearest_of_two
+from compensate.vision.castle import ACHROMATIC, castle
+from compensate.weighting import Masked
+from domesim.errors import InputError
+from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from domesim.projector import Projector
+from domesim.scene import load_scene
+
+PROJECTOR = Projector("BT.709", 20.0)
+
+
+def contrast(seen, screen=None, **settings):
+    screen = np.ones(seen.shape[1:3], bool) if screen is None else screen
+    return ContrastWeighting(**settings).contrast(seen, viewing(), PROJECTOR, screen)
+
+
+def test_contrast_is_relative_to_the_luminance_that_is_seen():
+    seen = np.full((1, 30, 40, 3), 0.25)
+    factor = contrast(seen, floor=0.1)
+    assert factor.shape == (1, 30, 40, 1)
+    # l / (L + c), all in cd/m²: up to the edges, where there is nothing to average with
+    assert factor == pytest.approx(viewing().adaptation / (0.25 * 20.0 + 0.1))
+
+
+def test_what_is_off_the_screen_does_not_count():
+    screen = np.zeros((30, 40), bool)
+    screen[5:20, 8:30] = True
+    seen = np.where(screen[None, :, :, None], 0.25, 9.0)
+    factor = contrast(np.broadcast_to(seen, (1, 30, 40, 3)).copy(), screen, floor=0.1, reach=5.0)
+    assert factor[0, screen] == pytest.approx(viewing().adaptation / 5.1)
+    assert (factor[0, ~screen] == 1).all()
+
+
+def test_the_same_error_matters_more_in_the_dark():
+    seen = np.full((1, 20, 60, 3), 0.5)
+    seen[:, :, 30:] = 0.01
+    factor = contrast(seen, reach=0.0)
+    assert factor[0, 0, 50, 0] / factor[0, 0, 5, 0] == pytest.approx((10.0 + 0.1) / (0.2 + 0.1))
+
+
+@pytest.mark.parametrize("level", [0.05, 0.4])
+def test_a_grating_at_threshold_is_one_just_noticeable_difference(level):
+    """Whatever the luminance that it lies on: castleCSF's threshold contrast at that frequency."""
+    size, cycles = 128, 16
+    scene = load_scene("stereo_polarised_paper")
+    eye, settings = scene.viewing, ContrastWeighting(padding=0, reach=0.0, floor=1e-9)
+    frequency = cycles / size * eye.pixels_per_degree(size, size)
+    threshold = 1 / float(castle(frequency, eye.adaptation, ACHROMATIC, area=DETAIL))
+    wave = np.cos(2 * np.pi * cycles * np.arange(size) / size)[None, None, :, None]
+    background = np.full((1, size, size, 3), level)
+    residual = level * threshold * wave * np.ones_like(background)
+    screen = np.ones((size, size), bool)
+    weighting = settings.of(eye, scene.projector, screen, 1)
+    k = settings.contrast(background, eye, scene.projector, screen)
+    differences = scene.projector.white / eye.adaptation * weighting.peak
+    rms = np.sqrt(weighting.energy(residual * k) / size**2) * differences
+    # White is not quite without colour in the cone fundamentals
+    assert rms * np.sqrt(2) == pytest.approx(1, rel=0.02)
+
+
+def test_impossible_settings_are_refused():
+    with pytest.raises(InputError, match="reach"):
+        ContrastWeighting(reach=-1.0)
+    with pytest.raises(InputError, match="floor"):
+        ContrastWeighting(floor=0.0)
+
+
+def problems():
+    yield closed_form(9, 3), picture(9, 3, 1)
+    yield Crosstalk(5, 7, COLOURED, share=share(5, 7), black=0.001), pair(5, 7)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_gradient_and_curvature_are_those_of_the_cost(number):
+    observation, master = list(problems())[number]
+    random = np.random.default_rng(1)
+    support = getattr(observation, "screen", np.ones(observation.shape[1:3], bool))
+    weighting = ContrastWeighting(padding=5).of(viewing(), PROJECTOR, support, len(master))
+    k = 0.1 * 100 ** random.random((*observation.seen_shape[:3], 1))
+    problem = Problem(
+        observation, weighting, master, anchor=0.9 * master, regularisation=1e-2, contrast=k
+    )
+    x, d = random.random((2, *observation.shape))
+    slope = (problem.cost(x + 1e-4 * d) - problem.cost(x - 1e-4 * d)) / 2e-4
+    assert np.vdot(problem.gradient(x), d) == pytest.approx(slope, rel=1e-6)
+    energy, image = problem.curvature(d)
+    second = problem.cost(x + d) - 2 * problem.cost(x) + problem.cost(x - d)
+    assert energy == pytest.approx(second, rel=1e-6)
+    assert energy == pytest.approx(np.vdot(d, image), rel=1e-9)
+    # As the formula has it
+    seen = k * (observation.observe(x) - master)
+    local = k * observation.local(x - 0.9 * master)
+    cost = 0.5 * weighting.energy(seen) + 0.5e-2 * np.sum(local**2)
+    assert problem.cost(x) == pytest.approx(cost, rel=1e-9)
+
+
+def test_two_eyes_nearest_light_is_bvls():
+    random = np.random.default_rng(2)
+    for _ in range(300):
+        k = 0.1 * 100 ** random.random(2)
+        slopes = np.array([[1, 0.3 * random.random()], [0.3 * random.random(), 1]])
+        rooted = k[:, None] * slopes
+        wanted = random.uniform(-1, 1.5, 2)
+        free = np.linalg.solve(slopes, wanted)
+        h = rooted.T @ rooted
+        lower, upper = -0.2 * random.random(2), 0.5 + 0.5 * random.random(2)
+        found = nearest_of_two(
+            free[:, None],
+            lower[:, None],
+            upper[:, None],
+            np.diag(h)[:, None],
+            np.array([[h[0, 1]]]),
+        )
+        best = lsq_linear(rooted, k * wanted, (lower, upper), method="bvls", tol=1e-14).x
+        assert found[:, 0] == pytest.approx(best, abs=1e-9)
+
+
+def test_mixed_primaries_nearest_light_is_bvls():
+    random = np.random.default_rng(3)
+    for _ in range(60):
+        k = 0.1 * 100 ** random.random((2, 1, 3))
+        matrix = np.eye(6)
+        matrix[:3, 3:], matrix[3:, :3] = COLOURED
+        wanted = random.uniform(-1, 1.5, 6)
+        start = np.linalg.solve(matrix, wanted)
+        lower, upper = -0.2 * random.random(6), 0.5 + 0.5 * random.random(6)
+        found = nearest_mixed(
+            *(values.reshape(2, 1, 3) for values in (wanted, start, lower, upper)),
+            k**2,
+            COLOURED.tolist(),
+            np.ones((2, 1)),
+        )
+        rooted = k.reshape(6)[:, None] * matrix
+        best = lsq_linear(rooted, k.reshape(6) * wanted, (lower, upper), method="bvls").x
+        assert found.reshape(6) == pytest.approx(best, abs=1e-5)
+
+
+def test_a_ghost_on_black_is_made_less_visible():
+    scene = load_scene("stereo_polarised_paper")
+    light = np.zeros((2, 48, 64, 3), np.float32)
+    light[0, 12:36, 8:16], light[1, 12:36, 40:48] = 0.8, 0.8
+    posed = pose(light, scene)
+    result = solved(posed, "perceptual")
+    assert result.gap is not None
+    assert result.gap <= 1e-3
+    assert posed.visible_error(result.light) < posed.visible_error(posed.subtractive)
+
+
+def test_a_table_is_solved_with_its_contrast():
+    """To the stationary point of the cost with the table as it is."""
+    table, master = grey(6, 8), 0.8 * pair(6, 8)
+    weighting = ContrastWeighting(padding=5).of(viewing(), PROJECTOR, np.ones((6, 8), bool), 2)
+    k = 0.1 * 100 ** np.random.default_rng(4).random((2, 6, 8, 1))
+    problem = Problem(
+        table.linearised(master),
+        weighting,
+        master,
+        anchor=master,
+        regularisation=1e-3,
+        contrast=k,
+    )
+    found = Relinearised(ADMM(tolerance=1e-7, max_iterations=3000), 1e-9)(problem, master)
+    by_hand = 0.5 * weighting.energy(k * (table.observe(found.light) - master))
+    assert found.cost == pytest.approx(by_hand + problem.penalty(found.light), rel=1e-4)
+    assert found.cost < true_cost(problem, table, master)
+    assert found.optimality <= 1e-3 * problem.optimality(master)
+
+
+def test_a_masked_pair_with_contrast_is_refused():
+    observation = Crosstalk(5, 7, leak_matrices(0.05))
+    weighting = ContrastWeighting(padding=5).of(viewing(), PROJECTOR, np.ones((5, 7), bool), 2)
+    master = pair(5, 7)
+    problem = Problem(
+        observation,
+        Masked(np.ones((5, 7)), weighting),
+        master,
+        anchor=master,
+        regularisation=1e-3,
+        contrast=np.ones((2, 5, 7, 1)),
+    )
+    with pytest.raises(ValueError, match="Accelerated"):
+        ADMM()(problem, master)
