@@ -67,7 +67,7 @@ LowFrequencyGain = Annotated[
     float | None,
     typer.Option(
         help="Perceptual: how much coarse luminance errors count, 0..1 of the most visible ones; "
-        "0.15 by default, 0.1 of the paper's weighting. Low values give up the black level for "
+        "0.1 by default, 0.15 of --weighting contrast. Low values give up the black level for "
         "detail, 1 comes close to subtraction.",
         show_default=False,
     ),
@@ -76,8 +76,8 @@ EyeName = Annotated[
     str,
     typer.Option(
         "--weighting",
-        help="Perceptual: contrast, relative to the local luminance that is seen, with castleCSF's "
-        "three sensitivities; or paper, with one adaptation luminance and Daly's.",
+        help="Perceptual: paper, one adaptation luminance and Daly's sensitivity; or contrast, "
+        "relative to the local luminance that is seen, with castleCSF's three sensitivities.",
     ),
 ]
 DeviceName = Annotated[
@@ -90,7 +90,7 @@ DeviceName = Annotated[
 ]
 
 
-CONTRAST = "contrast"
+PAPER = "paper"
 """Name of the default vision model."""
 
 INVISIBLE = 0.01
@@ -110,7 +110,7 @@ def compensate(
     tolerance: Tolerance = None,
     quality: Quality = False,
     low_frequency_gain: LowFrequencyGain = None,
-    eye: EyeName = CONTRAST,
+    eye: EyeName = PAPER,
     device: DeviceName = CPU,
     frames: Frames = None,
     file_format: Format = None,
@@ -175,7 +175,7 @@ def compare(
     tolerance: Tolerance = None,
     quality: Quality = False,
     low_frequency_gain: LowFrequencyGain = None,
-    eye: EyeName = CONTRAST,
+    eye: EyeName = PAPER,
     device: DeviceName = CPU,
     size: Annotated[
         int, typer.Option(help="Largest side of the pictures on the page, pixels.", min=16)
@@ -226,7 +226,7 @@ def demo(
         frame = read_master([path])
     console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
     prepare_folder(out)
-    comparison = _compared(frame, theatre, console, solver, ContrastWeighting())
+    comparison = _compared(frame, theatre, console, solver, PerceptualWeighting())
     files = []
     for name, written in comparison.frames():
         write_master(written, [out / f"{name}.exr"])
@@ -303,7 +303,7 @@ def goal(tolerance: float | None, *, quality: bool) -> float:
 
 
 def _weighting(name: str, low_frequency_gain: float | None) -> Eye:
-    settings: dict[str, type[Eye]] = {CONTRAST: ContrastWeighting, "paper": PerceptualWeighting}
+    settings: dict[str, type[Eye]] = {PAPER: PerceptualWeighting, "contrast": ContrastWeighting}
     if name not in settings:
         raise InputError(f"--weighting {name!r} is not known; use one of {', '.join(settings)}")
     if low_frequency_gain is None:

@@ -4,9 +4,9 @@ Weber's law: what the eye sees of a difference of light goes with the light arou
 is divided by the local luminance of what is seen *before* the contrast sensitivity, and not the
 same everywhere by one adaptation luminance,
 
-    lambda(r) = A_l T K r,     K = l / (L + c)
+    lambda(r) = A_l T K r,     K = l / (min(L, m l) + c)
 
-with l the adaptation luminance, which makes K = 1 where a plain weighting is right, L the luminance
+with l the adaptation luminance, L the luminance
 that the best subtraction shows, averaged over a few minutes of arc, and c a luminance below
 which the eye loses contrast. Without c, black would have to be exact.
 
@@ -53,6 +53,10 @@ class ContrastWeighting:
         Standard deviation of the Gaussian that L is averaged by, degrees.
     floor
         c, cd/m².
+    most
+        In a dome, L counts up to this many times the adaptation luminance. Without a limit, errors
+        in bright places cost next to nothing; and as every light pollutes the dark, the least cost
+        would be to take the blue and the red out of whatever is bright.
     padding
         As for `PerceptualWeighting`.
 
@@ -66,6 +70,7 @@ class ContrastWeighting:
     chroma_low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(1.0))
     reach: float = 0.1
     floor: float = 0.1
+    most: float = 0.3
     padding: int = 64
 
     def __post_init__(self) -> None:
@@ -86,7 +91,8 @@ class ContrastWeighting:
         row, col = Fourier(*padded).frequencies(viewing.pixels_per_degree(rows, cols))
         frequency = np.hypot(row, col)
         axis = np.geomspace(0.01, 60, 4096)
-        gains, peaks = [], []
+        gains: list[NDArray[np.floating[Any]]] = []
+        peaks: list[float] = []
         for mechanism in MECHANISMS:
             curve = castle(axis, viewing.adaptation, mechanism, area=DETAIL)
             peaks.append(float(curve.max()))
@@ -117,7 +123,9 @@ class ContrastWeighting:
         for view, light in enumerate(seen):
             luminance = np.maximum(light @ weights, 0) * on
             local = gaussian_filter(luminance, self.reach * density, mode="constant") / around
-            result[view, screen, 0] = (level / (local + self.floor / projector.white))[screen]
+            if len(seen) == 1:
+                local = np.minimum(local, self.most * level)
+            result[view, screen, 0] = level / (local[screen] + self.floor / projector.white)
         return result
 
 

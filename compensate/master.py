@@ -16,14 +16,14 @@ from typing import cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.contrast import ContrastWeighting, Eye
+from compensate.contrast import Eye
 from compensate.ghosts import edge_energy
 from compensate.methods import Solver, methods_of, require_method
 from compensate.problem import Problem
 from compensate.solver import baselines, deghosting
 from compensate.solver.result import Result, Status
 from compensate.solver.worst_seat import seat_importance
-from compensate.weighting import CsfWeighting, Weighting
+from compensate.weighting import CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Light, require_light
@@ -346,7 +346,7 @@ class Stage:
 
     def __init__(self, scene: Scene, weighting: Eye | None = None) -> None:
         self._scene = scene
-        self._settings = weighting or ContrastWeighting()
+        self._settings = weighting or PerceptualWeighting()
         self._shared: _Shared | None = None
 
     def pose(self, desired: Light) -> Posed:

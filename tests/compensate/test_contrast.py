@@ -30,24 +30,33 @@ def contrast(seen, screen=None, **settings):
 
 
 def test_contrast_is_relative_to_the_luminance_that_is_seen():
-    seen = np.full((1, 30, 40, 3), 0.25)
+    seen = np.full((2, 30, 40, 3), 0.25)
     factor = contrast(seen, floor=0.1)
-    assert factor.shape == (1, 30, 40, 1)
+    assert factor.shape == (2, 30, 40, 1)
     # l / (L + c), all in cd/m²: up to the edges, where there is nothing to average with
     assert factor == pytest.approx(viewing().adaptation / (0.25 * 20.0 + 0.1))
+
+
+def test_in_a_dome_bright_places_count_as_the_adaptation_luminance_has_it():
+    seen = np.full((1, 30, 40, 3), 0.9)
+    factor = contrast(seen, floor=0.1, most=0.5)
+    adaptation = viewing().adaptation
+    assert factor == pytest.approx(adaptation / (0.5 * adaptation + 0.1))
 
 
 def test_what_is_off_the_screen_does_not_count():
     screen = np.zeros((30, 40), bool)
     screen[5:20, 8:30] = True
     seen = np.where(screen[None, :, :, None], 0.25, 9.0)
-    factor = contrast(np.broadcast_to(seen, (1, 30, 40, 3)).copy(), screen, floor=0.1, reach=5.0)
+    factor = contrast(
+        np.broadcast_to(seen, (1, 30, 40, 3)).copy(), screen, floor=0.1, reach=5.0, most=9.0
+    )
     assert factor[0, screen] == pytest.approx(viewing().adaptation / 5.1)
     assert (factor[0, ~screen] == 1).all()
 
 
 def test_the_same_error_matters_more_in_the_dark():
-    seen = np.full((1, 20, 60, 3), 0.5)
+    seen = np.full((2, 20, 60, 3), 0.5)
     seen[:, :, 30:] = 0.01
     factor = contrast(seen, reach=0.0)
     assert factor[0, 0, 50, 0] / factor[0, 0, 5, 0] == pytest.approx((10.0 + 0.1) / (0.2 + 0.1))
@@ -58,7 +67,7 @@ def test_a_grating_at_threshold_is_one_just_noticeable_difference(level):
     """Whatever the luminance that it lies on: castleCSF's threshold contrast at that frequency."""
     size, cycles = 128, 16
     scene = load_scene("stereo_polarised_paper")
-    eye, settings = scene.viewing, ContrastWeighting(padding=0, reach=0.0, floor=1e-9)
+    eye, settings = scene.viewing, ContrastWeighting(padding=0, reach=0.0, floor=1e-9, most=99.0)
     frequency = cycles / size * eye.pixels_per_degree(size, size)
     threshold = 1 / float(castle(frequency, eye.adaptation, ACHROMATIC, area=DETAIL))
     wave = np.cos(2 * np.pi * cycles * np.arange(size) / size)[None, None, :, None]
@@ -154,7 +163,7 @@ def test_a_ghost_on_black_is_made_less_visible():
     scene = load_scene("stereo_polarised_paper")
     light = np.zeros((2, 48, 64, 3), np.float32)
     light[0, 12:36, 8:16], light[1, 12:36, 40:48] = 0.8, 0.8
-    posed = pose(light, scene)
+    posed = pose(light, scene, ContrastWeighting())
     result = solved(posed, "perceptual")
     assert result.gap is not None
     assert result.gap <= 1e-3

@@ -79,8 +79,8 @@ def run(work: Work) -> Finding:
         "nothing": "nothing",
         "subtractive": "exact subtraction",
         "one_policy": "perceptual, one floor of 0.1 for all channels",
-        "chroma_floor_1": "perceptual, a floor of 1 for chroma",
-        "contrast": "perceptual, local contrast and castleCSF's channels (the default)",
+        "chroma_floor_1": "perceptual, a floor of 1 for chroma (the default)",
+        "contrast": "perceptual, local contrast and castleCSF's channels",
     }
     ours = found["chroma_floor_1"]
     return Finding(

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from compensate.comparison import Comparison, compare_methods
-from compensate.contrast import ContrastWeighting
 from compensate.solver.admm import ADMM
+from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene, load_dome
 from validation.drawing import pictures
@@ -119,7 +119,7 @@ def measure(scene: str = THEATRE) -> Outcome:
     """The bundled night in a theatre."""
     frame = bundled_night()
     theatre = load_dome(scene)
-    comparison = compare_methods(frame, theatre, solver=ADMM(), weighting=ContrastWeighting())
+    comparison = compare_methods(frame, theatre, solver=ADMM(), weighting=PerceptualWeighting())
     best = comparison.outcomes["perceptual"].figures
     problem = comparison.posed.problem
     observed = {
@@ -223,7 +223,7 @@ def run(work: Work) -> Finding:
             **{f"demo.{n}.coarse_detail": seen.coarse_detail for n, seen in outcome.seen.items()},
         },
         left_out=(
-            "Figure 8: it shows prediction, which is not built yet. Figures 2, 6 and 10 have "
+            "Figure 8: `domesim predict` writes it, for any picture. Figures 2, 6 and 10 have "
             "experiments of their own; figure 1 (left) is one more example of them.",
         ),
     )
