@@ -92,27 +92,32 @@ def colorvideovdp(reference: Light, test: Light, scene: Scene) -> float:
     ValueError
         If the pictures have not the same shape.
     """
-    cvvdp, torch = _colorvideovdp()
+    _colorvideovdp()
     require_light(test, reference.shape, who="colorvideovdp")
     if len(reference) > 1:
         return _of_both(colorvideovdp, reference, test, scene)
-    rows, cols = reference.shape[1:3]
-    times, density = _enlargement(scene, rows, cols)
-    shown = [
-        _enlarged(_on_display(light, scene), times) * np.float32(scene.projector.white)
-        for light in (test, reference)
-    ]
-    metric = cvvdp.cvvdp(
-        display_photometry=cvvdp.vvdp_display_photo_eotf(
-            _BRIGHTEST, contrast=_BRIGHTEST / _DARKEST, EOTF="linear"
-        ),
-        display_geometry=cvvdp.vvdp_display_geometry([cols * times, rows * times], ppd=density),
-        device=torch.device("cpu"),
-        quiet=True,
-    )
-    with _quiet(), torch.no_grad():
-        quality, _ = metric.predict(*shown, dim_order="HWC")
-    return float(quality)
+    return _predicted(reference, test, scene)[0]
+
+
+def colorvideovdp_map(
+    reference: Light, test: Light, scene: Scene
+) -> tuple[float, NDArray[np.float32]]:
+    """`colorvideovdp`, and the (view, row, col) quality lost at each pixel: its raw heatmap, JOD.
+
+    It is local: what a whole picture loses, if all of it looked like that pixel.
+
+    Raises
+    ------
+    Missing
+        If cvvdp is not installed.
+    ValueError
+        If the pictures have not the same shape.
+    """
+    _colorvideovdp()
+    require_light(test, reference.shape, who="colorvideovdp_map")
+    eyes = [slice(v, v + 1) for v in range(len(reference))]
+    found = [_predicted(reference[eye], test[eye], scene, "raw") for eye in eyes]
+    return float(np.mean([quality for quality, _ in found])), np.stack([lost for _, lost in found])
 
 
 def checkerboard(scene: Scene, size: int, dark: float = 0.0) -> Light:
@@ -147,6 +152,36 @@ def _of_both(
 ) -> float:
     eyes = [(slice(v, v + 1),) for v in range(len(reference))]
     return float(np.mean([judge(reference[eye], test[eye], scene) for eye in eyes]))
+
+
+def _predicted(
+    reference: Light, test: Light, scene: Scene, heatmap: str | None = None
+) -> tuple[float, NDArray[np.float32]]:
+    """Of one view, ColorVideoVDP's JOD and (row, col) heatmap: JOD lost, 0 if not asked for."""
+    cvvdp, torch = _colorvideovdp()
+    rows, cols = reference.shape[1:3]
+    times, density = _enlargement(scene, rows, cols)
+    shown = [
+        _enlarged(_on_display(light, scene), times) * np.float32(scene.projector.white)
+        for light in (test, reference)
+    ]
+    metric = cvvdp.cvvdp(
+        display_photometry=cvvdp.vvdp_display_photo_eotf(
+            _BRIGHTEST, contrast=_BRIGHTEST / _DARKEST, EOTF="linear"
+        ),
+        display_geometry=cvvdp.vvdp_display_geometry([cols * times, rows * times], ppd=density),
+        heatmap=heatmap,
+        device=torch.device("cpu"),
+        quiet=True,
+    )
+    with _quiet(), torch.no_grad():
+        quality, stats = metric.predict(*shown, dim_order="HWC")
+    lost = np.zeros((rows, cols), np.float32)
+    if heatmap is not None:
+        # It is of half precision, and in shares of 10 JOD
+        fine = 10 * stats["heatmap"][0, 0, 0].float().numpy()
+        lost[:] = fine.reshape(rows, times, cols, times).mean((1, 3))
+    return float(quality), lost
 
 
 def _on_display(light: Light, scene: Scene) -> NDArray[np.float32]:

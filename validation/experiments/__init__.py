@@ -22,6 +22,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "frozen_pollution",
         "chroma_floor",
         "deghosting",
+        "quality",
         "convergence",
     ),
     "The paper, remade": (
