@@ -77,7 +77,7 @@ EyeName = Annotated[
     typer.Option(
         "--weighting",
         help="Perceptual: paper, one adaptation luminance and Daly's sensitivity; or contrast, "
-        "relative to the local luminance that is seen, with castleCSF's three sensitivities.",
+        "relative to the local luminance that one seat sees, with castleCSF's sensitivities.",
     ),
 ]
 DeviceName = Annotated[

@@ -4,11 +4,11 @@ Weber's law: what the eye sees of a difference of light goes with the light arou
 is divided by the local luminance of what is seen *before* the contrast sensitivity, and not the
 same everywhere by one adaptation luminance,
 
-    lambda(r) = A_l T K r,     K = l / (min(L, m l) + c)
+    lambda(r) = A_l T K r,     K = l / (L + c)
 
-with l the adaptation luminance, L the luminance
-that the best subtraction shows, averaged over a few minutes of arc, and c a luminance below
-which the eye loses contrast. Without c, black would have to be exact.
+with l the adaptation luminance, L the luminance that the best subtraction shows, averaged over a
+few minutes of arc, and c a luminance below which the eye loses contrast. Without c, black would
+have to be exact. In a dome, L counts up to m l only (see `ContrastWeighting.most`).
 
 T takes light to the three mechanisms of castleCSF (`compensate.vision.castle`), achromatic,
 red-green and yellow-violet, each with its own sensitivity, in place of Daly's for all three.
@@ -63,7 +63,7 @@ class ContrastWeighting:
     Raises
     ------
     InputError
-        If the reach is negative or the floor not above 0.
+        If the reach is negative, the floor or `most` not above 0, or one is not finite.
     """
 
     low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(0.15))
@@ -74,10 +74,12 @@ class ContrastWeighting:
     padding: int = 64
 
     def __post_init__(self) -> None:
-        if not self.reach >= 0:
+        if not 0 <= self.reach < np.inf:
             raise InputError(f"contrast reach must be at least 0 degrees, got {self.reach:g}")
-        if not self.floor > 0:
+        if not 0 < self.floor < np.inf:
             raise InputError(f"contrast floor must be above 0 cd/m², got {self.floor:g}")
+        if not self.most > 0:
+            raise InputError(f"contrast's most must be above 0, got {self.most:g}")
 
     def of(
         self, viewing: Viewing, projector: Projector, support: NDArray[np.bool_], views: int

@@ -16,7 +16,7 @@ from typing import cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.contrast import Eye
+from compensate.contrast import ContrastWeighting, Eye
 from compensate.ghosts import edge_energy
 from compensate.methods import Solver, methods_of, require_method
 from compensate.problem import Problem
@@ -66,7 +66,8 @@ class Figures:
     error_before, error_subtractive, error_after
         Root-mean-square of the weighted residual over the screen, in just-noticeable differences
         (multiples of Daly's threshold contrast at the adaptation luminance), before rounding to
-        the file's code values.
+        the file's code values. Under another vision model, multiples of its thresholds: not to be
+        compared with those of the paper's.
     ghost_edges
         Of a stereo pair: ghost edge energy (`compensate.ghosts`) at the first seat, 1 for the
         untouched master; None without ghosts.
@@ -221,6 +222,8 @@ class Posed:
 
         A weighted residual is in light (1.0 = white) at the eye's most sensitive frequency; over
         the adaptation luminance it is a contrast, times the CSF's peak a multiple of the threshold.
+        Under `ContrastWeighting` it is relative to the local luminance; in a dome, whose bright
+        places count as darker ones there, a threshold in these reads several times 1.
         Several seats count by their weights.
         """
         return self._visible(self.residual(light))
@@ -374,7 +377,9 @@ class Stage:
             anchor=subtractive,
             regularisation=REGULARISATION,
             negligible=shared.negligible,
-            contrast=self._contrast(seen, shared),
+            contrast=self._settings.contrast(
+                seen, self._scene.viewing, self._scene.projector, shared.screen
+            ),
         )
         return Posed(
             scene=self._scene,
@@ -395,17 +400,6 @@ class Stage:
         desired, out_of_range = within_range(light, self._of_size(*light.shape[1:3]).screen)
         return self.pose(desired), out_of_range
 
-    def _contrast(self, seen: Light, shared: _Shared) -> NDArray[np.floating] | None:
-        """The local contrast of what subtraction shows.
-
-        Of several seats there is none: each would see another, and the problem would have twice as
-        many planes.
-        """
-        if isinstance(shared.observation, SeveralSeats):
-            return None
-        scene = self._scene
-        return self._settings.contrast(seen, scene.viewing, scene.projector, shared.screen)
-
     def _of_size(self, rows: int, cols: int) -> _Shared:
         if self._shared is None or self._shared.screen.shape != (rows, cols):
             self._shared = _shared(self._scene, self._settings, rows, cols)
@@ -418,7 +412,7 @@ class _Shared:
 
     observation: Observation
     single: Observation
-    plain: CsfWeighting  # of one seat
+    plain: CsfWeighting  # of one seat, for other methods than ours
     weighting: CsfWeighting
     judge: CsfWeighting
     screen: NDArray[np.bool_]
@@ -454,7 +448,16 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
     elif isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         single = scene.mean_seat(rows, cols)
     screen = scene.screen(rows, cols)
+    if isinstance(settings, ContrastWeighting) and isinstance(observation, SeveralSeats):
+        raise InputError(
+            "local contrast is weighted for one seat, got several; name one (--seat), or use the "
+            "paper's weighting (--weighting paper)"
+        )
     plain = settings.of(scene.viewing, scene.projector, screen, scene.views)
+    alone = plain
+    if isinstance(settings, ContrastWeighting):
+        # The paper's method wants the paper's channels
+        alone = PerceptualWeighting().of(scene.viewing, scene.projector, screen, scene.views)
     weighting = plain
     if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         weighting = plain.with_importance(seat_importance(scene.weights))
@@ -471,7 +474,7 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
     return _Shared(
         observation,
         single,
-        plain,
+        alone,
         weighting,
         judge,
         screen,

@@ -49,7 +49,7 @@ class Problem:
     Raises
     ------
     ValueError
-        If shapes disagree, or a lower bound is above its upper.
+        If shapes disagree, a lower bound is above its upper, or a contrast is not above 0.
     """
 
     def __init__(
@@ -89,6 +89,8 @@ class Problem:
         self.regularisation = float(regularisation)
         self.negligible = negligible
         self.contrast = contrast
+        if contrast is not None and not bool(xp.all(contrast > 0)):
+            raise ValueError("contrast must be above 0 everywhere")
         if bool(xp.any(self.lower > self.upper)):
             raise ValueError("a lower bound is above its upper bound")
 

@@ -277,7 +277,9 @@ class SeenLevel(Level):
         result = _unmixed(seen, own, other)
         for _ in range(0 if self._leaks is None else _ROUNDS):
             others = self.observation.linear(result) - self._mixed(result)
-            result = _unmixed(seen - others, own, other)
+            before, result = result, _unmixed(seen - others, own, other)
+            if _settled(result, before):
+                break
         return result
 
     def _unmixed_adjoint(self, change: Light) -> Light:
@@ -285,7 +287,9 @@ class SeenLevel(Level):
         result = _unmixed_adjoint(change, own, other)
         for _ in range(0 if self._leaks is None else _ROUNDS):
             others = self.observation.adjoint(result) - self._mixed_adjoint(result)
-            result = _unmixed_adjoint(change - others, own, other)
+            before, result = result, _unmixed_adjoint(change - others, own, other)
+            if _settled(result, before):
+                break
         return result
 
     def _mixed(self, change: Light) -> Light:
@@ -316,8 +320,8 @@ class SeenLevel(Level):
         ]
 
 
-_ROUNDS = 6  # of leaks into other primaries: each makes them less by a factor of them
-_SWEEPS = 100
+_ROUNDS = 60  # of leaks into other primaries: each makes them less by a factor of them
+_SWEEPS = 3000
 
 
 def nearest_of_two(
@@ -392,12 +396,19 @@ def nearest_mixed(
             step = (xp.flip(h, axis=0) * g - cross * xp.flip(g, axis=0)) / determinant
             low, high = lower[..., p], upper[..., p]
             d[..., p] = nearest_of_two(d[..., p] - step, low, high, h, cross[None, :])
-        if float(xp.max(xp.abs(d - before))) < _SETTLED:
+        if _settled(d, before):
             break
     return d
 
 
-_SETTLED = 1e-7  # of white
+def _settled(values: Light, before: Light) -> bool:
+    """Whether they are the same, to the precision that float32 has."""
+    xp = namespace(values)
+    scale = max(float(xp.max(xp.abs(values))), _LEAST)
+    return float(xp.max(xp.abs(values - before))) <= _SETTLED * scale
+
+
+_SETTLED, _LEAST = 1e-7, 1e-30
 
 
 def _curvature(k: Light, own: Light, other: Light) -> tuple[Light, Light]:

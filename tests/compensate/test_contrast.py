@@ -87,6 +87,23 @@ def test_impossible_settings_are_refused():
         ContrastWeighting(reach=-1.0)
     with pytest.raises(InputError, match="floor"):
         ContrastWeighting(floor=0.0)
+    with pytest.raises(InputError, match="most"):
+        ContrastWeighting(most=np.nan)
+
+
+def test_several_seats_are_refused():
+    scene = load_scene("stereo_polarised_paper").seen_from("left", "right")
+    with pytest.raises(InputError, match="--seat"):
+        pose(pair(24, 32).astype(np.float32), scene, ContrastWeighting())
+
+
+def test_other_methods_do_not_depend_on_the_weighting():
+    scene = load_scene("stereo_polarised_paper")
+    light = pair(12, 16).astype(np.float32)
+    plain, other = (pose(light, scene, eye) for eye in (None, ContrastWeighting()))
+    for method in ("paper", "subtractive", "raised-black-local"):
+        one, two = (solved(posed, method).light for posed in (plain, other))
+        np.testing.assert_array_equal(one, two)
 
 
 def problems():
@@ -139,19 +156,20 @@ def test_two_eyes_nearest_light_is_bvls():
         assert found[:, 0] == pytest.approx(best, abs=1e-9)
 
 
-def test_mixed_primaries_nearest_light_is_bvls():
+@pytest.mark.parametrize("leaks", [COLOURED, COLOURED + 0.1 * (1 - np.eye(3))])
+def test_mixed_primaries_nearest_light_is_bvls(leaks):
     random = np.random.default_rng(3)
     for _ in range(60):
         k = 0.1 * 100 ** random.random((2, 1, 3))
         matrix = np.eye(6)
-        matrix[:3, 3:], matrix[3:, :3] = COLOURED
+        matrix[:3, 3:], matrix[3:, :3] = leaks
         wanted = random.uniform(-1, 1.5, 6)
         start = np.linalg.solve(matrix, wanted)
         lower, upper = -0.2 * random.random(6), 0.5 + 0.5 * random.random(6)
         found = nearest_mixed(
             *(values.reshape(2, 1, 3) for values in (wanted, start, lower, upper)),
             k**2,
-            COLOURED.tolist(),
+            leaks.tolist(),
             np.ones((2, 1)),
         )
         rooted = k.reshape(6)[:, None] * matrix
