@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from itertools import product
 
@@ -17,6 +18,10 @@ from validation.statistics import assert_unbiased
 
 pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
+long = pytest.mark.skipif(
+    "DOMESIM_LONG" not in os.environ, reason="takes the better part of a minute; .ci/run does it"
+)
+
 
 def sweep(half_angles, albedos, *, uneven=False):
     return [
@@ -25,7 +30,7 @@ def sweep(half_angles, albedos, *, uneven=False):
     ]
 
 
-@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize("uneven", [pytest.param(False, marks=long), True])
 def test_bare_caps_follow_the_closed_form(uneven):
     cells = sweep((30, 90, 150, 180), (0.1, 0.5, 0.9), uneven=uneven)
     assert_unbiased(
@@ -61,7 +66,7 @@ def test_a_biased_tracer_would_be_noticed(monkeypatch):
     [
         ("recessed floor", ("white", "patch"), 5e-4, 1e-3),
         ("floor at the spring line", ("white", "patch"), 1e-3, 5e-3),
-        ("gain lobe of share 0.3", ("white",), 3e-3, 5e-3),
+        pytest.param("gain lobe of share 0.3", ("white",), 3e-3, 5e-3, marks=long),
     ],
 )
 def test_tabulated_transport_is_what_brute_force_finds(theatre, pictures, error, allowed):
