@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from compensate.fourier import Fourier, padded_size
+from compensate.fourier import padded_size
 from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, castle
 from compensate.vision.csf import LowFrequencyFloor
-from compensate.weighting import CsfWeighting, PerceptualWeighting
+from compensate.weighting import CsfWeighting, PerceptualWeighting, gains_of
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.projector import Projector
@@ -90,23 +90,26 @@ class ContrastWeighting:
         """
         rows, cols = support.shape
         padded = (padded_size(rows, self.padding), padded_size(cols, self.padding))
-        row, col = Fourier(*padded).frequencies(viewing.pixels_per_degree(rows, cols))
-        frequency = np.hypot(row, col)
-        axis = np.geomspace(0.01, 60, 4096)
         gains: list[NDArray[np.floating[Any]]] = []
         peaks: list[float] = []
         for mechanism in MECHANISMS:
-            curve = castle(axis, viewing.adaptation, mechanism, area=DETAIL)
-            peaks.append(float(curve.max()))
-            omega = castle(frequency, viewing.adaptation, mechanism, area=DETAIL) / peaks[-1]
+
+            def sensitivity(
+                frequency: NDArray[np.floating[Any]], _: Any, mechanism: str = mechanism
+            ) -> NDArray[np.floating[Any]]:
+                return castle(frequency, viewing.adaptation, mechanism, area=DETAIL)
+
             policy = self.chroma_low_frequency if gains else self.low_frequency
-            gains.append(policy(frequency, omega, axis[curve.argmax()]))
+            omega, peak = gains_of(sensitivity, viewing, (rows, cols), padded, policy)
+            gains.append(omega)
+            peaks.append(peak)
         opponent = DKL_FROM_XYZ @ projector.to_xyz
         # Contrast is relative to the achromatic mechanism's response to white, and then to the
         # threshold at each mechanism's peak
         opponent = np.array(peaks)[:, None] * opponent / opponent[0].sum()
-        peak = float(np.sqrt(np.sum(opponent**2, axis=0).max()))
-        return CsfWeighting(np.stack(gains), opponent / peak, support, padded, peak, views)
+        brightest = float(np.sqrt(np.sum(opponent**2, axis=0).max()))
+        opponent /= brightest
+        return CsfWeighting(np.stack(gains), opponent, support, padded, brightest, views)
 
     def contrast(
         self,
@@ -114,7 +117,7 @@ class ContrastWeighting:
         viewing: Viewing,
         projector: Projector,
         screen: NDArray[np.bool_],
-    ) -> NDArray[np.floating[Any]] | None:
+    ) -> NDArray[np.floating[Any]]:
         """K, (view, row, col, 1) like `seen` (view, row, col, primary); 1 off the screen."""
         density = viewing.pixels_per_degree(*screen.shape)
         weights = projector.luminance_weights.astype(seen.dtype)

@@ -273,7 +273,7 @@ class Posed:
         if not isinstance(self.observation, SeveralSeats):
             return {}
         assert isinstance(self.scene, StereoScene)
-        residual = self.problem.contrasted(self.residual(light))
+        residual = self.residual(light)
         weighting = self.judge.with_importance(np.ones(self.scene.views))
         factor = _differences(self.scene, weighting)
         factor /= np.sqrt(np.count_nonzero(self.screen) * self.scene.views)
@@ -454,10 +454,6 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
             "paper's weighting (--weighting paper)"
         )
     plain = settings.of(scene.viewing, scene.projector, screen, scene.views)
-    alone = plain
-    if isinstance(settings, ContrastWeighting):
-        # The paper's method wants the paper's channels
-        alone = PerceptualWeighting().of(scene.viewing, scene.projector, screen, scene.views)
     weighting = plain
     if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         weighting = plain.with_importance(seat_importance(scene.weights))
@@ -474,7 +470,7 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
     return _Shared(
         observation,
         single,
-        alone,
+        plain,
         weighting,
         judge,
         screen,

@@ -79,7 +79,7 @@ DOME: Mapping[str, Chosen] = {
 
 STEREO: Mapping[str, Chosen] = {
     "perceptual": _perceptual,
-    "paper": lambda scene, problem: PaperMethod(scene.viewing),
+    "paper": lambda scene, problem: PaperMethod(scene.viewing, scene.projector.luminance_weights),
     "subtractive": lambda scene, problem: ClippedSubtraction(),
     "lab-subtractive": lambda scene, problem: PerceptualSubtraction(scene.projector.to_xyz),
     "raised-black": lambda scene, problem: RangeCompression(),

@@ -16,8 +16,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, final
+from functools import cached_property, partial
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -371,19 +371,35 @@ def csf_gains(
     padded: tuple[int, int],
     low_frequency: LowFrequencyFloor,
 ) -> tuple[NDArray[np.floating[Any]], float]:
+    """`gains_of` Daly's sensitivity."""
+    sensitivity = partial(
+        daly,
+        adaptation=viewing.adaptation,
+        image_area=viewing.image_area,
+        distance=viewing.distance,
+    )
+    return gains_of(sensitivity, viewing, size, padded, low_frequency)
+
+
+Sensitivity: TypeAlias = Callable[[Any, Any], NDArray[np.floating[Any]]]
+"""Of frequency, cycles/degree, and orientation, radians."""
+
+
+def gains_of(
+    sensitivity: Sensitivity,
+    viewing: Viewing,
+    size: tuple[int, int],
+    padded: tuple[int, int],
+    low_frequency: LowFrequencyFloor,
+) -> tuple[NDArray[np.floating[Any]], float]:
     """Omega (padded row, padded col // 2 + 1), 1 at the CSF's peak, and the peak's sensitivity."""
     row_frequency, col_frequency = Fourier(*padded).frequencies(viewing.pixels_per_degree(*size))
     frequency = np.hypot(row_frequency, col_frequency)
     orientation = np.arctan2(row_frequency, col_frequency)
-    conditions: dict[str, float] = {
-        "adaptation": viewing.adaptation,
-        "image_area": viewing.image_area,
-        "distance": viewing.distance,
-    }
     axis = np.geomspace(0.01, 60, 4096)
-    curve = daly(axis, 0.0, **conditions)
+    curve = sensitivity(axis, 0.0)
     peak = float(curve.max())
-    omega = daly(frequency, orientation, **conditions) / peak
+    omega = sensitivity(frequency, orientation) / peak
     return low_frequency(frequency, omega, axis[curve.argmax()]), peak
 
 

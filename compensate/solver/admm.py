@@ -48,7 +48,7 @@ from compensate.solver.level import BoxLevel, Level, Planes, padded
 from compensate.solver.pair_split import PairSplit
 from compensate.solver.result import Result, Status
 from compensate.solver.seen_split import SeenSplit
-from compensate.solver.split import Split
+from compensate.solver.split import BoxSplit, Split
 from compensate.solver.varying import Varying
 from compensate.weighting import Masked
 from domesim.light import Light, namespace
@@ -157,7 +157,7 @@ class _Run:
     def __init__(self, settings: ADMM, problem: Problem, split: Split) -> None:
         self._settings, self._problem, self._split = settings, problem, split
         masked = isinstance(problem.weighting, Masked)
-        if masked and isinstance(split, SeenSplit):
+        if masked and not isinstance(split, BoxSplit):
             raise ValueError("ADMM takes a pair's mask without a contrast; use Accelerated")
         # A coarse picture without the mask would be another's
         split.prepare(coarser=not masked and max(settings.coarse) > 0)
@@ -167,7 +167,7 @@ class _Run:
         last = min(max(last, 1.5 * split.weighting.typical), first)
         self._penalties = [rho * raised for rho in (first, max(then, last), last)]
         self._varying: Varying | None = None
-        if masked or (isinstance(split, PairSplit) and not split.uniform):
+        if isinstance(split, BoxSplit) and (masked or not split.uniform):
             self._varying = Varying(problem, split, min(self._penalties))
         level = self._level
         self._base_cost = level.cost + level.regulariser_at_base()

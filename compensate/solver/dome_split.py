@@ -14,14 +14,14 @@ import numpy as np
 from compensate.problem import Problem
 from compensate.solver.dome_hessian import DomeHessian
 from compensate.solver.level import Planes
-from compensate.solver.split import Split, light_of, planes_of, widths_of
+from compensate.solver.split import BoxSplit, light_of, planes_of, widths_of
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace, on_host
 from domesim.observation.lowrank import LowRankObservation
 
 
 @final
-class DomeSplit(Split):
+class DomeSplit(BoxSplit):
     """The problem in w = K D x; "gain" below is K D.
 
     Parameters

@@ -18,13 +18,13 @@ from typing import final
 from compensate.problem import Problem
 from compensate.solver.hessian import PairHessian
 from compensate.solver.level import Planes
-from compensate.solver.split import Split, light_of, planes_of
+from compensate.solver.split import BoxSplit, light_of, planes_of
 from domesim.light import Light
 from domesim.observation.stereo import StereoObservation
 
 
 @final
-class PairSplit(Split):
+class PairSplit(BoxSplit):
     """The problem of two views, both pictures' pixels alike.
 
     Parameters
@@ -42,7 +42,7 @@ class PairSplit(Split):
 
     @property
     def uniform(self) -> bool:
-        """Whether all pixels have that matrix."""
+        """See `BoxSplit`."""
         return self._observation.uniform
 
     def direction(self, planes: Planes) -> Light:

@@ -14,15 +14,16 @@ cannot be solved channel by channel: what mixes them is left out, as the paper's
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import final
+from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensate.problem import Problem
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Result, Status
 from compensate.vision.csf import LowFrequencyFloor
-from compensate.weighting import CsfWeighting, PerceptualWeighting
+from compensate.weighting import CsfWeighting, PerceptualWeighting, linear_ycbcr
 from domesim.light import Light
 from domesim.observation.crosstalk import Crosstalk
 from domesim.viewing import Viewing
@@ -40,11 +41,14 @@ class PaperMethod:
     ----------
     viewing
         How the pair is seen; the paper's: a screen of 2.5 m, 16:9, at 3.0 m, 5 cd/m².
+    luminance_weights
+        (primary,) share of each of the projector's primaries in the luminance of its white: Y.
     solver
         What solves each channel.
     """
 
     viewing: Viewing
+    luminance_weights: NDArray[np.floating[Any]]
     solver: GPCG = field(default_factory=lambda: GPCG(frozen=True))
 
     def __call__(self, problem: Problem, start: Light) -> Result:
@@ -63,9 +67,11 @@ class PaperMethod:
             )
         if not isinstance(weighting, CsfWeighting):
             raise ValueError(f"PaperMethod takes a CsfWeighting, got {type(weighting).__name__}")
-        to_ycc = weighting.opponent
+        to_ycc = linear_ycbcr(self.luminance_weights)
         pure = LowFrequencyFloor(0.0)
-        daly = PerceptualWeighting(pure, pure)(self.viewing, to_ycc[0], weighting.support)
+        daly = PerceptualWeighting(pure, pure)(
+            self.viewing, self.luminance_weights, weighting.support
+        )
         black = observation.observe(np.zeros_like(problem.desired))
         wanted = (problem.desired - black) @ to_ycc.T.astype(start.dtype)
         channels = start @ to_ycc.T.astype(start.dtype)
@@ -77,9 +83,7 @@ class PaperMethod:
             leak = Crosstalk(
                 *observation.shape[1:3], mixed[:, c : c + 1, c : c + 1], share=_map(observation)
             )
-            alone = CsfWeighting(
-                daly.gains[:1], np.eye(1), weighting.support, weighting.padded, daly.peak, 2
-            )
+            alone = CsfWeighting(daly.gains, np.eye(1), daly.support, daly.padded, daly.peak, 2)
             found = self.solver(
                 Problem(leak, alone, wanted[one], (low, high)), np.clip(channels[one], low, high)
             )

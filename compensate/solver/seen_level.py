@@ -23,7 +23,7 @@ limit what q_B can win, and the quadratic what is left, g_F = g - g_B where M' K
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, final
 
@@ -127,16 +127,23 @@ class SeenLevel(Level):
 
     def move(self, s: Planes, w: Planes, weights: list[float], relaxation: float) -> None:
         """See `Level`."""
-        kept, self._kept = self._kept, None
-        z = kept[1] if kept is not None and kept[0] is s else self.feasible(s, weights)
+        z = self._feasible_again(s, weights)
+        self._kept = None
         rows, cols = z[0].shape
         for p, plane in enumerate(z):
             w[p] *= relaxation
             w[p][:rows, :cols] -= plane * relaxation
             s[p] += w[p]
 
+    def _feasible_again(self, s: Planes, weights: list[float]) -> Planes:
+        """`feasible`, as `towards` found it if s is the same still."""
+        if self._kept is not None and self._kept[0] is s:
+            return self._kept[1]
+        return self.feasible(s, weights)
+
     def reweigh(self, s: Planes, weights: list[float], ratio: float) -> None:
         """See `Level`."""
+        self._kept = None
         for p, z in enumerate(self.feasible(s, weights)):
             rows, cols = z.shape
             s[p] *= ratio
@@ -147,7 +154,7 @@ class SeenLevel(Level):
     ) -> Iterator[tuple[float, Array]]:
         """See `Level`: the first part is everything that is known."""
         xp, mu = namespace(s[0]), self.least_damping
-        z = self.feasible(s, weights)
+        z = self._feasible_again(s, weights)
         rows, cols = z[0].shape
         known, slopes = 0.0, []
         for p, weight in enumerate(weights):
@@ -169,7 +176,7 @@ class SeenLevel(Level):
         size = xp.abs(q)
         # What bounds allow to win, against the quadratic's share
         curvature = 2 * CURVATURE * (self._own * self.contrast) ** 2
-        at_bounds = self.projected_adjoint(xp.where(distance * curvature <= size, q, 0 * q))
+        at_bounds = self._from_back(xp.where(distance * curvature <= size, q, 0 * q))
         q = self._back(at_bounds)
         least = xp.where(q > 0, self.lower, self.upper)
         known += dot(q, least) - dot(at_bounds, inside)
@@ -201,10 +208,6 @@ class SeenLevel(Level):
     def projected(self, seen: Light) -> Light:
         """M^-1 (w / K)."""
         return self._unmixed(seen / self.contrast)
-
-    def projected_adjoint(self, change: Light) -> Light:
-        """Its adjoint."""
-        return self._unmixed_adjoint(change) / self.contrast
 
     def change(self, target: Light, weights: list[float] | None = None) -> Light:
         """The change d within the bounds whose K M d is nearest to a `target`.
@@ -272,31 +275,25 @@ class SeenLevel(Level):
         return first
 
     def _unmixed(self, seen: Light) -> Light:
-        """M^-1: of each primary alone, and of others' leaks little by little."""
-        own, other = self._own, self._other
-        result = _unmixed(seen, own, other)
+        """M^-1."""
+        return self._inverse(self.observation.linear, self._other, seen)
+
+    def _from_back(self, gradient: Light) -> Light:
+        """The g of which q = M' K g."""
+        # A matrix's transpose has the other eye's entry
+        other = namespace(gradient).flip(self._other, axis=0)
+        return self._inverse(self.observation.adjoint, other, gradient) / self.contrast
+
+    def _inverse(self, matrix: Callable[[Light], Light], other: Light, values: Light) -> Light:
+        """Of a `matrix` M or M': of each primary alone, and of others' leaks little by little."""
+        own = self._own
+        result = _unmixed(values, own, other)
         for _ in range(0 if self._leaks is None else _ROUNDS):
-            others = self.observation.linear(result) - self._mixed(result)
-            before, result = result, _unmixed(seen - others, own, other)
+            alone = own * result + other * namespace(result).flip(result, axis=0)
+            before, result = result, _unmixed(values - (matrix(result) - alone), own, other)
             if _settled(result, before):
                 break
         return result
-
-    def _unmixed_adjoint(self, change: Light) -> Light:
-        own, other = self._own, self._other
-        result = _unmixed_adjoint(change, own, other)
-        for _ in range(0 if self._leaks is None else _ROUNDS):
-            others = self.observation.adjoint(result) - self._mixed_adjoint(result)
-            before, result = result, _unmixed_adjoint(change - others, own, other)
-            if _settled(result, before):
-                break
-        return result
-
-    def _mixed(self, change: Light) -> Light:
-        return self._own * change + self._other * namespace(change).flip(change, axis=0)
-
-    def _mixed_adjoint(self, seen: Light) -> Light:
-        return self._own * seen + namespace(seen).flip(self._other * seen, axis=0)
 
     def _back(self, gradient: Light) -> Light:
         """M' K g."""
@@ -424,13 +421,6 @@ def _unmixed(seen: Light, own: Light, other: Light) -> Light:
     their_own = xp.flip(own, axis=0)
     determinant = own * their_own - other * xp.flip(other, axis=0)
     return (their_own / determinant) * seen - (other / determinant) * xp.flip(seen, axis=0)
-
-
-def _unmixed_adjoint(change: Light, own: Light, other: Light) -> Light:
-    xp = namespace(change)
-    their_own = xp.flip(own, axis=0)
-    determinant = own * their_own - other * xp.flip(other, axis=0)
-    return (their_own / determinant) * change - xp.flip((other / determinant) * change, axis=0)
 
 
 def _rows(array: Light, rows: slice) -> Light:

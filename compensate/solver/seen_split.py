@@ -10,7 +10,7 @@ from compensate.problem import Problem
 from compensate.solver.hessian import PairHessian
 from compensate.solver.level import Level, Planes
 from compensate.solver.seen_level import SeenLevel
-from compensate.solver.split import Split, light_of, planes_of
+from compensate.solver.split import Split, light_of
 from domesim.light import Light, namespace
 from domesim.observation.stereo import StereoObservation
 
@@ -65,20 +65,8 @@ class SeenSplit(Split):
         x = self.base + self._level.change(light_of(planes, 2))
         return xp.minimum(xp.maximum(x, problem.lower), problem.upper)
 
-    def direction(self, planes: Planes) -> Light:
-        """See `Split`."""
-        return self._level.projected(light_of(planes, 2))
-
-    def from_gradient(self, gradient: Light) -> Planes:
-        """See `Split`."""
-        return planes_of(self._level.projected_adjoint(gradient))
-
     def _finest(self) -> Level:
         return self._level
-
-    def _hessian(self) -> PairHessian:
-        assert isinstance(self._level.hessian, PairHessian)
-        return self._level.hessian
 
     def _seen(self, light: Light) -> Light:
         return self._level.seen(light)

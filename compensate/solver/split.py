@@ -73,8 +73,28 @@ class Split(ABC):
         """(row, col) planes of `light`."""
         return planes_of(self._seen(light - self.base))
 
+    @abstractmethod
     def light(self, planes: Planes) -> Light:
         """The light of (row, col) planes, within the bounds."""
+
+    @abstractmethod
+    def _finest(self) -> Level: ...
+
+    @abstractmethod
+    def _seen(self, light: Light) -> Light:
+        """Light as planes have it, on the support."""
+
+
+class BoxSplit(Split):
+    """A problem in planes that bounds limit one by one."""
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all pixels are alike, so that Fourier diagonalises the quadratic itself."""
+        return True
+
+    def light(self, planes: Planes) -> Light:
+        """See `Split`."""
         xp, base, problem = namespace(self.base), self.base, self.problem
         result = xp.empty_like(base)
         primaries = base.shape[3]
@@ -99,10 +119,6 @@ class Split(ABC):
 
     @abstractmethod
     def _hessian(self) -> Hessian: ...
-
-    @abstractmethod
-    def _seen(self, light: Light) -> Light:
-        """D of light, on the support."""
 
     def _finest(self) -> Level:
         damping, least = self._damping()

@@ -30,7 +30,7 @@ from compensate.problem import Problem
 from compensate.solver.blocks import Spectra
 from compensate.solver.certificate import gap_bound
 from compensate.solver.level import BoxLevel, Planes
-from compensate.solver.split import Split
+from compensate.solver.split import BoxSplit
 from compensate.weighting import Masked
 from domesim.light import dot, namespace
 from domesim.observation.stereo import StereoObservation
@@ -55,7 +55,7 @@ class Varying:
         The least penalty that there will be.
     """
 
-    def __init__(self, problem: Problem, plain: Split, rho: float) -> None:
+    def __init__(self, problem: Problem, plain: BoxSplit, rho: float) -> None:
         self._problem, self._plain = problem, plain
         level = plain.levels[0]
         assert isinstance(level, BoxLevel)

@@ -341,7 +341,7 @@ def _luminance(light: Light, scene: Scene) -> NDArray[np.float64]:
 
 def _paper(scene: Scene) -> PaperMethod:
     solver = GPCG(frozen=True, max_iterations=PAPER_ITERATIONS, max_phases=PAPER_PHASES)
-    return PaperMethod(scene.viewing, solver)
+    return PaperMethod(scene.viewing, scene.projector.luminance_weights, solver)
 
 
 # Pictures: where it is dark, and subtraction leaves most.

@@ -149,7 +149,9 @@ def project(posed: Posed, method: str) -> Light:
     if method != "paper":
         return solved(posed, method).light
     solver = cast("GPCG", _regularised)
-    return solved(posed, method, PaperMethod(posed.scene.viewing, solver)).light
+    scene = posed.scene
+    paper = PaperMethod(scene.viewing, scene.projector.luminance_weights, solver)
+    return solved(posed, method, paper).light
 
 
 def _regularised(problem: Problem, start: Light) -> Result:
