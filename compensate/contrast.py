@@ -21,6 +21,7 @@ That this, and these numbers, do better than others is measured by ``validate --
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from compensate.fourier import padded_size
-from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, castle
+from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, gains_of
 from domesim.errors import InputError
@@ -93,13 +94,8 @@ class ContrastWeighting:
         gains: list[NDArray[np.floating[Any]]] = []
         peaks: list[float] = []
         for mechanism in MECHANISMS:
-
-            def sensitivity(
-                frequency: NDArray[np.floating[Any]], _: Any, mechanism: str = mechanism
-            ) -> NDArray[np.floating[Any]]:
-                return castle(frequency, viewing.adaptation, mechanism, area=DETAIL)
-
             policy = self.chroma_low_frequency if gains else self.low_frequency
+            sensitivity = partial(_at_any_orientation, mechanism, viewing.adaptation)
             omega, peak = gains_of(sensitivity, viewing, (rows, cols), padded, policy)
             gains.append(omega)
             peaks.append(peak)
@@ -132,6 +128,12 @@ class ContrastWeighting:
                 local = np.minimum(local, self.most * level)
             result[view, screen, 0] = level / (local[screen] + self.floor / projector.white)
         return result
+
+
+def _at_any_orientation(
+    mechanism: Mechanism, adaptation: float, frequency: Any, _: Any
+) -> NDArray[np.floating[Any]]:
+    return castle(frequency, adaptation, mechanism, area=DETAIL)
 
 
 Eye: TypeAlias = PerceptualWeighting | ContrastWeighting
