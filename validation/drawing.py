@@ -48,6 +48,11 @@ def plot(
     return Plot(caption=caption, alt=alt, svg=memory.getvalue())
 
 
+def legend_beside(axes: Any) -> None:
+    """Put a diagram's legend to its right, where long names cover nothing."""
+    axes.legend(fontsize=7.5, loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
 def pictures(
     caption: str, lights: Mapping[str, Light], scene: Scene, *, brightest: float = 1.0
 ) -> Pictures:
@@ -67,14 +72,26 @@ def pictures(
     return Pictures(
         caption=caption,
         panels=tuple(
-            Panel(
-                title=title,
-                alt=f"Domemaster: {title}",
-                data=_jpeg(_coded(light, scene, brightest)),
-            )
+            panel(title, light, scene, what="Domemaster", brightest=brightest)
             for title, light in lights.items()
         ),
     )
+
+
+def panel(title: str, light: Light, scene: Scene, *, what: str, brightest: float = 1.0) -> Panel:
+    """One picture.
+
+    Parameters
+    ----------
+    title
+        Of the picture.
+    light, scene, brightest
+        As for `pictures`.
+    what
+        Kind of picture, for those who cannot see it.
+    """
+    data = _jpeg(_coded(light, scene, brightest))
+    return Panel(title=title, alt=f"{what}: {title}", data=data)
 
 
 def _coded(light: Light, scene: Scene, brightest: float) -> NDArray[np.uint8]:

@@ -23,7 +23,7 @@ screens.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
@@ -120,6 +120,36 @@ def colorvideovdp_map(
     return float(np.mean([quality for quality, _ in found])), np.stack([lost for _, lost in found])
 
 
+def if_installed(
+    judge: Callable[[Light, Light, Scene], float], reference: Light, test: Light, scene: Scene
+) -> float | None:
+    """What a judge says; None if it is not installed."""
+    try:
+        return judge(reference, test, scene)
+    except Missing:
+        return None
+
+
+def left_out(said: Mapping[str, Iterable[float | None]]) -> list[str]:
+    """Why judges were left out of a report.
+
+    Parameters
+    ----------
+    said
+        Name of a judge -> what it said of each picture, None where it is not installed.
+    """
+    return [
+        f"{judge}: it needs pip install 'domesim[metrics]'"
+        for judge, verdicts in said.items()
+        if any(verdict is None for verdict in verdicts)
+    ]
+
+
+def luminance(light: Light, scene: Scene) -> NDArray[np.float64]:
+    """(view, row, col) luminance, white = 1."""
+    return np.asarray(np.asarray(light, np.float64) @ scene.projector.luminance_weights)
+
+
 def checkerboard(scene: Scene, size: int, dark: float = 0.0) -> Light:
     """(1, size, size, primary) rings and sectors, alternately white and `dark`.
 
@@ -131,7 +161,7 @@ def checkerboard(scene: Scene, size: int, dark: float = 0.0) -> Light:
 def checkerboard_contrast(seen: Light, scene: Scene) -> float:
     """Luminance of the white fields of a seen `checkerboard` over that of the others."""
     bright = _bright_fields(seen.shape[1])
-    white, black = (_mean(_luminance(seen, scene), scene, part) for part in (bright, ~bright))
+    white, black = (_mean(luminance(seen, scene)[0], scene, part) for part in (bright, ~bright))
     return white / black if black > 0 else float("inf")
 
 
@@ -143,7 +173,7 @@ def black_in_white(scene: Scene, size: int) -> Light:
 def black_over_white(seen: Light, scene: Scene) -> float:
     """Luminance of the black disc of a seen `black_in_white` over that of the white."""
     disc = _disc(seen.shape[1])
-    black, white = (_mean(_luminance(seen, scene), scene, part) for part in (disc, ~disc))
+    black, white = (_mean(luminance(seen, scene)[0], scene, part) for part in (disc, ~disc))
     return black / white
 
 
@@ -200,10 +230,6 @@ def _enlargement(scene: Scene, rows: int, cols: int) -> tuple[int, float]:
 
 def _enlarged(picture: NDArray[Any], times: int) -> NDArray[Any]:
     return np.ascontiguousarray(picture.repeat(times, axis=0).repeat(times, axis=1))
-
-
-def _luminance(light: Light, scene: Scene) -> NDArray[np.float64]:
-    return np.asarray(np.asarray(light[0], np.float64) @ scene.projector.luminance_weights)
 
 
 def _mean(values: NDArray[Any], scene: Scene, part: NDArray[np.bool_] | None = None) -> float:

@@ -23,7 +23,7 @@ take away; ghosts on lit texture can be subtracted.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
@@ -128,10 +128,34 @@ def require(name: str) -> list[Path]:
     Missing
         If they are not there.
     """
-    paths = [_folder() / file for file in FILES[name]]
+    paths = [data_folder() / file for file in FILES[name]]
     if absent := [path for path in paths if not path.is_file()]:
         raise Missing(f"needs {absent[0]}; set {FOLDER} to the folder of the test data")
     return paths
+
+
+def present(names: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Those pairs of the test data that are there, and for the others why they are left out."""
+    found, left_out = [], []
+    for name in names:
+        try:
+            require(name)
+        except Missing as missing:
+            left_out.append(f"{name}: {missing}")
+        else:
+            found.append(name)
+    return found, left_out
+
+
+def data_folder() -> Path:
+    """The folder of the test data: `FOLDER`, or beside the repository."""
+    beside = Path(__file__).parents[2] / "shared" / "data"
+    return Path(os.environ.get(FOLDER, beside))
+
+
+def no_wider(light: Light, cols: int) -> Light:
+    """A picture `averaged` to at most that many columns."""
+    return averaged(light, -(-light.shape[2] // cols))
 
 
 def averaged(light: Light, times: int) -> Light:
@@ -148,11 +172,6 @@ def averaged(light: Light, times: int) -> Light:
     cells = light[:, : rows * times, : cols * times]
     cells = cells.reshape(len(light), rows, times, cols, times, -1)
     return np.asarray(cells.mean(axis=(2, 4)), light.dtype)
-
-
-def _folder() -> Path:
-    beside = Path(__file__).parents[2] / "shared" / "data"
-    return Path(os.environ.get(FOLDER, beside))
 
 
 class _Canvas:

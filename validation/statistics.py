@@ -11,6 +11,10 @@ Italiano degli Attuari 4, 83 (1933).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import final
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
@@ -134,3 +138,44 @@ def rms_difference(
     products = (model - first) * (model - second)
     square = np.einsum("ij,ij...->...", np.asarray(share), products)
     return float(np.sign(np.mean(square)) * np.sqrt(np.abs(np.mean(square))))
+
+
+@final
+@dataclass(frozen=True)
+class Estimate:
+    """A mean over inputs, and its 95 % interval; NaN if there are too few inputs.
+
+    Attributes
+    ----------
+    mean, low, high
+        The mean, and the ends of its interval.
+    inputs
+        How many there are.
+    """
+
+    mean: float
+    low: float
+    high: float
+    inputs: int
+
+    @property
+    def written(self) -> str:
+        """In words."""
+        if self.inputs == 0:
+            return "nothing (no input)"
+        if self.inputs == 1:
+            return f"{self.mean:+.3f} (1 input)"
+        return f"{self.mean:+.3f} ({self.low:+.3f} to {self.high:+.3f}, {self.inputs} inputs)"
+
+
+def estimate(by_input: Iterable[float]) -> Estimate:
+    """Mean of independent figures of unknown spread, with Student's interval."""
+    values = np.array(list(by_input))
+    count = len(values)
+    if count == 0:
+        return Estimate(np.nan, np.nan, np.nan, 0)
+    mean = float(values.mean())
+    if count == 1:
+        return Estimate(mean, np.nan, np.nan, 1)
+    half = float(stats.t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count))
+    return Estimate(mean, mean - half, mean + half, count)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from findings import change, failed, no_colorvideovdp
 
 from compensate.solver.deghosting import RangeCompression
 from domesim.light import namespace
@@ -19,17 +20,9 @@ from validation.experiments import deghosting
 @pytest.fixture(autouse=True)
 def _quickly(monkeypatch):
     """Tiny, one level, without the judge that takes seconds a picture."""
-
-    def missing(*args):
-        raise Missing("needs ColorVideoVDP: pip install 'domesim[metrics]'")
-
-    monkeypatch.setattr(judges, "colorvideovdp", missing)
+    monkeypatch.setattr(judges, "colorvideovdp", no_colorvideovdp)
     monkeypatch.setattr(deghosting, "QUICK_WIDTH", 48)
     monkeypatch.setattr(deghosting, "QUICK_LEVELS", (0.05,))
-
-
-def failed(finding) -> list[str]:
-    return [check.what for check in finding.checks if not check.passed]
 
 
 def test_it_is_as_expected(tmp_path):
@@ -69,23 +62,12 @@ def one_way(monkeypatch):
 
 def idle(monkeypatch):
     """Ours shows what subtraction does."""
-    honest = deghosting.solved
-
-    def solved(posed, method, solver=None):
-        return honest(posed, "subtractive" if method == "perceptual" else method, solver)
-
-    monkeypatch.setattr(deghosting, "solved", solved)
+    change(monkeypatch, deghosting, "perceptual", lambda posed, light: posed.subtractive)
 
 
 def too_much(monkeypatch):
     """Subtraction takes a tenth of all light."""
-    honest = deghosting.solved
-
-    def solved(posed, method, solver=None):
-        found = honest(posed, method, solver)
-        return replace(found, light=0.9 * found.light) if method == "subtractive" else found
-
-    monkeypatch.setattr(deghosting, "solved", solved)
+    change(monkeypatch, deghosting, "subtractive", lambda posed, light: 0.9 * light)
 
 
 def half_raised(monkeypatch):

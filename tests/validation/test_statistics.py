@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from validation.statistics import assert_unbiased, calibration, rms_difference
+from validation.statistics import assert_unbiased, calibration, estimate, rms_difference
 
 CELLS = 99
 ERROR = 2.5e-4
@@ -73,3 +73,24 @@ def test_rms_difference_does_not_count_noise(error):
     noisy = [truth + 0.02 * random.standard_normal(shape) for _ in range(2)]
     found = rms_difference(truth + off, *noisy, share)
     assert found**2 == pytest.approx(error**2, abs=4 * 0.02**2 / 200)
+
+
+def test_students_interval():
+    """By hand: sd 1, n 4, t 3.182."""
+    values = np.array([-1.0, -0.2, 0.2, 1.0])
+    values = 2 + values / values.std(ddof=1)
+    found = estimate(values)
+    assert (found.mean, found.inputs) == (pytest.approx(2), 4)
+    assert (found.low, found.high) == pytest.approx((2 - 1.5912, 2 + 1.5912), abs=1e-4)
+    assert np.isnan(estimate([1.0]).low)
+    assert np.isnan(estimate([]).mean)
+    assert [estimate(some).written for some in ([], [0.1])] == [
+        "nothing (no input)",
+        "+0.100 (1 input)",
+    ]
+
+
+def test_students_intervals_cover_what_they_should():
+    random = np.random.default_rng(0)
+    found = [estimate(random.normal(0.1, 1.0, 8)) for _ in range(2000)]
+    assert np.mean([one.low <= 0.1 <= one.high for one in found]) == pytest.approx(0.95, abs=0.02)

@@ -1,4 +1,4 @@
-"""Experiments: one file a claim, each with its rationale, what is expected, and a `run`."""
+"""Experiments: one module a claim, each with its rationale, what is expected, and a `run`."""
 
 from __future__ import annotations
 

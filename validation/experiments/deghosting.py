@@ -26,8 +26,6 @@ from functools import cache, partial
 from typing import Any, TypeAlias, final
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from compensate.ghosts import ghost_left
 from compensate.master import Posed, pose, solved
@@ -40,12 +38,11 @@ from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.observation.crosstalk import leak_matrices
 from domesim.scene import Scene, StereoScene, load_scene
-from validation import drawing, judges, pairs
+from validation import crops, drawing, judges, pairs
 from validation.experiment import (
     Check,
     Column,
     Finding,
-    Missing,
     Panel,
     Pictures,
     Plot,
@@ -68,14 +65,8 @@ WIDEST, QUICK_WIDTH = 512, 96
 PAPER_ITERATIONS, PAPER_PHASES = 60, 5
 """Most of the paper's solver, each channel. The generated pair takes 33, and more phases change its
 visible error by less than 1e-3."""
-DARK = 0.02
-"""Light, below which ghosts stand out."""
 GAINS = (0.3, 1.0)
 """Low-frequency gains beside the usual one."""
-BRIGHTER = (10, 5, 2)
-"""How many times brighter than they are the pictures are shown: the first that is not too much."""
-TOO_BRIGHT = 0.25
-"""Share of a picture that may be shown white."""
 
 TITLES: Mapping[str, str] = {
     "perceptual": "perceptual (ours)",
@@ -176,21 +167,23 @@ def measure(posed: Posed, method: str, *, panel: bool = False, gain: float | Non
     seen, desired = posed.seen(result.light), posed.problem.desired
     edges = posed.ghost_edges(result.light)
     assert edges is not None
-    residual, ghost = (_luminance(light - desired, scene) for light in (seen, posed.seen(desired)))
+    residual, ghost = (
+        judges.luminance(light - desired, scene) for light in (seen, posed.seen(desired))
+    )
     return Cell(
         clipped=posed.clipped,
         error=posed.visible_error(result.light),
         rms=scene.projector.white * float(np.sqrt(np.mean(residual**2))),
         edges=edges,
         left=ghost_left(residual, ghost, scene.viewing.pixels_per_degree(*desired.shape[1:3])),
-        flip=_judged(judges.flip, desired, seen, scene),
-        quality=_judged(judges.colorvideovdp, desired, seen, scene),
+        flip=judges.if_installed(judges.flip, desired, seen, scene),
+        quality=judges.if_installed(judges.colorvideovdp, desired, seen, scene),
         seconds=seconds,
         ffts=result.ffts,
         status=result.status.name,
         gap=result.gap,
         lawless=_lawless(posed, method, seen),
-        panel=_panel(posed, seen, TITLES[method]) if panel else None,
+        panel=crops.Crop(posed).panel(TITLES[method], seen) if panel else None,
     )
 
 
@@ -236,10 +229,12 @@ def run(work: Work) -> Finding:
                 )
                 pictures.append(_pictures(name, master, brighter, cells[name, level]))
     every = [cell for methods in cells.values() for cell in methods.values()]
-    if any(cell.flip is None for cell in every):
-        left_out.append("FLIP: it needs pip install 'domesim[metrics]'")
-    if any(cell.quality is None for cell in every):
-        left_out.append("ColorVideoVDP: it needs pip install 'domesim[metrics]'")
+    left_out += judges.left_out(
+        {
+            "FLIP": [cell.flip for cell in every],
+            "ColorVideoVDP": [cell.quality for cell in every],
+        }
+    )
     return Finding(
         result=_result(cells),
         checks=tuple(_checks(cells, exact)),
@@ -289,31 +284,14 @@ def _wanted(work: Work) -> tuple[Mapping[str, Wanted], list[str]]:
     generated = {"generated": (partial(pairs.generated, width, work.seed), levels)}
     if work.quick:
         return generated, ["The test data: with a full run"]
-    found: dict[str, Wanted] = {}
-    left_out: list[str] = []
-    for name in PAIRS:
-        try:
-            pairs.require(name)
-        except Missing as missing:
-            left_out.append(f"{name}: {missing}")
-        else:
-            found[name] = (partial(_read, name), LEVELS)
-    return found or generated, left_out
+    present, left_out = pairs.present(PAIRS)
+    return {name: (partial(_read, name), LEVELS) for name in present} or generated, left_out
 
 
 def _read(name: str) -> Light:
     """The pair, no wider than `WIDEST`."""
     light, _ = pairs.from_data(name, load_scene(SCENE))
-    return pairs.averaged(light, -(-light.shape[2] // WIDEST))
-
-
-def _judged(
-    judge: Callable[[Light, Light, Scene], float], desired: Light, seen: Light, scene: Scene
-) -> float | None:
-    try:
-        return judge(desired, seen, scene)
-    except Missing:
-        return None
+    return pairs.no_wider(light, WIDEST)
 
 
 def _lawless(posed: Posed, method: str, seen: Light) -> float:
@@ -335,59 +313,19 @@ def _lawless(posed: Posed, method: str, seen: Light) -> float:
     return float(np.abs(error).max())
 
 
-def _luminance(light: Light, scene: Scene) -> NDArray[np.float64]:
-    return np.asarray(np.asarray(light, np.float64) @ scene.projector.luminance_weights)
-
-
 def _paper(scene: Scene) -> PaperMethod:
     solver = GPCG(frozen=True, max_iterations=PAPER_ITERATIONS, max_phases=PAPER_PHASES)
     return PaperMethod(scene.viewing, scene.projector.luminance_weights, solver)
 
 
-# Pictures: where it is dark, and subtraction leaves most.
-
-
-def _window(posed: Posed) -> tuple[slice, slice]:
-    """A square, half as high as the picture."""
-    rows, cols = posed.screen.shape
-    side = min(rows // 2, cols)
-    master = _luminance(posed.problem.desired[:1], posed.scene)[0]
-    error = np.abs(_luminance(posed.residual(posed.subtractive)[:1], posed.scene)[0])
-    there = uniform_filter(error * (master < DARK), side, mode="constant")
-    half = side // 2
-    inside = there[half : rows - side + half + 1, half : cols - side + half + 1]
-    row, col = np.unravel_index(int(np.argmax(inside)), inside.shape)
-    return slice(int(row), int(row) + side), slice(int(col), int(col) + side)
-
-
-def _panel(posed: Posed, light: Light, title: str) -> Panel:
-    """The left eye's crop, each pixel as large as fits about 400."""
-    crop = light[:1, *_window(posed)]
-    times = max(1, round(400 / crop.shape[1]))
-    large = crop.repeat(times, axis=1).repeat(times, axis=2)
-    made = drawing.pictures("", {title: large}, posed.scene, brightest=1 / _brighter(posed))
-    return made.panels[0].model_copy(update={"alt": f"Left eye, dark crop: {title}"})
-
-
-def _brighter(posed: Posed) -> int:
-    """How many times brighter the crop is shown."""
-    crop = posed.problem.desired[0, *_window(posed)]
-    white = ((times, np.mean(np.max(crop, axis=-1) * times > 1)) for times in BRIGHTER)
-    return next((times for times, share in white if share <= TOO_BRIGHT), 1)
-
-
 def _master(posed: Callable[[], Posed]) -> tuple[Panel, int]:
-    return _panel(posed(), posed().problem.desired, "master"), _brighter(posed())
+    return crops.Crop(posed()).master
 
 
 def _pictures(name: str, master: Panel, brighter: int, cells: Mapping[str, Cell]) -> Pictures:
     panels = [cells[method].panel for method in SHOWN]
     return Pictures(
-        caption=(
-            f"The {name} pair, crosstalk {STILL:.0%}: what the left eye sees where the master is "
-            f"dark (below {DARK:.0%}) and subtraction leaves most. Shown {brighter} times brighter "
-            f"than it is: exaggerated, so that ghosts can be judged on a display."
-        ),
+        caption=crops.caption(f"The {name} pair, crosstalk {STILL:.0%}", brighter, views=2),
         panels=(master, *(panel for panel in panels if panel is not None)),
     )
 
@@ -618,7 +556,7 @@ def _plot(
         axes.minorticks_off()
         axes.set_xlabel("crosstalk")
         axes.set_ylabel(title.lower())
-        axes.legend(fontsize=7.5, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        drawing.legend_beside(axes)
 
     return drawing.plot(
         f"{title} against crosstalk: {'mean of ' if names[1:] else ''}{_listed(names)}.",

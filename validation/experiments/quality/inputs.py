@@ -1,0 +1,164 @@
+"""What is tried: masters, and the pollutions and luminances at which they are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeAlias, final
+
+import numpy as np
+
+from domesim.frames import Master, read_master
+from domesim.light import Light
+from domesim.scene import DomeScene, Scene, StereoScene, load_scene
+from domesim.screening import decoded, within_range
+from validation import masters, pairs
+from validation.experiment import Work
+from validation.experiments.deghosting import SCENE as STEREO_SCENE
+from validation.experiments.deghosting import scene_at
+
+DOME_SCENE = "dome_hemisphere"
+"""That of pairs is the one of `deghosting`."""
+CROSSTALK = (0.01, 0.02, 0.05, 0.1)
+"""Shares of light that reach the other eye."""
+ALBEDOS = (0.3, 0.5, 0.7)
+LUMINANCES = (5.0, 15.0, 48.0)
+"""Of white, cd/m²: a giant dome's, a planetarium's that is bright, a cinema's."""
+USUAL_CROSSTALK, USUAL_ALBEDO, USUAL_LUMINANCE = 0.05, 0.5, 15.0
+"""Of pictures; and the luminance that variants are tried at."""
+SEQUENTIAL_CONTRAST = 2000.0
+"""White over black: the least of the reference projector in SMPTE RP 431-2:2011 (doi
+10.5594/SMPTE.RP431-2.2011), which allows theatres less."""
+ADAPTATION = 0.1
+"""Adaptation luminance, of white."""
+PAIRS = ("trunks", "fog", "motorcycle", pairs.SEQUENCE[0])
+"""Of the test data."""
+DOMES: Mapping[str, str] = {
+    "full dome": "dm3d_fulldome_2K.jpg",
+    "pillars": "dm3d_pillars_hdr_512.exr",
+}
+"""Domemasters of the test data."""
+WIDEST = 512
+"""Pixels."""
+QUICK_WIDTH, QUICK_SIZE = 96, 64
+"""Of the pair and the domemaster of a quick run."""
+
+PAIRED, DOMEMASTERS = "pairs", "domemasters"
+"""Kinds of inputs."""
+
+Place: TypeAlias = tuple[str, float, float]
+"""Name of an input, its pollution, its luminance."""
+
+
+@final
+@dataclass(frozen=True)
+class Input:
+    """A master, and where it is shown.
+
+    Parameters
+    ----------
+    read
+        Its light.
+    scene
+        The scene of a pollution and a luminance of white, cd/m².
+    pollutions
+        To try.
+    usual
+        The one of pictures.
+    """
+
+    read: Callable[[], Light]
+    scene: Callable[[float, float], Scene]
+    pollutions: Sequence[float]
+    usual: float
+
+    @property
+    def kind(self) -> str:
+        """What it is one of."""
+        return PAIRED if self.scene is stereo_at else DOMEMASTERS
+
+
+def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
+    """Inputs by name, and why others are not measured."""
+    width = QUICK_WIDTH if work.quick else WIDEST
+    size = QUICK_SIZE if work.quick else WIDEST
+    generated = _of_pair(partial(pairs.generated, width, work.seed), quick=work.quick)
+    night = _of_dome(partial(_domemaster, masters.bundled_night, size), quick=work.quick)
+    if work.quick:
+        return {"generated": generated, "night": night}, ["The test data: with a full run"]
+    present, left_out = pairs.present(PAIRS)
+    found = {name: _of_pair(partial(_pair, name), quick=False) for name in present}
+    made = _of_dome(partial(masters.night, size, work.seed), quick=False)
+    found |= {"generated": generated, "night": night, "generated dome": made}
+    folder = pairs.data_folder() / "dome"
+    for name, file in DOMES.items():
+        if (folder / file).is_file():
+            read = partial(read_master, [folder / file], repair=True)
+            found[name] = _of_dome(partial(_domemaster, read, WIDEST), quick=False)
+        else:
+            left_out.append(f"{name}: needs {folder / file}; set {pairs.FOLDER}")
+    return found, left_out
+
+
+def kinds(inputs: Mapping[str, Input]) -> dict[str, list[str]]:
+    """Names of the inputs of each kind of which there are any."""
+    found = {
+        kind: [name for name, one in inputs.items() if one.kind == kind]
+        for kind in (PAIRED, DOMEMASTERS)
+    }
+    return {kind: names for kind, names in found.items() if names}
+
+
+def stereo_at(crosstalk: float, white: float) -> StereoScene:
+    """The stereo scene with that crosstalk at all seats, and that bright."""
+    scene = scene_at(crosstalk)
+    black = white / SEQUENTIAL_CONTRAST
+    return replace(
+        scene,
+        projector=replace(scene.projector, white=white, black=black),
+        ambient=np.full((2, 3), black),
+        viewing=replace(scene.viewing, adaptation=ADAPTATION * white),
+    )
+
+
+def dome_at(albedo: float, white: float) -> DomeScene:
+    """The dome with that albedo for all primaries, and that bright."""
+    scene = load_scene(DOME_SCENE)
+    assert isinstance(scene, DomeScene)
+    black = white / SEQUENTIAL_CONTRAST
+    return replace(
+        scene,
+        theatre=replace(scene.theatre, albedo=(albedo,) * 3),
+        projector=replace(scene.projector, white=white, black=black),
+        ambient=black,
+        viewing=replace(scene.viewing, adaptation=ADAPTATION * white),
+    )
+
+
+def words(place: Place) -> str:
+    """A place's name."""
+    name, pollution, white = place
+    return f"{name} at {pollution:g}, {white:g} cd/m²"
+
+
+def _of_pair(read: Callable[[], Light], *, quick: bool) -> Input:
+    return Input(read, stereo_at, (USUAL_CROSSTALK,) if quick else CROSSTALK, USUAL_CROSSTALK)
+
+
+def _of_dome(read: Callable[[], Light], *, quick: bool) -> Input:
+    return Input(read, dome_at, (USUAL_ALBEDO,) if quick else ALBEDOS, USUAL_ALBEDO)
+
+
+def _pair(name: str) -> Light:
+    """The pair, no wider than `WIDEST`."""
+    light, _ = pairs.from_data(name, load_scene(STEREO_SCENE))
+    return pairs.no_wider(light, WIDEST)
+
+
+def _domemaster(read: Callable[[], Master], size: int) -> Light:
+    """The domemaster, no wider than `size`."""
+    scene = load_scene(DOME_SCENE)
+    light = decoded(read(), scene)
+    light = pairs.no_wider(light, size)
+    return within_range(light, scene.screen(*light.shape[1:3]))[0]

@@ -1,0 +1,82 @@
+"""What is compared: methods, each with a vision model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from compensate.contrast import ContrastWeighting, Eye
+from compensate.vision.csf import LowFrequencyFloor
+from compensate.weighting import PerceptualWeighting
+
+
+@final
+@dataclass(frozen=True)
+class Way:
+    """What to project: one of `compensate.methods`, with a vision model.
+
+    Parameters
+    ----------
+    title
+        What it is called.
+    method
+        Its method.
+    eye
+        Its vision model.
+    """
+
+    title: str
+    method: str
+    eye: Eye
+
+    @staticmethod
+    def plain(title: str, method: str) -> Way:
+        """One that asks no vision model."""
+        return Way(title, method, PerceptualWeighting())
+
+    @staticmethod
+    def uniform(gain: float) -> Way:
+        """The paper's weighting."""
+        eye = PerceptualWeighting(LowFrequencyFloor(gain))
+        return Way(f"the paper's weighting, {gain:g}", "perceptual", eye)
+
+    @staticmethod
+    def local(title: str, **settings: Any) -> Way:
+        """Weighting of local contrast."""
+        return Way(title, "perceptual", ContrastWeighting(**settings))
+
+
+CHOSEN = "contrast"
+"""Of `MAIN`: what is to become the default."""
+
+MAIN: Mapping[str, Way] = {
+    "none": Way.plain("nothing", "none"),
+    "subtractive": Way.plain("subtraction", "subtractive"),
+    "raised-black": Way.plain("range compression", "raised-black"),
+    "uniform 0.1": Way.uniform(0.1),
+    "uniform 0.3": Way.uniform(0.3),
+    CHOSEN: Way.local("local contrast"),
+}
+"""Tried everywhere."""
+
+VARIANTS: Mapping[str, Way] = {
+    way.title: way
+    for way in (
+        *(
+            Way.local(f"low-frequency gain {gain:g}", low_frequency=LowFrequencyFloor(gain))
+            for gain in (0.1, 0.3)
+        ),
+        Way.local("chromatic low-frequency gain 0.2", chroma_low_frequency=LowFrequencyFloor(0.2)),
+        *(Way.local(f"floor {floor:g} cd/m²", floor=floor) for floor in (0.03, 0.3)),
+        *(Way.local(f"reach {reach:g}°", reach=reach) for reach in (0.0, 0.5)),
+        *(Way.local(f"most {most:g} of the adaptation", most=most) for most in (1.0, np.inf)),
+    )
+}
+"""Tried at the usual luminance."""
+
+WAYS: Mapping[str, Way] = {**MAIN, **VARIANTS}
+SHOWN = ("none", "subtractive", "uniform 0.1", CHOSEN)
+"""In pictures."""
