@@ -4,48 +4,59 @@ from __future__ import annotations
 
 import shlex
 import sys
-from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from compensate.comparison import Comparison, compare_methods, shown_methods
-from compensate.contrast import ContrastWeighting, Eye
+from compensate.compensating import PAPER, Compensating, line_of, weighting_of
+from compensate.contrast import Eye
 from compensate.devices import CPU, on_device
-from compensate.master import Figures, Posed, Solution, Stage, solve_frame
-from compensate.methods import METHODS, Solver, perceptual, require_method
+from compensate.master import Figures
+from compensate.methods import METHODS, Solver
 from compensate.solver.admm import ADMM
-from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
+from domesim.batch.run import Running
+from domesim.batch.work import Writing
+from domesim.choice import SceneChoice
 from domesim.cli import (
+    TPDF,
+    Anew,
     Bits,
+    DitherName,
+    DryRun,
+    EncodingName,
     Format,
     Frames,
     Identical,
     Json,
     Left,
     MasterName,
+    Mix,
     OutFolder,
     PackingName,
     Quiet,
     Repair,
     Right,
     SceneName,
+    Scheduler,
     SeatName,
+    Threads,
     TransportFile,
+    Workers,
     about_scene,
-    finish,
+    dithered,
+    do_show,
     scene_of,
     suffix_of,
-    told,
 )
-from domesim.console import Console, Work, Write, about, each_frame
+from domesim.console import Console, about
 from domesim.console import prepare as prepare_folder
 from domesim.errors import InputError
 from domesim.frames import Master, read_master, write_master
-from domesim.scene import DomeScene, Scene, StereoScene
+from domesim.scene import DomeScene, Scene
 from domesim.shows import find_show
 
 Method = Annotated[
@@ -90,13 +101,6 @@ DeviceName = Annotated[
 ]
 
 
-PAPER = "paper"
-"""Name of the default vision model."""
-
-INVISIBLE = 0.01
-"""JND rms of rounding that is not worth a word."""
-
-
 def compensate(
     scene: SceneName,
     out: OutFolder,
@@ -104,6 +108,7 @@ def compensate(
     left: Left = None,
     right: Right = None,
     packing: PackingName = None,
+    encoding: EncodingName = None,
     seat: SeatName = None,
     transport: TransportFile = None,
     method: Method = "perceptual",
@@ -115,50 +120,45 @@ def compensate(
     frames: Frames = None,
     file_format: Format = None,
     bits: Bits = None,
+    dither: DitherName = TPDF,
     repair: Repair = False,
     allow_identical: Identical = False,
+    workers: Workers = None,
+    threads: Threads = None,
+    scheduler: Scheduler = None,
+    anew: Anew = False,
+    mix: Mix = False,
+    dry_run: DryRun = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Compute the frames to project, so that the audience sees the master as closely as can be."""
     console = Console(quiet=quiet, json=json)
-    theatre = scene_of(scene, transport, console, seat)
-    weighting = _weighting(eye, low_frequency_gain)
+    choice = SceneChoice(scene, transport, seat)
+    theatre = scene_of(choice, console)
     wanted = goal(tolerance, quality=quality)
-    solver = _solver(method, theatre, wanted, console, device, worst=seat == "worst")
-    stage = Stage(theatre, weighting)
-
-    def prepare(source: Master) -> tuple[Master, Posed, float]:
-        return source, *stage.pose_frame(source)
-
-    def solve(posed: tuple[Master, Posed, float]) -> Solution:
-        return solve_frame(*posed, method, solver)
-
-    def end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
-        outcome = solution.outcome()
-        written = write(outcome.frame)
-        stored = outcome.stored_error(written)
-        line = f"{_line(outcome.figures)} As stored: {stored:.3g} JND rms"
-        if stored > 1.1 * outcome.figures.error_after and stored > INVISIBLE:
-            line += (
-                f" (rounding to {written.bits} bit {written.path.suffix} shows: --format, --bits)"
-            )
-        return {**asdict(outcome.figures), "error_stored": stored}, line
-
+    recipe = Compensating(choice.settled(theatre), method, wanted, eye, low_frequency_gain, device)
+    recipe.work(console.note)  # complains of settings that do not go together
     show = find_show(
-        master, left, right, packing=packing, frames=frames, allow_identical=allow_identical
+        master,
+        left,
+        right,
+        packing=packing,
+        frames=frames,
+        allow_identical=allow_identical,
+        encoding=encoding,
     )
-    done = each_frame(
+    do_show(
         show,
         out,
-        Work(prepare, solve, end),
+        recipe,
         console,
         what="compensating",
-        repair=repair,
-        suffix=suffix_of(file_format),
-        bits=bits,
+        writing=Writing(suffix_of(file_format), bits, dithered(dither), repair),
+        running=Running(workers, threads, scheduler, anew, mix),
+        facts=about_scene(theatre),
+        dry_run=dry_run,
     )
-    finish(console, {**about_scene(theatre), **told(done)}, done.failed)
 
 
 def compare(
@@ -170,6 +170,7 @@ def compare(
     left: Left = None,
     right: Right = None,
     packing: PackingName = None,
+    encoding: EncodingName = None,
     seat: SeatName = None,
     transport: TransportFile = None,
     tolerance: Tolerance = None,
@@ -187,8 +188,16 @@ def compare(
 ) -> None:
     """Write a page that compares the master with what is seen, uncompensated and compensated."""
     console = Console(quiet=quiet, json=json)
-    theatre = scene_of(scene, transport, console, seat)
-    show = find_show(master, left, right, packing=packing, allow_identical=allow_identical)
+    choice = SceneChoice(scene, transport, seat)
+    theatre = scene_of(choice, console)
+    show = find_show(
+        master,
+        left,
+        right,
+        packing=packing,
+        allow_identical=allow_identical,
+        encoding=encoding,
+    )
     if len(show.moments) > 1:
         raise InputError(
             f"{master or left}: a page shows one frame, got {len(show.moments)}; name one of them"
@@ -196,16 +205,19 @@ def compare(
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{out}: a page is an .html file; give it such a name")
     wanted = goal(tolerance, quality=quality)
-    solver = _solver("perceptual", theatre, wanted, console, device, worst=seat == "worst")
-    weighting = _weighting(eye, low_frequency_gain)
+    recipe = Compensating(choice, tolerance=wanted, device=device)
+    solver = recipe.solver(theatre, console.note)
+    weighting = weighting_of(eye, low_frequency_gain)
     prepare_folder(out.parent)
     (moment,) = show.moments
     with about(moment[0]):
         frame = show.read(moment, repair=repair)
+        console.say(f"{moment[0].name}: {frame.described()}")
         comparison = _compared(frame, theatre, console, solver, weighting)
     comparison.write_page(out, size=size, command=_command_line())
     console.say(f"Open {out.resolve()}")
-    console.figures({**about_scene(theatre), "page": str(out), "methods": comparison.figures()})
+    facts = {**about_scene(theatre), **frame.facts(), "page": str(out)}
+    console.figures({**facts, "methods": comparison.figures()})
 
 
 def demo(
@@ -218,7 +230,7 @@ def demo(
 ) -> None:
     """Run the main job on the bundled night scene: frames to project, what is seen, the page."""
     console = Console(quiet=quiet, json=json)
-    theatre = scene_of(scene, transport, console)
+    theatre = scene_of(SceneChoice(scene, transport), console)
     solver = on_device(ADMM(), device)
     if not isinstance(theatre, DomeScene):
         raise InputError(f"--scene {scene}: the demo's master is a domemaster; use a dome theatre")
@@ -237,6 +249,7 @@ def demo(
     console.figures(
         {
             **about_scene(theatre),
+            **frame.facts(),
             "files": files,
             "page": str(page),
             "methods": comparison.figures(),
@@ -260,37 +273,8 @@ def _compared(
             progress=start,
         )
     for figures in comparison.figures().values():
-        console.say(_line(Figures(**figures)))
+        console.say(line_of(Figures(**figures)))
     return comparison
-
-
-def _solver(
-    method: str,
-    scene: Scene,
-    tolerance: float,
-    console: Console,
-    device: str,
-    *,
-    worst: bool = False,
-) -> Solver | None:
-    """The perceptual method's solver, or None for the others' own."""
-    require_method(method, scene)
-    if not 0 < tolerance < 1:
-        raise InputError(f"tolerance must lie between 0 and 1, got {tolerance:g}")
-    if method != "perceptual":
-        if device != CPU:
-            raise InputError(f"--device {device}: {method} is computed on the processor only")
-        if worst and isinstance(scene, StereoScene) and len(scene.chosen) > 1:
-            raise InputError(
-                f"--seat worst: {method} knows one seat or the mean of all; use --seat all, name "
-                f"one, or leave --method out"
-            )
-        return None
-
-    def note(iteration: int, gap: float) -> None:
-        console.note(f"iteration {iteration}, within {gap:.1e} of the optimum")
-
-    return on_device(perceptual(scene, tolerance, worst=worst, progress=note), device)
 
 
 def goal(tolerance: float | None, *, quality: bool) -> float:
@@ -300,38 +284,6 @@ def goal(tolerance: float | None, *, quality: bool) -> float:
     if quality:
         return 1e-4
     return 1e-3 if tolerance is None else tolerance
-
-
-def _weighting(name: str, low_frequency_gain: float | None) -> Eye:
-    settings: dict[str, type[Eye]] = {PAPER: PerceptualWeighting, "contrast": ContrastWeighting}
-    if name not in settings:
-        raise InputError(f"--weighting {name!r} is not known; use one of {', '.join(settings)}")
-    if low_frequency_gain is None:
-        return settings[name]()
-    return settings[name](LowFrequencyFloor(low_frequency_gain))
-
-
-def _line(f: Figures) -> str:
-    """What was done and how good it is, for a person."""
-    parts = [
-        f"{f.method}: visible error {f.error_before:.3g} -> {f.error_after:.3g} JND rms "
-        f"(subtractive {f.error_subtractive:.3g})",
-        f"{f.clipped:.1%} of the screen too dark for exact subtraction",
-    ]
-    if f.error_by_seat:
-        seats = ", ".join(f"{name} {error:.3g}" for name, error in f.error_by_seat.items())
-        parts.append(f"by seat: {seats}")
-    if f.out_of_range:
-        parts.append(f"{f.out_of_range:.1%} out of the projector's range")
-    if f.file_clipped:
-        parts.append(f"{f.file_clipped:.1%} out of the file's colour range and clipped")
-    if f.gap is not None:
-        line = f"within {f.gap:.1e} of the optimum after {f.iterations} iterations"
-        if f.distance:
-            line += f" (what is seen, within {f.distance:.2g} JND rms)"
-        parts.append(line)
-    parts.append(f"{f.seconds:.1f} s. {f.status}")
-    return "; ".join(parts)
 
 
 def _command_line() -> str:

@@ -7,7 +7,7 @@ four pictures of the paper's Fig. 8, to look at.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, final
 
@@ -26,28 +26,39 @@ from compensate.prediction import (
     triage,
 )
 from compensate.vision.tvi import MesopicBlend
+from domesim.batch.estimate import estimate
+from domesim.batch.run import Done, Running, each_frame
+from domesim.batch.work import Column, Note, Recipe, Work, Write, Writing
+from domesim.choice import SceneChoice
 from domesim.cli import (
+    Anew,
+    DryRun,
+    EncodingName,
     Frames,
     Identical,
     Json,
     Left,
     MasterName,
+    Mix,
     OutFolder,
     PackingName,
     Quiet,
     Repair,
     Right,
     SceneName,
+    Scheduler,
     SeatName,
+    Threads,
     TransportFile,
+    Workers,
     about_scene,
     finish,
     scene_of,
     told,
 )
-from domesim.console import Console, Done, Work, Write, each_frame
+from domesim.console import Console
 from domesim.errors import InputError
-from domesim.frames import ColourTag, Master
+from domesim.frames import ColourTag
 from domesim.frames.colour import colour_chunks
 from domesim.frames.png import with_colour_chunks
 from domesim.frames.whole import write_together
@@ -121,6 +132,7 @@ def predict(
     left: Left = None,
     right: Right = None,
     packing: PackingName = None,
+    encoding: EncodingName = None,
     seat: SeatName = None,
     transport: TransportFile = None,
     threshold: Threshold = 0.05,
@@ -130,46 +142,43 @@ def predict(
     frames: Frames = None,
     repair: Repair = False,
     allow_identical: Identical = False,
+    workers: Workers = None,
+    threads: Threads = None,
+    scheduler: Scheduler = None,
+    anew: Anew = False,
+    mix: Mix = False,
+    dry_run: DryRun = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Tell which frames need compensation, and where: maps of visible light pollution."""
     console = Console(quiet=quiet, json=json)
     settings = _settings(threshold, combination, saliency, mesopic)
-    theatre = scene_of(scene, transport, console, seat)
+    choice = SceneChoice(scene, transport, seat)
+    theatre = scene_of(choice, console)
     if isinstance(theatre, StereoScene) and len(theatre.chosen) > 1:
         raise InputError(
             f"--seat {seat}: pollution is predicted for one seat; name one of "
             f"{', '.join(theatre.chosen)}"
         )
     show = find_show(
-        master, left, right, packing=packing, frames=frames, allow_identical=allow_identical
+        master,
+        left,
+        right,
+        packing=packing,
+        frames=frames,
+        allow_identical=allow_identical,
+        encoding=encoding,
     )
-    places = _places(show, out, theatre.views)
-    stage = Stage(theatre)
-
-    def prepare(source: Master) -> tuple[Master, Posed]:
-        return source, stage.pose_frame(source)[0]
-
-    def solve(prepared: tuple[Master, Posed]) -> tuple[Master, Posed, Triage]:
-        source, posed = prepared
-        return source, posed, triage(posed, settings)
-
-    def end(solved: tuple[Master, Posed, Triage], write: Write) -> tuple[dict[str, Any], str]:
-        source, posed, found = solved
-        brightened = _write(places[source.paths], posed, found)
-        figures = _figures(posed, found)
-        pictures = [str(path) for place in places[source.paths] for path in place.pictures]
-        return {**figures, "pictures": pictures, "brightened": brightened}, _line(figures)
-
+    _require_free(show, out, theatre.views)
+    recipe = Predicting(choice.settled(theatre), settings)
+    running = Running(workers, threads, scheduler, anew, mix)
+    writing = Writing(MAPS, repair=repair)
+    if dry_run:
+        console.figures(estimate(show, out, recipe, console, writing, running))
+        return
     done = each_frame(
-        show,
-        out,
-        Work(prepare, solve, end),
-        console,
-        what="predicting",
-        repair=repair,
-        suffix=MAPS,
+        show, out, recipe, console, what="predicting", writing=writing, running=running
     )
     worst = _worst(done)
     if len(show.moments) > 1 and done.frames:
@@ -182,6 +191,58 @@ def predict(
         "worst": [frame["input"] for frame in worst],
     }
     finish(console, {**about_scene(theatre), **facts, **told(done)}, done.failed)
+
+
+@final
+@dataclass(frozen=True)
+class Predicting(Recipe):
+    """Maps of visible pollution of each frame.
+
+    Parameters
+    ----------
+    scene
+        The theatre, or stereo system of one seat.
+    prediction
+        The settings of `triage`.
+    """
+
+    scene: SceneChoice
+    prediction: Prediction
+
+    def work(self, note: Note) -> Work[Any, Any]:
+        """See `Recipe`."""
+        theatre = self.scene.load()
+        stage = Stage(theatre)
+
+        def solve(posed: Posed) -> tuple[Posed, Triage]:
+            return posed, triage(posed, self.prediction)
+
+        def end(solved: tuple[Posed, Triage], write: Write) -> tuple[dict[str, Any], str]:
+            posed, found = solved
+            places = _places_of(write.output, theatre.views)
+            brightened = _write(places, posed, found)
+            figures = _figures(posed, found)
+            pictures = [str(path) for place in places for path in place.pictures]
+            return {**figures, "pictures": pictures, "brightened": brightened}, _line(figures)
+
+        return Work(lambda source: stage.pose_frame(source)[0], solve, end)
+
+    def settings(self) -> dict[str, Any]:
+        """See `Recipe`."""
+        settings = asdict(self.prediction)
+        told = {name: getattr(value, "value", value) for name, value in settings.items()}
+        return {"command": "predict", **self.scene.settings(), **told}
+
+    def columns(self) -> tuple[Column, ...]:
+        """See `Recipe`."""
+        return (
+            Column("visible_subtracted", "Visible after subtraction", percent=True),
+            Column("visible", "Visible untouched", percent=True),
+        )
+
+    def memory(self, rows: int, cols: int) -> int:
+        """See `Recipe`."""
+        return 500_000_000 + 100 * 4 * rows * cols
 
 
 def _settings(
@@ -219,31 +280,30 @@ class _Place:
         return [self.picture(name, kind) for name in self.views for kind in PICTURES]
 
 
-Places = dict[tuple[Path, ...], list[_Place]]
+def _places_of(outputs: tuple[Path, ...], views: int) -> list[_Place]:
+    """Where the maps of one moment go."""
+    if len(outputs) < views:
+        return [_Place(outputs[0], {f"{each}.": k for k, each in enumerate(VIEWS)})]
+    return [_Place(output, {"": k}) for k, output in enumerate(outputs)]
 
 
-def _places(show: Show, folder: Path, views: int) -> Places:
-    """Where the maps of each moment go.
+def _require_free(show: Show, folder: Path, views: int) -> None:
+    """See that no picture goes over an input.
 
     Raises
     ------
     InputError
-        If two would go to one place, or one over an input.
+        If one would, or two results to one place.
     """
-    places: Places = {}
-    for moment, outputs in zip(show.moments, show.outputs(folder, MAPS), strict=True):
-        if len(outputs) < views:
-            places[moment] = [_Place(outputs[0], {f"{each}.": k for k, each in enumerate(VIEWS)})]
-        else:
-            places[moment] = [_Place(output, {"": k}) for k, output in enumerate(outputs)]
     sources = {file.resolve() for moment in show.moments for file in moment}
-    for place in (each for found in places.values() for each in found):
-        for path in place.pictures:
-            if path.resolve() in sources:
-                raise InputError(
-                    f"{path}: wanted a place for the result, got an input. Choose another folder."
-                )
-    return places
+    for outputs in show.outputs(folder, MAPS):
+        for place in _places_of(outputs, views):
+            for path in place.pictures:
+                if path.resolve() in sources:
+                    raise InputError(
+                        f"{path}: wanted a place for the result, got an input. Choose another "
+                        f"folder."
+                    )
 
 
 # What is written.

@@ -8,22 +8,25 @@ from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from domesim.console import Console, Done, Work, Write, about, complain, each_frame
+from domesim.batch.estimate import estimate
+from domesim.batch.run import Done, Running, each_frame
+from domesim.batch.work import Recipe, Writing
+from domesim.choice import SceneChoice
+from domesim.console import Console, complain
 from domesim.errors import InputError
-from domesim.frames import Master
+from domesim.frames.encodings import ENCODINGS
 from domesim.frames.formats import SUFFIXES
-from domesim.light import Light
-from domesim.observation.transport import load_transport
-from domesim.scene import DomeScene, Scene, StereoScene, load_scene
-from domesim.scene.crosstalk_maps import load_maps
-from domesim.screening import decoded, encoded, mean_luminance
-from domesim.shows import PACKINGS, find_show
+from domesim.observing import Observing
+from domesim.scene import Scene, StereoScene
+from domesim.shows import PACKINGS, Show, find_show
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -32,8 +35,8 @@ MasterName = Annotated[
     str | None,
     typer.Argument(
         metavar="MASTER",
-        help="The domemaster, or a file of two views: an EXR, PNG, TIFF, DPX or JPEG file, or a "
-        "numbered sequence such as 'show.####.png'.",
+        help="The domemaster, or a file of two views: an EXR, PNG, TIFF, DPX, JPEG or JPEG 2000 "
+        "file, or a numbered sequence such as 'show.####.png'.",
         show_default=False,
     ),
 ]
@@ -58,6 +61,15 @@ PackingName = Annotated[
 ]
 Identical = Annotated[
     bool, typer.Option("--allow-identical", help="Stereo: take left and right that are the same.")
+]
+EncodingName = Annotated[
+    str | None,
+    typer.Option(
+        "--encoding",
+        help="What the master's code values are, whatever its files say: "
+        f"{', '.join(ENCODINGS)}; or transfer and primaries, such as st2084:p3-d65.",
+        show_default=False,
+    ),
 ]
 SeatName = Annotated[
     str | None,
@@ -99,7 +111,7 @@ Format = Annotated[
     str | None,
     typer.Option(
         "--format",
-        help="Write exr, png, tif, dpx or jpg instead of the master's format.",
+        help="Write exr, png, tif, dpx, jpg, jp2 or j2k instead of the master's format.",
         show_default=False,
     ),
 ]
@@ -107,6 +119,50 @@ Bits = Annotated[
     int | None,
     typer.Option(
         help="Bits a sample instead of the master's, as the format allows.", show_default=False
+    ),
+]
+DitherName = Annotated[
+    str,
+    typer.Option(
+        "--dither",
+        help="How light between two codes of an integer format is rounded: tpdf, with noise that "
+        "keeps gradients free of bands; or none, to the nearest code.",
+    ),
+]
+TPDF = "tpdf"
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        help="Sequences: processes that do the frames, on this machine; 0 for none but the "
+        "command's own. As many as cores and memory allow by default.",
+        show_default=False,
+    ),
+]
+Threads = Annotated[
+    int | None,
+    typer.Option(help="Of each worker; they share the cores by default.", show_default=False),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Sequences: let the workers of this Dask scheduler do the frames, such as "
+        "tcp://node1:8786. All must see the files under the same names.",
+        show_default=False,
+    ),
+]
+Anew = Annotated[
+    bool, typer.Option("--anew", help="Sequences: do frames that are done already once more.")
+]
+Mix = Annotated[
+    bool,
+    typer.Option("--mix", help="Sequences: keep frames that were done with other settings."),
+]
+DryRun = Annotated[
+    bool,
+    typer.Option(
+        "--dry-run",
+        help="Do a few frames, throw them away, and tell what time, memory and disk all will take.",
     ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
@@ -122,70 +178,85 @@ def observe(
     left: Left = None,
     right: Right = None,
     packing: PackingName = None,
+    encoding: EncodingName = None,
     seat: SeatName = None,
     transport: TransportFile = None,
     frames: Frames = None,
     file_format: Format = None,
     bits: Bits = None,
+    dither: DitherName = TPDF,
     repair: Repair = False,
     allow_identical: Identical = False,
+    workers: Workers = None,
+    threads: Threads = None,
+    scheduler: Scheduler = None,
+    anew: Anew = False,
+    mix: Mix = False,
+    dry_run: DryRun = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Simulate what the audience sees of a frame or sequence: reflected light, or crosstalk."""
     console = Console(quiet=quiet, json=json)
-    theatre = scene_of(scene, transport, console, seat)
+    choice = SceneChoice(scene, transport, seat)
+    theatre = scene_of(choice, console)
     if isinstance(theatre, StereoScene) and len(theatre.chosen) > 1:
         raise InputError(
             f"--seat {seat}: what is seen is seen from one seat; name one of "
             f"{', '.join(theatre.chosen)}"
         )
-
-    def prepare(source: Master) -> tuple[Master, Light]:
-        return source, decoded(source, theatre)
-
-    def solve(prepared: tuple[Master, Light]) -> tuple[Master, dict[str, Any]]:
-        source, light = prepared
-        observation = theatre.observation(*light.shape[1:3])
-        seen = observation.observe(light)
-        result, clipped = encoded(source, seen, theatre, theatre.screen(*light.shape[1:3]))
-        direct = observation.direct(light)
-        figures = {
-            "direct_cd_m2": mean_luminance(direct, theatre),
-            "pollution_cd_m2": mean_luminance(seen - direct, theatre),
-            "clipped_share": clipped,
-        }
-        return result, figures
-
-    def end(solved: tuple[Master, dict[str, Any]], write: Write) -> tuple[dict[str, Any], str]:
-        result, figures = solved
-        other = "reflected" if theatre.views == 1 else "the other eye's"
-        line = (
-            f"mean {figures['direct_cd_m2']:.3g} cd/m² direct, "
-            f"{figures['pollution_cd_m2']:.3g} cd/m² {other} and stray light"
-        )
-        if clipped := figures["clipped_share"]:
-            line += (
-                f"; {clipped:.1%} of the screen is brighter than the file's format can hold and "
-                f"clipped (a 32 bit EXR is not)"
-            )
-        write(result)
-        return figures, line
-
     show = find_show(
-        master, left, right, packing=packing, frames=frames, allow_identical=allow_identical
+        master,
+        left,
+        right,
+        packing=packing,
+        frames=frames,
+        allow_identical=allow_identical,
+        encoding=encoding,
     )
-    done = each_frame(
+    do_show(
         show,
         out,
-        Work(prepare, solve, end),
+        Observing(choice.settled(theatre)),
         console,
         what="observing",
-        repair=repair,
-        suffix=suffix_of(file_format),
-        bits=bits,
+        writing=Writing(suffix_of(file_format), bits, dithered(dither), repair),
+        running=Running(workers, threads, scheduler, anew, mix),
+        facts=about_scene(theatre),
+        dry_run=dry_run,
     )
-    finish(console, {**about_scene(theatre), **told(done)}, done.failed)
+
+
+def do_show(
+    show: Show,
+    out: Path,
+    recipe: Recipe,
+    console: Console,
+    *,
+    what: str,
+    writing: Writing,
+    running: Running,
+    facts: dict[str, Any],
+    dry_run: bool = False,
+) -> None:
+    """Do each frame of a command's show, or only estimate it, print the figures, and end.
+
+    Parameters
+    ----------
+    show, out, recipe, console, what, writing, running
+        As for `Writing`.
+    facts
+        What the command's figures say besides.
+    dry_run
+        Only estimate what it will take.
+    """
+    if dry_run:
+        console.figures(
+            {**facts, "estimate": estimate(show, out, recipe, console, writing, running)}
+        )
+        return
+    done = each_frame(show, out, recipe, console, what=what, writing=writing, running=running)
+    finish(console, {**facts, **told(done)}, done.failed)
 
 
 def about_scene(scene: Scene) -> dict[str, Any]:
@@ -196,38 +267,24 @@ def about_scene(scene: Scene) -> dict[str, Any]:
     return facts
 
 
-def scene_of(name: str, transport: Path | None, console: Console, seat: str | None = None) -> Scene:
-    """The scene of a command, with stored light transport and seats if given.
-
-    What is approximate is said.
+def scene_of(choice: SceneChoice, console: Console) -> Scene:
+    """The scene of a command; what is approximate is said.
 
     Raises
     ------
     InputError
-        If a file cannot be read, they do not belong together, or there is no such seat.
+        As for `SceneChoice.load`.
     """
-    scene = load_scene(name)
-    if transport is not None:
-        with about(transport):
-            if isinstance(scene, StereoScene):
-                scene = scene.with_maps(load_maps(transport))
-            elif isinstance(scene, DomeScene):
-                scene = scene.with_transport(load_transport(transport))
+    scene = choice.load()
     if isinstance(scene, StereoScene):
-        if seat in ("all", "worst"):
-            scene = scene.seen_from(*scene.seats)
-        elif seat is not None:
-            scene = scene.seen_from(seat)
         console.say(f"{scene.name}: crosstalk {scene.facts()['Crosstalk']}")
-    elif seat is not None:
-        raise InputError(f"--seat {seat}: {scene.name} is a dome theatre; leave --seat out")
     if scene.approximation is not None:
         console.say(f"{scene.name}: {scene.approximation}")
     return scene
 
 
 def suffix_of(file_format: str | None) -> str | None:
-    """The suffix of files in that format, for `each_frame`.
+    """The suffix of files in that format, for `Writing`.
 
     Raises
     ------
@@ -238,14 +295,30 @@ def suffix_of(file_format: str | None) -> str | None:
         return None
     suffix = f".{file_format.lower().removeprefix('.')}"
     if suffix not in SUFFIXES:
-        raise InputError(f"--format {file_format!r} is not known; use exr, png, tif, dpx or jpg")
+        raise InputError(
+            f"--format {file_format!r} is not known; use exr, png, tif, dpx, jpg, jp2, j2k"
+        )
     return suffix
+
+
+def dithered(name: str) -> bool:
+    """Whether ``--dither`` asks for it, for `Writing`.
+
+    Raises
+    ------
+    InputError
+        If there is no such way.
+    """
+    if name not in (TPDF, "none"):
+        raise InputError(f"--dither {name!r} is not known; use {TPDF} or none")
+    return name == TPDF
 
 
 def told(done: Done) -> dict[str, Any]:
     """What a command's figures say of its frames."""
     seconds = {f"seconds_{step}": value for step, value in done.seconds.items()}
-    return {"frames": done.frames, **seconds}
+    report = None if done.report is None else str(done.report)
+    return {"frames": done.frames, "kept": done.kept, "report": report, **seconds}
 
 
 def finish(console: Console, figures: dict[str, Any], failed: list[str]) -> None:
@@ -281,8 +354,15 @@ def run() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A name that the terminal cannot show is no reason to stop.
         sys.stdout.reconfigure(errors="backslashreplace")
-    try:
+    with guarded():
         build()()
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Mistakes, and Ctrl-C, end the process with one line and an exit code."""
+    try:
+        yield
     except InputError as error:
         complain(error)
         sys.exit(BAD_INPUT)

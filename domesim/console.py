@@ -7,14 +7,10 @@ import json
 import os
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
-from itertools import zip_longest
 from pathlib import Path
-from typing import Any, Generic, TypeAlias, TypeVar, final
+from typing import Any, final
 
 from rich.console import Console as RichConsole
 from rich.progress import (
@@ -28,10 +24,7 @@ from rich.progress import (
 )
 
 from domesim.errors import InputError
-from domesim.frames import Master, read_master, write_master
 from domesim.frames.messages import reason
-from domesim.frames.views import require_writable
-from domesim.shows import Show
 
 
 @final
@@ -135,182 +128,6 @@ def about(path: Path) -> Iterator[None]:
         if path.name in str(error):
             raise
         raise InputError(f"{path}: {error}") from error
-
-
-Write: TypeAlias = Callable[[Master], Master]
-"""Writes a result and gives it back as it was stored."""
-
-P = TypeVar("P")
-S = TypeVar("S")
-
-
-@final
-@dataclass(frozen=True)
-class Work(Generic[P, S]):
-    """What is done to each master of a show, in three parts, each in a thread of its own.
-
-    Parameters
-    ----------
-    prepare
-        Of a master that was read, while the one before is solved.
-    solve
-        Of what was prepared, in the command's own thread.
-    finish
-        Of what was solved, while the next is: write the result; figures, and a line for a person.
-    """
-
-    prepare: Callable[[Master], P]
-    solve: Callable[[P], S]
-    finish: Callable[[S, Write], tuple[dict[str, Any], str]]
-
-
-@final
-@dataclass(frozen=True)
-class Done:
-    """What became of a show.
-
-    Parameters
-    ----------
-    frames
-        Figures of the masters that were written, in order, with ``input`` and ``output`` added: a
-        path, or the paths of left and right.
-    failed
-        Messages of those that were not.
-    seconds
-        ``total``, from the first file to the last; and the sums of ``reading`` (and preparing),
-        ``solving`` and ``writing`` (and finishing), which overlap.
-    """
-
-    frames: list[dict[str, Any]]
-    failed: list[str]
-    seconds: dict[str, float]
-
-
-def each_frame(
-    show: Show,
-    folder: Path,
-    work: Work[P, S],
-    console: Console,
-    *,
-    what: str,
-    repair: bool = False,
-    suffix: str | None = None,
-    bits: int | None = None,
-) -> Done:
-    """Read each master of a show, do `work` on it, write its result to `folder` under its name.
-
-    While one is solved, the next is read and the last is written: never more are in memory. With a
-    `suffix`, such as ``.png``, or `bits` a sample, results are written so. A master that fails is
-    named and leaves nothing behind; the others go on.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be made or written to, or an output would replace its input.
-    """
-    outputs = show.outputs(folder, suffix)
-    for place in {path.parent for output in outputs for path in output} | {folder}:
-        prepare(place)
-    steps = _Steps(show, work, console, repair, bits)
-    jobs = list(zip(show.moments, outputs, strict=True))
-    began = time.perf_counter()
-    reader, writer = (ThreadPoolExecutor(1, f"domesim-{name}") for name in ("read", "write"))
-    with console.progress(what, len(jobs)) as start:
-        try:
-            ahead = reader.submit(steps.read, *jobs[0])
-            behind: Future[None] | None = None
-            for job, following in zip_longest(jobs, jobs[1:]):
-                start(job[0][0].name)
-                read = ahead.result()
-                if following is not None:
-                    ahead = reader.submit(steps.read, *following)
-                solved = steps.solve(job[0], read)
-                if behind is not None:
-                    behind.result()
-                behind = writer.submit(steps.finish, job[0], job[1], solved)
-                del read, solved
-            if behind is not None:
-                behind.result()
-        finally:
-            # What is being written gets its name; nothing else is begun.
-            reader.shutdown(cancel_futures=True)
-            writer.shutdown()
-    steps.done.seconds["total"] = time.perf_counter() - began
-    return steps.done
-
-
-Files: TypeAlias = tuple[Path, ...]
-
-
-@final
-class _Steps(Generic[P, S]):
-    """The steps of `each_frame`: a mistake is handed on, to be told when its turn comes."""
-
-    def __init__(
-        self, show: Show, work: Work[P, S], console: Console, repair: bool, bits: int | None
-    ) -> None:
-        self.done = Done([], [], dict.fromkeys(("total", "reading", "solving", "writing"), 0.0))
-        self._show, self._work, self._console = show, work, console
-        self._repair, self._bits = repair, bits
-
-    def read(self, moment: Files, output: Files) -> tuple[P, int] | InputError:
-        """What was prepared, and how many samples were repaired."""
-        with self._timed("reading"):
-            try:
-                with about(moment[0]):
-                    master = self._show.read(moment, repair=self._repair)
-                    require_writable(master, output, self._bits)
-                    return self._work.prepare(master), master.repaired
-            except InputError as error:
-                return error
-
-    def solve(self, moment: Files, read: tuple[P, int] | InputError) -> tuple[S, int] | InputError:
-        """What was solved, and how many samples were repaired."""
-        if isinstance(read, InputError):
-            return read
-        with self._timed("solving"):
-            try:
-                with about(moment[0]):
-                    return self._work.solve(read[0]), read[1]
-            except InputError as error:
-                return error
-
-    def finish(self, moment: Files, output: Files, solved: tuple[S, int] | InputError) -> None:
-        """Write it, and tell what became of it."""
-
-        def write(result: Master) -> Master:
-            """Write it, and read it as others will."""
-            write_master(result, output, bits=self._bits)
-            packing = None if result.packing in ("single", "files") else result.packing
-            return read_master(output, packing=packing, repair=True, allow_identical=True)
-
-        try:
-            if isinstance(solved, InputError):
-                raise solved
-            with self._timed("writing"), about(moment[0]):
-                figures, line = self._work.finish(solved[0], write)
-        except InputError as error:
-            self.done.failed.append(str(error))
-            complain(error)
-            return
-        self.done.frames.append({"input": _named(moment), "output": _named(output), **figures})
-        if solved[1]:
-            self.done.frames[-1]["repaired"] = solved[1]
-            line += f"; {solved[1]} impossible samples repaired"
-        names = " and ".join(path.name for path in moment)
-        self._console.say(f"{names}: {line}\n  -> {', '.join(map(str, output))}")
-
-    @contextmanager
-    def _timed(self, step: str) -> Iterator[None]:
-        began = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.done.seconds[step] += time.perf_counter() - began
-
-
-def _named(paths: tuple[Path, ...]) -> str | list[str]:
-    return str(paths[0]) if len(paths) == 1 else [str(path) for path in paths]
 
 
 def prepare(folder: Path) -> None:

@@ -94,10 +94,11 @@ def encoded(
 
     No format holds all code values: light brighter than the white of an integer format (what the
     audience sees of a white master) or the largest half is clipped there, and the share of such
-    pixels returned.
+    pixels returned. So is what lies outside the file's gamut, negative in its primaries: floating
+    formats could hold it, but `read_frame` and others' readers take it for damage.
     """
     curve = transfer.named(master.colour.transfer, white=scene.projector.white)
-    least, largest = master.code_range
+    least, largest = 0.0, master.code_range[1]
     pixels = np.empty(light.shape, np.float32)
 
     def encode(view: int, rows: slice) -> int:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import final, get_args
 
 from domesim.errors import InputError
-from domesim.frames import Master, Packing, read_master
+from domesim.frames import ColourTag, Master, Packing, read_master
+from domesim.frames.encodings import encoding_named
 from domesim.frames.mistaken import refuse_one_file
 from domesim.sequences import find_frames, find_pairs, output_pairs, output_path
 
@@ -28,16 +29,26 @@ class Show:
         How views lie in one file; None to go by the file itself.
     allow_identical
         Take left and right that are the same image.
+    colour
+        What all code values mean; None to go by the files.
+    numbered
+        Whether they are frames of a sequence, be it one of its frames.
     """
 
     moments: tuple[tuple[Path, ...], ...]
     packing: str | None = None
     allow_identical: bool = False
+    colour: ColourTag | None = None
+    numbered: bool = False
 
     def read(self, moment: tuple[Path, ...], *, repair: bool) -> Master:
         """One of its masters; see `read_master` for what is refused."""
         return read_master(
-            moment, packing=self.packing, repair=repair, allow_identical=self.allow_identical
+            moment,
+            packing=self.packing,
+            repair=repair,
+            allow_identical=self.allow_identical,
+            colour=self.colour,
         )
 
     def outputs(self, folder: Path, suffix: str | None) -> tuple[tuple[Path, ...], ...]:
@@ -62,6 +73,7 @@ def find_show(
     packing: str | None = None,
     frames: str | None = None,
     allow_identical: bool = False,
+    encoding: str | None = None,
 ) -> Show:
     """The show that a command's arguments name.
 
@@ -77,13 +89,16 @@ def find_show(
         Which frames, as for `find_frames`.
     allow_identical
         Take left and right that are the same image.
+    encoding
+        A name of `encoding_named`, for what files do not say or say wrongly.
 
     Raises
     ------
     InputError
-        If both ways are used, or none; left and right are one file; and as for `find_frames` and
-        `find_pairs`.
+        If both ways are used, or none; left and right are one file; no encoding is so named; and
+        as for `find_frames` and `find_pairs`.
     """
+    colour = None if encoding is None else encoding_named(encoding)
     if packing is not None and packing not in PACKINGS:
         raise InputError(f"--packing {packing!r} is not known; use one of {', '.join(PACKINGS)}")
     if master is not None and (left is not None or right is not None):
@@ -93,7 +108,9 @@ def find_show(
         )
     if master is not None:
         found = find_frames(master, frames)
-        return Show(tuple((path,) for path in found), packing, allow_identical)
+        moments = tuple((path,) for path in found)
+        numbered = moments != ((Path(master),),)
+        return Show(moments, packing, allow_identical, colour, numbered)
     if left is None or right is None:
         if left is None and right is None:
             raise InputError(
@@ -114,4 +131,5 @@ def find_show(
     if not allow_identical:
         for pair in pairs:
             refuse_one_file(*pair)
-    return Show(pairs, None, allow_identical)
+    numbered = pairs != ((Path(left), Path(right)),)
+    return Show(pairs, None, allow_identical, colour, numbered)

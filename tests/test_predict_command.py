@@ -218,9 +218,10 @@ def test_verdicts_and_the_summary_of_a_sequence(run: Run, tmp_path: Path, out: P
     ]
     order = [int(Path(files[0]).stem[-4:]) for files in found["worst"]]
     assert order == [4, 2, 3, 1]
-    lines = run("predict", *arguments).out.splitlines()
+    outcome = run("predict", *arguments)
+    lines = outcome.out.splitlines()
     said = [line for line in lines if "visible pollution" in line]
-    assert len(said) == 4
+    assert len(said) == 4, outcome
     assert said[0].endswith(
         "visible pollution on 0% of the screen, 0% after subtraction: nothing "
         "visible: leave it alone"

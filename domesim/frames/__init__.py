@@ -15,7 +15,8 @@ carried along). An EXR is read over its display window.
 """
 
 from domesim.frames.colour import ColourTag
-from domesim.frames.frame import LARGEST_SIDE, Frame, Pixels
+from domesim.frames.formats import LARGEST_SIDE
+from domesim.frames.frame import Frame, Pixels
 from domesim.frames.reading import read_frame
 from domesim.frames.views import Master, Packing, read_master, write_master
 from domesim.frames.whole import write_whole

@@ -19,6 +19,8 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
 from domesim.errors import InputError
 from domesim.frames.formats import FLOATING, label
+from domesim.frames.integrity import Container
+from domesim.frames.jpeg2000 import states_srgb
 from domesim.frames.messages import one_line
 from domesim.frames.png import chunk, chunks_of
 
@@ -34,7 +36,7 @@ class ColourTag:
     primaries
         "BT.709", "P3-D65", "P3-DCI", "BT.2020", "XYZ", "ACES AP0" or "ACES AP1".
     source
-        For a person: "file: chromaticities", "assumed for JPEG", ...
+        For a person: "file: chromaticities", "assumed for JPEG", "--encoding dcdm", ...
     """
 
     transfer: str
@@ -45,15 +47,28 @@ class ColourTag:
         """Whether transfer and primaries agree, wherever they are known from."""
         return (self.transfer, self.primaries) == (other.transfer, other.primaries)
 
+    @property
+    def assumed(self) -> bool:
+        """Whether nobody said so, or not all of it."""
+        return "assumed" in self.source
 
-def colour_of(path: Path, spec: Any, name: str, chunks: bytes) -> ColourTag:
+    @property
+    def named(self) -> str:
+        """For a person, without the source: ``sRGB``, ``linear P3-D65``."""
+        transfer = TRANSFER_NAMES.get(self.transfer, self.transfer)
+        return transfer if self.primaries == "BT.709" else f"{transfer} {self.primaries}"
+
+
+def colour_of(path: Path, spec: Any, name: str, container: Container) -> ColourTag:
     """What the file says of its colour, or else what is usual for its format."""
     if name == "openexr":
         by_format = _colour_of_exr(path, spec)
     elif name == "dpx":
         by_format = _colour_of_dpx(path, spec)
     elif name == "png":
-        by_format = _colour_of_png(path, spec, chunks)
+        by_format = _colour_of_png(path, spec, container.colour_chunks)
+    elif name == "jpeg2000":
+        by_format = _colour_of_jpeg2000(container)
     else:
         by_format = _colour_of_others(path, spec, name)
     return _colour_of_cicp(path, spec) or _colour_of_profile(spec) or by_format
@@ -70,16 +85,17 @@ def state_colour(colour: ColourTag, name: str, spec: Any) -> None:
     if name == "dpx":
         names = {"linear": "Linear", "bt1886": "ITU-R 709-4"}
         spec.attribute("dpx:Transfer", names.get(colour.transfer, "User defined"))
+        known = colour.primaries == "BT.709"
+        spec.attribute("dpx:Colorimetric", "ITU-R 709-4" if known else "User defined")
     # JPEG and TIFF can only say "sRGB" (Exif); to others they can merely not say it.
-    if name in ("jpeg", "tiff") and _is_srgb(colour) and not colour.source.startswith("assumed"):
+    if name in ("jpeg", "tiff") and _is_srgb(colour) and not colour.assumed:
         spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
 
 
 def colour_chunks(colour: ColourTag) -> bytes:
     """What a PNG says of its colour."""
     if _is_srgb(colour):
-        known = not colour.source.startswith("assumed")
-        return chunk(b"sRGB", b"\0") if known else b""
+        return b"" if colour.assumed else chunk(b"sRGB", b"\0")
     transfers = {name: code for code, name in reversed(_CICP_TRANSFERS.items())}
     primaries = {name: code for code, name in _CICP_PRIMARIES.items()}
     chunks = b""
@@ -247,6 +263,13 @@ def _colour_of_png(path: Path, spec: Any, chunks: bytes) -> ColourTag:
     return ColourTag(transfer, primaries, source)
 
 
+def _colour_of_jpeg2000(container: Container) -> ColourTag:
+    if container.cinema:
+        return ColourTag("dcdm", "XYZ", "file: digital-cinema profile")
+    stated = states_srgb(container.boxes)
+    return ColourTag("srgb", "BT.709", "file: sRGB" if stated else "assumed for JPEG 2000")
+
+
 def _colour_of_others(path: Path, spec: Any, name: str) -> ColourTag:
     if spec.get_int_attribute("Exif:ColorSpace") == 1:
         return ColourTag("srgb", "BT.709", "file: Exif")
@@ -287,7 +310,8 @@ def _unsupported_encoding(path: Path, got: str) -> InputError:
     wanted = ", ".join(TRANSFER_NAMES.values())
     return InputError(
         f"{path}: wanted code values that are linear, {wanted}, got {got}. "
-        "Convert it first (oiiotool IN --colorconvert FROM TO -o OUT)."
+        "Convert it first (oiiotool IN --colorconvert FROM TO -o OUT), or say what it is "
+        "(--encoding)."
     )
 
 

@@ -10,12 +10,12 @@ LABELS = {
     "tiff": "TIFF",
     "dpx": "DPX",
     "jpeg": "JPEG",
+    "jpeg2000": "JPEG 2000",
     # Read only. Each of these was seen to notice truncation; OpenImageIO also has formats that
     # do not (and one, "null", that makes images up), hence a list.
     "bmp": "BMP",
     "hdr": "HDR",
     "iff": "IFF",
-    "jpeg2000": "JPEG 2000",
     "jpegxl": "JPEG XL",
     "pnm": "PNM",
     "rla": "RLA",
@@ -32,6 +32,10 @@ SUFFIXES = {
     ".jpg": "jpeg",
     ".jpeg": "jpeg",
     ".jpe": "jpeg",
+    ".jp2": "jpeg2000",
+    ".j2k": "jpeg2000",
+    ".j2c": "jpeg2000",
+    ".jpc": "jpeg2000",
 }
 DEPTHS = {
     "openexr": (16, 32),
@@ -39,7 +43,10 @@ DEPTHS = {
     "tiff": (8, 10, 12, 16, 32),
     "dpx": (8, 10, 12, 16),
     "jpeg": (8,),
+    "jpeg2000": (8, 10, 12, 16),
 }
+LARGEST_SIDE = 32768
+"""Pixels; a header that claims more is taken for damaged, before memory is asked for."""
 INTEGER = {"uint8": 8, "uint16": 16}
 FLOATING = {"half": 16, "float": 32}
 _LARGEST_HALF = 65504.0

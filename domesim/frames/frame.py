@@ -9,14 +9,11 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domesim.frames.colour import TRANSFER_NAMES, ColourTag
+from domesim.frames.colour import ColourTag
 from domesim.frames.formats import code_range, label
 
 Pixels: TypeAlias = NDArray[np.float32]
 """(row, col, 3) float32: R, G, B code values; 1.0 is the largest code of an integer format."""
-
-LARGEST_SIDE = 32768
-"""Pixels; a header that claims more is taken for damaged, before memory is asked for."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +27,12 @@ class Header:
     rgb: tuple[int, int, int] = (0, 1, 2)  # which channels R, G, B are
     extra: tuple[NDArray[Any], ...] = ()  # (row, col) as stored, one for each other channel
     origin: tuple[int, int] = (0, 0)  # of the display window: col, row
-    colour: ColourTag | None = None  # as read
+    colour: ColourTag | None = None  # as the file has it; None if that is not supported
     colour_chunks: bytes = b""  # PNG: see png.py
     big_endian: bool = True  # DPX
+    created: bytes = b""  # DPX: the 24 bytes of its time, as they are
+    boxes: bytes = b""  # JPEG 2000: see jpeg2000.py
+    zero_padded: bool = False  # TIFF: 12 bits in 16, the lower four 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,5 @@ class Frame:
         """One phrase for a person: ``2048 x 2048 JPEG, 8 bit, sRGB (assumed for JPEG)``."""
         rows, cols = self.pixels.shape[:2]
         kind = f"{self.bits} bit float" if self.floating else f"{self.bits} bit"
-        transfer = TRANSFER_NAMES.get(self.colour.transfer, self.colour.transfer)
-        primaries = "" if self.colour.primaries == "BT.709" else f" {self.colour.primaries}"
         name = label(self.header.format) or "frame"
-        return f"{cols} x {rows} {name}, {kind}, {transfer}{primaries} ({self.colour.source})"
+        return f"{cols} x {rows} {name}, {kind}, {self.colour.named} ({self.colour.source})"

@@ -10,16 +10,21 @@ from pathlib import Path
 from typing import BinaryIO
 
 from domesim.errors import InputError
+from domesim.frames import jpeg2000
+from domesim.frames.formats import LARGEST_SIDE
 from domesim.frames.messages import reason
-from domesim.frames.png import COLOUR_CHUNKS, chunks_of
+from domesim.frames.png import COLOUR_CHUNKS, Picture, chunks_of
 
 
 @dataclass(frozen=True)
 class Container:
     """What the examination of a file's bytes found, for OpenImageIO does not tell it."""
 
-    colour_chunks: bytes = b""
-    big_endian: bool = True
+    colour_chunks: bytes = b""  # of a PNG
+    big_endian: bool = True  # of a DPX
+    created: bytes = b""  # of a DPX, which OpenImageIO gives another form
+    boxes: bytes = b""  # of a JPEG 2000, without the codestream
+    cinema: bool = False  # of a JPEG 2000: whether it has a digital-cinema profile
 
 
 def examine(path: Path) -> Container:
@@ -44,31 +49,49 @@ def damaged(path: Path, label: str, got: str) -> InputError:
     return InputError(f"{path}: wanted a complete {label}, got {got}. Copy or render it again.")
 
 
+def refuse_sides(path: Path, cols: int, rows: int) -> None:
+    """Refuse a picture of sides that no master has."""
+    if not (0 < cols <= LARGEST_SIDE and 0 < rows <= LARGEST_SIDE):
+        raise InputError(
+            f"{path}: wanted 1 to {LARGEST_SIDE} px a side, got {cols} x {rows}. "
+            "The header is probably damaged: copy or render it again."
+        )
+
+
 def _examine_bytes(path: Path, file: BinaryIO) -> Container:
     size = os.fstat(file.fileno()).st_size
     if size == 0:
         raise InputError(f"{path}: wanted an image, got an empty file. Copy or render it again.")
-    start = file.read(20)
+    start = file.read(160)
     if start.startswith(b"\x89PNG\r\n\x1a\n"):
         return Container(colour_chunks=_examine_png(path, start + file.read()))
     if start[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         _examine_tiff(path, file, size, start)
+    if start.startswith((jpeg2000.SIGNATURE, jpeg2000.CODESTREAM)):
+        return _examine_jpeg2000(path, start + file.read())
     if start[:4] in (b"SDPX", b"XPDS"):
-        return Container(big_endian=_examine_dpx(path, size, start))
+        big_endian = _examine_dpx(path, size, start)
+        return Container(big_endian=big_endian, created=start[_CREATED])
     return Container()
 
 
 def _examine_png(path: Path, png: bytes) -> bytes:
-    """Check all checksums up to IEND, and return the chunks that speak of colour.
+    """Check all that there is up to IEND, and return the chunks that speak of colour.
 
     libpng would notice most damage, too, but it prints to stderr, does not miss an IEND, and only
     skips a damaged colour chunk.
     """
-    colour = b""
+    colour, picture = b"", Picture()
     for kind, chunk in chunks_of(png):
         if zlib.crc32(chunk[4:-4]) != int.from_bytes(chunk[-4:]):
             name = kind.decode("ascii", "replace")
             raise damaged(path, "PNG", f"a wrong checksum in chunk {name!r}")
+        try:
+            picture.add(kind, chunk[8:-4])
+        except ValueError as error:
+            raise damaged(path, "PNG", str(error)) from error
+        if kind == b"IHDR":
+            refuse_sides(path, *picture.sides)
         if kind in COLOUR_CHUNKS:
             colour += chunk
         if kind == b"IEND":
@@ -113,6 +136,21 @@ def _examine_tiff(path: Path, file: BinaryIO, size: int, start: bytes) -> None:
             elif tag == _TIFF_EXIF:
                 directories.append(offset)
         directories += word.unpack(read(position + count * entry.size, word.size))
+
+
+def _examine_jpeg2000(path: Path, content: bytes) -> Container:
+    """OpenImageIO decodes it when it is opened: what is wrong must be found before."""
+    try:
+        cinema = jpeg2000.is_cinema(content)
+    except ValueError as error:
+        raise InputError(
+            f"{path}: wanted a complete JPEG 2000 of R, G, B at 8, 10, 12 or 16 bits, got {error}. "
+            "Copy or render it again, or convert it."
+        ) from error
+    return Container(boxes=jpeg2000.metadata_of(content), cinema=cinema)
+
+
+_CREATED = slice(136, 160)  # SMPTE ST 268-1, file information header
 
 
 def _examine_dpx(path: Path, size: int, start: bytes) -> bool:

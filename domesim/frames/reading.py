@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag, colour_of
 from domesim.frames.formats import FLOATING, INTEGER, LABELS, label
-from domesim.frames.frame import LARGEST_SIDE, Frame, Header, Pixels
-from domesim.frames.integrity import Container, damaged, examine
+from domesim.frames.frame import Frame, Header, Pixels
+from domesim.frames.integrity import Container, damaged, examine, refuse_sides
 from domesim.frames.messages import one_line, problem_of
 
 
-def read_frame(path: str | Path, *, repair: bool = False) -> Frame:
+def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:
     """Read an image file: EXR, PNG, TIFF, DPX, JPEG, and what else is in `LABELS`.
 
     Parameters
@@ -29,23 +29,27 @@ def read_frame(path: str | Path, *, repair: bool = False) -> Frame:
     repair
         Replace NaN and negative samples by 0 and +Inf by the channel's largest finite value,
         instead of refusing them.
+    colour
+        What the code values mean, whatever the file says; None to go by the file.
 
     Raises
     ------
     InputError
         If the file is missing, damaged or truncated, not an image, of several images, not RGB,
-        encoded in a way that is not supported, larger than its display window (overscan), or
-        holds NaN, Inf or negative samples and `repair` is off.
+        encoded in a way that is not supported (unless `colour` is given), larger than its display
+        window (overscan), or holds NaN, Inf or negative samples and `repair` is off.
     """
-    return read_image(Path(path), repair=repair)
+    return read_image(Path(path), repair=repair, colour=colour)
 
 
-def read_image(path: Path, *, repair: bool, grey: bool = False) -> Frame:
+def read_image(
+    path: Path, *, repair: bool, grey: bool = False, colour: ColourTag | None = None
+) -> Frame:
     """`read_frame`; with `grey`, an EXR whose only picture is a channel Y is R = G = B = Y."""
     container = examine(path)
     reader = open_image(path)
     try:
-        layout = layout_of(path, reader, container, grey=grey)
+        layout = layout_of(path, reader, container, grey=grey, colour=colour)
         samples = read_channels(path, reader, layout)
         refuse_several_images(path, reader)
     finally:
@@ -113,14 +117,24 @@ class Layout:
     display: Window
     attributes: tuple[tuple[str, str, Any], ...]
     colour: ColourTag
+    stated: ColourTag | None  # what the file has for `colour`; None if that is not supported
     container: Container
     view: str = ""
 
 
 def layout_of(
-    path: Path, reader: Any, container: Container, *, view: View | None = None, grey: bool = False
+    path: Path,
+    reader: Any,
+    container: Container,
+    *,
+    view: View | None = None,
+    grey: bool = False,
+    colour: ColourTag | None = None,
 ) -> Layout:
-    """Where the samples of the reader's present part are, or of one `view` of it."""
+    """Where the samples of the reader's present part are, or of one `view` of it.
+
+    Their encoding is `colour`, or the file's.
+    """
     spec = reader.spec()
     name = reader.format_name()
     if name not in LABELS:
@@ -139,6 +153,7 @@ def layout_of(
         rgb = _find_rgb(path, spec, channels, "" if view is None else view.name)
     kinds = tuple(kinds_of(spec)[place] for place in places)
     bits, floating = _depth(path, spec, {kinds[channel] for channel in rgb})
+    meant, stated = _colours(path, spec, name, container, colour)
     return Layout(
         format=name,
         places=places,
@@ -150,10 +165,24 @@ def layout_of(
         data=data,
         display=display,
         attributes=attributes_of(path, spec),
-        colour=colour_of(path, spec, name, container.colour_chunks),
+        colour=meant,
+        stated=stated,
         container=container,
         view="" if view is None else view.name,
     )
+
+
+def _colours(
+    path: Path, spec: Any, name: str, container: Container, given: ColourTag | None
+) -> tuple[ColourTag, ColourTag | None]:
+    """What code values mean; and what the file says of that, None if it is not supported."""
+    if given is None:
+        stated = colour_of(path, spec, name, container)
+        return stated, stated
+    try:
+        return given, colour_of(path, spec, name, container)
+    except InputError:
+        return given, None
 
 
 def kinds_of(spec: Any) -> tuple[str, ...]:
@@ -230,11 +259,7 @@ def refuse_implausible_size(
 ) -> None:
     """Before memory is asked for."""
     for cols, rows in (data[2:], display[2:]):
-        if not (0 < cols <= LARGEST_SIDE and 0 < rows <= LARGEST_SIDE):
-            raise InputError(
-                f"{path}: wanted 1 to {LARGEST_SIDE} px a side, got {cols} x {rows}. "
-                "The header is probably damaged: copy or render it again."
-            )
+        refuse_sides(path, cols, rows)
     if spec.depth > 1:
         raise InputError(f"{path}: wanted an image, got a volume of depth {spec.depth}. Slice it.")
     if spec.get_string_attribute("compression") in _UNLIMITED_COMPRESSION:
@@ -378,7 +403,9 @@ def refuse_several_images(path: Path, reader: Any) -> None:
 def frame_of(path: Path, layout: Layout, samples: Samples, *, repair: bool) -> Frame:
     """What was read, as a frame; `repair` as for `read_frame`."""
     rgb, extra = samples
-    pixels = _code_values(rgb, layout.bits)
+    zero_padded = _is_zero_padded(rgb, layout)
+    bits = 12 if zero_padded else layout.bits
+    pixels = _code_values(rgb, bits)
     repaired = 0
     if layout.floating and len(set(layout.rgb)) == 1:
         grey, repaired = _without_impossible_samples(path, pixels[..., :1], layout, repair=repair)
@@ -393,19 +420,29 @@ def frame_of(path: Path, layout: Layout, samples: Samples, *, repair: bool) -> F
         rgb=layout.rgb,
         extra=tuple(_over_display_window(plane, layout) for plane in extra),
         origin=layout.display[:2],
-        colour=layout.colour,
+        colour=layout.stated,
         colour_chunks=layout.container.colour_chunks,
         big_endian=layout.container.big_endian,
+        created=layout.container.created,
+        boxes=layout.container.boxes,
+        zero_padded=zero_padded,
     )
     return Frame(
         pixels=_over_display_window(pixels, layout),
         path=path,
         colour=layout.colour,
-        bits=layout.bits,
+        bits=bits,
         floating=layout.floating,
         repaired=repaired,
         header=header,
     )
+
+
+def _is_zero_padded(rgb: NDArray[Any], layout: Layout) -> bool:
+    """Whether it is a DCDM's TIFF: 12 bits, above four that are 0 (DCI DCSS, 3.2.2)."""
+    if (layout.format, layout.bits, layout.colour.transfer) != ("tiff", 16, "dcdm"):
+        return False
+    return not np.bitwise_or.reduce(rgb, axis=None) & 15
 
 
 def _code_values(samples: NDArray[Any], bits: int) -> Pixels:

@@ -21,6 +21,7 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames.colour import ColourTag
 from domesim.frames.frame import Frame
 from domesim.frames.integrity import Container, damaged, examine
 from domesim.frames.messages import one_line
@@ -84,8 +85,12 @@ StereoFile: TypeAlias = MultiView | MultiPart
 Pair: TypeAlias = tuple[Frame, Frame]
 
 
-def read_stereo_exr(path: Path, *, repair: bool) -> tuple[Pair, StereoFile] | None:
+def read_stereo_exr(
+    path: Path, *, repair: bool, colour: ColourTag | None = None
+) -> tuple[Pair, StereoFile] | None:
     """The left and the right frame, and how they lie in the file; None if it is not of this kind.
+
+    Parameters as for `read_frame`.
 
     Raises
     ------
@@ -100,11 +105,11 @@ def read_stereo_exr(path: Path, *, repair: bool) -> tuple[Pair, StereoFile] | No
     try:
         count = reader.spec().get_int_attribute("oiio:subimages", 1)
         if count > 1:
-            return _read_parts(path, reader, container, count, repair=repair)
+            return _read_parts(path, reader, container, count, repair=repair, colour=colour)
         views = stated_views(attributes_of(path, reader.spec()))
         if len(views) < 2:
             return None
-        return _read_views(path, reader, container, views, repair=repair)
+        return _read_views(path, reader, container, views, repair=repair, colour=colour)
     finally:
         reader.close()
 
@@ -159,7 +164,13 @@ def _is_exr(path: Path) -> bool:
 
 
 def _read_views(
-    path: Path, reader: Any, container: Container, views: tuple[str, ...], *, repair: bool
+    path: Path,
+    reader: Any,
+    container: Container,
+    views: tuple[str, ...],
+    *,
+    repair: bool,
+    colour: ColourTag | None,
 ) -> tuple[Pair, MultiView]:
     left, right = _left_and_right(path, views)
     channels = channels_of(path, reader.spec())
@@ -174,7 +185,7 @@ def _read_views(
 
     def read(index: int) -> Frame:
         view = View(views[index], of_view[index])
-        layout = layout_of(path, reader, container, view=view, grey=True)
+        layout = layout_of(path, reader, container, view=view, grey=True, colour=colour)
         frame = frame_of(path, layout, read_channels(path, reader, layout), repair=repair)
         # Alone, it is a file of one view, which says so by this attribute.
         kept = [each for each in layout.attributes if each[0] not in ("multiView", "view")]
@@ -214,7 +225,13 @@ def _encoded_views(frames: Pair, file: MultiView, path: Path, bits: int | None) 
 
 
 def _read_parts(
-    path: Path, reader: Any, container: Container, count: int, *, repair: bool
+    path: Path,
+    reader: Any,
+    container: Container,
+    count: int,
+    *,
+    repair: bool,
+    colour: ColourTag | None,
 ) -> tuple[Pair, MultiPart] | None:
     specs = [reader.spec(index) for index in range(count)]
     views = [spec.get_string_attribute("view") for spec in specs]
@@ -231,7 +248,7 @@ def _read_parts(
             parts.append(_read_part(path, reader))
             continue
         view = View(views[index], dict(enumerate(specs[index].channelnames)))
-        layout = layout_of(path, reader, container, view=view, grey=True)
+        layout = layout_of(path, reader, container, view=view, grey=True, colour=colour)
         samples = read_channels(path, reader, layout)
         side = pictures.index(index)
         frames[side] = frame_of(path, layout, samples, repair=repair)

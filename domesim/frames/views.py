@@ -9,17 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import repeat
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
+from domesim.frames.dithering import seed_of
 from domesim.frames.formats import SUFFIXES
 from domesim.frames.frame import Frame
 from domesim.frames.mistaken import (
@@ -151,6 +152,21 @@ class Master:
             return first
         return f"2 x {first}, {_DESCRIPTIONS[self.packing]}"
 
+    def facts(self) -> dict[str, Any]:
+        """For a program: ``read``, as `described`, and ``encoding``: a `ColourTag`'s fields."""
+        return {"read": self.described(), "encoding": asdict(self.colour)}
+
+    def unsaid(self) -> str:
+        """Of a master read with a `colour`: what its file says else, for a person; "" if nothing.
+
+        A TIFF, JPEG or DPX cannot say most encodings.
+        """
+        colour, stated = self.colour, self.frames[0].header.colour
+        if stated is not None and colour.means_the_same_as(stated):
+            return ""
+        taken = "nothing" if stated is None else f"{stated.named}"
+        return f"{colour.named}, which the file cannot say: it reads as {taken}"
+
 
 def read_master(
     paths: Sequence[str | Path],
@@ -158,6 +174,7 @@ def read_master(
     packing: str | None = None,
     repair: bool = False,
     allow_identical: bool = False,
+    colour: ColourTag | None = None,
 ) -> Master:
     """Read one moment of a show.
 
@@ -178,6 +195,8 @@ def read_master(
     allow_identical
         Take left and right that are the same image, even the same file: a flat shot in a stereo
         show. Of one plain colour, such as black, they may always be.
+    colour
+        As for `read_frame`.
 
     Raises
     ------
@@ -195,16 +214,22 @@ def read_master(
         raise ValueError(f"read_master takes packing {', '.join(_PACKINGS)}, got '{packing}'")
     if len(files) == 2:
         refuse_packing(files, packing, "files")
-        master = _read_pair(*files, repair=repair, allow_identical=allow_identical)
+        master = _read_pair(*files, repair=repair, allow_identical=allow_identical, colour=colour)
     else:
-        master = _read_file(files[0], packing, repair=repair)
+        master = _read_file(files[0], packing, repair=repair, colour=colour)
         refuse_packing(files, packing, master.packing)
     if len(master.frames) == 2:
         refuse_mistaken_pair(master.frames, allow_identical=allow_identical)
     return master
 
 
-def write_master(master: Master, paths: Sequence[str | Path], *, bits: int | None = None) -> None:
+def write_master(
+    master: Master,
+    paths: Sequence[str | Path],
+    *,
+    bits: int | None = None,
+    dither: bool = False,
+) -> None:
     """Write `master` the way that its packing says, whole or not at all.
 
     Both files of a pair are complete on the disk before the first of them takes its name. An EXR
@@ -218,8 +243,8 @@ def write_master(master: Master, paths: Sequence[str | Path], *, bits: int | Non
         What to write; for pixels as for `write_frame`.
     paths
         One file, or left and right for "files".
-    bits
-        As for `write_frame`.
+    bits, dither
+        As for `write_frame`; left and right in two files have noise of their own.
 
     Raises
     ------
@@ -234,10 +259,14 @@ def write_master(master: Master, paths: Sequence[str | Path], *, bits: int | Non
     require_writable(master, files, bits)
     if master.packing in ("single", "files"):
         with ThreadPoolExecutor(len(files)) as eyes:
-            contents = list(eyes.map(encoded, master.frames, files, repeat(bits)))
+            seeds = [
+                seed_of(frame.path, view) if dither else None
+                for view, frame in enumerate(master.frames)
+            ]
+            contents = list(eyes.map(encoded, master.frames, files, repeat(bits), seeds))
         write_together(list(zip(files, contents, strict=True)))
     else:
-        write_together([(files[0], _encoded_together(master, files[0], bits))])
+        write_together([(files[0], _encoded_together(master, files[0], bits, dither=dither))])
 
 
 def require_writable(master: Master, paths: Sequence[str | Path], bits: int | None = None) -> None:
@@ -273,26 +302,30 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
 # Reading.
 
 
-def _read_pair(left: Path, right: Path, *, repair: bool, allow_identical: bool) -> Master:
+def _read_pair(
+    left: Path, right: Path, *, repair: bool, allow_identical: bool, colour: ColourTag | None
+) -> Master:
     if not allow_identical:
         refuse_one_file(left, right)
     with ThreadPoolExecutor(2) as eyes:
-        read = partial(read_image, repair=repair, grey=True)
+        read = partial(read_image, repair=repair, grey=True, colour=colour)
         frames = tuple(eyes.map(read, (left, right)))
     for frame, side in zip(frames, ("left", "right"), strict=True):
         refuse_other_view(frame, side)
     return Master(frames, "files")
 
 
-def _read_file(path: Path, packing: Packing | None, *, repair: bool) -> Master:
-    stereo = read_stereo_exr(path, repair=repair)
+def _read_file(
+    path: Path, packing: Packing | None, *, repair: bool, colour: ColourTag | None
+) -> Master:
+    stereo = read_stereo_exr(path, repair=repair, colour=colour)
     if stereo is not None:
         frames, file = stereo
         return Master(frames, "multi-view" if isinstance(file, MultiView) else "multi-part", file)
     if packing is not None and packing in _AXES:
-        frame = read_image(path, repair=repair, grey=True)
+        frame = read_image(path, repair=repair, grey=True, colour=colour)
         return Master(_halves(frame, packing), packing)
-    return Master((read_frame(path, repair=repair),))
+    return Master((read_frame(path, repair=repair, colour=colour),))
 
 
 def _halves(frame: Frame, packing: Packing) -> tuple[Frame, ...]:
@@ -319,13 +352,14 @@ def _halves(frame: Frame, packing: Packing) -> tuple[Frame, ...]:
 # Writing.
 
 
-def _encoded_together(master: Master, path: Path, bits: int | None) -> bytes:
+def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: bool) -> bytes:
     """Two frames in one file."""
     left, right = master.frames
     if not left.colour.means_the_same_as(right.colour):
         raise ValueError(f"write_master takes one encoding, got {left.colour} and {right.colour}")
     if master.packing in _AXES:
-        return encoded(_whole(left, right, master.packing), path, bits)
+        whole = _whole(left, right, master.packing)
+        return encoded(whole, path, bits, seed_of(whole.path) if dither else None)
     assert master.file is not None  # see `require_writable`
     return encoded_stereo_exr((left, right), master.file, path, bits)
 

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -20,14 +22,18 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.frames.colour import colour_chunks, state_colour
-from domesim.frames.formats import DEPTHS, LABELS, SUFFIXES, code_range, label
-from domesim.frames.frame import LARGEST_SIDE, Frame, Pixels
-from domesim.frames.messages import problem_of
+from domesim.frames.dithering import Seed, dither, seed_of
+from domesim.frames.formats import DEPTHS, LABELS, LARGEST_SIDE, SUFFIXES, code_range, label
+from domesim.frames.frame import Frame, Pixels
+from domesim.frames.jpeg2000 import with_metadata
+from domesim.frames.messages import problem_of, reason
 from domesim.frames.png import with_colour_chunks
 from domesim.frames.whole import write_whole
 
 
-def write_frame(frame: Frame, path: str | Path, *, bits: int | None = None) -> None:
+def write_frame(
+    frame: Frame, path: str | Path, *, bits: int | None = None, dither: bool = False
+) -> None:
     """Write `frame` to `path`, whole or not at all.
 
     The suffix names the format. The format that the frame came from keeps its bit depth, metadata
@@ -35,6 +41,7 @@ def write_frame(frame: Frame, path: str | Path, *, bits: int | None = None) -> N
     that it knows, alpha unless it is DPX or JPEG, and other channels if it is EXR. The pixels are
     written as they are: for another encoding, give `frame` other pixels *and* another `colour`.
 
+    JPEG 2000 is written losslessly: .jp2 with boxes, others as a codestream, without a profile.
     JPEG is written at quality 100 without chroma subsampling. Re-encoding what was decoded from a
     JPEG then moves no sample by more than 4 codes, and 97 % (noise) to 99.8 % (a domemaster) of
     them by at most one; at quality 98 it was 10 codes and 74 % to 99.5 %.
@@ -45,10 +52,14 @@ def write_frame(frame: Frame, path: str | Path, *, bits: int | None = None) -> N
         Integer formats need its pixels finite and in 0..1; they are rounded to the nearest code,
         ties to even.
     path
-        ``.exr``, ``.png``, ``.tif``, ``.tiff``, ``.dpx``, ``.jpg``, ``.jpeg``.
+        ``.exr``, ``.png``, ``.tif``, ``.tiff``, ``.dpx``, ``.jpg``, ``.jpeg``, ``.jp2``, ``.j2k``,
+        ``.j2c``, ``.jpc``.
     bits
         Of a sample: EXR 16 or 32 (float), PNG 8 or 16, TIFF 8 or 16 (integer) or 32 (float), DPX
-        8, 10, 12 or 16, JPEG 8.
+        and JPEG 2000 8, 10, 12 or 16, JPEG 8.
+    dither
+        Round to integers with noise instead (`domesim.frames.dithering`), seeded by the numbers in
+        the name of the file that `frame` came from.
 
     Raises
     ------
@@ -59,18 +70,20 @@ def write_frame(frame: Frame, path: str | Path, *, bits: int | None = None) -> N
         If pixels are not finite, or not what the format can hold.
     """
     path = Path(path)
-    write_whole(path, encoded(frame, path, bits))
+    write_whole(path, encoded(frame, path, bits, seed_of(frame.path) if dither else None))
 
 
-def encoded(frame: Frame, path: Path, bits: int | None) -> bytes:
-    """What `write_frame` puts at `path`."""
+def encoded(frame: Frame, path: Path, bits: int | None, seed: Seed | None = None) -> bytes:
+    """What `write_frame` puts at `path`, dithered if there is a `seed`."""
     target = target_of(frame, path, bits)
-    part = (specification(frame, target), samples_of(frame, target))
+    part = (specification(frame, target), samples_of(frame, target, seed))
     content = encode(path, target.format, [part])
     if target.format == "png":
         content = with_colour_chunks(content, _png_colour(frame, target))
     if target.format == "dpx":
-        content = _with_dpx_name(content, path.name)
+        content = _with_dpx_fields(content, path.name, frame.header.created)
+    if target.format == "jpeg2000" and path.suffix.lower() == ".jp2" and frame.header.boxes:
+        content = with_metadata(content, frame.header.boxes, colour_holds=_keeps_colour(frame))
     return content
 
 
@@ -88,9 +101,11 @@ class Target:
     kinds: tuple[str, ...]
     sources: tuple[int, ...]  # 0, 1, 2: R, G, B; 3 + k: extra channel k; -1: luminance
     same_format: bool
+    zero_padded: bool = False  # 12 bits in 16
 
 
 _LUMINANCE = -1
+_LEAST_JPEG_2000_SIDE = 32  # OpenJPEG's encoder halves it five times
 
 
 def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
@@ -104,6 +119,12 @@ def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
     if bits is not None and bits not in DEPTHS[name]:
         depths = ", ".join(str(depth) for depth in DEPTHS[name])
         raise InputError(f"{path}: wanted {depths} bits for {label(name)}, got {bits}. Choose one.")
+    sides = frame.pixels.shape[:2]
+    if name == "jpeg2000" and min(sides) < _LEAST_JPEG_2000_SIDE:
+        raise InputError(
+            f"{path}: wanted {_LEAST_JPEG_2000_SIDE} px a side or more for a JPEG 2000, got "
+            f"{sides[1]} x {sides[0]}. Choose another format."
+        )
     same = name == frame.header.format
     kept = same and (bits is None or bits == frame.bits)
     if kept:
@@ -112,7 +133,8 @@ def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
         bits = bits or _fitting_depth(name, frame)
         floating = name == "openexr" or (name == "tiff" and bits == 32)
     channels, kinds, sources = _channels(frame, name, _kind(bits, floating), kept=kept)
-    return Target(name, bits, floating, channels, kinds, sources, same)
+    padded = kept and frame.header.zero_padded
+    return Target(name, bits, floating, channels, kinds, sources, same, padded)
 
 
 def _fitting_depth(name: str, frame: Frame) -> int:
@@ -148,7 +170,7 @@ def _channels(
         for k, (channel, source) in enumerate(zip(header.channels, sources, strict=True))
         if source < 3
         or name in (header.format, "openexr")
-        or (alpha[k] and name in ("png", "tiff"))
+        or (alpha[k] and name in ("png", "tiff", "jpeg2000"))
     ]
     if name == "openexr" and header.format != name:
         # EXR has no integers of 8 or 16 bits.
@@ -163,16 +185,16 @@ def _channels(
 # The samples.
 
 
-def samples_of(frame: Frame, target: Target) -> NDArray[Any]:
-    """(row, col, channel) in the type that the encoder takes."""
+def samples_of(frame: Frame, target: Target, seed: Seed | None = None) -> NDArray[Any]:
+    """(row, col, channel) in the type that the encoder takes, dithered if there is a `seed`."""
     if target.sources == (0, 1, 2):
-        return _encoded_rgb(frame.pixels, target)
-    return interleaved(planes_of(frame, target), target.kinds)
+        return _encoded_rgb(frame.pixels, target, seed)
+    return interleaved(planes_of(frame, target, seed), target.kinds)
 
 
-def planes_of(frame: Frame, target: Target) -> list[NDArray[Any]]:
-    """(row, col) of each channel, not yet of one type."""
-    rgb = _encoded_rgb(frame.pixels, target)
+def planes_of(frame: Frame, target: Target, seed: Seed | None = None) -> list[NDArray[Any]]:
+    """(row, col) of each channel, not yet of one type; `seed` as for `samples_of`."""
+    rgb = _encoded_rgb(frame.pixels, target, seed)
     return [
         _luminance(frame.pixels).astype(rgb.dtype)
         if source == _LUMINANCE
@@ -199,7 +221,7 @@ def _luminance(pixels: Pixels) -> NDArray[np.float64]:
     return luminance
 
 
-def _encoded_rgb(pixels: Pixels, target: Target) -> NDArray[Any]:
+def _encoded_rgb(pixels: Pixels, target: Target, seed: Seed | None) -> NDArray[Any]:
     rows, cols, *last = pixels.shape
     if last != [3] or not (0 < rows <= LARGEST_SIDE and 0 < cols <= LARGEST_SIDE):
         # libjpeg ends the process above 65500.
@@ -216,10 +238,15 @@ def _encoded_rgb(pixels: Pixels, target: Target) -> NDArray[Any]:
         )
     if target.floating:
         return pixels.astype(_dtype(_kind(target.bits, floating=True)), copy=False)
-    scaled = pixels * np.float32(2**target.bits - 1)
-    kind = _dtype(_kind(target.bits, floating=False))
-    codes: NDArray[Any] = np.rint(scaled, out=scaled).astype(kind)
-    if target.bits in (10, 12):
+    scaled = np.multiply(pixels, np.float32(2**target.bits - 1), order="C")
+    if seed is None:
+        np.rint(scaled, out=scaled)
+    else:
+        dither(scaled, 2**target.bits - 1, seed)
+    codes: NDArray[Any] = scaled.astype(_dtype(_kind(target.bits, floating=False)))
+    if target.zero_padded:
+        codes <<= 4
+    elif target.bits in (10, 12):
         # Repeated below, the upper bits are exact whether OpenImageIO cuts (it does) or rounds.
         codes = codes << (16 - target.bits) | codes >> (2 * target.bits - 16)
     return codes
@@ -308,8 +335,11 @@ def _survives(frame: Frame, target: Target, name: str) -> bool:
 
 
 def _keeps_colour(frame: Frame) -> bool:
+    """Whether what the file said of its colour still holds, and is all that there is to say."""
     read = frame.header.colour
-    return read is not None and frame.colour.means_the_same_as(read)
+    if read is None or not frame.colour.means_the_same_as(read):
+        return False
+    return frame.colour.assumed or not read.assumed
 
 
 def _stated(frame: Frame, name: str) -> Any:
@@ -336,10 +366,10 @@ def _state_storage(frame: Frame, target: Target, spec: Any) -> None:
         spec.attribute("jpeg:subsampling", "4:4:4")
     if target.format == "dpx":
         spec.attribute("oiio:Endian", "big" if frame.header.big_endian else "little")
-    if target.bits in (10, 12):
+    if target.bits in (10, 12) and not target.zero_padded:
         spec.attribute("oiio:BitsPerSample", target.bits)
     # As it was read: no encoder may divide R, G, B by alpha.
-    if target.format == "png" or _stated(frame, "oiio:UnassociatedAlpha"):
+    if target.format in ("png", "jpeg2000") or _stated(frame, "oiio:UnassociatedAlpha"):
         spec.attribute("oiio:UnassociatedAlpha", 1)
 
 
@@ -353,16 +383,18 @@ def _png_colour(frame: Frame, target: Target) -> bytes:
     return colour_chunks(frame.colour)
 
 
-def _with_dpx_name(dpx: bytes, name: str) -> bytes:
-    """`dpx` with the file's name in its header (100 bytes at 36) instead of the encoder's."""
+def _with_dpx_fields(dpx: bytes, name: str, created: bytes) -> bytes:
+    """`dpx` with the file's name (100 bytes at 36) and its time (24 behind), if it had one."""
     padded = os.fsencode(name)[:99].ljust(100, b"\0")
-    return dpx[:36] + padded + dpx[136:]
+    return dpx[:36] + padded + (created or dpx[136:160]) + dpx[160:]
 
 
 def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> bytes:
     """The file's bytes; several `parts` (specification, samples) only of an EXR."""
-    with os.fdopen(os.memfd_create("frame"), "rb+") as memory:
+    with os.fdopen(os.memfd_create("frame"), "rb+") as memory, ExitStack() as stack:
         place = f"/proc/self/fd/{memory.fileno()}"
+        if name == "jpeg2000":
+            place = stack.enter_context(_named(place, path))
         writer: Any = oiio.ImageOutput.create(name)
         specs = tuple(spec for spec, _ in parts)
         written = all(
@@ -381,6 +413,23 @@ def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> 
             )
         memory.seek(0)
         return memory.read()
+
+
+@contextmanager
+def _named(place: str, path: Path) -> Iterator[str]:
+    """`place` under a name whose suffix tells the JPEG 2000 encoder boxes from a codestream."""
+    try:
+        folder = TemporaryDirectory(prefix="domesim-")
+        suffix = ".jp2" if path.suffix.lower() == ".jp2" else ".j2k"
+        link = Path(folder.name) / f"frame{suffix}"
+        link.symlink_to(place)
+    except OSError as error:
+        raise InputError(
+            f"{path}: wanted a folder for temporary files, got '{reason(error)}'. Free some space "
+            "there, or set TMPDIR."
+        ) from error
+    with folder:
+        yield str(link)
 
 
 def _begin(writer: Any, place: str, specs: tuple[Any, ...]) -> bool:

@@ -1,0 +1,181 @@
+"""What ``domesim compensate`` does to each frame."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, final
+
+from compensate.comparison import compare_methods
+from compensate.contrast import ContrastWeighting, Eye
+from compensate.devices import CPU, on_device
+from compensate.master import Figures, Posed, Solution, Stage, solve_frame
+from compensate.methods import Solver, perceptual, require_method
+from compensate.vision.csf import LowFrequencyFloor
+from compensate.weighting import PerceptualWeighting
+from domesim.batch.work import Column, Note, Recipe, Work, Write
+from domesim.choice import SceneChoice
+from domesim.errors import InputError
+from domesim.frames import Master
+from domesim.scene import Scene, StereoScene
+
+PAPER = "paper"
+"""Name of the default vision model."""
+
+INVISIBLE = 0.01
+"""JND rms of rounding that is not worth a word."""
+
+SIZE = 1024
+"""Largest side of pictures on the pages of the worst frames, pixels."""
+
+
+@final
+@dataclass(frozen=True)
+class Compensating(Recipe):
+    """What to project for each frame, in its own encoding.
+
+    Parameters
+    ----------
+    scene
+        The theatre, or stereo system.
+    method
+        One of the scene's methods.
+    tolerance
+        Of the perceptual method.
+    eye
+        Name of the vision model: "paper" or "contrast".
+    low_frequency_gain
+        Of the vision model; None for its own.
+    device
+        What computes.
+    """
+
+    scene: SceneChoice
+    method: str = "perceptual"
+    tolerance: float = 1e-3
+    eye: str = PAPER
+    low_frequency_gain: float | None = None
+    device: str = CPU
+
+    def work(self, note: Note) -> Work[Any, Any]:
+        """See `Recipe`."""
+        theatre = self.scene.load()
+        solver = self.solver(theatre, note)
+        stage = Stage(theatre, weighting_of(self.eye, self.low_frequency_gain))
+
+        def prepare(source: Master) -> tuple[Master, Posed, float]:
+            return source, *stage.pose_frame(source)
+
+        def solve(posed: tuple[Master, Posed, float]) -> Solution:
+            return solve_frame(*posed, self.method, solver)
+
+        return Work(prepare, solve, _end)
+
+    def solver(self, theatre: Scene, note: Note) -> Solver | None:
+        """The perceptual method's solver, or None for the others' own.
+
+        Raises
+        ------
+        InputError
+            If the settings do not go together, or there is no such device.
+        """
+        require_method(self.method, theatre)
+        if not 0 < self.tolerance < 1:
+            raise InputError(f"tolerance must lie between 0 and 1, got {self.tolerance:g}")
+        worst = self.scene.seat == "worst"
+        if self.method != "perceptual":
+            if self.device != CPU:
+                raise InputError(
+                    f"--device {self.device}: {self.method} is computed on the processor only"
+                )
+            if worst and isinstance(theatre, StereoScene) and len(theatre.chosen) > 1:
+                raise InputError(
+                    f"--seat worst: {self.method} knows one seat or the mean of all; use "
+                    f"--seat all, name one, or leave --method out"
+                )
+            return None
+
+        def progress(iteration: int, gap: float) -> None:
+            note(f"iteration {iteration}, within {gap:.1e} of the optimum")
+
+        solver = perceptual(theatre, self.tolerance, worst=worst, progress=progress)
+        return on_device(solver, self.device)
+
+    def settings(self) -> dict[str, Any]:
+        """See `Recipe`."""
+        settings = {name: value for name, value in asdict(self).items() if name != "scene"}
+        return {"command": "compensate", **self.scene.settings(), **settings}
+
+    def columns(self) -> tuple[Column, ...]:
+        """See `Recipe`."""
+        return (
+            Column("error_after", "Visible error, JND rms"),
+            Column("error_subtractive", "Subtractive, JND rms"),
+            Column("error_before", "Untouched, JND rms"),
+            Column("clipped", "Too dark", percent=True),
+            Column("out_of_range", "Out of range", percent=True),
+        )
+
+    def memory(self, rows: int, cols: int) -> int:
+        """See `Recipe`."""
+        return 500_000_000 + 100 * 4 * rows * cols
+
+    def compare(self, master: Master, page: Path) -> bool:
+        """See `Recipe`: master, and what is seen untouched and compensated."""
+        theatre = self.scene.load()
+        weighting = weighting_of(self.eye, self.low_frequency_gain)
+        solver = None
+        if self.method == "perceptual":
+            solver = self.solver(theatre, lambda text: None)
+        comparison = compare_methods(master, theatre, solver=solver, weighting=weighting)
+        comparison.write_page(page, size=SIZE, command=f"domesim compensate --scene {theatre.name}")
+        return True
+
+
+def weighting_of(name: str, low_frequency_gain: float | None) -> Eye:
+    """The vision model of that name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    settings: dict[str, type[Eye]] = {PAPER: PerceptualWeighting, "contrast": ContrastWeighting}
+    if name not in settings:
+        raise InputError(f"--weighting {name!r} is not known; use one of {', '.join(settings)}")
+    if low_frequency_gain is None:
+        return settings[name]()
+    return settings[name](LowFrequencyFloor(low_frequency_gain))
+
+
+def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
+    outcome = solution.outcome()
+    written = write(outcome.frame)
+    stored = outcome.stored_error(written)
+    line = f"{line_of(outcome.figures)} As stored: {stored:.3g} JND rms"
+    if stored > 1.1 * outcome.figures.error_after and stored > INVISIBLE:
+        line += f" (rounding to {written.bits} bit {written.path.suffix} shows: --format, --bits)"
+    return {**asdict(outcome.figures), "error_stored": stored}, line
+
+
+def line_of(f: Figures) -> str:
+    """What was done and how good it is, for a person."""
+    parts = [
+        f"{f.method}: visible error {f.error_before:.3g} -> {f.error_after:.3g} JND rms "
+        f"(subtractive {f.error_subtractive:.3g})",
+        f"{f.clipped:.1%} of the screen too dark for exact subtraction",
+    ]
+    if f.error_by_seat:
+        seats = ", ".join(f"{name} {error:.3g}" for name, error in f.error_by_seat.items())
+        parts.append(f"by seat: {seats}")
+    if f.out_of_range:
+        parts.append(f"{f.out_of_range:.1%} out of the projector's range")
+    if f.file_clipped:
+        parts.append(f"{f.file_clipped:.1%} out of the file's colour range and clipped")
+    if f.gap is not None:
+        line = f"within {f.gap:.1e} of the optimum after {f.iterations} iterations"
+        if f.distance:
+            line += f" (what is seen, within {f.distance:.2g} JND rms)"
+        parts.append(line)
+    parts.append(f"{f.seconds:.1f} s. {f.status}")
+    return "; ".join(parts)

@@ -1,0 +1,290 @@
+"""Frames in other processes: workers of Dask, on this machine or wherever a scheduler has some.
+
+Each worker does one frame at a time, start to end, and sends back figures only: masters and results
+stay on the disk that all share. No more frames are handed out than workers are free, so that when
+one dies, only its own frame is done again; a frame that kills worker after worker is given up, and
+the others go on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, TypeAlias, final
+
+from domesim.batch.job import versions
+from domesim.batch.work import Failed, Finished, Order, Recipe, Steps
+from domesim.errors import InputError
+
+Client: TypeAlias = Any
+Future: TypeAlias = Any
+"""Dask's, which are imported late."""
+
+DEATHS = 2
+"""Workers that a frame may kill; the next is its last."""
+
+_PATIENCE = 30.0  # s: for a scheduler to answer
+_LOOK = 1.0  # s: how often to look for new workers
+
+
+@final
+@dataclass(frozen=True)
+class Crew:
+    """Who does the frames.
+
+    Parameters
+    ----------
+    workers
+        Processes on this machine.
+    threads
+        Of each.
+    scheduler
+        Address of a Dask scheduler whose workers are used instead, such as ``tcp://node1:8786``.
+    """
+
+    workers: int = 1
+    threads: int = 1
+    scheduler: str | None = None
+
+
+def in_cluster(
+    orders: Sequence[Order],
+    crew: Crew,
+    begin: Callable[[Order], None],
+    end: Callable[[Order, Finished | Failed], None],
+    tell: Callable[[str], None],
+) -> None:
+    """Do each frame, in whatever order they end.
+
+    Parameters
+    ----------
+    orders
+        The frames.
+    crew
+        Who does them.
+    begin, end
+        Called as each is handed out, and as each is done.
+    tell
+        Called with what a person should hear of the workers.
+
+    Raises
+    ------
+    InputError
+        If the scheduler cannot be reached, is lost, or its workers lack this program.
+    """
+    with _client(crew, tell) as client:
+        hall = _Hall(client, crew)
+        running: dict[str, tuple[Order, Future]] = {}
+        ended: queue.SimpleQueue[str] = queue.SimpleQueue()
+        waiting = list(reversed(orders))
+        interrupted = False
+        try:
+            while waiting or running:
+                try:
+                    while waiting and len(running) < hall.places():
+                        order = waiting.pop()
+                        begin(order)
+                        future = client.submit(do, order, pure=False)
+                        running[future.key] = order, future
+                        future.add_done_callback(lambda future: ended.put(future.key))
+                    try:
+                        key = ended.get(timeout=_LOOK)
+                    except queue.Empty:
+                        hall.require_scheduler()
+                        continue
+                    order, future = running.pop(key)
+                    end(order, _outcome(order, future, hall))
+                except Exception:
+                    hall.require_scheduler()  # of which everything else may be a consequence
+                    raise
+                except KeyboardInterrupt:
+                    if interrupted or not running:
+                        raise
+                    interrupted, waiting = True, []
+                    tell(f"Ending the {len(running)} frames under way; Ctrl-C again leaves them")
+        except BaseException:
+            # What was under way when the run ended left temporary files at most
+            unfinished = [order for order, _ in running.values()]
+            _leave(client)
+            for order in unfinished:
+                if order.job is not None and order.job.record(order.output) is None:
+                    order.job.forget(order.output)
+            raise
+        if interrupted:
+            raise KeyboardInterrupt
+
+
+def do(order: Order) -> Finished | Failed:
+    """One frame, in a worker."""
+    try:
+        with _ONE_AT_A_TIME:
+            return _steps(order.recipe).all(order)
+    except InputError as error:
+        return Failed(f"{order.moment[0]}: {error}")
+
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Frames share what is kept between them; a worker of several threads does one all the same."""
+
+
+@lru_cache(maxsize=1)
+def _steps(recipe: Recipe) -> Steps:
+    return Steps(recipe.work(lambda text: None))
+
+
+def _outcome(order: Order, future: Future, hall: _Hall) -> Finished | Failed:
+    from distributed import KilledWorker  # noqa: PLC0415
+
+    if future.status == "finished":
+        result: Finished | Failed = future.result()
+        return result
+    if future.status in ("cancelled", "lost"):
+        hall.require_scheduler()
+        return Failed(f"{order.moment[0]}: cancelled by the scheduler")
+    error = future.exception()
+    if isinstance(error, KilledWorker):
+        return Failed(
+            f"{order.moment[0]}: given up; {error.allowed_failures + 1} workers died of it, one "
+            f"after the other. Too little memory for such frames (fewer --workers need less), or a "
+            f"fault in a library"
+        )
+    return Failed(f"{order.moment[0]}: {type(error).__name__}: {error}")
+
+
+@final
+class _Hall:
+    """The workers that are there."""
+
+    def __init__(self, client: Client, crew: Crew) -> None:
+        self._client, self._crew = client, crew
+        self._looked, self._places = -_LOOK, 0
+
+    def places(self) -> int:
+        """How many frames can be under way."""
+        if self._crew.scheduler is None:
+            return self._crew.workers
+        now = time.monotonic()
+        if now - self._looked >= _LOOK:
+            self.require_scheduler()
+            with contextlib.suppress(OSError, TimeoutError):
+                self._places = len(self._client.nthreads())
+            self._looked = now
+        return self._places
+
+    def require_scheduler(self) -> None:
+        """See that the scheduler is there."""
+        if self._client.status != "running":
+            raise InputError(
+                f"{self._crew.scheduler or 'the scheduler'}: lost it. What is done is kept: the "
+                f"same command goes on with the rest"
+            )
+
+
+@contextmanager
+def _client(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
+    import dask  # noqa: PLC0415
+    from distributed import Client, LocalCluster  # noqa: PLC0415
+
+    be_quiet()
+    settings = {
+        "distributed.scheduler.allowed-failures": DEATHS,
+        # Results are figures: there is nothing to spill, and a worker that pauses never goes on
+        "distributed.worker.memory.target": False,
+        "distributed.worker.memory.spill": False,
+        "distributed.worker.memory.pause": False,
+        "distributed.nanny.pre-spawn-environ": _environment(crew.threads),
+    }
+    with dask.config.set(settings):
+        if crew.scheduler is not None:
+            try:
+                client = Client(crew.scheduler, timeout=_PATIENCE, set_as_default=False)
+            except (OSError, ValueError, TimeoutError) as error:
+                told = " ".join(str(error).split())
+                raise InputError(
+                    f"--scheduler {crew.scheduler}: wanted a Dask scheduler, got '{told}'. Start "
+                    f"one (dask scheduler), or leave --scheduler out"
+                ) from None
+            try:
+                _require_alike(client, crew, tell)
+                yield client
+            finally:
+                client.close(timeout=1)
+            return
+        cluster = LocalCluster(
+            n_workers=crew.workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.CRITICAL,
+            preload=["domesim.batch.preload"],
+        )
+        try:
+            with Client(cluster, set_as_default=False) as client:
+                yield client
+        finally:
+            cluster.close(timeout=5)
+
+
+def be_quiet() -> None:
+    """Let Dask print nothing: what goes wrong, the command tells."""
+    for name in ("distributed", "tornado", "asyncio", *logging.root.manager.loggerDict):
+        if name.split(".")[0] in ("distributed", "tornado", "asyncio"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+def _environment(threads: int) -> dict[str, str]:
+    """Of workers: one frame's threads, and BLAS within them."""
+    single = dict.fromkeys(("MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    return {**single, "OMP_NUM_THREADS": str(threads), "PYTHONWARNINGS": "ignore"}
+
+
+def _leave(client: Client) -> None:
+    """Let go of the workers at once."""
+    with contextlib.suppress(Exception):
+        if client.cluster is not None:
+            client.cluster.close(timeout=5)
+
+
+def _require_alike(client: Client, crew: Crew, tell: Callable[[str], None]) -> None:
+    """See that a scheduler's workers have this program."""
+    try:
+        found = client.run(versions)
+    except Exception as error:
+        told = " ".join(str(error).split())
+        raise InputError(
+            f"--scheduler {crew.scheduler}: its workers cannot run domesim ('{told}'). Install the "
+            f"same domesim there"
+        ) from None
+    ours = versions()
+    for worker, theirs in found.items():
+        if theirs.get("domesim") != ours.get("domesim"):
+            raise InputError(
+                f"--scheduler {crew.scheduler}: wanted workers with domesim "
+                f"{ours.get('domesim')}, got {theirs.get('domesim')} at {worker}"
+            )
+    unlike = {
+        f"{name} {theirs.get(name, 'none')}"
+        for theirs in found.values()
+        for name in {*theirs, *ours}
+        if theirs.get(name) != ours.get(name)
+    }
+    if unlike:
+        tell(
+            f"workers of {crew.scheduler} have other libraries than this machine "
+            f"({', '.join(sorted(unlike))}): the last bits of results may differ"
+        )
+    if not found:
+        tell(f"{crew.scheduler} has no workers yet; waiting for them")
+
+
+def cores() -> int:
+    """Of this machine, that this process may use."""
+    return len(os.sched_getaffinity(0))

@@ -1,0 +1,273 @@
+"""A job: what is kept of the frames that are done, so that a run that was killed goes on.
+
+Beside the results, a folder ``job`` holds ``settings.json``, all that results depend on; and for
+each frame a record, written after its result: its figures, the SHA-256 of master and result, and
+who made it with which versions. A record is one small file, so that as many machines as wish can
+work on one show at once, and none needs to hear of the others.
+
+A frame is done if its record says so, its result is as it was written, byte by byte, and its master
+too. Anything else is done again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, final
+
+from domesim.errors import InputError
+from domesim.frames.messages import reason
+from domesim.frames.whole import write_whole
+
+FOLDER = "job"
+"""Name of the folder, beside the results."""
+
+_PACKAGES = ("domesim", "numpy", "scipy", "openimageio", "distributed", "numba", "mkl-fft")
+
+
+@final
+@dataclass(frozen=True)
+class Record:
+    """What is kept of a frame that is done.
+
+    Parameters
+    ----------
+    figures, line, seconds
+        As of `Finished`.
+    sources
+        Of each file of the master: size, time of its last change (ns), SHA-256.
+    maker
+        As of `Finished`.
+    results
+        SHA-256 of each file of the result.
+    settings
+        Digest of the settings it was made with.
+    versions
+        Of what made it.
+    """
+
+    figures: dict[str, Any]
+    line: str
+    seconds: dict[str, float]
+    sources: dict[str, list[Any]]
+    maker: dict[str, Any]
+    results: dict[str, str] = field(default_factory=dict)
+    settings: str = ""
+    versions: dict[str, str] = field(default_factory=dict)
+
+
+@final
+@dataclass(frozen=True)
+class Job:
+    """One show's job.
+
+    Parameters
+    ----------
+    folder
+        Where its records are.
+    settings
+        Digest of its settings.
+    mixed
+        Take results that were made with other settings.
+    """
+
+    folder: Path
+    settings: str
+    mixed: bool = False
+
+    def kept(self, moment: Sequence[Path], output: Sequence[Path]) -> Record | None:
+        """The record of a frame, if it is done.
+
+        Raises
+        ------
+        InputError
+            If the master is not there any more.
+        """
+        record = self.record(output)
+        if record is None or not (self.mixed or record.settings == self.settings):
+            return None
+        if set(record.sources) != {path.name for path in moment}:
+            return None
+        if not all(_unchanged(path, record.sources[path.name]) for path in moment):
+            return None
+        for path in output:
+            try:
+                if sha256(path) != record.results.get(path.name):
+                    return None
+            except InputError:
+                return None
+        return record
+
+    def record(self, output: Sequence[Path]) -> Record | None:
+        """What is kept of the frame whose result is `output`; None if there is nothing whole."""
+        try:
+            return Record(**json.loads(self._place(output).read_text()))
+        except (OSError, ValueError, TypeError):
+            return None
+
+    def count(self, outputs: Iterable[Sequence[Path]]) -> int:
+        """How many of the frames with these results have a record."""
+        there = {path.name for path in self.folder.glob("*.json")}
+        return sum(self._place(output).name in there for output in outputs)
+
+    def sources(self, moment: Sequence[Path]) -> dict[str, list[Any]]:
+        """Size, time and SHA-256 of each file of a master, as of `Record`.
+
+        Raises
+        ------
+        InputError
+            If one cannot be read.
+        """
+        found = {}
+        for path in moment:
+            size, changed = _state(path)
+            found[path.name] = [size, changed, sha256(path)]
+        return found
+
+    def keep(self, output: Sequence[Path], record: Record) -> None:
+        """Keep the record of a frame whose result has been written.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written.
+        """
+        whole = {
+            **asdict(record),
+            "results": {path.name: sha256(path) for path in output},
+            "settings": self.settings,
+            "versions": versions(),
+        }
+        content = json.dumps(whole, indent=1, allow_nan=False)
+        write_whole(self._place(output), content.encode())
+
+    def forget(self, output: Sequence[Path]) -> None:
+        """Let a frame be done again, and remove what a run that was killed left of it."""
+        places = [*output, self._place(output)]
+        self._place(output).unlink(missing_ok=True)
+        for path in places:
+            for temporary in path.parent.glob(f".{_escaped(path.stem)}.tmp-*{path.suffix}"):
+                with suppress(OSError):
+                    temporary.unlink()
+
+    def _place(self, output: Sequence[Path]) -> Path:
+        return self.folder / f"{output[0].name}.json"
+
+
+def open_job(
+    out: Path, settings: dict[str, Any], *, mixed: bool = False, anew: bool = False
+) -> Job:
+    """The job whose results go to the folder `out`; it is made if there is none.
+
+    Parameters
+    ----------
+    out
+        The folder; it exists.
+    settings
+        All that results depend on, for JSON.
+    mixed
+        Keep results that were made with other settings.
+    anew
+        Do all frames again.
+
+    Raises
+    ------
+    InputError
+        If the folder holds a job of other settings and neither is wanted, or cannot be written to.
+    """
+    folder, place = out / FOLDER, out / FOLDER / "settings.json"
+    told = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False)
+    job = Job(folder, hashlib.sha256(told.encode()).hexdigest(), mixed)
+    try:
+        folder.mkdir(exist_ok=True)
+        before = place.read_text() if place.exists() else None
+        if anew:
+            for record in folder.glob("*.json"):
+                record.unlink()
+            before = None
+    except OSError as error:
+        raise InputError(
+            f"{folder}: wanted a folder for the job's records, got '{reason(error)}'. Choose "
+            f"another --out"
+        ) from error
+    if before is not None and before != told and not mixed:
+        raise InputError(
+            f"{out}: holds a job of other settings ({_difference(before, settings)}). Choose "
+            f"another --out, or do all frames again (--anew), or only those that are missing, "
+            f"beside the others (--mix)"
+        )
+    if before != told:
+        write_whole(place, told.encode())
+    return job
+
+
+def sha256(path: Path) -> str:
+    """Of a file's content.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: wanted to read it, got '{reason(error)}'") from error
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Of what results are made with."""
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
+
+
+def _state(path: Path) -> tuple[int, int]:
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise InputError(f"{path}: wanted to read it, got '{reason(error)}'") from error
+    return state.st_size, state.st_mtime_ns
+
+
+def _unchanged(path: Path, known: list[Any]) -> bool:
+    """Whether a master is as it was: by its size and time, or else its content."""
+    size, changed = _state(path)
+    return bool(size == known[0] and (changed == known[1] or sha256(path) == known[2]))
+
+
+def _difference(before: str, settings: dict[str, Any]) -> str:
+    """What settings differ in, for a person: ``method: subtractive there, perceptual now``."""
+    try:
+        there = json.loads(before)
+    except ValueError:
+        return "which cannot be read"
+    now = json.loads(json.dumps(settings))
+    differing = [
+        f"{name}: {_brief(there.get(name))} there, {_brief(now.get(name))} now"
+        for name in sorted({*there, *now})
+        if there.get(name) != now.get(name)
+    ]
+    return "; ".join(differing)
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, str) and len(value) == 64:
+        return f"SHA-256 {value[:8]}..."
+    return "none" if value is None else str(value)
+
+
+def _escaped(name: str) -> str:
+    """As a pattern that means itself."""
+    return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in name)

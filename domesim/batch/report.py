@@ -1,0 +1,260 @@
+"""The page about a job: how far it is while it runs, and then which frames are worst.
+
+It is written anew every few seconds, whole, and asks the browser to load it again until the run has
+ended. Beside it lie all figures as a table: ``frames.csv``, and ``frames.parquet`` where pyarrow is
+installed (extra ``tables``).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import re
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, final
+
+from domesim.batch.job import Job, versions
+from domesim.batch.work import Column, Failed, Finished, Order
+from domesim.console import complain
+from domesim.errors import InputError
+from domesim.frames.whole import write_whole
+
+EVERY = 3.0
+"""Seconds between two versions of the page."""
+
+SHOWN = 50
+"""Worst frames that the page names."""
+
+_POINTS = 800  # of a curve
+_WIDTH, _HEIGHT = 900, 150
+
+
+@final
+@dataclass(frozen=True)
+class Curve:
+    """A figure over all frames, as the page draws it: the largest of each few."""
+
+    title: str
+    points: str  # of an SVG polyline
+    largest: str
+    mean: str
+
+
+@final
+class Report:
+    """A run's page.
+
+    Parameters
+    ----------
+    job
+        Whose frames they are.
+    orders
+        Those of this run.
+    what
+        What is done, in one word.
+    """
+
+    def __init__(self, job: Job, orders: Sequence[Order], what: str) -> None:
+        self.page = job.folder / "report.html"
+        self._job, self._orders, self._what = job, orders, what
+        self._columns = orders[0].recipe.columns()
+        self._outcomes: dict[str, Finished | Failed] = {}
+        self._began, self._written = time.time(), 0.0
+        self._new = 0
+
+    def add(self, order: Order, outcome: Finished | Failed) -> None:
+        """A frame has ended."""
+        self._outcomes[order.output[0].name] = outcome
+        self._new += not (isinstance(outcome, Finished) and outcome.kept)
+        if time.time() - self._written > EVERY:
+            with suppress(InputError):  # said when the run ends, if it still is so
+                self._write("running")
+
+    def interrupt(self) -> None:
+        """The run ends before all frames are done."""
+        self._end("interrupted")
+
+    def finish(self) -> Path:
+        """All frames have ended; where the page is."""
+        self._end("finished")
+        return self.page
+
+    def worst(self, count: int) -> list[Order]:
+        """Frames of this run that are done, those first whose first column is largest."""
+        column = self._columns[0].key
+        known = {order.output[0].name: order for order in self._orders}
+        ranked = sorted(
+            (
+                (_number(outcome.figures.get(column)), name)
+                for name, outcome in self._outcomes.items()
+                if isinstance(outcome, Finished)
+            ),
+            key=lambda each: (-each[0], each[1]),
+        )
+        return [known[name] for _, name in ranked[:count]]
+
+    def _end(self, state: str) -> None:
+        rows = self._rows()
+        try:
+            write_tables(self._job.folder, list(rows.values()))
+            self._write(state, rows)
+        except InputError as error:
+            complain(error)
+
+    def _rows(self) -> dict[str, dict[str, Any]]:
+        """Figures of all frames of the job, other runs' too, by the result's name."""
+        rows: dict[str, dict[str, Any]] = {}
+        for place in self._job.folder.glob("*.json"):
+            name = place.name.removesuffix(".json")
+            if name == "settings" or name in self._outcomes:
+                continue
+            with suppress(OSError, ValueError, KeyError):
+                rows[name] = json.loads(place.read_text())["figures"]
+        for name, outcome in self._outcomes.items():
+            if isinstance(outcome, Finished):
+                rows[name] = outcome.figures
+        return {name: rows[name] for name in sorted(rows, key=_natural)}
+
+    def _write(self, state: str, rows: Mapping[str, dict[str, Any]] | None = None) -> None:
+        if rows is None:
+            done = self._outcomes.items()
+            found = {name: each.figures for name, each in done if isinstance(each, Finished)}
+            rows = {name: found[name] for name in sorted(found, key=_natural)}
+        ended = sum(isinstance(each, Finished) for each in self._outcomes.values())
+        elapsed = time.time() - self._began
+        left = len(self._orders) - len(self._outcomes)
+        rate = self._new / elapsed if elapsed > 0 else 0.0
+        first = self._columns[0]
+        ranked = sorted(rows, key=lambda name: -_number(rows[name].get(first.key)))
+        page = _template().render(
+            what=self._what,
+            state=state,
+            every=round(EVERY),
+            ended=ended,
+            total=len(self._orders),
+            beyond=len(rows) - ended,
+            rate=rate,
+            elapsed=_duration(elapsed),
+            left=_duration(left / rate) if rate else "",
+            failed=[each.reason for each in self._outcomes.values() if isinstance(each, Failed)],
+            columns=self._columns,
+            curves=[_curve(column, list(rows.values())) for column in self._columns if rows],
+            worst=[self._row(name, rows[name]) for name in ranked[:SHOWN]],
+            settings=_settings(self._job),
+            versions=versions(),
+            size=(_WIDTH, _HEIGHT),
+        )
+        write_whole(self.page, page.encode())
+        self._written = time.time()
+
+    def _row(self, name: str, figures: Mapping[str, Any]) -> dict[str, Any]:
+        compared = self._job.folder / page_name(name)
+        return {
+            "name": name,
+            "link": f"../{name}",
+            "page": compared.name if compared.exists() else "",
+            "cells": [column.shown(figures.get(column.key)) for column in self._columns],
+        }
+
+
+def page_name(output: str) -> str:
+    """Of the page that compares a frame's methods."""
+    return f"compare-{output}.html"
+
+
+def write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """All figures that are one number or text, as CSV and Parquet.
+
+    Raises
+    ------
+    InputError
+        If they cannot be written.
+    """
+    flat = [_flat(row) for row in rows]
+    names = list(dict.fromkeys(name for row in flat for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names)
+    writer.writeheader()
+    writer.writerows(flat)
+    write_whole(folder / "frames.csv", text.getvalue().encode("utf-8", "surrogateescape"))
+    with suppress(ImportError):
+        import pyarrow as pa  # noqa: PLC0415
+        from pyarrow import parquet  # noqa: PLC0415
+
+        table = pa.Table.from_pylist([{name: row.get(name) for name in names} for row in flat])
+        sink = pa.BufferOutputStream()
+        parquet.write_table(table, sink)
+        write_whole(folder / "frames.parquet", sink.getvalue().to_pybytes())
+
+
+def _flat(row: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """Left and right as two columns, what is nested with its names joined."""
+    flat: dict[str, Any] = {}
+    for name, value in row.items():
+        if isinstance(value, dict):
+            flat.update(_flat(value, f"{above}{name}."))
+        elif isinstance(value, list):
+            if len(value) <= 4 and not any(isinstance(each, list | dict) for each in value):
+                flat.update({f"{above}{name}.{k + 1}": each for k, each in enumerate(value)})
+        else:
+            flat[f"{above}{name}"] = value
+    return flat
+
+
+def _curve(column: Column, rows: Sequence[Mapping[str, Any]]) -> Curve:
+    """The largest of each few frames, from left to right."""
+    values = [_number(row.get(column.key)) for row in rows]
+    known = [value for value in values if math.isfinite(value)] or [0.0]
+    step = -(-len(values) // _POINTS)
+    peaks = [max(values[k : k + step]) for k in range(0, len(values), step)]
+    top = max(*known, 0.0) or 1.0
+    across = _WIDTH / max(len(peaks) - 1, 1)
+    points = " ".join(
+        f"{k * across:.1f},{_HEIGHT * (1 - max(peak, 0) / top):.1f}"
+        for k, peak in enumerate(peaks)
+        if math.isfinite(peak)
+    )
+    if len(peaks) == 1:  # a point has no length
+        points += f" {_WIDTH},{points.split(',')[1]}"
+    mean = sum(known) / len(known)
+    return Curve(column.title, points, column.shown(max(known)), column.shown(mean))
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) else -math.inf
+
+
+def _natural(name: str) -> list[Any]:
+    """A key that sorts frame 9 before frame 10."""
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    if minutes < 90:
+        return f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _settings(job: Job) -> dict[str, Any]:
+    with suppress(OSError, ValueError):
+        settings: dict[str, Any] = json.loads((job.folder / "settings.json").read_text())
+        return settings
+    return {}
+
+
+def _template() -> Any:
+    from jinja2 import Environment, StrictUndefined  # noqa: PLC0415
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    place = files("domesim.batch") / "templates" / "report.html.j2"
+    return environment.from_string(place.read_text("utf-8"))

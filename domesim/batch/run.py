@@ -1,0 +1,335 @@
+"""What commands call: do each frame of a show, alone or with workers, and tell of it."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, final
+
+from domesim.batch.alone import alone
+from domesim.batch.cluster import Crew, cores, in_cluster
+from domesim.batch.job import Job, open_job, versions
+from domesim.batch.report import Report, page_name
+from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
+from domesim.console import Console, complain, prepare
+from domesim.errors import InputError
+from domesim.frames.reading import open_image
+from domesim.shows import Show
+
+STEPS = ("reading", "solving", "writing")
+
+_SPARE = 0.8  # of the memory that is free: what workers may need together
+
+
+@final
+@dataclass(frozen=True)
+class Running:
+    """How a show is done.
+
+    Parameters
+    ----------
+    workers
+        Processes on this machine: 0 for none, all in the command's own; None for as many as
+        cores and memory allow. A single frame needs none.
+    threads
+        Of each worker; None to share the cores.
+    scheduler
+        Address of a Dask scheduler whose workers do the frames.
+    anew
+        Do frames that are done already once more.
+    mixed
+        Take frames that are done already with other settings.
+    pages
+        Of a sequence: for how many of the worst frames a page is written that compares methods.
+    """
+
+    workers: int | None = None
+    threads: int | None = None
+    scheduler: str | None = None
+    anew: bool = False
+    mixed: bool = False
+    pages: int = 3
+
+
+@final
+@dataclass
+class Done:
+    """What became of a show.
+
+    Parameters
+    ----------
+    frames
+        Figures of the masters that are done, in order, with ``input`` and ``output``: a path, or
+        the paths of left and right.
+    failed
+        Messages of those that are not.
+    seconds
+        ``total``, from the first file to the last; and the sums of ``reading`` (and preparing),
+        ``solving`` and ``writing`` (and finishing), of frames that may have been done at once.
+    kept
+        How many of the frames had been done before.
+    report
+        The page about all frames of the job, if it is a sequence.
+    """
+
+    frames: list[dict[str, Any]] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(("total", *STEPS), 0.0))
+    kept: int = 0
+    report: Path | None = None
+
+
+def each_frame(
+    show: Show,
+    folder: Path,
+    recipe: Recipe,
+    console: Console,
+    *,
+    what: str,
+    writing: Writing | None = None,
+    running: Running | None = None,
+) -> Done:
+    """Read each master of a show, do what a recipe asks for, write its result to `folder`.
+
+    Results have their masters' names. A master that fails is named and leaves nothing behind; the
+    others go on. Of a sequence, what is done is kept in `folder` (`job`): the same command goes on
+    where it was ended, however it was. What was read is said of the first master, and of each that
+    differs from the one before.
+
+    Parameters
+    ----------
+    show
+        The masters.
+    folder
+        It is made if it is not there.
+    recipe
+        What to do.
+    console
+        Who is told.
+    what
+        It, in one word for the progress bar.
+    writing, running
+        How.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or written to, holds a job of other settings, an output would
+        replace its input, or a scheduler fails.
+    """
+    writing, running = writing or Writing(), running or Running()
+    outputs = show.outputs(folder, writing.suffix)
+    for place in {path.parent for output in outputs for path in output} | {folder}:
+        prepare(place)
+    job: Job | None = None
+    if show.numbered:
+        settings = {**recipe.settings(), **_settings(show, writing)}
+        job = open_job(folder, settings, mixed=running.mixed, anew=running.anew)
+    orders = [
+        Order(replace(show, moments=(moment,)), output, recipe, writing, job)
+        for moment, output in zip(show.moments, outputs, strict=True)
+    ]
+    report = None if job is None else Report(job, orders, what)
+    telling = _Telling(console, orders, report)
+    crew = crew_of(running, recipe, show)
+    began = time.perf_counter()
+    with console.progress(what, len(orders)) as start:
+        try:
+            missing = orders
+            if job is not None and running.scheduler is None:
+                missing = _missing(orders, job, telling.end)
+            if crew is None or not missing:
+                work = recipe.work(console.note)
+                alone(missing, work, lambda order: start(order.moment[0].name), telling.end)
+            else:
+                console.say(_told(crew))
+                in_cluster(
+                    missing,
+                    crew,
+                    lambda order: start(order.moment[0].name),
+                    telling.end,
+                    console.say,
+                )
+        except BaseException:
+            if job is not None:
+                telling.interrupted(job)
+            raise
+    done = telling.done()
+    done.seconds["total"] = time.perf_counter() - began
+    if report is not None:
+        _compare(report.worst(running.pages), recipe, console)
+        done.report = report.finish()
+        kept = f", {done.kept} of them before" if done.kept else ""
+        console.say(
+            f"{len(done.frames)} of {len(orders)} frames are done{kept}. Report: {done.report}"
+        )
+    return done
+
+
+def _missing(
+    orders: list[Order], job: Job, end: Callable[[Order, Finished | Failed], None]
+) -> list[Order]:
+    """Those that are not done yet; the others end as they are."""
+
+    def look(order: Order) -> Finished | None:
+        try:
+            record = job.kept(order.moment, order.output)
+        except InputError:  # whoever does it will say so
+            return None
+        return None if record is None else Finished(record.figures, record.line, kept=True)
+
+    missing = []
+    with ThreadPoolExecutor(cores()) as pool:
+        for order, kept in zip(orders, pool.map(look, orders), strict=True):
+            if kept is None:
+                missing.append(order)
+            else:
+                end(order, kept)
+    return missing
+
+
+def _compare(orders: list[Order], recipe: Recipe, console: Console) -> None:
+    """Write the pages of the worst frames."""
+    with console.progress("comparing", len(orders)) as start:
+        for order in orders:
+            start(order.name)
+            assert order.job is not None
+            page = order.job.folder / page_name(order.output[0].name)
+            if page.exists() and page.stat().st_mtime >= order.output[0].stat().st_mtime:
+                continue
+            try:
+                if not recipe.compare(order.show.read(order.moment, repair=True), page):
+                    return
+            except InputError as error:
+                complain(error)
+
+
+def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
+    """Who does a show's frames; None for the command itself.
+
+    Raises
+    ------
+    InputError
+        If what is asked for cannot be.
+    """
+    if running.scheduler is not None:
+        if running.workers is not None or running.threads is not None:
+            raise InputError(
+                "--scheduler has workers of its own; leave --workers and --threads out"
+            )
+        return Crew(scheduler=running.scheduler)
+    for name, number, least in (("workers", running.workers, 0), ("threads", running.threads, 1)):
+        if number is not None and number < least:
+            raise InputError(f"--{name} must be at least {least}, got {number}")
+    count = len(show.moments)
+    if running.workers == 0 or (running.workers is None and count == 1):
+        return None
+    workers = running.workers
+    if workers is None:
+        workers = min(cores(), count, _room(recipe, show))
+    return Crew(workers, running.threads or max(1, cores() // workers))
+
+
+def _room(recipe: Recipe, show: Show) -> int:
+    """How many frames memory has room for at once; at least one."""
+    for moment in show.moments[:3]:
+        with suppress(InputError):
+            rows, cols = _size(moment[0])
+            need = recipe.memory(rows, cols)
+            return max(1, int(_SPARE * _free() / need))
+    return cores()
+
+
+def _size(path: Path) -> tuple[int, int]:
+    """Rows and columns of a file's picture, as its header says."""
+    reader = open_image(path)
+    try:
+        spec = reader.spec()
+        return int(spec.full_height), int(spec.full_width)
+    finally:
+        reader.close()
+
+
+def _free() -> int:
+    """Memory that can be had, bytes."""
+    with suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        line = next(line for line in lines if line.startswith("MemAvailable:"))
+        return int(line.split()[1]) * 1024
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+def _told(crew: Crew) -> str:
+    if crew.scheduler is not None:
+        return f"Workers of {crew.scheduler}"
+    workers = "1 worker" if crew.workers == 1 else f"{crew.workers} workers"
+    return f"{workers}, {crew.threads} of {cores()} cores each"
+
+
+def _settings(show: Show, writing: Writing) -> dict[str, Any]:
+    """What results depend on besides the recipe."""
+    return {
+        "domesim": versions().get("domesim"),
+        "packing": show.packing,
+        "encoding": None if show.colour is None else asdict(show.colour),
+        **asdict(writing),
+    }
+
+
+@final
+class _Telling:
+    """Tells what becomes of frames, as they end, and gathers it."""
+
+    def __init__(self, console: Console, orders: list[Order], report: Report | None) -> None:
+        self._console, self._orders, self._report = console, orders, report
+        self._ended: dict[Order, Finished | Failed] = {}
+        self._described = ""
+        self._lock = threading.Lock()
+
+    def end(self, order: Order, outcome: Finished | Failed) -> None:
+        """One frame."""
+        with self._lock:
+            self._ended[order] = outcome
+            if self._report is not None:
+                self._report.add(order, outcome)
+        if isinstance(outcome, Failed):
+            complain(outcome.reason)
+            return
+        read = outcome.figures.get("read", "")
+        if read != self._described:
+            self._described = read
+            self._console.say(f"{order.name}: {read}")
+        if outcome.kept:
+            self._console.say(f"{order.name} (done before): {outcome.line}")
+            return
+        self._console.say(f"{order.name}: {outcome.line}\n  -> {', '.join(map(str, order.output))}")
+
+    def done(self) -> Done:
+        """Of all, in order."""
+        done = Done()
+        for order in self._orders:
+            outcome = self._ended[order]
+            if isinstance(outcome, Failed):
+                done.failed.append(outcome.reason)
+                continue
+            done.frames.append(outcome.figures)
+            done.kept += outcome.kept
+            for step in STEPS:
+                done.seconds[step] += outcome.seconds.get(step, 0.0) if not outcome.kept else 0.0
+        return done
+
+    def interrupted(self, job: Job) -> None:
+        """The run ends before all are."""
+        if self._report is not None:
+            self._report.interrupt()
+        count = job.count(order.output for order in self._orders)
+        complain(
+            f"{count} of {len(self._orders)} frames are done; the same command goes on with the "
+            f"rest"
+        )

@@ -1,0 +1,387 @@
+"""What is done to each frame of a show, wherever it is done: read, solve, write, and keep a record.
+
+Whoever does it (`alone`, `cluster`) only decides where and when. A mistake is handed on as a
+`Failed`, so that the other frames go on.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import socket
+import tempfile
+import time
+import traceback
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar, final
+
+from domesim.batch.job import Job, Record
+from domesim.console import about
+from domesim.errors import InputError
+from domesim.frames import Master, read_master, write_master
+from domesim.frames.views import require_writable
+from domesim.shows import Show
+
+Files: TypeAlias = tuple[Path, ...]
+"""Of one moment: one, or left and right."""
+
+Note: TypeAlias = Callable[[str], None]
+"""Told how the frame under way gets on."""
+
+P = TypeVar("P")
+S = TypeVar("S")
+
+
+class Write(Protocol):
+    """Writes a result and gives it back as it was stored."""
+
+    @property
+    def output(self) -> Files:
+        """Where it goes."""
+
+    def __call__(self, result: Master, /) -> Master:
+        """Write it."""
+
+
+@final
+@dataclass(frozen=True)
+class Work(Generic[P, S]):
+    """What is done to each master of a show, in three parts.
+
+    Parameters
+    ----------
+    prepare
+        Of a master that was read.
+    solve
+        Of what was prepared.
+    finish
+        Of what was solved: write the result; figures, and a line for a person.
+    """
+
+    prepare: Callable[[Master], P]
+    solve: Callable[[P], S]
+    finish: Callable[[S, Write], tuple[dict[str, Any], str]]
+
+
+@final
+@dataclass(frozen=True)
+class Column:
+    """A figure of each frame that the report shows; the more, the worse.
+
+    Parameters
+    ----------
+    key
+        Its name in the figures.
+    title
+        With its unit.
+    percent
+        Whether it is a share.
+    """
+
+    key: str
+    title: str
+    percent: bool = False
+
+    def shown(self, value: Any) -> str:
+        """A figure as text."""
+        if not isinstance(value, int | float):
+            return "" if value is None else str(value)
+        return f"{value:.2%}" if self.percent else f"{value:.3g}"
+
+
+class Recipe(ABC):
+    """A command's settings, and the work that they ask for: what is sent to whoever does it.
+
+    It can be hashed, compared and pickled.
+    """
+
+    @abstractmethod
+    def work(self, note: Note) -> Work[Any, Any]:
+        """The work, with what frames of one show share.
+
+        Raises
+        ------
+        InputError
+            If a file that the settings name cannot be read.
+        """
+
+    @abstractmethod
+    def settings(self) -> dict[str, Any]:
+        """All that results depend on besides the master, for JSON: files by their SHA-256."""
+
+    @abstractmethod
+    def columns(self) -> tuple[Column, ...]:
+        """What the report shows of each frame; frames are ranked by the first."""
+
+    @abstractmethod
+    def memory(self, rows: int, cols: int) -> int:
+        """Bytes that a worker needs for frames of that size, about."""
+
+    def compare(self, master: Master, page: Path) -> bool:
+        """Write a page that compares what may be done with a master; whether there is such a page.
+
+        By default there is none.
+        """
+        return False
+
+
+@final
+@dataclass(frozen=True)
+class Writing:
+    """How masters are read and results written.
+
+    Parameters
+    ----------
+    suffix, bits
+        Of the results' files and samples, such as ``.png``; the master's if None.
+    dither
+        As for `write_master`.
+    repair
+        As for `read_master`.
+    """
+
+    suffix: str | None = None
+    bits: int | None = None
+    dither: bool = False
+    repair: bool = False
+
+
+@final
+@dataclass(frozen=True)
+class Order:
+    """One frame to do.
+
+    Parameters
+    ----------
+    show
+        The show; of its moments, only this frame's.
+    output
+        Where the result goes: as many files as it has.
+    recipe, writing
+        How.
+    job
+        Where its record goes; None to keep none.
+    """
+
+    show: Show
+    output: Files
+    recipe: Recipe
+    writing: Writing
+    job: Job | None = None
+
+    @property
+    def moment(self) -> Files:
+        """The master's files."""
+        return self.show.moments[0]
+
+    @property
+    def name(self) -> str:
+        """For a person."""
+        return " and ".join(path.name for path in self.moment)
+
+
+@final
+@dataclass(frozen=True)
+class Finished:
+    """A frame that is done.
+
+    Parameters
+    ----------
+    figures
+        For a program, with ``input``, ``output`` and what was read.
+    line
+        For a person.
+    seconds
+        Of ``reading`` (and preparing), ``solving`` and ``writing`` (and finishing).
+    maker
+        Who did it: ``host``, ``pid``, and the memory that this process has (``resident``) and had
+        at most (``peak``), bytes.
+    kept
+        Whether it had been done before.
+    """
+
+    figures: dict[str, Any]
+    line: str
+    seconds: dict[str, float] = field(default_factory=dict)
+    maker: dict[str, Any] = field(default_factory=dict)
+    kept: bool = False
+
+
+@final
+@dataclass(frozen=True)
+class Failed:
+    """A frame that is not, and why: one line."""
+
+    reason: str
+
+
+@final
+@dataclass(frozen=True)
+class _Read(Generic[P]):
+    """A master that was read and prepared.
+
+    Parameters
+    ----------
+    prepared
+        For `Work.solve`; and then what that gave, for `Work.finish`.
+    repaired
+        How many samples were.
+    facts
+        `Master.facts`.
+    sources
+        As for `Record.sources`.
+    seconds
+        As of `Finished`.
+    """
+
+    prepared: P
+    repaired: int
+    facts: dict[str, Any]
+    sources: dict[str, Any]
+    seconds: dict[str, float]
+
+
+@final
+class Steps:
+    """The three steps of each frame, which may be in threads of their own.
+
+    Parameters
+    ----------
+    work
+        What is done.
+    """
+
+    def __init__(self, work: Work[Any, Any]) -> None:
+        self._work = work
+
+    def read(self, order: Order) -> _Read[Any] | Finished | Failed:
+        """What was prepared; the frame itself if it was done before."""
+        with _caught(order) as caught:
+            before = None if order.job is None else order.job.kept(order.moment, order.output)
+            if before is not None:
+                return Finished(before.figures, before.line, kept=True)
+            seconds: dict[str, float] = {}
+            with _timed(seconds, "reading"):
+                sources = {} if order.job is None else order.job.sources(order.moment)
+                master = order.show.read(order.moment, repair=order.writing.repair)
+                require_writable(master, order.output, order.writing.bits)
+                prepared = self._work.prepare(master)
+            return _Read(prepared, master.repaired, master.facts(), sources, seconds)
+        return caught[0]
+
+    def solve(self, order: Order, read: _Read[Any] | Finished | Failed) -> Any:
+        """What was solved."""
+        if not isinstance(read, _Read):
+            return read
+        with _caught(order) as caught, _timed(read.seconds, "solving"):
+            return replace(read, prepared=self._work.solve(read.prepared))
+        return caught[0]
+
+    def finish(self, order: Order, solved: _Read[Any] | Finished | Failed) -> Finished | Failed:
+        """Write it, and keep its record."""
+        if not isinstance(solved, _Read):
+            return solved
+        write = _Writer(order)
+        with _caught(order) as caught:
+            with _timed(solved.seconds, "writing"):
+                figures, line = self._work.finish(solved.prepared, write)
+            named = {"input": _named(order.moment), "output": _named(order.output)}
+            figures = {**named, **solved.facts, **figures}
+            if solved.repaired:
+                figures["repaired"] = solved.repaired
+                line += f"; {solved.repaired} impossible samples repaired"
+            if write.unsaid:
+                figures["unsaid"] = write.unsaid
+                line += f"; written as {write.unsaid}"
+            maker = _maker()
+            if order.job is not None:
+                record = Record(figures, line, solved.seconds, solved.sources, maker)
+                order.job.keep(order.output, record)
+            return Finished(figures, line, solved.seconds, maker)
+        return caught[0]
+
+    def all(self, order: Order) -> Finished | Failed:
+        """One after the other."""
+        return self.finish(order, self.solve(order, self.read(order)))
+
+
+@final
+class _Writer:
+    """`Write` for an order."""
+
+    def __init__(self, order: Order) -> None:
+        self._order = order
+        self.unsaid = ""
+
+    @property
+    def output(self) -> Files:
+        return self._order.output
+
+    def __call__(self, result: Master, /) -> Master:
+        """Write it, and read it as others will who know its encoding."""
+        output, writing = self._order.output, self._order.writing
+        write_master(result, output, bits=writing.bits, dither=writing.dither)
+        packing = None if result.packing in ("single", "files") else result.packing
+        stored = read_master(
+            output, packing=packing, repair=True, allow_identical=True, colour=result.colour
+        )
+        self.unsaid = stored.unsaid()
+        return stored
+
+
+def _maker() -> dict[str, Any]:
+    """Of `Finished`: the process itself."""
+    pages = Path("/proc/self/statm").read_text().split()[1]
+    return {
+        "host": socket.gethostname(),
+        "pid": os.getpid(),
+        "resident": int(pages) * resource.getpagesize(),
+        "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+    }
+
+
+@contextmanager
+def _caught(order: Order) -> Iterator[list[Failed]]:
+    """A mistake, or a fault of our own, becomes a `Failed` in the list."""
+    failed: list[Failed] = []
+    try:
+        with about(order.moment[0]):
+            yield failed
+    except InputError as error:
+        failed.append(Failed(str(error)))
+    except MemoryError:
+        failed.append(Failed(f"{order.moment[0]}: not enough memory for frames of this size"))
+    except Exception as error:
+        failed.append(Failed(_fault(order, error)))
+
+
+def _fault(order: Order, error: Exception) -> str:
+    """A fault of the program, told in one line; the rest goes into a file."""
+    told = f"{order.moment[0]}: a fault of domesim itself: {type(error).__name__}: {error}"
+    told = " ".join(told.split())
+    with tempfile.NamedTemporaryFile("w", prefix="domesim-", suffix=".txt", delete=False) as file:
+        traceback.print_exception(error, file=file)
+    place = Path(file.name)
+    if order.job is not None:
+        kept = order.job.folder / f"{order.output[0].name}.fault.txt"
+        shutil.move(place, kept)
+        place = kept
+    return f"{told} (report it with {place})"
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], step: str) -> Iterator[None]:
+    began = time.perf_counter()
+    try:
+        yield
+    finally:
+        seconds[step] = time.perf_counter() - began
+
+
+def _named(paths: Files) -> str | list[str]:
+    return str(paths[0]) if len(paths) == 1 else [str(path) for path in paths]

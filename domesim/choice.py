@@ -1,0 +1,120 @@
+"""Which scene, as a command line names it: what is sent to whoever works on its frames."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from enum import Enum
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from domesim.console import about
+from domesim.errors import InputError
+from domesim.observation.transport import load_transport
+from domesim.scene import DomeScene, Scene, StereoScene, load_scene
+from domesim.scene.crosstalk_maps import load_maps
+
+
+@final
+@dataclass(frozen=True)
+class SceneChoice:
+    """A scene by its name.
+
+    Parameters
+    ----------
+    name
+        One of the project's own, or the path of a TOML file.
+    transport
+        A file of stored light transport, or of crosstalk maps; None for none.
+    seat
+        Of a stereo scene: one seat; "all" or "worst" for all; None for the scene's own.
+    content
+        Digest of what these files hold; "" if it is not known yet.
+    """
+
+    name: str
+    transport: Path | None = None
+    seat: str | None = None
+    content: str = ""
+
+    def load(self) -> Scene:
+        """The scene.
+
+        Raises
+        ------
+        InputError
+            If a file cannot be read or holds something else than `content`, files do not belong
+            together, or there is no such seat.
+        """
+        scene = self._loaded()
+        if self.content and _digest(scene) != self.content:
+            raise InputError(
+                f"{self.name}: wanted the scene that the job began with, got another; its files "
+                f"were changed, or are not the same on this machine"
+            )
+        return scene
+
+    def settled(self, scene: Scene) -> SceneChoice:
+        """The same choice for other processes: of files that hold what `scene` was loaded from."""
+        path = Path(self.name)
+        name = self.name if len(path.parts) <= 1 and path.suffix != ".toml" else path.absolute()
+        transport = None if self.transport is None else self.transport.absolute()
+        return replace(self, name=str(name), transport=transport, content=_digest(scene))
+
+    def settings(self) -> dict[str, Any]:
+        """What results depend on, for JSON."""
+        return {"scene": Path(self.name).name, "seat": self.seat, "scene_content": self.content}
+
+    def _loaded(self) -> Scene:
+        scene = load_scene(self.name)
+        if self.transport is not None:
+            with about(self.transport):
+                if isinstance(scene, StereoScene):
+                    scene = scene.with_maps(load_maps(self.transport))
+                elif isinstance(scene, DomeScene):
+                    scene = scene.with_transport(load_transport(self.transport))
+        if isinstance(scene, StereoScene):
+            if self.seat in ("all", "worst"):
+                scene = scene.seen_from(*scene.seats)
+            elif self.seat is not None:
+                scene = scene.seen_from(self.seat)
+        elif self.seat is not None:
+            raise InputError(
+                f"--seat {self.seat}: {scene.name} is a dome theatre; leave --seat out"
+            )
+        return scene
+
+
+def _digest(scene: Scene) -> str:
+    """Of all that a scene is made of: the same in all processes."""
+    found = hashlib.sha256()
+    for part in _parts(scene):
+        found.update(part)
+    return found.hexdigest()
+
+
+def _parts(value: Any) -> Iterator[bytes]:
+    """What a value holds, one after the other; no two different ones give the same."""
+    if isinstance(value, np.generic):
+        value = value.item()  # whose text does not depend on NumPy's settings
+    yield f"({type(value).__qualname__} ".encode()
+    if isinstance(value, np.ndarray):
+        yield f"{value.dtype.str} {value.shape} ".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, Mapping):
+        for item in value.items():
+            yield from _parts(item)
+    elif isinstance(value, tuple | list):
+        for item in value:
+            yield from _parts(item)
+    elif value is None or isinstance(value, str | int | float | complex | bytes | Enum | Path):
+        yield repr(value).encode()
+    elif is_dataclass(value):
+        for field in fields(value):
+            yield from _parts(getattr(value, field.name))
+    else:
+        yield from _parts(vars(value))
+    yield b")"

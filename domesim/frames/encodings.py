@@ -1,0 +1,63 @@
+"""Encodings by the names that producers say: what ``--encoding`` takes."""
+
+from __future__ import annotations
+
+from domesim.errors import InputError
+from domesim.frames.colour import TRANSFER_NAMES, ColourTag
+
+ENCODINGS = {
+    "srgb": ("srgb", "BT.709"),
+    "display-p3": ("srgb", "P3-D65"),
+    "bt709": ("bt1886", "BT.709"),
+    "bt1886": ("bt1886", "BT.709"),
+    "bt2020": ("bt1886", "BT.2020"),
+    "gamma2.2": ("gamma2.2", "BT.709"),
+    "gamma2.4": ("gamma2.4", "BT.709"),
+    "gamma2.6": ("gamma2.6", "BT.709"),
+    "p3-d65": ("gamma2.6", "P3-D65"),
+    "p3-dci": ("gamma2.6", "P3-DCI"),
+    "dcdm": ("dcdm", "XYZ"),
+    "st2084": ("st2084", "BT.2020"),
+    "linear": ("linear", "BT.709"),
+    "aces2065-1": ("linear", "ACES AP0"),
+    "acescg": ("linear", "ACES AP1"),
+}
+"""Name -> transfer and primaries: as they are delivered (P3 with gamma 2.6 to cinemas, SMPTE
+RP 431-2; ST 2084 in BT.2020, ITU-R BT.2100; X'Y'Z', SMPTE ST 428-1)."""
+
+_PRIMARIES = {
+    "bt709": "BT.709",
+    "bt2020": "BT.2020",
+    "p3-d65": "P3-D65",
+    "p3-dci": "P3-DCI",
+    "xyz": "XYZ",
+    "ap0": "ACES AP0",
+    "ap1": "ACES AP1",
+}
+
+
+def encoding_named(name: str) -> ColourTag:
+    """The encoding called `name`, from ``--encoding``.
+
+    Parameters
+    ----------
+    name
+        One of `ENCODINGS`; or a transfer and primaries, ``st2084:p3-d65``, the transfer one of
+        srgb, linear, gamma2.2, gamma2.4, gamma2.6, bt1886, st2084 and dcdm. In any case.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    asked = name.lower()
+    source = f"--encoding {asked}"
+    if asked in ENCODINGS:
+        return ColourTag(*ENCODINGS[asked], source)
+    curve, _, gamut = asked.partition(":")
+    if curve in ("linear", *TRANSFER_NAMES) and gamut in _PRIMARIES:
+        return ColourTag(curve, _PRIMARIES[gamut], source)
+    raise InputError(
+        f"--encoding {name!r} is not known; use one of {', '.join(ENCODINGS)}, or name transfer "
+        f"and primaries, such as st2084:p3-d65 (primaries: {', '.join(_PRIMARIES)})"
+    )

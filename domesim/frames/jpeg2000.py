@@ -1,0 +1,109 @@
+"""JPEG 2000: what OpenImageIO neither checks, tells nor keeps (ITU-T T.800, annexes A and I).
+
+A file is a codestream (.j2k), or boxes around one (.jp2). A codestream tells its meaning only by a
+digital-cinema profile: then it is X'Y'Z' (SMPTE ST 429-4). Boxes hold the colour, and metadata.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+SIGNATURE = bytes.fromhex("0000000c6a5020200d0a870a")
+CODESTREAM = b"\xff\x4f\xff\x51"  # SOC, and SIZ
+_END = b"\xff\xd9"  # EOC
+_CINEMA = (3, 4)  # Rsiz of the 2K and the 4K profile
+_HIGH_THROUGHPUT = 0x4000  # of Rsiz (ITU-T T.814, A.2)
+_SRGB, _GREY = 16, 17  # EnumCS
+_DEPTHS = (8, 10, 12, 16)
+
+
+def is_cinema(content: bytes) -> bool:
+    """Whether the codestream in a file has a digital-cinema profile.
+
+    Raises
+    ------
+    ValueError
+        If the codestream is not all there; or OpenImageIO would make something else of it: it
+        stretches subsampled channels, shifts signed ones, loses what has an offset, and makes an
+        RGB of its own of YCbCr. Or if it is HTJ2K, whose decoder prints what it thinks of damage.
+        The message says what was got.
+    """
+    codestream = content
+    if content.startswith(SIGNATURE):
+        codestream = next((inner for kind, _, inner in boxes_of(content) if kind == b"jp2c"), b"")
+    if not codestream.startswith(CODESTREAM) or len(codestream) < 42:
+        raise ValueError("one without a picture")
+    if not codestream.rstrip(b"\0").endswith(_END):
+        raise ValueError("one that ends early")
+    profile, _, _, left, top = struct.unpack_from(">H4I", codestream, 6)
+    (count,) = struct.unpack_from(">H", codestream, 40)
+    if len(codestream) < 42 + 3 * count:
+        raise ValueError("one that ends early")
+    channels = set(struct.iter_unpack("3B", codestream[42 : 42 + 3 * count]))
+    if profile & _HIGH_THROUGHPUT:
+        raise ValueError("HTJ2K")
+    if len(channels) != 1 or (left, top) != (0, 0):
+        raise ValueError("channels of several kinds, or an offset")
+    ((depth, *steps),) = channels
+    if depth + 1 not in _DEPTHS or steps != [1, 1]:
+        raise ValueError(f"channels of {depth % 128 + 1} bits, signed, or subsampled")
+    model = _enumerated(metadata_of(content))
+    if model not in (None, _SRGB, _GREY):
+        raise ValueError(f"colour space {model}")
+    return profile in _CINEMA
+
+
+def boxes_of(content: bytes) -> Iterator[tuple[bytes, bytes, bytes]]:
+    """(type, whole box, what is in it) of each box that is entirely there."""
+    position = 0
+    while position + 8 <= len(content):
+        length, kind = struct.unpack_from(">I4s", content, position)
+        header = 8
+        if length == 1 and position + 16 <= len(content):
+            (length,) = struct.unpack_from(">Q", content, position + 8)
+            header = 16
+        end = position + length if length else len(content)
+        if not position + header <= end <= len(content):
+            return
+        yield kind, content[position:end], content[position + header : end]
+        position = end
+
+
+def metadata_of(content: bytes) -> bytes:
+    """All boxes of a .jp2 but the codestream; nothing of a .j2k."""
+    if not content.startswith(SIGNATURE):
+        return b""
+    return b"".join(whole for kind, whole, _ in boxes_of(content) if kind != b"jp2c")
+
+
+def states_srgb(metadata: bytes) -> bool:
+    """Whether boxes say that the picture is sRGB."""
+    return _enumerated(metadata) == _SRGB
+
+
+def with_metadata(encoded: bytes, metadata: bytes, *, colour_holds: bool) -> bytes:
+    """The .jp2 `encoded` with the boxes that another one had, as far as they hold.
+
+    Its header's box is taken only if it describes such samples, without a palette, and if
+    `colour_holds`: what it says of their colour.
+    """
+    old, new = _inside(metadata, b"jp2h"), _inside(encoded, b"jp2h")
+    sizes = [_inside(header, b"ihdr")[:11] for header in (old, new)]
+    kept = colour_holds and sizes[0] == sizes[1] and not _inside(old, b"pclr")
+    boxes = {kind: whole for kind, whole, _ in boxes_of(encoded)}
+    parts = [
+        boxes[kind] if kind == b"jp2h" and not kept else whole
+        for kind, whole, _ in boxes_of(metadata)
+    ]
+    return b"".join([*parts, boxes[b"jp2c"]])
+
+
+def _inside(boxes: bytes, wanted: bytes) -> bytes:
+    return next((inner for kind, _, inner in boxes_of(boxes) if kind == wanted), b"")
+
+
+def _enumerated(metadata: bytes) -> int | None:
+    """EnumCS, if the colour is told so: method, precedence, approximation, EnumCS."""
+    colour = _inside(_inside(metadata, b"jp2h"), b"colr")
+    return int.from_bytes(colour[3:7]) if colour[:1] == b"\1" else None

@@ -1,0 +1,390 @@
+"""Shows: what is done is kept and not done again, and what goes wrong harms its own frame only."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from batches import Harmful, copied, make_show
+
+from domesim.batch.job import FOLDER, open_job
+from domesim.errors import InputError
+from domesim.frames import read_frame
+
+PATIENCE = 90.0  # s: for what must happen to happen
+TESTS = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def recipe(tmp_path: Path) -> Harmful:
+    log = tmp_path / "log"
+    log.mkdir()
+    return Harmful(log)
+
+
+@pytest.fixture(autouse=True)
+def _workers_find_the_tests(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(TESTS))
+
+
+def is_whole(folder: Path, count: int) -> bool:
+    """Whether all results are there, are right, and nothing else is."""
+    names = [f"in.{number:04d}.exr" for number in range(1, count + 1)]
+    out = folder / "out"
+    found = sorted(path.name for path in out.iterdir() if path.name != FOLDER)
+    return found == names and all(
+        np.array_equal(read_frame(out / name).pixels, read_frame(folder / "in" / name).pixels)
+        for name in names
+    )
+
+
+def until(true: Callable[[], bool]) -> None:
+    began = time.monotonic()
+    while not true():
+        assert time.monotonic() - began < PATIENCE, "nothing happened"
+        time.sleep(0.02)
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split(")")[-1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+# What is kept, in this process.
+
+
+def test_what_is_done_is_not_done_again(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 3)
+    first = copied(tmp_path, recipe, 0)
+    again = copied(tmp_path, recipe, 0)
+    assert (first.kept, again.kept) == (0, 3)
+    assert first.frames == again.frames
+    assert recipe.begun() == ["in.0001.exr", "in.0002.exr", "in.0003.exr"]
+    assert is_whole(tmp_path, 3)
+
+
+def damage(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+
+
+def touch(path: Path) -> None:
+    path.write_bytes(path.read_bytes())
+
+
+CHANGES: dict[str, tuple[Callable[[Path], object], bool]] = {
+    "a damaged result": (lambda folder: damage(folder / "out/in.0002.exr"), True),
+    "a lost result": (lambda folder: (folder / "out/in.0002.exr").unlink(), True),
+    "a damaged record": (lambda folder: damage(folder / "out/job/in.0002.exr.json"), True),
+    "half a record": (lambda folder: (folder / "out/job/in.0002.exr.json").write_text("{"), True),
+    "a record of nothing": (
+        lambda folder: (folder / "out/job/in.0002.exr.json").write_text("[]"),
+        True,
+    ),
+    "another master": (
+        lambda folder: (folder / "in/in.0002.exr").write_bytes(
+            (folder / "in/in.0003.exr").read_bytes()
+        ),
+        True,
+    ),
+    "the same master, copied anew": (lambda folder: touch(folder / "in/in.0002.exr"), False),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_only_what_is_not_as_it_was_is_done_again(
+    change: str, tmp_path: Path, recipe: Harmful
+) -> None:
+    make_show(tmp_path / "in", 3)
+    copied(tmp_path, recipe, 0)
+    act, matters = CHANGES[change]
+    act(tmp_path)
+    done = copied(tmp_path, recipe, 0)
+    assert done.kept == 3 - matters
+    assert recipe.begun().count("in.0002.exr") == 1 + matters
+    assert is_whole(tmp_path, 3)
+
+
+def test_parts_of_a_show_belong_to_one_job(tmp_path: Path, recipe: Harmful) -> None:
+    """As render farms do them: the same command for each range of frames."""
+    make_show(tmp_path / "in", 4)
+    copied_part = [
+        subprocess.run(
+            [sys.executable, "-c", PART, str(tmp_path), part], check=True, env=os.environ
+        )
+        for part in ("1-2", "4")
+    ]
+    assert len(copied_part) == 2
+    done = copied(tmp_path, recipe, 0)
+    assert done.kept == 3
+    table = (tmp_path / "out/job/frames.csv").read_text().splitlines()
+    assert len(table) == 5
+
+
+PART = """
+import sys
+from pathlib import Path
+from batches import Harmful, show_of
+from domesim.batch.run import Running, each_frame
+from domesim.console import Console
+folder = Path(sys.argv[1])
+show = show_of(folder / "in", sys.argv[2])
+each_frame(show, folder / "out", Harmful(folder / "log"), Console(quiet=True), what="copying",
+           running=Running(0))
+"""
+
+
+def test_other_settings_are_refused_unless_told(tmp_path: Path) -> None:
+    folder = tmp_path
+    open_job(folder, {"method": "subtractive", "gain": 0.1})
+    with pytest.raises(InputError, match="method: subtractive there, perceptual now") as refused:
+        open_job(folder, {"method": "perceptual", "gain": 0.1})
+    assert "\n" not in str(refused.value)
+    mixed = open_job(folder, {"method": "perceptual", "gain": 0.1}, mixed=True)
+    anew = open_job(folder, {"method": "none", "gain": 0.1}, anew=True)
+    assert len({mixed.settings, anew.settings}) == 2
+    assert json.loads((folder / FOLDER / "settings.json").read_text())["method"] == "none"
+
+
+def test_mixing_keeps_and_anew_does_not(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 2)
+    copied(tmp_path, recipe, 0)
+    place = tmp_path / "out/job/settings.json"
+    place.write_text(place.read_text().replace("harm", "other"))
+    with pytest.raises(InputError, match="command: other there, harm now"):
+        copied(tmp_path, recipe, 0)
+    assert copied(tmp_path, recipe, 0, mixed=True).kept == 2
+    assert copied(tmp_path, recipe, 0, anew=True).kept == 0
+
+
+def test_a_single_file_is_no_job(tmp_path: Path, recipe: Harmful) -> None:
+    from domesim.batch.run import each_frame  # noqa: PLC0415
+    from domesim.console import Console  # noqa: PLC0415
+    from domesim.shows import find_show  # noqa: PLC0415
+
+    make_show(tmp_path / "in", 1)
+    show = find_show(str(tmp_path / "in/in.0001.exr"))
+    done = each_frame(show, tmp_path / "out", recipe, Console(quiet=True), what="copying")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["in.0001.exr"]
+    assert done.report is None
+
+
+# Faults.
+
+
+def test_a_truncated_master_fails_alone(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 3)
+    path = tmp_path / "in/in.0002.exr"
+    path.write_bytes(path.read_bytes()[:-40])
+    done = copied(tmp_path, recipe, 0)
+    assert [Path(frame["input"]).name for frame in done.frames] == ["in.0001.exr", "in.0003.exr"]
+    (reason,) = done.failed
+    assert "in.0002.exr" in reason
+    assert not (tmp_path / "out/in.0002.exr").exists()
+
+
+def test_a_master_that_goes_away_fails_alone(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 3)
+    gone = tmp_path / "in/in.0003.exr"
+    done = copied(tmp_path, Harmful(recipe.log, removes=gone), 1)
+    assert len(done.frames) == 2
+    (reason,) = done.failed
+    assert "in.0003.exr" in reason
+    assert "\n" not in reason
+
+
+def test_a_fault_of_ours_fails_alone(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 2)
+    done = copied(tmp_path, Harmful(recipe.log, faulty="in.0001.exr"), 0)
+    (reason,) = done.failed
+    assert "a fault of domesim itself: ZeroDivisionError: a fault of two lines" in reason
+    assert "batches.py" in (tmp_path / "out/job/in.0001.exr.fault.txt").read_text()
+    assert len(done.frames) == 1
+
+
+@contextmanager
+def small_disk(folder: Path) -> Iterator[None]:
+    """A file system of 400 kB."""
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", str(folder)],
+        check=False,
+        capture_output=True,
+    )
+    if mounted.returncode:
+        pytest.skip("a small disk needs the right to mount one")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_full_disk_leaves_what_is_whole(tmp_path: Path, recipe: Harmful) -> None:
+    noise = np.random.default_rng(1)
+    from batches import LINEAR  # noqa: PLC0415
+
+    from domesim.frames import Frame, write_frame  # noqa: PLC0415
+
+    (tmp_path / "in").mkdir()
+    for number in range(1, 5):
+        path = tmp_path / "in" / f"in.{number:04d}.exr"
+        pixels = noise.random((100, 100, 3), np.float32)
+        write_frame(Frame(pixels, path, LINEAR, 32, floating=True), path)
+    with small_disk(tmp_path / "out"):
+        done = copied(tmp_path, recipe, 0)
+        assert done.failed
+        assert done.frames
+        assert all("space" in reason.lower() and "\n" not in reason for reason in done.failed)
+        for frame in done.frames:
+            name = Path(frame["input"]).name
+            assert np.array_equal(
+                read_frame(tmp_path / "out" / name).pixels,
+                read_frame(tmp_path / "in" / name).pixels,
+            )
+        assert not list((tmp_path / "out").glob(".*"))
+
+
+def test_a_killed_worker_loses_its_own_frame_only(tmp_path: Path, recipe: Harmful) -> None:
+    """Kill -9 in the middle of a frame."""
+    make_show(tmp_path / "in", 4)
+    killed: list[int] = []
+
+    slow = Harmful(recipe.log, seconds=1.0)
+    import threading  # noqa: PLC0415
+
+    def kill() -> None:
+        until(lambda: bool(slow.pids()))
+        pid = slow.pids().pop()
+        os.kill(pid, signal.SIGKILL)
+        killed.append(pid)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    done = copied(tmp_path, slow, 2)
+    killer.join()
+    assert killed
+    assert not done.failed
+    assert len(slow.begun()) == 5  # one of them twice
+    assert len(slow.pids()) == 3
+    assert is_whole(tmp_path, 4)
+
+
+def test_a_deadly_frame_is_given_up_and_named(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 4)
+    deadly = Harmful(recipe.log, deadly="in.0002.exr", seconds=0.3)
+    done = copied(tmp_path, deadly, 2)
+    (reason,) = done.failed
+    assert "in.0002.exr: given up; 3 workers died of it" in reason
+    assert len(done.frames) == 3
+    begun = deadly.begun()
+    assert begun.count("in.0002.exr") == 3
+    assert len(begun) == 6  # the others once
+    report = (tmp_path / "out/job/report.html").read_text()
+    assert "given up" in report
+
+
+def program(folder: Path, workers: int, seconds: float, *more: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, str(TESTS / "batches.py"), str(folder), str(workers), str(seconds), *more],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def records(folder: Path) -> dict[str, int]:
+    """When each frame's record was written."""
+    return {path.name: path.stat().st_mtime_ns for path in (folder / "out/job").glob("in.*.json")}
+
+
+@pytest.mark.parametrize("end", ["kill -9", "Ctrl-C"])
+def test_a_run_that_was_ended_goes_on(end: str, tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 6)
+    process = program(tmp_path, 2, 0.5)
+    until(lambda: len(recipe.begun()) >= 4)
+    process.send_signal(signal.SIGKILL if end == "kill -9" else signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE)
+    pids = recipe.pids()
+    until(lambda: not any(alive(pid) for pid in pids))  # no worker outlives the command
+    before, begun = records(tmp_path), len(recipe.begun())
+    assert len(before) >= 2
+    if end == "Ctrl-C":
+        assert process.returncode == 130
+        assert "Traceback" not in errors
+        assert f"{len(before)} of 6 frames are done; the same command goes on" in errors
+    done = copied(tmp_path, recipe, 0)
+    assert done.kept == len(before)
+    assert {name: records(tmp_path)[name] for name in before} == before
+    assert len(recipe.begun()) - begun == 6 - len(before)
+    assert is_whole(tmp_path, 6)
+
+
+DASK = "import runpy, sys; runpy.run_module('distributed.cli.' + sys.argv.pop(1), None, '__main__')"
+
+
+@contextmanager
+def scheduler(workers: int) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """A scheduler on loopback, in a process of its own, with workers in others."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    address = f"tcp://127.0.0.1:{port}"
+    dask = [sys.executable, "-c", DASK]
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    head = subprocess.Popen(
+        [*dask, "dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"],
+        **quiet,
+    )
+    hands = [
+        subprocess.Popen(
+            [*dask, "dask_worker", address, "--nthreads", "1", "--no-dashboard"],
+            **quiet,
+        )
+        for _ in range(workers)
+    ]
+    try:
+        yield address, head
+    finally:
+        for process in (*hands, head):
+            process.kill()
+            process.wait()
+
+
+def test_a_lost_scheduler_is_told_and_nothing_is_lost(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 6)
+    with scheduler(2) as (address, head):
+        process = program(tmp_path, 0, 1.0, address)
+        until(lambda: len(records(tmp_path)) >= 1)
+        head.kill()
+        _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 2
+    assert f"{address}: lost it" in errors
+    assert "Traceback" not in errors
+    before = records(tmp_path)
+    done = copied(tmp_path, recipe, 0)
+    assert done.kept == len(before) >= 1
+    assert is_whole(tmp_path, 6)
+
+
+def test_no_scheduler_is_told(tmp_path: Path, recipe: Harmful, monkeypatch: Any) -> None:
+    from domesim.batch import cluster  # noqa: PLC0415
+
+    monkeypatch.setattr(cluster, "_PATIENCE", 1.0)
+    make_show(tmp_path / "in", 2)
+    with pytest.raises(InputError, match="wanted a Dask scheduler") as told:
+        copied(tmp_path, recipe, 0, scheduler="tcp://127.0.0.1:9")
+    assert "\n" not in str(told.value)
