@@ -120,6 +120,11 @@ class Compensating(Recipe):
         """See `Recipe`."""
         return 500_000_000 + 100 * 4 * rows * cols
 
+    def resources(self) -> dict[str, float]:
+        """See `Recipe`: a GPU, if one computes."""
+        on_gpu = self.device.partition(":")[0] in ("cuda", "cupy")
+        return {"GPU": 1} if on_gpu else {}
+
     def compare(self, master: Master, page: Path) -> bool:
         """See `Recipe`: master, and what is seen untouched and compensated."""
         theatre = self.scene.load()

@@ -41,6 +41,8 @@ class Harmful(Recipe):
         A file that the first frame removes.
     faulty
         Name of a frame that is a fault of the program.
+    needs_gpu
+        Whether workers must have one; it is not used.
     """
 
     log: Path
@@ -48,6 +50,7 @@ class Harmful(Recipe):
     deadly: str = ""
     removes: Path | None = None
     faulty: str = ""
+    needs_gpu: bool = False
 
     def work(self, note: Note) -> Work[Master, Master]:
         def solve(master: Master) -> Master:
@@ -77,6 +80,9 @@ class Harmful(Recipe):
 
     def memory(self, rows: int, cols: int) -> int:
         return 1
+
+    def resources(self) -> dict[str, float]:
+        return {"GPU": 1} if self.needs_gpu else {}
 
     def begun(self) -> list[str]:
         """Names of the frames that were begun, as often as they were."""

@@ -7,11 +7,16 @@ are real arrays here, (row, 2 x (col // 2 + 1)), of real and imaginary parts by 
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numba
 import numpy as np
 from numba.extending import overload
+
+# Before OpenMP is loaded, which is at the first loop. Threads that wait for others in a busy loop
+# made a solution ten times slower while other programs ran, and are no faster while none do.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 _EXACT = {"contract", "nsz"}  # of fast-math: no sum is reordered
 

@@ -48,11 +48,15 @@ class Crew:
         Of each.
     scheduler
         Address of a Dask scheduler whose workers are used instead, such as ``tcp://node1:8786``.
+    resources
+        What each frame needs of a worker, and workers of this machine have: names and amounts, as
+        of `Recipe.resources`.
     """
 
     workers: int = 1
     threads: int = 1
     scheduler: str | None = None
+    resources: tuple[tuple[str, float], ...] = ()
 
 
 def in_cluster(
@@ -85,14 +89,14 @@ def in_cluster(
         running: dict[str, tuple[Order, Future]] = {}
         ended: queue.SimpleQueue[str] = queue.SimpleQueue()
         waiting = list(reversed(orders))
-        interrupted = False
+        interrupted, needed = False, dict(crew.resources) or None
         try:
             while waiting or running:
                 try:
                     while waiting and len(running) < hall.places():
                         order = waiting.pop()
                         begin(order)
-                        future = client.submit(do, order, pure=False)
+                        future = client.submit(do, order, pure=False, resources=needed)
                         running[future.key] = order, future
                         future.add_done_callback(lambda future: ended.put(future.key))
                     try:
@@ -175,9 +179,19 @@ class _Hall:
         if now - self._looked >= _LOOK:
             self.require_scheduler()
             with contextlib.suppress(OSError, TimeoutError):
-                self._places = len(self._client.nthreads())
+                self._places = sum(map(self._fits, self._known().values()))
             self._looked = now
         return self._places
+
+    def _known(self) -> dict[str, Any]:
+        """The scheduler's workers, by address."""
+        known: dict[str, Any] = self._client.scheduler_info(n_workers=-1)["workers"]
+        return known
+
+    def _fits(self, worker: dict[str, Any]) -> bool:
+        """Whether a worker has what frames need."""
+        there = worker.get("resources", {})
+        return all(there.get(name, 0) >= amount for name, amount in self._crew.resources)
 
     def require_scheduler(self) -> None:
         """See that the scheduler is there."""
@@ -225,6 +239,7 @@ def _client(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
             dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
             preload=["domesim.batch.preload"],
+            resources=dict(crew.resources),
         )
         try:
             with Client(cluster, set_as_default=False) as client:

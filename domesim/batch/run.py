@@ -19,7 +19,7 @@ from domesim.batch.report import Report, page_name
 from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
 from domesim.console import Console, complain, prepare
 from domesim.errors import InputError
-from domesim.frames.reading import open_image
+from domesim.frames.reading import size_of
 from domesim.shows import Show
 
 STEPS = ("reading", "solving", "writing")
@@ -218,12 +218,13 @@ def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
     InputError
         If what is asked for cannot be.
     """
+    needed = tuple(sorted(recipe.resources().items()))
     if running.scheduler is not None:
         if running.workers is not None or running.threads is not None:
             raise InputError(
                 "--scheduler has workers of its own; leave --workers and --threads out"
             )
-        return Crew(scheduler=running.scheduler)
+        return Crew(scheduler=running.scheduler, resources=needed)
     for name, number, least in (("workers", running.workers, 0), ("threads", running.threads, 1)):
         if number is not None and number < least:
             raise InputError(f"--{name} must be at least {least}, got {number}")
@@ -232,28 +233,19 @@ def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
         return None
     workers = running.workers
     if workers is None:
-        workers = min(cores(), count, _room(recipe, show))
-    return Crew(workers, running.threads or max(1, cores() // workers))
+        # One GPU, unless a person knows of more
+        workers = 1 if needed else min(cores(), count, _room(recipe, show))
+    return Crew(workers, running.threads or max(1, cores() // workers), resources=needed)
 
 
 def _room(recipe: Recipe, show: Show) -> int:
     """How many frames memory has room for at once; at least one."""
     for moment in show.moments[:3]:
         with suppress(InputError):
-            rows, cols = _size(moment[0])
+            rows, cols = size_of(moment[0])
             need = recipe.memory(rows, cols)
             return max(1, int(_SPARE * _free() / need))
     return cores()
-
-
-def _size(path: Path) -> tuple[int, int]:
-    """Rows and columns of a file's picture, as its header says."""
-    reader = open_image(path)
-    try:
-        spec = reader.spec()
-        return int(spec.full_height), int(spec.full_width)
-    finally:
-        reader.close()
 
 
 def _free() -> int:

@@ -122,6 +122,10 @@ class Recipe(ABC):
     def memory(self, rows: int, cols: int) -> int:
         """Bytes that a worker needs for frames of that size, about."""
 
+    def resources(self) -> dict[str, float]:
+        """What a worker must have besides cores, by Dask's names: ``{"GPU": 1}``."""
+        return {}
+
     def compare(self, master: Master, page: Path) -> bool:
         """Write a page that compares what may be done with a master; whether there is such a page.
 

