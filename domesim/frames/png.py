@@ -70,7 +70,7 @@ class Picture:
         elif kind == b"IDAT":
             for begin in range(0, len(content), _BLOCK):
                 self._inflate(content[begin : begin + _BLOCK])
-        elif kind == b"IEND" and self._missing:
+        elif kind == b"IEND" and (self._missing or not self._pixels.eof):
             raise ValueError("one with too few pixels")
 
     def _begin(self, header: bytes) -> None:
@@ -94,9 +94,10 @@ class Picture:
 
         A line at a time, as libpng: else zlib would know what lies behind the window.
         """
-        while content and self._missing and not self._pixels.eof:
+        while content and not self._pixels.eof:
+            line = self._missing[0][0] if self._missing else _BLOCK
             try:
-                inflated = self._pixels.decompress(content, self._missing[0][0])
+                inflated = self._pixels.decompress(content, line)
             except zlib.error as error:
                 raise ValueError("pixels that do not decode") from error
             while inflated and self._missing:
