@@ -23,7 +23,7 @@ $(READY): pyproject.toml requirements/dev.txt
 demo: $(READY) ## Set up, compensate the bundled night scene, name the page to open
 	@$(BIN)/domesim demo --out out/demo
 
-test: $(READY) ## Set up and run all tests
+test: $(READY) ## Set up and run the tests, but for long ones (pytest -m long)
 	@$(BIN)/python -m pytest
 
 lint: $(READY) ## Style, types and import contracts

@@ -158,6 +158,13 @@ Mix = Annotated[
     bool,
     typer.Option("--mix", help="Sequences: keep frames that were done with other settings."),
 ]
+Pages = Annotated[
+    int,
+    typer.Option(
+        help="Sequences: for how many of the worst frames to write a page that compares methods.",
+        min=0,
+    ),
+]
 DryRun = Annotated[
     bool,
     typer.Option(

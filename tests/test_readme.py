@@ -8,6 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -17,8 +18,11 @@ import pytest
 from pydantic import BaseModel
 
 from compensate.methods import STEREO
-from domesim import scene
+from domesim import cli, scene
 from domesim.errors import InputError
+from domesim.frames import read_frame, write_frame
+from domesim.pathtrace import tabulate
+from domesim.pathtrace.tracer import Settings
 from validation.readme import RESULTS, brought_up_to_date, readme
 from validation.report import schema
 
@@ -41,6 +45,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def small_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same with each fourth pixel of the night scene."""
+    path = tmp_path_factory.mktemp("small")
+    (path / "scenes" / "masters").mkdir(parents=True)
+    night = read_frame(ROOT / NIGHT)
+    write_frame(replace(night, pixels=night.pixels[::4, ::4].copy()), path / NIGHT)
+    (path / "mine.toml").write_text(blocks("toml")[0])
+    return path
+
+
+NIGHT = "scenes/masters/night.exr"
+QUICKER = {"0.005": "0.05", "96": "32", "320": "96", "360": "90"}
+"""Errors and sizes that the README's commands ask for, and those that do for a test."""
+
+
 def run(folder: Path, *arguments: str) -> str:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "domesim", *arguments]
@@ -56,6 +76,7 @@ def test_there_are_commands():
     assert len(COMMANDS) >= 4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", COMMANDS)
 def test_commands(folder, command):
     arguments = shlex.split(command)[1:]
@@ -63,6 +84,28 @@ def test_commands(folder, command):
     assert (folder / arguments[arguments.index("--out") + 1]).exists()
 
 
+@pytest.fixture
+def _few_walks(monkeypatch):
+    """Batches, and pixels of lamps' light, that are noisier than the program's."""
+    monkeypatch.setattr(tabulate, "LANES", 1 << 12)
+    monkeypatch.setattr(tabulate, "Settings", lambda **given: Settings(**{**given, "error": 0.05}))
+
+
+@pytest.mark.usefixtures("_few_walks")
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands_on_a_small_picture(small_folder, command, monkeypatch):
+    """One after the other: later ones take what earlier ones wrote."""
+    arguments = [QUICKER.get(word, word) for word in shlex.split(command)]
+    monkeypatch.chdir(small_folder)
+    monkeypatch.setattr(sys, "argv", arguments)
+    monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
+    with pytest.raises(SystemExit) as end:
+        cli.run()
+    assert not end.value.code
+    assert Path(arguments[arguments.index("--out") + 1]).exists()
+
+
+@pytest.mark.long
 def test_figures(folder):
     found = json.loads(run(folder, "demo", "--out", "out/demo", "--json"))["methods"]
     rows = re.findall(r"^\| (.+?) \| \**([0-9.]+)\** \|", README, re.MULTILINE)

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from importlib import resources
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from domesim.frames import Master, read_master
@@ -27,3 +31,13 @@ def bundled_night() -> Master:
     """The bundled night scene."""
     with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
         return read_master([path])
+
+
+def write_exr(path: Path, pixels: NDArray[Any]) -> None:
+    """Write (row, col, primary) as a half-float EXR, as renderers do."""
+    rows, cols, primaries = pixels.shape
+    spec = oiio.ImageSpec(cols, rows, primaries, "half")
+    output = oiio.ImageOutput.create(str(path))
+    if not (output and output.open(str(path), spec) and output.write_image(pixels)):
+        raise OSError(oiio.geterror())
+    output.close()

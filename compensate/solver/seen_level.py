@@ -399,10 +399,11 @@ def nearest_mixed(
 
 
 def _settled(values: Light, before: Light) -> bool:
-    """Whether they are the same, to the precision that float32 has."""
+    """Whether they are the same, to a precision that rounding lets them reach."""
     xp = namespace(values)
     scale = max(float(xp.max(xp.abs(values))), _LEAST)
-    return float(xp.max(xp.abs(values - before))) <= _SETTLED * scale
+    share = max(_SETTLED, 2 * float(xp.finfo(values.dtype).eps))
+    return float(xp.max(xp.abs(values - before))) <= share * scale
 
 
 _SETTLED, _LEAST = 1e-7, 1e-30

@@ -65,6 +65,7 @@ def in_cluster(
     begin: Callable[[Order], None],
     end: Callable[[Order, Finished | Failed], None],
     tell: Callable[[str], None],
+    task: Callable[[Order], Finished | Failed] | None = None,
 ) -> None:
     """Do each frame, in whatever order they end.
 
@@ -78,6 +79,8 @@ def in_cluster(
         Called as each is handed out, and as each is done.
     tell
         Called with what a person should hear of the workers.
+    task
+        What a worker does with an order; `do` by default.
 
     Raises
     ------
@@ -96,7 +99,7 @@ def in_cluster(
                     while waiting and len(running) < hall.places():
                         order = waiting.pop()
                         begin(order)
-                        future = client.submit(do, order, pure=False, resources=needed)
+                        future = client.submit(task or do, order, pure=False, resources=needed)
                         running[future.key] = order, future
                         future.add_done_callback(lambda future: ended.put(future.key))
                     try:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from schedulers import scheduler
 
 from compensate.compensating import Compensating
 from domesim.batch.run import Done, Running, each_frame
@@ -18,6 +17,7 @@ from domesim.console import Console
 from domesim.frames import ColourTag, Frame, write_frame
 from domesim.scene import load_scene
 from domesim.shows import Show, find_show
+from validation.benchmarks.schedulers import scheduler
 
 LINEAR = ColourTag("linear", "BT.709", "the test")
 COUNT = 4

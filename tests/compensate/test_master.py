@@ -162,6 +162,7 @@ def test_the_frame_need_not_be_stereo_or_square(scene):
         compensate(np.zeros((16, 16, 3)), scene)
 
 
+@pytest.mark.long
 @needs_data
 def test_a_2k_frame_within_3_gib_unchanged_off_the_screen(tmp_path):
     """The issue's job: one process, its peak memory, its frame; PNG, as JPEG smears the rim."""

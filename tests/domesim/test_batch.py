@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import pytest
 from batches import LINEAR, Harmful, copied, make_show
-from schedulers import more_workers, scheduler
 
 from domesim.batch import cluster
 from domesim.batch.job import FOLDER, open_job
@@ -26,6 +25,7 @@ from domesim.console import Console
 from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, write_frame
 from domesim.shows import find_show
+from validation.benchmarks.schedulers import more_workers, scheduler
 
 PATIENCE = 90.0  # s: for what must happen to happen
 TESTS = Path(__file__).parents[1]

@@ -36,7 +36,7 @@ QUICK = Settings(repeats=1, memory=False)
 
 @pytest.fixture(scope="module")
 def synthetic() -> tuple[Case, float]:
-    case = PROBLEMS["synthetic"][1](512)
+    case = PROBLEMS["synthetic"][1](256)
     return case, least_cost(case, 1e-6)[0]
 
 

@@ -88,7 +88,11 @@ def test_mutations_turn_an_experiment_red(experiment, mutate, monkeypatch):
 
 @pytest.mark.parametrize(
     "experiment",
-    [pytest.param("eq15", marks=traced), "contrast_sensitivity", "convergence"],
+    [
+        pytest.param("eq15", marks=traced),
+        "contrast_sensitivity",
+        pytest.param("convergence", marks=pytest.mark.long),
+    ],
 )
 def test_without_them_it_is_green(experiment):
     finding = load_experiment(experiment).run(Work(quick=True))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from itertools import product
 
@@ -18,10 +17,6 @@ from validation.statistics import assert_unbiased
 
 pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
-long = pytest.mark.skipif(
-    "DOMESIM_LONG" not in os.environ, reason="takes the better part of a minute; .ci/run does it"
-)
-
 
 def sweep(half_angles, albedos, *, uneven=False):
     return [
@@ -30,9 +25,21 @@ def sweep(half_angles, albedos, *, uneven=False):
     ]
 
 
-@pytest.mark.parametrize("uneven", [pytest.param(False, marks=long), True])
-def test_bare_caps_follow_the_closed_form(uneven):
-    cells = sweep((30, 90, 150, 180), (0.1, 0.5, 0.9), uneven=uneven)
+CELLS = (90, 150), (0.5, 0.8)
+"""Half angles and albedos that suffice to see a bias."""
+MANY = (30, 90, 150, 180), (0.1, 0.5, 0.9)
+
+
+@pytest.mark.parametrize(
+    ("cells", "uneven"),
+    [
+        (CELLS, True),
+        pytest.param(MANY, True, marks=pytest.mark.long),
+        pytest.param(MANY, False, marks=pytest.mark.long),
+    ],
+)
+def test_bare_caps_follow_the_closed_form(cells, uneven):
+    cells = sweep(*cells, uneven=uneven)
     assert_unbiased(
         [one.found for one in cells], [one.error for one in cells], [one.truth for one in cells]
     )
@@ -54,7 +61,7 @@ def test_a_biased_tracer_would_be_noticed(monkeypatch):
         "screen_albedo",
         property(lambda theatre: tuple(1.005 * x for x in honest(theatre))),
     )
-    cells = sweep((90, 150), (0.5, 0.8))
+    cells = sweep(*CELLS)
     with pytest.raises(AssertionError, match="biased"):
         assert_unbiased(
             [one.found for one in cells], [one.error for one in cells], [one.truth for one in cells]
@@ -65,8 +72,10 @@ def test_a_biased_tracer_would_be_noticed(monkeypatch):
     ("theatre", "pictures", "error", "allowed"),
     [
         ("recessed floor", ("white", "patch"), 5e-4, 1e-3),
-        ("floor at the spring line", ("white", "patch"), 1e-3, 5e-3),
-        pytest.param("gain lobe of share 0.3", ("white",), 3e-3, 5e-3, marks=long),
+        pytest.param(
+            "floor at the spring line", ("white", "patch"), 1e-3, 5e-3, marks=pytest.mark.long
+        ),
+        pytest.param("gain lobe of share 0.3", ("white",), 3e-3, 5e-3, marks=pytest.mark.long),
     ],
 )
 def test_tabulated_transport_is_what_brute_force_finds(theatre, pictures, error, allowed):
@@ -96,7 +105,9 @@ def test_one_node_a_surface_loses_no_light():
     assert corrected_models.one_node_a_surface(bare) == pytest.approx(1 / 3)
 
 
-@pytest.mark.parametrize("theatre", ["bare", "seats and lobe"])
+@pytest.mark.parametrize(
+    "theatre", ["bare", pytest.param("seats and lobe", marks=pytest.mark.long)]
+)
 def test_mitsubas_integrator_finds_the_same(theatre):
     found = second_opinion.measure(
         second_opinion.theatres()[theatre], size=32, samples=256, error=0.04

@@ -12,13 +12,34 @@ from domesim.pathtrace.llvm import backend
 from domesim.scene import StereoScene, load_stereo
 from validation import pairs
 from validation.experiment import Missing, Work, load_experiment, require_tracer
-from validation.experiments import fig2_fig6_deghosting, frozen_pollution, polarised_crosstalk
+from validation.experiments import (
+    fig2_fig6_deghosting,
+    fig10_seats,
+    frozen_pollution,
+    polarised_crosstalk,
+)
 
 traced = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
-POLARISED = pytest.param("polarised_crosstalk", marks=traced)
 
 
-@pytest.mark.parametrize("name", [POLARISED, "fig2_fig6_deghosting", "fig10_seats"])
+@pytest.fixture
+def _few(monkeypatch):
+    """One theatre or system of several that are measured alike; `make validate` has them all."""
+    monkeypatch.setattr(fig10_seats, "SCENES", fig10_seats.SCENES[:1])
+    monkeypatch.setattr(frozen_pollution, "THEATRES", frozen_pollution.THEATRES[:1])
+    monkeypatch.setattr(frozen_pollution, "CROSSTALK", frozen_pollution.CROSSTALK[1:])
+
+
+@pytest.mark.usefixtures("_few")
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("polarised_crosstalk", marks=[traced, pytest.mark.long]),
+        "fig2_fig6_deghosting",
+        pytest.param("fig10_seats", marks=pytest.mark.long),
+        pytest.param("frozen_pollution", marks=pytest.mark.long),
+    ],
+)
 def test_experiments_are_as_expected(name):
     finding = load_experiment(name).run(Work(quick=True))
     assert [check for check in finding.checks if not check.passed] == []
@@ -53,10 +74,11 @@ def exact_is_frozen(monkeypatch):
     monkeypatch.setattr(Problem, "frozen", lambda self, at: self)
 
 
+@pytest.mark.usefixtures("_few")
 @pytest.mark.parametrize(
     ("name", "mutate"),
     [
-        pytest.param("polarised_crosstalk", more_depolarising, marks=traced),
+        pytest.param("polarised_crosstalk", more_depolarising, marks=[traced, pytest.mark.long]),
         ("fig2_fig6_deghosting", ours_is_subtraction),
         ("fig10_seats", one_seat_for_all),
         ("frozen_pollution", exact_is_frozen),

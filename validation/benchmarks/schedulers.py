@@ -50,3 +50,31 @@ def more_workers(address: str, *resources: str) -> Iterator[list[int]]:
         for process in processes:
             process.kill()
             process.wait()
+
+
+CROWD = """
+import asyncio, logging, sys
+from distributed import Worker
+
+logging.disable()
+
+
+async def work(address, count):
+    workers = [Worker(address, nthreads=1, heartbeat_interval="30s") for _ in range(count)]
+    await asyncio.gather(*workers)
+    await asyncio.gather(*(worker.finished() for worker in workers))
+
+
+asyncio.run(work(sys.argv[1], int(sys.argv[2])))
+"""
+
+
+@contextmanager
+def crowd(address: str, count: int) -> Iterator[None]:
+    """Very many workers in one process: enough to keep a scheduler busy, not to do much."""
+    process = subprocess.Popen([sys.executable, "-c", CROWD, address, str(count)], **QUIET)
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()

@@ -33,7 +33,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "table1",
         "user_study",
     ),
-    "What it costs": ("costs",),
+    "What it costs": ("costs", "shows"),
 }
 """Names of the experiments, in the report's order, by heading."""
 

@@ -22,10 +22,9 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
 from compensate.master import Stage, solve_frame
 from domesim.frames import read_master, write_master
@@ -35,7 +34,7 @@ from domesim.scene import load_dome, load_scene
 from validation.benchmarks.commands import Job, run_command
 from validation.benchmarks.tracing import Rate, application, rates, render
 from validation.experiment import Column, Finding, Missing, Table, Work, at_least, at_most
-from validation.masters import night
+from validation.masters import night, write_exr
 from validation.pairs import generated
 
 FRAMES = 4
@@ -78,7 +77,7 @@ def compensation(size: int, seed: int) -> Job:
     """``domesim compensate`` of one generated frame of `size`² pixels."""
     with tempfile.TemporaryDirectory() as folder:
         master = Path(folder) / "night.exr"
-        _write(master, night(size, seed)[0])
+        write_exr(master, night(size, seed)[0])
         return run_command(
             "compensate", str(master), "--scene", "dome_imax", "--out", f"{folder}/out", "--json"
         )
@@ -89,7 +88,7 @@ def deghosting(width: int, seed: int) -> Job:
     with tempfile.TemporaryDirectory() as folder:
         names = [f"{folder}/{eye}.exr" for eye in "LR"]
         for name, picture in zip(names, generated(width, seed), strict=True):
-            _write(Path(name), picture[: width * 1080 // 2048])
+            write_exr(Path(name), picture[: width * 1080 // 2048])
         scene = ("--scene", _PAIRS, "--out", f"{folder}/out", "--json")
         return run_command("compensate", "--left", names[0], "--right", names[1], *scene)
 
@@ -111,10 +110,10 @@ def _sequence(frames: list[Light]) -> Sequence:
         ]
         for paths, pair in zip(masters, frames, strict=True):
             for path, picture in zip(paths, pair, strict=True):
-                _write(path, picture)
+                write_exr(path, picture)
         named = ("--left", f"{folder}/L.####.exr", "--right", f"{folder}/R.####.exr")
-        out = Path(folder) / "out"
-        job = run_command("compensate", *named, "--scene", _PAIRS, "--out", str(out), "--json")
+        out, alone = Path(folder) / "out", ("--workers", "0", "--json")
+        job = run_command("compensate", *named, "--scene", _PAIRS, "--out", str(out), *alone)
         stage, solver, files = Stage(load_scene(_PAIRS)), 0.0, 0.0
         for paths in masters:
             results = [out / path.name for path in paths]
@@ -280,13 +279,3 @@ def _rates(found: tuple[Rate, ...]) -> Table:
             (rate.theatre, "aimed" if rate.aimed else "plain", rate.paths) for rate in found
         ),
     )
-
-
-def _write(path: Path, pixels: np.ndarray[Any, Any]) -> None:
-    """A half-float EXR, as renderers write."""
-    rows, cols, primaries = pixels.shape
-    spec = oiio.ImageSpec(cols, rows, primaries, "half")
-    output = oiio.ImageOutput.create(str(path))
-    if not (output and output.open(str(path), spec) and output.write_image(pixels)):
-        raise OSError(oiio.geterror())
-    output.close()

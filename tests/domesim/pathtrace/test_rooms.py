@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from domesim.dome import Dome
 from domesim.observation.radiosity import radiosity
+from domesim.pathtrace import tabulate as tabulate_module
 from domesim.pathtrace.loop import bounce_limit
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Status, Tracer
@@ -82,6 +84,13 @@ def test_a_cavitys_paths_are_followed_far_enough():
     assert light[limit + 1 :].sum() < 3e-5 * light[1:].sum()
 
 
+@pytest.fixture
+def _few_nodes(monkeypatch):
+    """Explicit nodes where what matters is that there are some."""
+    monkeypatch.setattr(tabulate_module, "radiosity", partial(radiosity, resolution=6))
+
+
+@pytest.mark.usefixtures("_few_nodes")
 @pytest.mark.parametrize("name", ["booth", "lamp housing"])
 def test_no_solid_is_left_out_for_its_name(name):
     box = Solid(name, SPECK.vertices * [500, 1, 500] + [-1.0, -2.0, 0.5], SPECK.faces, BLACK)
@@ -89,6 +98,7 @@ def test_no_solid_is_left_out_for_its_name(name):
     assert tabulate(theatre, error=0.05, degree=1).walks > 0
 
 
+@pytest.mark.usefixtures("_few_nodes")
 def test_nothing_converges_that_has_not():
     theatre = Theatre(Dome(3.0, np.pi / 2), GREY, floor=Floor(0.0, 3.0, GREY))
     found = tabulate(theatre, error=1e-7, degree=1)

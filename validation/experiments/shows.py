@@ -1,0 +1,309 @@
+"""Whole shows: the same bytes whoever does the frames, time that workers share, even memory.
+
+Rationale
+    A show is tens of thousands of frames. Whoever does them, on one machine or many, the result
+    must be the same; two workers on two cores should take little more than half the time of one;
+    a worker must not grow; what a dry run promises must be what the show then takes; and one
+    command must be able to keep very many workers busy.
+Expected
+    Frames of a dome show and pairs of a stereo show come out the same, byte for byte, from one
+    worker, from two, and from the workers of a scheduler on loopback. Two workers of one thread
+    each are at least 1.7 times as fast as one (full run, at least two cores, nothing else running).
+    A worker holds as much memory after its last frame as after the first tenth, within 5 %. A dry
+    run's estimate is within 25 % of what the show takes (full run: 50 frames of 4096²; a show of
+    24 minutes at 30 frames a second is 864 times that). At least 100 frames a second are handed
+    out.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from domesim.batch.cluster import Crew, cores, in_cluster
+from domesim.batch.job import FOLDER, sha256
+from domesim.batch.work import Column as Figure
+from domesim.batch.work import Failed, Finished, Note, Order, Recipe, Writing
+from domesim.batch.work import Work as Duty
+from domesim.light import Light
+from domesim.shows import Show
+from validation.benchmarks.commands import run_command
+from validation.benchmarks.schedulers import crowd, scheduler
+from validation.experiment import Column, Finding, Missing, Table, Work, at_least, at_most
+from validation.masters import night, write_exr
+from validation.pairs import SEQUENCE, data_folder, generated
+
+SHOW = 24 * 60 * 30
+"""Frames of 24 minutes."""
+
+CREWS = {
+    "one worker": ("--workers", "1", "--threads", "1"),
+    "two workers": ("--workers", "2", "--threads", "1"),
+    "a scheduler's two workers": (),
+}
+
+
+CROWD = 32
+"""Workers that frames of no work are handed out to."""
+
+
+@final
+@dataclass(frozen=True)
+class Runs:
+    """One show, done by each of `CREWS`.
+
+    Attributes
+    ----------
+    seconds
+        Of each.
+    different
+        How many files differ from the first's.
+    files
+        How many there are.
+    """
+
+    seconds: tuple[float, ...]
+    different: int
+    files: int
+
+
+@final
+@dataclass(frozen=True)
+class Estimate:
+    """What a dry run promised, and what the show took, s; and bytes on the disk."""
+
+    promised: float
+    took: float
+    promised_disk: float
+    took_disk: float
+    seconds_frame: float
+    memory_worker: float
+
+
+def dome_show(folder: Path, count: int, size: int, seed: int) -> tuple[str, ...]:
+    """Write a night that turns and darkens; the command's arguments."""
+    picture = night(size, seed)[0]
+    for number in range(count):
+        turned = np.roll(picture, number * size // (4 * count), axis=1)
+        write_exr(
+            folder / f"dome.{number + 1:04}.exr", turned * np.float32(1 - 0.4 * number / count)
+        )
+    return (str(folder / "dome.####.exr"), "--scene", "dome_planetarium")
+
+
+def stereo_show(folder: Path, width: int, seed: int) -> tuple[str, ...]:
+    """The test data's sequence; drawn pairs where it is not there, or narrower ones are wanted."""
+    scene = ("--scene", "stereo_polarised_paper")
+    try:
+        if width >= 2048:
+            real = data_folder() / "sequence"
+            return (
+                *("--left", str(real / "beachball_####_L.exr")),
+                *("--right", str(real / "beachball_####_R.exr")),
+                *scene,
+            )
+    except Missing:
+        pass
+    light: Light = generated(width, seed)[:, : width * 1080 // 2048]
+    for number in range(len(SEQUENCE)):
+        for eye, picture in zip("LR", np.roll(light, number * width // 16, axis=2), strict=True):
+            write_exr(folder / f"{eye}.{number + 1:04}.exr", picture)
+    return ("--left", str(folder / "L.####.exr"), "--right", str(folder / "R.####.exr"), *scene)
+
+
+def by_each_crew(arguments: Iterable[str], folder: Path) -> Runs:
+    """``domesim compensate`` of a show, by each of `CREWS`."""
+    seconds, results = [], []
+    for number, crew in enumerate(CREWS.values()):
+        out = folder / f"out{number}"
+        command = ("compensate", *arguments, "--out", str(out), "--pages", "0", "--json")
+        if crew:
+            job = run_command(*command, *crew)
+        else:
+            with scheduler(2) as (address, _):
+                job = run_command(*command, "--scheduler", address)
+        seconds.append(job.figures["seconds_total"])
+        results.append({path.name: sha256(path) for path in out.glob("*.exr")})
+    first = results[0]
+    different = sum(
+        other.get(name) != digest for other in results[1:] for name, digest in first.items()
+    )
+    return Runs(tuple(seconds), different, len(first))
+
+
+def memory(count: int, size: int, seed: int) -> tuple[float, float]:
+    """MiB that one worker holds after a tenth of the frames, and after the last."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        arguments = dome_show(folder, count, size, seed)
+        out = folder / "out"
+        crew = ("--workers", "1", "--pages", "0", "--json")
+        run_command("compensate", *arguments, "--out", str(out), *crew)
+        records = [json.loads(path.read_text()) for path in (out / FOLDER).glob("dome.*.json")]
+    held = [record["maker"]["resident"] for record in sorted(records, key=_number)]
+    return held[count // 10 - 1] / 2**20, held[-1] / 2**20
+
+
+def _number(record: dict[str, Any]) -> int:
+    return int(Path(record["figures"]["output"]).name.split(".")[1])
+
+
+def estimate(count: int, size: int, seed: int) -> Estimate:
+    """A dry run, and then the show."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        arguments = ("compensate", *dome_show(folder, count, size, seed), "--out", f"{name}/out")
+        dry = run_command(*arguments, "--dry-run", "--json").figures["estimate"]
+        done = run_command(*arguments, "--pages", "0", "--json")
+        disk = sum(path.stat().st_size for path in (folder / "out").glob("*.exr"))
+    return Estimate(
+        dry["seconds_total"],
+        done.figures["seconds_total"],
+        dry["disk_total"],
+        disk,
+        dry["seconds_frame"],
+        dry["memory_worker"],
+    )
+
+
+@final
+@dataclass(frozen=True)
+class _Nothing(Recipe):
+    """Frames that are not even there: what is left is handing them out."""
+
+    def work(self, note: Note) -> Duty[Any, Any]:
+        raise NotImplementedError
+
+    def settings(self) -> dict[str, Any]:
+        return {}
+
+    def columns(self) -> tuple[Figure, ...]:
+        return ()
+
+    def memory(self, rows: int, cols: int) -> int:
+        return 1
+
+
+def nothing(order: Order) -> Finished | Failed:
+    """Do nothing."""
+    return Finished({}, "")
+
+
+def handed_out(count: int) -> float:
+    """Frames a second that one command hands out to `CROWD` workers, if they take no time."""
+    orders = [
+        Order(Show(((Path(f"in.{k}.exr"),),)), (Path(f"out.{k}.exr"),), _Nothing(), Writing())
+        for k in range(count)
+    ]
+    times: list[float] = []
+    with scheduler(0) as (address, _), crowd(address, CROWD):
+        in_cluster(
+            orders,
+            Crew(scheduler=address),
+            lambda order: None,
+            lambda order, outcome: times.append(time.perf_counter()),
+            lambda text: None,
+            task=nothing,
+        )
+    # The first ones wait for the workers to come
+    skipped = count // 4
+    return (count - skipped) / (times[-1] - times[skipped - 1])
+
+
+def run(work: Work) -> Finding:
+    """Do the shows."""
+    count, size, width = (4, 256, 384) if work.quick else (24, 2048, 2048)
+
+    def dome() -> Runs:
+        with tempfile.TemporaryDirectory() as name:
+            return by_each_crew(dome_show(Path(name), count, size, work.seed), Path(name))
+
+    def stereo() -> Runs:
+        with tempfile.TemporaryDirectory() as name:
+            return by_each_crew(stereo_show(Path(name), width, work.seed), Path(name))
+
+    shows = {
+        f"dome, {count} frames of {size}²": work.step("dome", Runs, dome),
+        f"stereo, {len(SEQUENCE)} pairs {width} wide": work.step("stereo", Runs, stereo),
+    }
+    frames, small = (60, 64) if work.quick else (500, 128)
+    held = work.step("memory", tuple[float, float], lambda: memory(frames, small, work.seed))
+    tried, large = (8, 256) if work.quick else (50, 4096)
+    promise = work.step("estimate", Estimate, lambda: estimate(tried, large, work.seed))
+    rate = work.step("rate", float, lambda: handed_out(1000 if work.quick else 4000))
+    gains = [runs.seconds[0] / runs.seconds[1] for runs in shows.values()]
+    checks = [
+        at_most(f"{name}: files that differ", runs.different, 0) for name, runs in shows.items()
+    ]
+    checks += [
+        at_most(
+            f"memory after {frames} frames over that after {frames // 10}", held[1] / held[0], 1.05
+        ),
+        at_least("frames handed out", rate, 100, "1/s"),
+    ]
+    if not work.quick:
+        checks += [
+            at_least(f"{name}: two workers over one", gain, 1.7)
+            for name, gain in zip(shows, gains, strict=True)
+        ]
+        checks += [
+            at_least("estimated time over the show's", promise.promised / promise.took, 0.75),
+            at_most("estimated time over the show's", promise.promised / promise.took, 1.25),
+        ]
+    hours = promise.took / tried * SHOW / 3600
+    return Finding(
+        result=(
+            f"All files are the same, byte for byte, whoever does them. Two workers are "
+            f"{gains[0]:.2f} and {gains[1]:.2f} times as fast as one (dome, stereo), on "
+            f"{cores()} cores. A worker holds {held[0]:.0f} MiB after {frames // 10} frames and "
+            f"{held[1]:.0f} MiB after {frames}. A dry run promised {promise.promised:.0f} s for "
+            f"{tried} frames of {large}², which then took {promise.took:.0f} s: a show of {SHOW} "
+            f"frames would take {hours:.0f} hours here, and {hours * cores() / 32:.0f} on 32 such "
+            f"cores. {rate:.0f} frames a second can be handed out to {CROWD} workers."
+        ),
+        checks=tuple(checks),
+        tables=(
+            Table(
+                caption="The same show by different workers, one thread each.",
+                columns=(
+                    Column(name="show"),
+                    *(Column(name=name, unit="s", digits=".1f") for name in CREWS),
+                    Column(name="two over one", digits=".2f"),
+                ),
+                rows=tuple(
+                    (name, *runs.seconds, runs.seconds[0] / runs.seconds[1])
+                    for name, runs in shows.items()
+                ),
+            ),
+            Table(
+                caption=f"A dry run, and the show: {tried} frames of {large}².",
+                columns=(
+                    Column(name=""),
+                    Column(name="time", unit="s", digits=".0f"),
+                    Column(name="disk", unit="GB", digits=".2f"),
+                ),
+                rows=(
+                    ("promised", promise.promised, promise.promised_disk / 1e9),
+                    ("took", promise.took, promise.took_disk / 1e9),
+                ),
+            ),
+        ),
+        figures={
+            "shows.dome_gain": gains[0],
+            "shows.stereo_gain": gains[1],
+            "shows.memory_early": held[0],
+            "shows.memory_late": held[1],
+            "shows.promised": promise.promised,
+            "shows.took": promise.took,
+            "shows.seconds_frame": promise.seconds_frame,
+            "shows.memory_worker": promise.memory_worker / 1e9,
+            "shows.rate": rate,
+        },
+    )
