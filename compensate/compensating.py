@@ -109,11 +109,11 @@ class Compensating(Recipe):
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
         return (
-            Column("error_after", "Visible error, JND rms"),
-            Column("error_subtractive", "Subtractive, JND rms"),
-            Column("error_before", "Untouched, JND rms"),
-            Column("clipped", "Too dark", percent=True),
-            Column("out_of_range", "Out of range", percent=True),
+            Column("error_after", "Visible error", "JND rms"),
+            Column("error_subtractive", "if subtracted", "JND rms"),
+            Column("error_before", "untouched", "JND rms"),
+            Column("clipped", "Too dark", "%"),
+            Column("out_of_range", "Out of range", "%"),
         )
 
     def memory(self, rows: int, cols: int) -> int:

@@ -236,8 +236,8 @@ class Predicting(Recipe):
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
         return (
-            Column("visible_subtracted", "Visible after subtraction", percent=True),
-            Column("visible", "Visible untouched", percent=True),
+            Column("visible_subtracted", "Visible after subtraction", "%"),
+            Column("visible", "Visible untouched", "%"),
         )
 
     def memory(self, rows: int, cols: int) -> int:

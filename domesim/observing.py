@@ -69,9 +69,9 @@ class Observing(Recipe):
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
         return (
-            Column("pollution_cd_m2", "Pollution, cd/m²"),
-            Column("direct_cd_m2", "Direct light, cd/m²"),
-            Column("clipped_share", "Clipped", percent=True),
+            Column("pollution_cd_m2", "Pollution", "cd/m²"),
+            Column("direct_cd_m2", "Direct light", "cd/m²"),
+            Column("clipped_share", "Clipped", "%"),
         )
 
     def memory(self, rows: int, cols: int) -> int:

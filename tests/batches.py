@@ -76,7 +76,7 @@ class Harmful(Recipe):
         return {"command": "harm"}
 
     def columns(self) -> tuple[Column, ...]:
-        return (Column("level", "Level"),)
+        return (Column("level", "Level", "codes"),)
 
     def memory(self, rows: int, cols: int) -> int:
         return 1

@@ -33,7 +33,7 @@ SHOWN = 50
 """Worst frames that the page names."""
 
 _POINTS = 800  # of a curve
-_WIDTH, _HEIGHT = 900, 150
+_WIDTH, _HEIGHT = 900, 120
 
 
 @final
@@ -45,6 +45,16 @@ class Curve:
     points: str  # of an SVG polyline
     largest: str
     mean: str
+
+
+@final
+@dataclass(frozen=True)
+class Plot:
+    """The curves of one unit."""
+
+    unit: str
+    top: str
+    curves: tuple[Curve, ...]
 
 
 @final
@@ -83,7 +93,7 @@ class Report:
 
     def finish(self) -> Path:
         """All frames have ended; where the page is."""
-        self._end("finished")
+        self._end("ended")
         return self.page
 
     def worst(self, count: int) -> list[Order]:
@@ -145,11 +155,13 @@ class Report:
             left=_duration(left / rate) if rate else "",
             failed=[each.reason for each in self._outcomes.values() if isinstance(each, Failed)],
             columns=self._columns,
-            curves=[_curve(column, list(rows.values())) for column in self._columns if rows],
+            plots=_plots(self._columns, list(rows.values())),
+            ends=[*rows][:1] + [*rows][-1:],
             worst=[self._row(name, rows[name]) for name in ranked[:SHOWN]],
             settings=_settings(self._job),
             versions=versions(),
             size=(_WIDTH, _HEIGHT),
+            shown=SHOWN,
         )
         write_whole(self.page, page.encode())
         self._written = time.time()
@@ -208,21 +220,31 @@ def _flat(row: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     return flat
 
 
-def _curve(column: Column, rows: Sequence[Mapping[str, Any]]) -> Curve:
+def _plots(columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> list[Plot]:
+    """A plot for each unit whose figures are not all 0."""
+    plots = []
+    for unit in dict.fromkeys(column.unit for column in columns):
+        these = [column for column in columns if column.unit == unit]
+        values = [[_number(row.get(column.key)) for row in rows] for column in these]
+        top = max((value for each in values for value in each), default=0.0)
+        if top > 0:
+            curves = tuple(map(_curve, these, values, [top] * len(these)))
+            plots.append(Plot(unit, these[0].shown(top), curves))
+    return plots
+
+
+def _curve(column: Column, values: Sequence[float], top: float) -> Curve:
     """The largest of each few frames, from left to right."""
-    values = [_number(row.get(column.key)) for row in rows]
     known = [value for value in values if math.isfinite(value)] or [0.0]
     step = -(-len(values) // _POINTS)
     peaks = [max(values[k : k + step]) for k in range(0, len(values), step)]
-    top = max(*known, 0.0) or 1.0
-    across = _WIDTH / max(len(peaks) - 1, 1)
+    peaks *= 2 if len(peaks) == 1 else 1  # a point has no length
+    across = _WIDTH / (len(peaks) - 1)
     points = " ".join(
         f"{k * across:.1f},{_HEIGHT * (1 - max(peak, 0) / top):.1f}"
         for k, peak in enumerate(peaks)
         if math.isfinite(peak)
     )
-    if len(peaks) == 1:  # a point has no length
-        points += f" {_WIDTH},{points.split(',')[1]}"
     mean = sum(known) / len(known)
     return Curve(column.title, points, column.shown(max(known)), column.shown(mean))
 

@@ -78,20 +78,20 @@ class Column:
     key
         Its name in the figures.
     title
-        With its unit.
-    percent
-        Whether it is a share.
+        For a person.
+    unit
+        Of it; columns of one unit are drawn together. "%" for a share.
     """
 
     key: str
     title: str
-    percent: bool = False
+    unit: str
 
     def shown(self, value: Any) -> str:
         """A figure as text."""
         if not isinstance(value, int | float):
             return "" if value is None else str(value)
-        return f"{value:.2%}" if self.percent else f"{value:.3g}"
+        return f"{100 * value:.3g}" if self.unit == "%" else f"{value:.3g}"
 
 
 class Recipe(ABC):
@@ -147,12 +147,16 @@ class Writing:
         As for `write_master`.
     repair
         As for `read_master`.
+    fps
+        Of a video that results become (`domesim.batch.film`), frames a second; the master's if
+        None.
     """
 
     suffix: str | None = None
     bits: int | None = None
     dither: bool = False
     repair: bool = False
+    fps: float | None = None
 
 
 @final
