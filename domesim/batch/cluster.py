@@ -243,6 +243,7 @@ def _client(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
             silence_logs=logging.CRITICAL,
             preload=["domesim.batch.preload"],
             resources=dict(crew.resources),
+            env=_environment(crew.threads),  # also where the command's own environment says else
         )
         try:
             with Client(cluster, set_as_default=False) as client:
