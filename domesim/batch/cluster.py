@@ -233,7 +233,8 @@ def _client(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
                 _require_alike(client, crew, tell)
                 yield client
             finally:
-                client.close(timeout=1)
+                with contextlib.suppress(TimeoutError):
+                    client.close(timeout=1)
             return
         cluster = LocalCluster(
             n_workers=crew.workers,
@@ -249,7 +250,9 @@ def _client(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
             with Client(cluster, set_as_default=False) as client:
                 yield client
         finally:
-            cluster.close(timeout=5)
+            # On a busy machine they may take longer; they end with this process at the latest
+            with contextlib.suppress(TimeoutError):
+                cluster.close(timeout=10)
 
 
 def be_quiet() -> None:

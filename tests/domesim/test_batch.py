@@ -16,11 +16,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from batches import LINEAR, Harmful, copied, make_show
+from batches import LINEAR, Harmful, copied, make_show, show_of
 
 from domesim.batch import cluster
+from domesim.batch.estimate import estimate
 from domesim.batch.job import FOLDER, open_job
-from domesim.batch.run import each_frame
+from domesim.batch.run import Running, each_frame
+from domesim.batch.work import Writing
 from domesim.console import Console
 from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, write_frame
@@ -359,3 +361,38 @@ def test_frames_that_need_a_gpu_go_where_one_is(tmp_path: Path, recipe: Harmful)
         done = copied(tmp_path, Harmful(recipe.log, needs_gpu=True), 0, scheduler=address)
     assert len(done.frames) == 4
     assert recipe.pids() == {with_gpu}
+
+
+def test_a_dry_run_tells_and_leaves_nothing(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 40)
+    slow = Harmful(recipe.log, seconds=0.1)
+    show = show_of(tmp_path / "in")
+    figures = estimate(
+        show, tmp_path / "out/frames", slow, Console(quiet=True), Writing(), Running(0)
+    )
+    assert not (tmp_path / "out").exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "log"]
+    assert figures["frames"] == 40
+    begun = slow.begun()
+    assert 2 <= len(begun) == figures["sampled"] <= 8
+    assert {begun[0], begun[-1]} == {"in.0001.exr", "in.0040.exr"}  # from all over the show
+    assert figures["seconds_frame"] >= 0.1
+    assert figures["seconds_total"] >= 40 * figures["seconds_frame"]
+    copied(tmp_path, recipe, 0)
+    took = sum(path.stat().st_size for path in (tmp_path / "out").glob("*.exr"))
+    assert figures["disk_total"] == pytest.approx(took, rel=0.02)
+
+
+def test_a_dry_run_of_what_cannot_be_done_says_so(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 3)
+    for path in (tmp_path / "in").iterdir():
+        path.write_bytes(b"no image")
+    with pytest.raises(InputError, match="no frame of 3 could be done"):
+        estimate(
+            show_of(tmp_path / "in"),
+            tmp_path / "out",
+            recipe,
+            Console(quiet=True),
+            Writing(),
+            Running(0),
+        )
