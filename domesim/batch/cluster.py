@@ -182,19 +182,18 @@ class _Hall:
         if now - self._looked >= _LOOK:
             self.require_scheduler()
             with contextlib.suppress(OSError, TimeoutError):
-                self._places = sum(map(self._fits, self._known().values()))
+                self._places = self._counted()
             self._looked = now
         return self._places
 
-    def _known(self) -> dict[str, Any]:
-        """The scheduler's workers, by address."""
-        known: dict[str, Any] = self._client.scheduler_info(n_workers=-1)["workers"]
-        return known
-
-    def _fits(self, worker: dict[str, Any]) -> bool:
-        """Whether a worker has what frames need."""
-        there = worker.get("resources", {})
-        return all(there.get(name, 0) >= amount for name, amount in self._crew.resources)
+    def _counted(self) -> int:
+        """The scheduler's workers that have what frames need."""
+        needed = self._crew.resources
+        if not needed:
+            return len(self._client.nthreads())
+        known = self._client.scheduler_info(n_workers=-1)["workers"].values()
+        there = [worker.get("resources", {}) for worker in known]
+        return sum(all(each.get(name, 0) >= least for name, least in needed) for each in there)
 
     def require_scheduler(self) -> None:
         """See that the scheduler is there."""

@@ -11,6 +11,7 @@ import csv
 import io
 import json
 import math
+import os
 import re
 import time
 from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, final
+from urllib.parse import quote
 
 from domesim.batch.job import Job, versions
 from domesim.batch.work import Column, Failed, Finished, Order
@@ -168,10 +170,12 @@ class Report:
 
     def _row(self, name: str, figures: Mapping[str, Any]) -> dict[str, Any]:
         compared = self._job.folder / page_name(name)
+        output = figures.get("output", name)
+        first = output if isinstance(output, str) else output[0]
         return {
             "name": name,
-            "link": f"../{name}",
-            "page": compared.name if compared.exists() else "",
+            "link": quote(os.path.relpath(first, self._job.folder)),
+            "page": quote(compared.name) if compared.exists() else "",
             "cells": [column.shown(figures.get(column.key)) for column in self._columns],
         }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ import numpy as np
 import pytest
 from batches import LINEAR, Harmful, copied, make_show, show_of
 
-from domesim.batch import cluster
+from domesim.batch import cluster, report
 from domesim.batch.estimate import estimate
 from domesim.batch.job import FOLDER, open_job
 from domesim.batch.run import Running, each_frame
@@ -396,3 +397,39 @@ def test_a_dry_run_of_what_cannot_be_done_says_so(tmp_path: Path, recipe: Harmfu
             Writing(),
             Running(0),
         )
+
+
+def test_the_report_leads_to_results_and_all_figures(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 11)
+    done = copied(tmp_path, recipe, 0)
+    assert done.report is not None
+    page = done.report.read_text()
+    links = re.findall(r'<td><a href="([^"]+)"', page)
+    assert len(links) == 11
+    assert all((done.report.parent / link).is_file() for link in links)
+    assert links[0].endswith("in.0011.exr")  # the brightest, which this recipe calls the worst
+    assert 'http-equiv="refresh"' not in page  # it has ended
+    table = (done.report.parent / "frames.csv").read_text().splitlines()
+    names = [line.split(",")[1].rsplit("/", 1)[-1] for line in table[1:]]
+    assert names == [f"in.{number:04d}.exr" for number in range(1, 12)]
+
+
+def test_a_page_tells_how_far_it_is(tmp_path: Path, recipe: Harmful, monkeypatch: Any) -> None:
+    monkeypatch.setattr(report, "EVERY", 0.0)
+    make_show(tmp_path / "in", 3)
+    place = tmp_path / "out/job/report.html"
+    seen: list[str] = []
+    original = report.Report.add
+
+    def add(self: report.Report, *arguments: Any) -> None:
+        original(self, *arguments)
+        seen.append(place.read_text())
+
+    monkeypatch.setattr(report.Report, "add", add)
+    copied(tmp_path, recipe, 0)
+    assert [re.findall(r"<h1>(\d of \d)", page) for page in seen] == [
+        ["1 of 3"],
+        ["2 of 3"],
+        ["3 of 3"],
+    ]
+    assert all('http-equiv="refresh"' in page for page in seen)
