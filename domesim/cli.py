@@ -23,6 +23,7 @@ from domesim.choice import SceneChoice
 from domesim.console import Console, complain
 from domesim.errors import InputError
 from domesim.frames.encodings import ENCODINGS
+from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES
 from domesim.observing import Observing
 from domesim.scene import Scene, StereoScene
@@ -36,7 +37,7 @@ MasterName = Annotated[
     typer.Argument(
         metavar="MASTER",
         help="The domemaster, or a file of two views: an EXR, PNG, TIFF, DPX, JPEG or JPEG 2000 "
-        "file, or a numbered sequence such as 'show.####.png'.",
+        "file, a numbered sequence such as 'show.####.png', or a video.",
         show_default=False,
     ),
 ]
@@ -111,7 +112,8 @@ Format = Annotated[
     str | None,
     typer.Option(
         "--format",
-        help="Write exr, png, tif, dpx, jpg, jp2 or j2k instead of the master's format.",
+        help="Write exr, png, tif, dpx, jpg, jp2 or j2k instead of the master's format; or, of a "
+        "sequence, besides its frames a video: mov (ProRes 4444) or mkv (FFV1, lossless).",
         show_default=False,
     ),
 ]
@@ -130,6 +132,13 @@ DitherName = Annotated[
     ),
 ]
 TPDF = "tpdf"
+Fps = Annotated[
+    float | None,
+    typer.Option(
+        help="Videos: frames a second, instead of the master's, or 24 where it says nothing.",
+        show_default=False,
+    ),
+]
 Workers = Annotated[
     int | None,
     typer.Option(
@@ -192,6 +201,7 @@ def observe(
     file_format: Format = None,
     bits: Bits = None,
     dither: DitherName = TPDF,
+    fps: Fps = None,
     repair: Repair = False,
     allow_identical: Identical = False,
     workers: Workers = None,
@@ -227,7 +237,7 @@ def observe(
         Observing(choice.settled(theatre)),
         console,
         what="observing",
-        writing=Writing(suffix_of(file_format), bits, dithered(dither), repair),
+        writing=Writing(suffix_of(file_format), bits, dithered(dither), repair, fps),
         running=Running(workers, threads, scheduler, anew, mix),
         facts=about_scene(theatre),
         dry_run=dry_run,
@@ -301,9 +311,10 @@ def suffix_of(file_format: str | None) -> str | None:
     if file_format is None:
         return None
     suffix = f".{file_format.lower().removeprefix('.')}"
-    if suffix not in SUFFIXES:
+    if suffix not in (*SUFFIXES, *FILMS):
         raise InputError(
-            f"--format {file_format!r} is not known; use exr, png, tif, dpx, jpg, jp2, j2k"
+            f"--format {file_format!r} is not known; use exr, png, tif, dpx, jpg, jp2, j2k, mov "
+            f"or mkv"
         )
     return suffix
 
@@ -325,7 +336,8 @@ def told(done: Done) -> dict[str, Any]:
     """What a command's figures say of its frames."""
     seconds = {f"seconds_{step}": value for step, value in done.seconds.items()}
     report = None if done.report is None else str(done.report)
-    return {"frames": done.frames, "kept": done.kept, "report": report, **seconds}
+    films = {"films": [str(path) for path in done.films]} if done.films else {}
+    return {"frames": done.frames, "kept": done.kept, "report": report, **films, **seconds}
 
 
 def finish(console: Console, figures: dict[str, Any], failed: list[str]) -> None:

@@ -22,6 +22,10 @@ import fileseq
 
 from domesim.errors import InputError
 from domesim.frames.messages import reason
+from domesim.frames.video import file_of, frame_paths, is_video, video_of
+
+OF_VIDEO = ".png"
+"""Suffix of the results for frames of a video: its integers and its encoding fit."""
 
 
 def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, ...]:
@@ -31,7 +35,8 @@ def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, .
     ----------
     pattern
         An existing file, or a numbered pattern: ``show.####.exr``, ``show.%04d.exr``,
-        ``show.@.png``, ``show.$F4.exr``.
+        ``show.@.png``, ``show.$F4.exr``; or a video, whose frames are numbered from 1, or one of
+        these: ``film.mov/film.0012.mov``.
     frames
         Which frames, such as ``1-100x10`` (see `parse_frames`); all that there are if None.
 
@@ -141,12 +146,14 @@ def output_pairs(
 
 
 def _output_name(source: Path, suffix: str | None) -> str:
+    if suffix is None and video_of(source) is not None:
+        suffix = OF_VIDEO
     return source.name if suffix is None else source.with_suffix(suffix).name
 
 
 def _refuse_inputs(results: Iterable[Path], sources: Iterable[Path]) -> None:
     # A link to the source is the source, too.
-    taken = {source.resolve() for source in sources}
+    taken = {file_of(source).resolve() for source in sources}
     for path in results:
         if path.resolve() in taken:
             raise InputError(
@@ -160,12 +167,20 @@ def _find(path: Path, frames: str | None) -> dict[int | None, Path]:
     kind = _kind(path)
     if kind == "folder":
         raise _is_a_folder(path)
+    if is_video(path):
+        return _chosen(path, dict(enumerate(frame_paths(path), 1)), frames)
+    if video_of(path) is not None and path in frame_paths(path.parent):
+        kind = "file"
     sequence = _numbered(path)
     if sequence is None or kind == "file":
         return {None: _single(path, kind, frames)}
-    found = _on_disk(path, sequence)
+    # show.1-5####.exr names its frames itself
+    return _chosen(path, _on_disk(path, sequence), frames or sequence.frameRange())
+
+
+def _chosen(path: Path, found: dict[int, Path], frames: str | None) -> dict[int | None, Path]:
+    """Those of `frames`, or all, in order."""
     numbers = sorted(found)
-    frames = frames or sequence.frameRange()  # show.1-5####.exr names its frames itself
     if frames:
         numbers = sorted(parse_frames(frames))
         missing = _ranges([number for number in numbers if number not in found])

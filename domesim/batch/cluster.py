@@ -14,6 +14,7 @@ import os
 import queue
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -92,6 +93,7 @@ def in_cluster(
         running: dict[str, tuple[Order, Future]] = {}
         ended: queue.SimpleQueue[str] = queue.SimpleQueue()
         waiting = list(reversed(orders))
+        cancelled: Counter[Order] = Counter()
         interrupted, needed = False, dict(crew.resources) or None
         try:
             while waiting or running:
@@ -108,7 +110,15 @@ def in_cluster(
                         hall.require_scheduler()
                         continue
                     order, future = running.pop(key)
-                    end(order, _outcome(order, future, hall))
+                    outcome = _outcome(order, future)
+                    if outcome is None:
+                        hall.require_scheduler()
+                        cancelled[order] += 1
+                        if cancelled[order] <= DEATHS:
+                            waiting.append(order)
+                            continue
+                        outcome = Failed(f"{order.moment[0]}: the scheduler keeps cancelling it")
+                    end(order, outcome)
                 except Exception:
                     hall.require_scheduler()  # of which everything else may be a consequence
                     raise
@@ -147,15 +157,15 @@ def _steps(recipe: Recipe) -> Steps:
     return Steps(recipe.work(lambda text: None))
 
 
-def _outcome(order: Order, future: Future, hall: _Hall) -> Finished | Failed:
+def _outcome(order: Order, future: Future) -> Finished | Failed | None:
+    """What became of a frame; None if the scheduler let go of it."""
     from distributed import KilledWorker  # noqa: PLC0415
 
     if future.status == "finished":
         result: Finished | Failed = future.result()
         return result
     if future.status in ("cancelled", "lost"):
-        hall.require_scheduler()
-        return Failed(f"{order.moment[0]}: cancelled by the scheduler")
+        return None
     error = future.exception()
     if isinstance(error, KilledWorker):
         return Failed(

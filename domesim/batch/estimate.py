@@ -11,6 +11,7 @@ from typing import Any, final
 
 from domesim.batch.alone import alone
 from domesim.batch.cluster import cores, in_cluster
+from domesim.batch.film import films_of
 from domesim.batch.run import Running, crew_of
 from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
 from domesim.console import Console, complain
@@ -58,6 +59,7 @@ def estimate(
     InputError
         If no frame can be done.
     """
+    writing, _ = films_of(show, folder, writing)
     show.outputs(folder, writing.suffix)  # complains as the run would
     crew = crew_of(running, recipe, show)
     count = len(show.moments)

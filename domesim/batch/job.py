@@ -17,13 +17,14 @@ import platform
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, final
 
 from domesim.errors import InputError
 from domesim.frames.messages import reason
+from domesim.frames.video import file_of, video_of
 from domesim.frames.whole import write_whole
 
 FOLDER = "job"
@@ -93,13 +94,14 @@ class Job:
         record = self.record(output)
         if record is None or not (self.mixed or record.settings == self.settings):
             return None
-        if set(record.sources) != {path.name for path in moment}:
+        known = _named(moment)
+        if set(record.sources) != set(known):
             return None
-        if not all(_unchanged(path, record.sources[path.name]) for path in moment):
+        if not all(_unchanged(path, record.sources[name]) for name, path in known.items()):
             return None
-        for path in output:
+        for name, path in _named(output).items():
             try:
-                if sha256(path) != record.results.get(path.name):
+                if sha256(path) != record.results.get(name):
                     return None
             except InputError:
                 return None
@@ -126,9 +128,9 @@ class Job:
             If one cannot be read.
         """
         found = {}
-        for path in moment:
+        for name, path in _named(moment).items():
             size, changed = _state(path)
-            found[path.name] = [size, changed, sha256(path)]
+            found[name] = [size, changed, _content(path, size, changed)]
         return found
 
     def keep(self, output: Sequence[Path], record: Record) -> None:
@@ -141,7 +143,7 @@ class Job:
         """
         whole = {
             **asdict(record),
-            "results": {path.name: sha256(path) for path in output},
+            "results": {name: sha256(path) for name, path in _named(output).items()},
             "settings": self.settings,
             "versions": versions(),
         }
@@ -233,9 +235,17 @@ def versions() -> dict[str, str]:
     return found
 
 
+def _named(paths: Sequence[Path]) -> dict[str, Path]:
+    """Left and right by their names, with their places where these are one."""
+    if len({path.name for path in paths}) == len(paths):
+        return {path.name: path for path in paths}
+    return {f"{place} {path.name}": path for place, path in enumerate(paths)}
+
+
 def _state(path: Path) -> tuple[int, int]:
+    """Size and time of a master's file; all frames of a video have those of the video."""
     try:
-        state = path.stat()
+        state = file_of(path).stat()
     except OSError as error:
         raise InputError(f"{path}: wanted to read it, got '{reason(error)}'") from error
     return state.st_size, state.st_mtime_ns
@@ -244,7 +254,20 @@ def _state(path: Path) -> tuple[int, int]:
 def _unchanged(path: Path, known: list[Any]) -> bool:
     """Whether a master is as it was: by its size and time, or else its content."""
     size, changed = _state(path)
-    return bool(size == known[0] and (changed == known[1] or sha256(path) == known[2]))
+    return bool(
+        size == known[0] and (changed == known[1] or _content(path, size, changed) == known[2])
+    )
+
+
+def _content(path: Path, size: int, changed: int) -> str:
+    """SHA-256 of a master's file; of a video once for all its frames."""
+    video = video_of(path)
+    return sha256(path) if video is None else _video_content(video, size, changed)
+
+
+@lru_cache(maxsize=4)
+def _video_content(video: Path, size: int, changed: int) -> str:
+    return sha256(video)
 
 
 def _difference(before: str, settings: dict[str, Any]) -> str:

@@ -14,6 +14,7 @@ from typing import Any, final
 
 from domesim.batch.alone import alone
 from domesim.batch.cluster import Crew, cores, in_cluster
+from domesim.batch.film import films_of
 from domesim.batch.job import Job, open_job, versions
 from domesim.batch.report import Report, page_name
 from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
@@ -76,6 +77,8 @@ class Done:
         How many of the frames had been done before.
     report
         The page about all frames of the job, if it is a sequence.
+    films
+        The videos that results became, if all of them are done.
     """
 
     frames: list[dict[str, Any]] = field(default_factory=list)
@@ -83,6 +86,7 @@ class Done:
     seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(("total", *STEPS), 0.0))
     kept: int = 0
     report: Path | None = None
+    films: tuple[Path, ...] = ()
 
 
 def each_frame(
@@ -123,7 +127,12 @@ def each_frame(
         If the folder cannot be made or written to, holds a job of other settings, an output would
         replace its input, or a scheduler fails.
     """
-    writing, running = writing or Writing(), running or Running()
+    running = running or Running()
+    if running.scheduler is not None:
+        # Its workers are in other folders
+        here = tuple(tuple(path.absolute() for path in moment) for moment in show.moments)
+        show, folder = replace(show, moments=here), folder.absolute()
+    writing, films = films_of(show, folder, writing or Writing())
     outputs = show.outputs(folder, writing.suffix)
     for place in {path.parent for output in outputs for path in output} | {folder}:
         prepare(place)
@@ -165,6 +174,9 @@ def each_frame(
     if report is not None:
         _compare(report.worst(running.pages), recipe, console)
         done.report = report.finish()
+        if films is not None and job is not None and not done.failed:
+            films.make(orders, job, console)
+            done.films = films.paths
         kept = f", {done.kept} of them before" if done.kept else ""
         console.say(
             f"{len(done.frames)} of {len(orders)} frames are done{kept}. Report: {done.report}"

@@ -74,6 +74,37 @@ def colour_of(path: Path, spec: Any, name: str, container: Container) -> ColourT
     return _colour_of_cicp(path, spec) or _colour_of_profile(spec) or by_format
 
 
+def colour_of_code_points(path: Path, primaries: int, transfer: int, where: str) -> ColourTag:
+    """What code points of ITU-T H.273 mean that a file has `where`.
+
+    Raises
+    ------
+    InputError
+        If the transfer is not supported.
+    """
+    if transfer not in _CICP_TRANSFERS:
+        raise _unsupported_encoding(path, f"transfer {transfer} of ITU-T H.273")
+    if primaries not in _CICP_PRIMARIES:
+        source = f"file: {where}; primaries assumed, {primaries} is not known"
+        return ColourTag(_CICP_TRANSFERS[transfer], "BT.709", source)
+    return ColourTag(_CICP_TRANSFERS[transfer], _CICP_PRIMARIES[primaries], f"file: {where}")
+
+
+def code_points_of(colour: ColourTag) -> tuple[int, int]:
+    """Primaries and transfer in ITU-T H.273's code points; 2, "unspecified", for what has none."""
+    transfers = {name: code for code, name in reversed(_CICP_TRANSFERS.items())}
+    primaries = {name: code for code, name in _CICP_PRIMARIES.items()}
+    return (
+        primaries.get(colour.primaries, _UNSPECIFIED),
+        transfers.get(colour.transfer, _UNSPECIFIED),
+    )
+
+
+def is_sayable(colour: ColourTag) -> bool:
+    """Whether code points of ITU-T H.273 can say what it is."""
+    return _UNSPECIFIED not in code_points_of(colour)
+
+
 def state_colour(colour: ColourTag, name: str, spec: Any) -> None:
     """Name the encoding, where the format can and would otherwise be taken for another."""
     if name == "openexr":
@@ -96,12 +127,9 @@ def colour_chunks(colour: ColourTag) -> bytes:
     """What a PNG says of its colour."""
     if _is_srgb(colour):
         return b"" if colour.assumed else chunk(b"sRGB", b"\0")
-    transfers = {name: code for code, name in reversed(_CICP_TRANSFERS.items())}
-    primaries = {name: code for code, name in _CICP_PRIMARIES.items()}
     chunks = b""
-    if colour.transfer in transfers and colour.primaries in primaries:
-        code_points = (primaries[colour.primaries], transfers[colour.transfer], 0, 1)
-        chunks += chunk(b"cICP", bytes(code_points))
+    if is_sayable(colour):
+        chunks += chunk(b"cICP", bytes((*code_points_of(colour), 0, 1)))
     exponents = {"linear": 1.0, "gamma2.2": 2.2, "gamma2.4": 2.4, "gamma2.6": 2.6, "dcdm": 2.6}
     if colour.transfer in exponents:
         chunks += chunk(b"gAMA", struct.pack(">I", round(100000 / exponents[colour.transfer])))
@@ -169,6 +197,7 @@ _CICP_TRANSFERS = {
     16: "st2084",
     17: "dcdm",
 }
+_UNSPECIFIED = 2
 _CICP_PRIMARIES = {1: "BT.709", 9: "BT.2020", 10: "XYZ", 11: "P3-DCI", 12: "P3-D65"}
 
 # SMPTE ST 268-1, transfer characteristic, by OpenImageIO's names. Video is decoded as a monitor
@@ -193,14 +222,10 @@ def _colour_of_cicp(path: Path, spec: Any) -> ColourTag | None:
     if code_points is None:
         return None
     primaries, transfer, _, full_range = code_points
-    if transfer not in _CICP_TRANSFERS:
-        raise _unsupported_encoding(path, f"transfer {transfer} of ITU-T H.273")
+    colour = colour_of_code_points(path, primaries, transfer, "cICP")
     if not full_range:
         raise _unsupported_encoding(path, "narrow-range video codes")
-    if primaries not in _CICP_PRIMARIES:
-        source = f"file: cICP; primaries assumed, {primaries} is not known"
-        return ColourTag(_CICP_TRANSFERS[transfer], "BT.709", source)
-    return ColourTag(_CICP_TRANSFERS[transfer], _CICP_PRIMARIES[primaries], "file: cICP")
+    return colour
 
 
 def _colour_of_profile(spec: Any) -> ColourTag | None:

@@ -12,6 +12,7 @@ from domesim.frames.colour import TRANSFER_NAMES
 from domesim.frames.frame import Frame, Pixels
 from domesim.frames.reading import listed
 from domesim.frames.stereo_exr import channels_by_view, stated_views
+from domesim.frames.video import file_of
 
 
 def refuse_packing(paths: Sequence[Path], packing: str | None, got: str) -> None:
@@ -26,7 +27,7 @@ def refuse_packing(paths: Sequence[Path], packing: str | None, got: str) -> None
 def refuse_one_file(left: Path, right: Path) -> None:
     """Refuse one file given twice, by whatever name or link."""
     try:
-        same = left.samefile(right)
+        same = file_of(left).samefile(file_of(right))
     except OSError:  # reading it will tell
         return
     if same:

@@ -17,6 +17,7 @@ from domesim.frames.formats import FLOATING, INTEGER, LABELS, label
 from domesim.frames.frame import Frame, Header, Pixels
 from domesim.frames.integrity import Container, damaged, examine, refuse_sides
 from domesim.frames.messages import one_line, problem_of
+from domesim.frames.video import read_video_frame, video_of, video_size
 
 
 def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:
@@ -25,7 +26,8 @@ def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | No
     Parameters
     ----------
     path
-        The file. Its content decides what it is, not its suffix.
+        The file. Its content decides what it is, not its suffix. Or a frame of a video: see
+        `domesim.frames.video`.
     repair
         Replace NaN and negative samples by 0 and +Inf by the channel's largest finite value,
         instead of refusing them.
@@ -46,6 +48,8 @@ def read_image(
     path: Path, *, repair: bool, grey: bool = False, colour: ColourTag | None = None
 ) -> Frame:
     """`read_frame`; with `grey`, an EXR whose only picture is a channel Y is R = G = B = Y."""
+    if video_of(path) is not None:
+        return read_video_frame(path, colour=colour)
     container = examine(path)
     reader = open_image(path)
     try:
@@ -55,6 +59,24 @@ def read_image(
     finally:
         reader.close()
     return frame_of(path, layout, samples, repair=repair)
+
+
+def size_of(path: Path) -> tuple[int, int]:
+    """Rows and columns of a file's picture, as its header says.
+
+    Raises
+    ------
+    InputError
+        If it does not open.
+    """
+    if video_of(path) is not None:
+        return video_size(path)
+    reader = open_image(path)
+    try:
+        spec = reader.spec()
+        return int(spec.full_height), int(spec.full_width)
+    finally:
+        reader.close()
 
 
 def open_image(path: Path) -> Any:

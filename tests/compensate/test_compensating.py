@@ -71,8 +71,10 @@ def test_the_same_bytes_whoever_does_them(
     shows: dict[str, Show],
     address: str,
     tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     recipe, show = recipe_of(scene), shows[scene]
+    monkeypatch.chdir(tmp_path)  # a scheduler's workers are elsewhere
     crews = {
         "alone": Running(0, pages=0),
         "2": Running(2, 1, pages=0),
@@ -82,9 +84,9 @@ def test_the_same_bytes_whoever_does_them(
         crews["1"] = Running(1, 2, pages=0)
     found = {}
     for name, running in crews.items():
-        outcome = done(show, tmp_path / name, recipe, running)
+        outcome = done(show, Path(name), recipe, running)
         assert not outcome.failed
-        found[name] = content(tmp_path / name)
+        found[name] = content(Path(name))
     assert len(found["alone"]) == COUNT * len(show.moments[0])
     assert all(each == found["alone"] for each in found.values())
     figures = [frame["error_after"] for frame in outcome.frames]

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from batches import LINEAR, Harmful, copied, make_show, show_of
+from pyarrow import parquet
 
 from domesim.batch import cluster, report
 from domesim.batch.estimate import estimate
@@ -433,3 +434,36 @@ def test_a_page_tells_how_far_it_is(tmp_path: Path, recipe: Harmful, monkeypatch
         ["3 of 3"],
     ]
     assert all('http-equiv="refresh"' in page for page in seen)
+
+
+def test_the_table_is_there_for_data_frames(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 3)
+    copied(tmp_path, recipe, 0)
+    table = parquet.read_table(tmp_path / "out/job/frames.parquet")
+    assert table.column("level").to_pylist() == pytest.approx([0.25, 0.5, 0.75])
+    assert "encoding.transfer" in table.column_names
+
+
+def test_a_render_farm_does_each_frame_once(tmp_path: Path) -> None:
+    """The Open Job Description template, by its own command line."""
+    make_show(tmp_path / "in", 3, (64, 64))
+    binaries = Path(sys.executable).parent
+    settings = {
+        "Master": tmp_path / "in/in.####.exr",
+        "Scene": "dome_planetarium",
+        "Out": tmp_path / "out",
+        "Frames": "1-3",
+        "FramesToATask": 2,
+    }
+    subprocess.run(
+        [
+            *(binaries / "openjd", "run", TESTS.parent / "docs/farm/compensate.openjd.yaml"),
+            *(word for name, value in settings.items() for word in ("-p", f"{name}={value}")),
+        ],
+        check=True,
+        capture_output=True,
+        env={**os.environ, "PATH": f"{binaries}:{os.environ['PATH']}"},
+    )
+    assert len(list((tmp_path / "out").glob("in.*.exr"))) == 3
+    assert len(records(tmp_path)) == 3
+    assert len((tmp_path / "out/job/frames.csv").read_text().splitlines()) == 4

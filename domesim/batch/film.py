@@ -1,0 +1,215 @@
+"""A show's results as a video: ``--format mov`` and ``--format mkv``.
+
+Workers do frames in any order, and a run may be killed at any: results are numbered files as ever.
+When all of a command's frames are done, it makes the video of them, beside them. Beside the records
+it keeps what the video was made of and its SHA-256, so that the same command makes it anew only if
+frames are new, or the video is lost or not as it was written.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import final
+
+from domesim.batch.job import Job, sha256
+from domesim.batch.work import Files, Order, Writing
+from domesim.console import Console
+from domesim.errors import InputError
+from domesim.frames import ColourTag, Frame, read_frame, write_whole
+from domesim.frames.colour import is_sayable
+from domesim.frames.film import FILMS, FilmFormat, write_film
+from domesim.frames.reading import open_image
+from domesim.frames.video import Timing, file_of, pyav, timing_of, video_of
+from domesim.shows import Show
+
+USUAL_RATE = Fraction(24)
+"""Frames a second where neither the master nor anybody says so."""
+
+_NUMBER = re.compile(r"[._-]?[0-9]+(?!.*[0-9])")
+
+
+@final
+@dataclass(frozen=True)
+class Films:
+    """The videos that a show's results become: one, or of left and right.
+
+    Parameters
+    ----------
+    paths
+        Where they go.
+    format
+        Theirs.
+    timing
+        When frames are shown.
+    dither
+        Whether rounding to fewer codes is dithered.
+    """
+
+    paths: Files
+    format: FilmFormat
+    timing: Timing
+    dither: bool
+
+    def make(self, orders: Sequence[Order], job: Job, console: Console) -> None:
+        """Make those that are not there yet.
+
+        Parameters
+        ----------
+        orders
+            The frames, in order, all done.
+        job
+            Theirs.
+        console
+            Who is told.
+
+        Raises
+        ------
+        InputError
+            If frames are no video together, or it cannot be written.
+        """
+        for view, path in enumerate(self.paths):
+            frames = [order.output[view] for order in orders]
+            colour, made_of = self._made_of(orders, view, job)
+            if _is_there(path, job, made_of):
+                console.say(f"{path} (made before)")
+                continue
+            with console.progress("assembling", len(frames)) as start:
+                write_film(
+                    path,
+                    _read(frames, colour, start),
+                    len(frames),
+                    colour,
+                    self.timing,
+                    dithered=self.dither,
+                )
+            kept = {"made_of": made_of, "sha256": sha256(path)}
+            write_whole(_record_of(path, job), json.dumps(kept).encode())
+            unsaid = "" if is_sayable(colour) else f"; {colour.named}, which the file cannot say"
+            console.say(f"-> {path} ({float(self.timing.rate):.6g} frames a second{unsaid})")
+
+    def _made_of(self, orders: Sequence[Order], view: int, job: Job) -> tuple[ColourTag, str]:
+        """Of all frames, their encoding; and a digest of all that the video depends on."""
+        colours: set[tuple[str, str]] = set()
+        content: list[str] = []
+        for order in orders:
+            record = job.record(order.output)
+            if record is None:
+                raise InputError(f"{order.output[view]}: wanted its record, there is none")
+            encoding = record.figures["encoding"]
+            colours.add((encoding["transfer"], encoding["primaries"]))
+            content.append(list(record.results.values())[view])
+        if len(colours) > 1:
+            found = " and ".join(" ".join(each) for each in sorted(colours))
+            raise InputError(
+                f"{self.paths[view]}: wanted frames of one encoding for a video, got {found}. Say "
+                f"what they are (--encoding)"
+            )
+        colour = ColourTag(*colours.pop(), "domesim")
+        told = [content, asdict(colour), asdict(self.format), str(self.timing), self.dither]
+        return colour, hashlib.sha256(json.dumps(told).encode()).hexdigest()
+
+
+def _read(
+    paths: Sequence[Path], colour: ColourTag, start: Callable[[str], None]
+) -> Iterator[Frame]:
+    for path in paths:
+        start(path.name)
+        yield read_frame(path, colour=colour)
+
+
+def films_of(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films | None]:
+    """How the frames of a show are written, and the videos that they become, if that is asked for.
+
+    Raises
+    ------
+    InputError
+        If it is no sequence, does not go with the depth or rate asked for, a video would go over an
+        input, or PyAV is missing.
+    """
+    film = FILMS.get(writing.suffix or "")
+    if film is None:
+        if writing.fps is not None:
+            raise InputError("--fps is for videos (--format mov or mkv); leave it out")
+        return writing, None
+    if not show.numbered:
+        raise InputError(
+            f"--format {film.suffix[1:]} is for a sequence or video, got one file; leave it out"
+        )
+    if writing.bits not in film.bits:
+        depths = ", ".join(str(bits) for bits in film.bits if bits is not None)
+        raise InputError(f"--bits {writing.bits}: a {film.suffix} holds {depths}; choose one")
+    # PNGs have 8 or 16 bits.
+    exact = film.codec == "ffv1"
+    suffix = ".tif" if exact and writing.bits in (10, 12) else ".png"
+    frames = replace(writing, suffix=suffix, bits=writing.bits if exact else 16, fps=None)
+    outputs = show.outputs(folder, suffix)
+    paths = tuple(_place(output, film.suffix) for output in outputs[0])
+    if len(set(paths)) < len(paths):
+        paths = tuple(
+            path.with_stem(f"{path.stem}_{side}")
+            for path, side in zip(paths, ("left", "right"), strict=True)
+        )
+    taken = {file_of(source).resolve() for moment in show.moments for source in moment}
+    for path in paths:
+        pyav(path)
+        if path.resolve() in taken:
+            raise InputError(
+                f"{path}: wanted a place for the result, got the input itself. Choose another "
+                f"folder."
+            )
+    return frames, Films(paths, film, _timing(show, writing.fps), writing.dither)
+
+
+def _place(output: Path, suffix: str) -> Path:
+    """``show.mov`` for ``show.0001.png``."""
+    name = _NUMBER.sub("", output.stem, count=1)
+    return output.with_name(f"{name.strip('._- ') or 'show'}{suffix}")
+
+
+def _timing(show: Show, fps: float | None) -> Timing:
+    """As asked for, as the first master says, or the usual."""
+    first = show.moments[0][0]
+    found = Timing(USUAL_RATE)
+    if video_of(first) is not None:
+        found = timing_of(first)
+    else:
+        with suppress(InputError):
+            reader = open_image(first)
+            stated = reader.spec().getattribute("FramesPerSecond")
+            reader.close()
+            if isinstance(stated, tuple) and min(stated) > 0:
+                found = Timing(Fraction(*stated))
+    if fps is None or abs(fps - found.rate) < 1e-3:
+        return found
+    if not 1 <= fps <= 1000:
+        raise InputError(f"--fps must lie between 1 and 1000, got {fps:g}")
+    return Timing(_exact(fps))
+
+
+def _exact(fps: float) -> Fraction:
+    """The rate that is meant: 23.976 is 24000/1001."""
+    whole = round(fps)
+    slowed = Fraction(1000 * round(fps * 1.001), 1001)
+    if fps != whole and abs(fps - slowed) < 0.01:
+        return slowed
+    return Fraction(fps).limit_denominator(1001)
+
+
+def _record_of(path: Path, job: Job) -> Path:
+    return job.folder / f"{path.name}.film"
+
+
+def _is_there(path: Path, job: Job, made_of: str) -> bool:
+    """Whether the video is, of these frames, and as it was written."""
+    try:
+        kept = json.loads(_record_of(path, job).read_text())
+        return bool(kept["made_of"] == made_of and kept["sha256"] == sha256(path))
+    except (OSError, ValueError, TypeError, KeyError, InputError):
+        return False

@@ -1,0 +1,474 @@
+"""Video file -> frame, by its number.
+
+A frame of a video has a path as if the video were a folder: ``film.mov/film.0012.mov`` is the
+twelfth of ``film.mov``. So a show of a video is one of numbered files to everything that only
+needs their names.
+
+A video must have a constant rate. Frame n then belongs at the time (n - 1) / rate, whoever looks
+for it, in whatever order: the frame there is decoded from the last key frame before it, or on from
+where this process is. None there is an error, as a missing file of a sequence is.
+
+FFmpeg conceals damage. Here decoders are asked not to (``err_detect``), what they say of a frame is
+heard, FFV1's checksums are computed anew, and the whole file is looked through for what is missing
+before its first frame is used. Damage to what has no checksum is noticed only if it does not
+decode: of ProRes, one flipped bit seldom does that.
+
+PyAV is needed (extra ``video``), and imported only when a video is named.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import lru_cache
+from itertools import islice
+from math import floor
+from pathlib import Path
+from typing import Any, TypeAlias, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.frames.colour import ColourTag, colour_of_code_points
+from domesim.frames.ffv1 import is_whole
+from domesim.frames.frame import Frame, Header
+from domesim.frames.integrity import damaged, refuse_sides
+from domesim.frames.messages import one_line, reason
+from domesim.frames.yuv import MATRICES, PixelFormat, code_values, pixel_format
+
+SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv")
+"""Of files that are videos."""
+
+CODECS = {"prores": "ProRes", "ffv1": "FFV1", "h264": "H.264", "hevc": "HEVC"}
+"""Each of these was seen to notice damage, as far as it can."""
+
+_CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm"
+_UNSAID = (0, 2)  # ITU-T H.273: reserved, unspecified
+_RGB = 0  # its MatrixCoefficients for R, G, B
+_LIMITED, _FULL = 1, 2  # FFmpeg's color_range
+_SAMPLE = 8  # frames that are asked whether they have checksums
+_AHEAD = 12  # frames that are decoded on to rather than sought
+_LACKING = 0.75  # of a frame: what a file may be shorter than it says, for times are rounded
+_BACK = (0, 1, 16, 64, 256, None)  # frames before the wanted one that a key frame is sought at
+
+Stream: TypeAlias = Any
+"""PyAV's, which is imported late."""
+
+
+def pyav(video: Path) -> Any:
+    """The library that `video` needs.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        import av  # noqa: PLC0415
+    except ImportError:
+        raise InputError(
+            f"{video}: videos need the extra 'video': pip install 'domesim[video]'"
+        ) from None
+    return av
+
+
+def is_video(path: Path) -> bool:
+    """Whether there is a video of that name."""
+    return path.suffix.lower() in SUFFIXES and path.is_file()
+
+
+def video_of(path: Path) -> Path | None:
+    """The video that `path` names a frame of; None if it names none."""
+    return path.parent if is_video(path.parent) else None
+
+
+def file_of(path: Path) -> Path:
+    """The file that holds a frame: its video, or `path` itself."""
+    return video_of(path) or path
+
+
+def frame_paths(video: Path) -> tuple[Path, ...]:
+    """The paths of all frames, the first with number 1.
+
+    Raises
+    ------
+    InputError
+        If the extra ``video`` is not installed; or the file is no video of `CODECS`, is not whole,
+        has no constant rate, lacks frames, or is interlaced.
+    """
+    count = _looked_through(*_state(video))
+    return tuple(
+        video / f"{video.stem}.{number:04d}{video.suffix}" for number in range(1, count + 1)
+    )
+
+
+def read_video_frame(path: Path, *, colour: ColourTag | None = None) -> Frame:
+    """The frame that `path` names.
+
+    Parameters
+    ----------
+    path
+        One of `frame_paths`.
+    colour
+        As for `read_frame`.
+
+    Returns
+    -------
+    Code values of all codes, whatever the range in the file. Alpha is kept.
+
+    Raises
+    ------
+    InputError
+        If it is damaged or missing, or encoded in a way that is not supported.
+    """
+    decoder = _decoder(*_state(path.parent))
+    with decoder.lock:
+        return _frame(path, decoder, decoder.frame(path), colour)
+
+
+@final
+@dataclass(frozen=True)
+class Timing:
+    """When a film's frames are shown.
+
+    Parameters
+    ----------
+    rate
+        Frames a second.
+    timecode
+        Of the first frame, ``01:00:00:00``; "" for none.
+    """
+
+    rate: Fraction
+    timecode: str = ""
+
+
+def timing_of(path: Path) -> Timing:
+    """Of the video that `path` names a frame of; with its timecode if that is the first frame."""
+    decoder = _decoder(*_state(path.parent))
+    timecode = decoder.timecode if _number(path) == 1 else ""
+    return Timing(Fraction(decoder.stream.guessed_rate), timecode)
+
+
+def _number(path: Path) -> int:
+    return int(path.stem.rpartition(".")[2])
+
+
+def video_size(path: Path) -> tuple[int, int]:
+    """Rows and columns of the frame that `path` names."""
+    context = _decoder(*_state(path.parent)).stream.codec_context
+    return context.height, context.width
+
+
+def _state(video: Path) -> tuple[Path, int, int]:
+    """The file, its size and time, by which what is known of it is kept."""
+    try:
+        state = video.stat()
+    except OSError as error:
+        raise InputError(f"{video}: wanted to read it, got '{reason(error)}'") from error
+    return video, state.st_size, state.st_mtime_ns
+
+
+# The file.
+
+
+@contextmanager
+def _refused(path: Path) -> Iterator[None]:
+    """FFmpeg's complaints, in one line."""
+    import av  # noqa: PLC0415
+
+    try:
+        yield
+    except (av.FFmpegError, UnicodeEncodeError) as error:
+        told = error.strerror if isinstance(error, av.FFmpegError) else str(error)
+        got = f"one that does not decode ({one_line(told or '').lower()})"
+        raise damaged(path, "video", got) from None
+
+
+def _opened(video: Path) -> tuple[Any, Stream]:
+    """Its container and picture."""
+    av = pyav(video)
+    with _refused(video):
+        # No playlists and the like, which name other files
+        container = av.open(f"file:{video}", options={"format_whitelist": _CONTAINERS})
+    streams = container.streams.video
+    if len(streams) != 1:
+        raise InputError(f"{video}: wanted one picture, got {len(streams)}. Export one alone.")
+    stream = streams[0]
+    context = stream.codec_context
+    name = "none" if context is None else context.name
+    if name not in CODECS:
+        raise InputError(
+            f"{video}: wanted {', '.join(CODECS.values())}, got {name}. Convert it to one of them."
+        )
+    refuse_sides(video, context.width, context.height)
+    if stream.guessed_rate is None or stream.start_time is None or not stream.time_base:
+        raise InputError(f"{video}: wanted a frame rate, got none. Convert it to ProRes or FFV1.")
+    context.options = {"err_detect": "crccheck+bitstream+buffer+explode"}
+    return container, stream
+
+
+def _step(stream: Stream) -> Fraction:
+    """Of one frame, in the stream's unit of time."""
+    return 1 / (Fraction(stream.guessed_rate) * Fraction(stream.time_base))
+
+
+@lru_cache(maxsize=8)
+def _looked_through(video: Path, size: int, changed: int) -> int:
+    """How many frames there are, none missing."""
+    container, stream = _opened(video)
+    with container:
+        with _refused(video):
+            packets = [packet for packet in container.demux(stream) if packet.size]
+            stated = _stated_seconds(container, stream) * stream.guessed_rate
+        if any(packet.is_corrupt for packet in packets):
+            raise damaged(video, "video", "one that ends early")
+        shown = [packet.pts for packet in packets if not packet.is_discard]
+        if not shown or None in shown:
+            raise InputError(f"{video}: wanted frames with times, got none. Convert it to FFV1.")
+        step = _step(stream)
+        for place, time in enumerate(sorted(shown)):
+            if abs(time - stream.start_time - place * step) >= step / 2:
+                raise InputError(
+                    f"{video}: wanted {float(stream.guessed_rate):.6g} frames a second, all there, "
+                    f"got none for frame {place + 1}. Export it again, at a constant rate."
+                )
+        if stated - len(shown) > _LACKING:
+            raise damaged(
+                video, "video", f"one that lacks its last {round(stated - len(shown))} frames"
+            )
+    return len(shown)
+
+
+def _stated_seconds(container: Any, stream: Stream) -> Fraction:
+    """How long the header says that the picture is; 0 if it does not."""
+    if stream.duration is not None:
+        return Fraction(stream.duration * stream.time_base)
+    stated = stream.metadata.get("DURATION", "")
+    try:
+        hours, minutes, seconds = stated.split(":")
+        return 3600 * int(hours) + 60 * int(minutes) + Fraction(seconds)
+    except ValueError:
+        alone = len(container.streams) == 1 and container.duration
+        return Fraction(container.duration, 1_000_000) if alone else Fraction(0)
+
+
+# The frames.
+
+
+@dataclass(frozen=True)
+class _Tags:
+    """What the file says of its colours, in the code points of ITU-T H.273."""
+
+    primaries: int
+    transfer: int
+    matrix: int
+    range: int
+
+
+@final
+class _Decoder:
+    """A video that stays open between frames.
+
+    Parameters
+    ----------
+    video
+        The file.
+    """
+
+    def __init__(self, video: Path) -> None:
+        self.lock = threading.Lock()
+        self._container, self.stream = _opened(video)
+        context = self.stream.codec_context
+        said = [self._container.metadata, *(each.metadata for each in self._container.streams)]
+        found = (each.get("timecode") or each.get("TIMECODE") for each in said)
+        self.timecode = next(filter(None, found), "")
+        # Before the decoder knows better, or worse: ProRes has tags of its own, often empty
+        self.tags = _tags(context)
+        self._step = _step(self.stream)
+        self._frames: Iterator[Any] = iter(())
+        self._at: Fraction | None = None
+        self._only_keys = True
+        self._has_sums = context.name == "ffv1" and self._any_right_sum()
+
+    def frame(self, path: Path) -> Any:
+        """Decode the frame that `path` names.
+
+        Raises
+        ------
+        InputError
+            If there is none, or it is damaged.
+        """
+        wanted = self.stream.start_time + (_number(path) - 1) * self._step
+        before, self._at = self._at, None
+        ahead = None if before is None else (wanted - before) / self._step
+        with _refused(path):
+            if ahead is not None and 0.5 < ahead < 0.5 + (1 if self._only_keys else _AHEAD):
+                found = self._reached(wanted)
+            else:
+                found = self._sought(wanted)
+        if found is None or abs(found.pts - wanted) >= self._step / 2:
+            raise damaged(path, "video", "no frame of that number")
+        self._at = wanted
+        return found
+
+    def _reached(self, wanted: Fraction) -> Any:
+        """Decode on to the first frame not before `wanted`; None at the end."""
+        for frame in self._frames:
+            self._only_keys &= bool(frame.key_frame)
+            if frame.pts > wanted - self._step / 2:
+                return frame
+        return None
+
+    def _sought(self, wanted: Fraction) -> Any:
+        """Decode from a key frame before `wanted`; None if there is no way to it.
+
+        Where a container says that a decoder can begin, it may need what is before for some frames
+        (open groups), or give the first only when the picture has recovered by and by.
+        """
+        import av  # noqa: PLC0415
+
+        first = Fraction(self.stream.start_time)
+        failure = None
+        for back in _BACK:
+            earlier = first if back is None else max(first, wanted - back * self._step)
+            # Times may be rounded to milliseconds.
+            place = floor(earlier + self._step / 2)
+            self._container.seek(place, stream=self.stream, backward=True)
+            self._frames = self._decoded()
+            try:
+                key = next(self._frames, None)
+            except av.FFmpegError as error:
+                key, failure = None, error
+            # Of what was trimmed off in front, the key frame itself is not given.
+            if key is not None and (key.key_frame or earlier == first):
+                if abs(key.pts - wanted) < self._step / 2:
+                    return key
+                if key.pts < wanted:
+                    return self._reached(wanted)
+            if earlier == first:
+                break
+        if failure is not None:
+            raise failure
+        return None
+
+    def _any_right_sum(self) -> bool:
+        """Whether the encoder made checksums; a damaged frame cannot tell."""
+        with _refused(Path(self._container.name)):
+            packets = islice(self._container.demux(self.stream), _SAMPLE)
+            return any(is_whole(bytes(packet)) for packet in packets if packet.size)
+
+    def _decoded(self) -> Iterator[Any]:
+        """Frames from here on, each whole as far as can be seen."""
+        import av  # noqa: PLC0415
+
+        for packet in self._container.demux(self.stream):
+            if self._has_sums and packet.size and not is_whole(bytes(packet)):
+                raise av.InvalidDataError(0, "wrong checksum")
+            for frame in packet.decode():
+                if frame.pts is None or frame.is_corrupt:
+                    raise av.InvalidDataError(0, "damaged")
+                yield frame
+
+
+@lru_cache(maxsize=4)
+def _decoder(video: Path, size: int, changed: int) -> _Decoder:
+    return _Decoder(video)
+
+
+def _tags(source: Any) -> _Tags:
+    values = source.color_primaries, source.color_trc, source.colorspace, source.color_range
+    return _Tags(*(int(value) for value in values))
+
+
+def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None) -> Frame:
+    name = CODECS[decoder.stream.codec_context.name]
+    kind = pixel_format(decoded.format.name)
+    if kind is None:
+        raise InputError(
+            f"{path}: wanted R, G, B, or Y, Cb, Cr of 8 to 16 bits, got "
+            f"{decoded.format.name}. Convert it to ProRes 4444 or FFV1."
+        )
+    if decoded.interlaced_frame:
+        raise InputError(f"{path}: wanted whole frames, got interlaced ones. De-interlace.")
+    tags = _completed(decoder.tags, _tags(decoded))
+    stated: ColourTag | None
+    try:
+        stated = _stated_colour(path, tags)
+    except InputError:
+        if colour is None:
+            raise
+        stated = None
+    matrix, told = _matrix(path, tags, kind, colour or stated)
+    full = kind.full_range if tags.range not in (_LIMITED, _FULL) else tags.range == _FULL
+    pixels, alpha = code_values(decoded, kind, matrix, full=full)
+    meant = colour or stated
+    assert meant is not None
+    ways = [each for each in (told, "" if full else "limited range") if each]
+    meant = replace(meant, source="; ".join([meant.source, *ways]))
+    sample = "uint8" if kind.bits == 8 else "uint16"
+    names = ("R", "G", "B") if alpha is None else ("R", "G", "B", "A")
+    rate = decoder.stream.guessed_rate
+    header = Header(
+        format=f"{name} {kind.chroma or 'RGB'}",
+        attributes=(("FramesPerSecond", "rational", (rate.numerator, rate.denominator)),),
+        channels=names,
+        kinds=(sample,) * len(names),
+        extra=() if alpha is None else (_widened(alpha, kind.bits),),
+        colour=stated,
+    )
+    return Frame(pixels, path, meant, kind.bits, floating=False, header=header)
+
+
+def _completed(tags: _Tags, others: _Tags) -> _Tags:
+    """`tags`, and where they say nothing, `others`."""
+    return _Tags(
+        tags.primaries if tags.primaries not in _UNSAID else others.primaries,
+        tags.transfer if tags.transfer not in _UNSAID else others.transfer,
+        tags.matrix if tags.matrix != _UNSAID[-1] else others.matrix,
+        tags.range or others.range,
+    )
+
+
+def _matrix(
+    video: Path, tags: _Tags, kind: PixelFormat, colour: ColourTag | None
+) -> tuple[int, str]:
+    """How R, G, B follow from luma: of `MATRICES`, and for a person."""
+    if not kind.chroma:
+        return _RGB, ""
+    if tags.matrix in MATRICES:
+        return tags.matrix, f"{MATRICES[tags.matrix][0]} matrix"
+    if tags.matrix in (_RGB, *_UNSAID):
+        wide = "BT.2020" if colour is None else colour.primaries
+        matrix = 9 if wide == "BT.2020" else 1
+        return matrix, f"{MATRICES[matrix][0]} matrix assumed"
+    raise InputError(
+        f"{video}: wanted the matrix of BT.601, BT.709 or BT.2020, got {tags.matrix} of ITU-T "
+        f"H.273. Convert it to R, G, B (FFV1)."
+    )
+
+
+def _stated_colour(video: Path, tags: _Tags) -> ColourTag:
+    """What the file says of its encoding; where it says nothing, what video is."""
+    unsaid = [
+        name
+        for name, value in (("primaries", tags.primaries), ("transfer", tags.transfer))
+        if value in _UNSAID
+    ]
+    primaries = 1 if tags.primaries in _UNSAID else tags.primaries
+    transfer = 1 if tags.transfer in _UNSAID else tags.transfer
+    tag = colour_of_code_points(video, primaries, transfer, "stream's tags")
+    if len(unsaid) == 2:
+        return replace(tag, source="assumed for video")
+    return replace(tag, source=f"{tag.source}; {unsaid[0]} assumed") if unsaid else tag
+
+
+def _widened(alpha: NDArray[Any], bits: int) -> NDArray[Any]:
+    """Of 8 or 16 bits, the upper ones repeated below."""
+    if bits in (8, 16):
+        return alpha.copy()
+    return (alpha << (16 - bits) | alpha >> (2 * bits - 16)).astype(np.uint16)
