@@ -23,7 +23,7 @@ screens.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
@@ -97,6 +97,44 @@ def colorvideovdp(reference: Light, test: Light, scene: Scene) -> float:
     if len(reference) > 1:
         return _of_both(colorvideovdp, reference, test, scene)
     return _predicted(reference, test, scene)[0]
+
+
+def colorvideovdp_video(
+    reference: Sequence[Light], test: Sequence[Light], scene: Scene, frames_per_second: float
+) -> float:
+    """`colorvideovdp` of frames that follow each other, with what moves or flickers in them.
+
+    Before the first frame, its first quarter of a second looks on it standing still. A film that
+    stands still has not quite the quality of its frames, for stills and films have been calibrated
+    apart.
+
+    Raises
+    ------
+    Missing
+        If cvvdp is not installed.
+    ValueError
+        If there are not as many frames in both, of one shape.
+    """
+    _colorvideovdp()
+    if len(reference) != len(test) or len(reference) < 2:
+        raise ValueError(
+            f"colorvideovdp_video takes two or more frames of both, got {len(reference)} and "
+            f"{len(test)}; of one frame, ask colorvideovdp"
+        )
+    for light in (*reference, *test):
+        require_light(light, reference[0].shape, who="colorvideovdp_video")
+    eyes = [slice(v, v + 1) for v in range(len(reference[0]))]
+    both = [
+        [np.stack([_shown(light[eye], scene) for light in film]) for film in (test, reference)]
+        for eye in eyes
+    ]
+    with _quiet():
+        metric = _metric(scene, *reference[0].shape[1:3])
+        found = [
+            metric.predict(*shown, dim_order="FHWC", frames_per_second=frames_per_second)[0]
+            for shown in both
+        ]
+    return float(np.mean([float(quality) for quality in found]))
 
 
 def colorvideovdp_map(
@@ -188,14 +226,24 @@ def _predicted(
     reference: Light, test: Light, scene: Scene, heatmap: str | None = None
 ) -> tuple[float, NDArray[np.float32]]:
     """Of one view, ColorVideoVDP's JOD and (row, col) heatmap: JOD lost, 0 if not asked for."""
-    cvvdp, torch = _colorvideovdp()
     rows, cols = reference.shape[1:3]
+    shown = [_shown(light, scene) for light in (test, reference)]
+    with _quiet():
+        quality, stats = _metric(scene, rows, cols, heatmap).predict(*shown, dim_order="HWC")
+    lost = np.zeros((rows, cols), np.float32)
+    if heatmap is not None:
+        # It is of half precision, and in shares of 10 JOD
+        fine = 10 * stats["heatmap"][0, 0, 0].float().numpy()
+        times, _ = _enlargement(scene, rows, cols)
+        lost[:] = fine.reshape(rows, times, cols, times).mean((1, 3))
+    return float(quality), lost
+
+
+def _metric(scene: Scene, rows: int, cols: int, heatmap: str | None = None) -> Any:
+    """ColorVideoVDP for pictures of that size, `_shown`."""
+    cvvdp, torch = _colorvideovdp()
     times, density = _enlargement(scene, rows, cols)
-    shown = [
-        _enlarged(_on_display(light, scene), times) * np.float32(scene.projector.white)
-        for light in (test, reference)
-    ]
-    metric = cvvdp.cvvdp(
+    return cvvdp.cvvdp(
         display_photometry=cvvdp.vvdp_display_photo_eotf(
             _BRIGHTEST, contrast=_BRIGHTEST / _DARKEST, EOTF="linear"
         ),
@@ -204,14 +252,12 @@ def _predicted(
         device=torch.device("cpu"),
         quiet=True,
     )
-    with _quiet(), torch.no_grad():
-        quality, stats = metric.predict(*shown, dim_order="HWC")
-    lost = np.zeros((rows, cols), np.float32)
-    if heatmap is not None:
-        # It is of half precision, and in shares of 10 JOD
-        fine = 10 * stats["heatmap"][0, 0, 0].float().numpy()
-        lost[:] = fine.reshape(rows, times, cols, times).mean((1, 3))
-    return float(quality), lost
+
+
+def _shown(light: Light, scene: Scene) -> NDArray[np.float32]:
+    """(row, col, RGB) of one view in cd/m², as ColorVideoVDP takes it."""
+    times, _ = _enlargement(scene, *light.shape[1:3])
+    return _enlarged(_on_display(light, scene), times) * np.float32(scene.projector.white)
 
 
 def _on_display(light: Light, scene: Scene) -> NDArray[np.float32]:
@@ -265,11 +311,13 @@ def _disc(size: int) -> NDArray[np.bool_]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """No log lines below errors: pictures below 1 cd/m² are warned of, and are what domes show."""
+    """No gradients; no log lines below errors: what domes show is below 1 cd/m², and warned of."""
+    _, torch = _colorvideovdp()
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
-        yield
+        with torch.no_grad():
+            yield
     finally:
         logging.disable(before)
 

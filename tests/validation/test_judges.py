@@ -220,3 +220,49 @@ def test_a_tabulation_that_does_harm_would_be_noticed(found):
     ]
     assert len(failed) == 1
     assert "tabulated less closed form" in failed[0]
+
+
+# Films
+
+
+@pytest.fixture
+def _colorvideovdp():
+    try:
+        judges.colorvideovdp(even(0.1), even(0.1), SCENE)
+    except Missing as reason:
+        pytest.skip(str(reason))
+
+
+@pytest.mark.usefixtures("_colorvideovdp")
+def test_a_film_of_the_same_is_perfect():
+    frames = [night(SIZE, seed) for seed in range(3)]
+    assert judges.colorvideovdp_video(frames, frames, SCENE, 24) == pytest.approx(10, abs=1e-3)
+
+
+@pytest.mark.usefixtures("_colorvideovdp")
+def test_a_standing_film_loses_more_than_its_frame():
+    """ColorVideoVDP's parameter image_int, 0.578: stills count so much less than films."""
+    master, changed = night(SIZE), 0.9 * night(SIZE) + np.float32(0.02)
+    still = judges.colorvideovdp(master, changed, SCENE)
+    film = judges.colorvideovdp_video([master] * 6, [changed] * 6, SCENE, 24)
+    assert 10 - film > 0.1
+    assert (10 - still) / (10 - film) == pytest.approx(0.6, abs=0.03)
+
+
+@pytest.mark.usefixtures("_colorvideovdp")
+def test_flicker_lowers_a_film_only():
+    """Frames that are by turns 3 % too dark and too bright look like their neighbours, alone."""
+    master = night(SIZE)
+    frames = [np.float32(factor) * master for factor in (0.97, 1.03)]
+    film = judges.colorvideovdp_video([master] * 12, frames * 6, SCENE, 24)
+    standing = [
+        judges.colorvideovdp_video([master] * 12, [frame] * 12, SCENE, 24) for frame in frames
+    ]
+    assert film < np.mean(standing) - 0.05
+
+
+@pytest.mark.usefixtures("_colorvideovdp")
+@pytest.mark.parametrize(("first", "second"), [(1, 1), (3, 2)])
+def test_a_film_has_frames(first, second):
+    with pytest.raises(ValueError, match="two or more frames of both"):
+        judges.colorvideovdp_video([even(0.1)] * first, [even(0.1)] * second, SCENE, 24)

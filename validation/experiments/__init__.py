@@ -23,6 +23,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "chroma_floor",
         "deghosting",
         "quality",
+        "flicker",
         "convergence",
     ),
     "The paper, remade": (

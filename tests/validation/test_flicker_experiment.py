@@ -1,0 +1,192 @@
+"""Flicker: the experiment, its films, and mistakes that must turn it red."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from itertools import count
+
+import numpy as np
+import pytest
+from findings import failed, no_colorvideovdp
+
+from compensate.methods import perceptual
+from compensate.solver.admm import ADMM
+from domesim.scene import load_scene
+from validation import films, judges, pairs
+from validation.experiment import Work
+from validation.experiments import flicker
+
+
+@pytest.fixture(autouse=True)
+def _quickly(monkeypatch):
+    """Tiny, without the judge that takes seconds a frame."""
+    monkeypatch.setattr(judges, "colorvideovdp", no_colorvideovdp)
+    monkeypatch.setattr(judges, "colorvideovdp_video", no_colorvideovdp)
+    monkeypatch.setattr(flicker, "QUICK_WIDTH", 48)
+    monkeypatch.setattr(flicker, "QUICK_SIZE", 40)
+    monkeypatch.setattr(flicker, "QUICK_FADE", 12)
+    monkeypatch.setattr(flicker, "QUICK_MOVES", 3)
+
+
+def test_it_is_as_expected(tmp_path):
+    finding = flicker.run(Work(store=tmp_path))
+    assert failed(finding) == []
+    assert flicker.run(Work(store=tmp_path)) == finding  # killed and resumed
+    assert finding.left_out[-1] == "ColorVideoVDP: it needs pip install 'domesim[metrics]'"
+    assert [len(table.rows) for table in finding.tables] == [4, 8]
+    standing = {way: finding.figures[f"flicker.pair, {way}.standing"] for way in flicker.WAYS}
+    assert standing[flicker.ALONE] == standing[flicker.TIGHTER] == 0
+    assert standing[flicker.WARM] > 0
+    fades = [row[2] for row in finding.tables[0].rows]
+    assert 1 <= min(fades[1], fades[3]) < 11  # from grey: without the solver, then with it
+
+
+def product(monkeypatch, solver):
+    """Have the product solve a frame by solver(posed), and honestly where that is None."""
+    honest = flicker.solved
+
+    def solved(posed, method, asked=None):
+        if asked is None and not posed.exact and (found := solver(posed)) is not None:
+            return found
+        return honest(posed, method, asked)
+
+    monkeypatch.setattr(flicker, "solved", solved)
+
+
+def random_gaps(monkeypatch):
+    """Each frame is solved to a gap somewhere below 1e-1; 3e-2 would not be seen."""
+    random = np.random.default_rng(0)
+
+    def loosely(posed):
+        loose = replace(perceptual(posed.scene, 0.1 * random.random()), first_check=1)
+        return loose(posed.problem, posed.subtractive)
+
+    product(monkeypatch, loosely)
+
+
+def now_and_then(monkeypatch):
+    """Every other frame is subtracted only."""
+    number = count()
+
+    def other(posed):
+        if next(number) % 2:
+            return None
+        found = ADMM(max_iterations=1)(posed.problem, posed.subtractive)
+        return replace(found, light=posed.subtractive)
+
+    product(monkeypatch, other)
+
+
+def with_memory(monkeypatch):
+    """Each frame starts at the last one's solution."""
+    before = []
+
+    def warm(posed):
+        start = posed.subtractive
+        if before and before[-1].shape == start.shape:
+            start = posed.problem.project(before[-1])
+        before.append(ADMM()(posed.problem, start).light)
+        return ADMM()(posed.problem, start)
+
+    product(monkeypatch, warm)
+
+
+@pytest.mark.parametrize(
+    ("mutate", "caught"),
+    [
+        pytest.param(
+            random_gaps,
+            ["largest change of what stands still", "dome from grey: flicker"],
+            marks=pytest.mark.long,
+        ),
+        pytest.param(
+            now_and_then,
+            ["step of the mean seen beyond", "over its slope"],
+            marks=pytest.mark.long,
+        ),
+        (with_memory, ["largest difference of light", "what stands still"]),
+    ],
+)
+def test_mistakes_turn_it_red(mutate, caught, monkeypatch):
+    mutate(monkeypatch)
+    red = failed(flicker.run(Work()))
+    for what in caught:
+        assert any(what in check for check in red), red
+
+
+# Films
+
+
+def test_a_fade_is_linear():
+    first, last = np.zeros((1, 2, 3, 3), np.float32), np.ones((1, 2, 3, 3), np.float32)
+    frames = list(films.faded(first, last, 5))
+    assert [float(frame.mean()) for frame in frames] == pytest.approx([0, 0.25, 0.5, 0.75, 1])
+    assert frames[0].dtype == np.float32
+
+
+def test_grey_lies_on_the_screen():
+    scene = load_scene("dome_hemisphere")
+    grey = films.even_grey(np.zeros((1, 16, 16, 3), np.float32), scene, 0.1)
+    on = scene.screen(16, 16)
+    assert np.all(grey[0, on] == np.float32(0.1))
+    assert np.all(grey[0, ~on] == 0)
+
+
+def test_a_disc_moves_before_both_eyes():
+    """Its centre is where it is told to be, between the places of both eyes; 2 % before it."""
+    frames = list(
+        films.moving_disc(np.zeros((2, 90, 160, 3), np.float32), (0.2, 0.2), (0.6, 0.3), 3)
+    )
+    cols = np.arange(160) + 0.5
+    for frame, x in zip(frames, (0.2, 0.4, 0.6), strict=True):
+        left, right = (float(np.average(cols, weights=eye.sum((0, 2)))) / 160 for eye in frame)
+        assert (left + right) / 2 == pytest.approx(x, abs=1e-3)
+        assert left - right == pytest.approx(films.DISPARITY, abs=1e-3)
+        assert frame.max() == 1
+        area = float(frame[0, ..., 0].sum()) / 160**2
+        assert area == pytest.approx(np.pi * films.RADIUS**2, rel=0.02)
+
+
+# Measures
+
+
+def test_a_jump_is_told_over_the_slope_around():
+    levels = np.linspace(0, 2, 21)
+    levels[12:] += 0.1  # twice the step of 0.1
+    found = flicker.jumps(levels)
+    assert found.argmax() == 11
+    assert found.max() == pytest.approx(2)
+    assert np.median(found) == pytest.approx(1)
+
+
+def test_a_bend_is_no_slope():
+    assert flicker.bend([0.0, 1.0, 2.0, 3.0]) == 0
+    assert flicker.bend([0.0, 1.0, 3.0, 4.0]) == 1
+
+
+# The judge of films
+
+
+@pytest.fixture
+def _judge(monkeypatch):
+    """Judges whose quality is 10 - 10 times the mean difference."""
+
+    def still(reference, test, scene):
+        return 10 - 10 * float(np.abs(reference - test).mean())
+
+    def film(reference, test, scene, rate):
+        return float(np.mean([still(*both, scene) for both in zip(reference, test, strict=True)]))
+
+    monkeypatch.setattr(judges, "colorvideovdp", still)
+    monkeypatch.setattr(judges, "colorvideovdp_video", film)
+
+
+@pytest.mark.usefixtures("_judge")
+def test_a_film_is_judged_beside_its_frames():
+    scene = flicker.stereo_at(flicker.CROSSTALK, flicker.WHITE)
+    picture = partial(pairs.generated, 48)
+    judged = flicker.judge(flicker.Film(partial(flicker.with_disc, picture, 2), scene))
+    assert 9 < judged.film < 10
+    assert judged.standing == pytest.approx(judged.stills) == pytest.approx(judged.film)
+    assert judged.best == pytest.approx(judged.film, abs=0.01)
