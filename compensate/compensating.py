@@ -118,7 +118,7 @@ class Compensating(Recipe):
 
     def memory(self, rows: int, cols: int) -> int:
         """See `Recipe`."""
-        return 500_000_000 + 100 * 4 * rows * cols
+        return 500_000_000 + 115 * 4 * rows * cols
 
     def resources(self) -> dict[str, float]:
         """See `Recipe`: a GPU, if one computes."""

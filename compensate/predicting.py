@@ -242,7 +242,7 @@ class Predicting(Recipe):
 
     def memory(self, rows: int, cols: int) -> int:
         """See `Recipe`."""
-        return 500_000_000 + 100 * 4 * rows * cols
+        return 500_000_000 + 115 * 4 * rows * cols
 
 
 def _settings(

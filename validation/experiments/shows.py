@@ -123,6 +123,8 @@ def stereo_show(folder: Path, width: int, seed: int) -> tuple[str, ...]:
 
 def by_each_crew(arguments: Iterable[str], folder: Path) -> Runs:
     """``domesim compensate`` of a show, by each of `CREWS`."""
+    # Loops are compiled once on a machine
+    run_command("compensate", *arguments, "--out", str(folder / "warm"), "--frames", "1", "--json")
     seconds, results = [], []
     for number, crew in enumerate(CREWS.values()):
         out = folder / f"out{number}"
