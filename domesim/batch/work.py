@@ -273,6 +273,8 @@ class Steps:
             before = None if order.job is None else order.job.kept(order.moment, order.output)
             if before is not None:
                 return Finished(before.figures, before.line, kept=True)
+            if order.job is not None:
+                order.job.forget(order.output)
             seconds: dict[str, float] = {}
             with _timed(seconds, "reading"):
                 sources = {} if order.job is None else order.job.sources(order.moment)

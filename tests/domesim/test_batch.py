@@ -85,6 +85,21 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, recipe: Harmful) -> None
     assert is_whole(tmp_path, 3)
 
 
+def test_what_was_half_written_is_removed(tmp_path: Path, recipe: Harmful) -> None:
+    """A process that is killed while it writes leaves temporary files."""
+    make_show(tmp_path / "in", 2)
+    copied(tmp_path, recipe, 0)
+    left = [
+        tmp_path / "out/.in.0002.tmp-99999.exr",
+        tmp_path / "out/job/.in.0002.exr.tmp-99999.json",
+    ]
+    for path in (*left, tmp_path / "out/in.0002.exr"):
+        path.write_bytes(b"half")
+    assert copied(tmp_path, recipe, 0).kept == 1
+    assert not any(path.exists() for path in left)
+    assert is_whole(tmp_path, 2)
+
+
 def damage(path: Path) -> None:
     content = bytearray(path.read_bytes())
     content[-1] ^= 1
