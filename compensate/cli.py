@@ -142,7 +142,9 @@ def compensate(
     theatre = scene_of(choice, console)
     wanted = goal(tolerance, quality=quality)
     recipe = Compensating(choice.settled(theatre), method, wanted, eye, low_frequency_gain, device)
-    recipe.work(console.note)  # complains of settings that do not go together
+    recipe.require_sense(theatre)
+    if scheduler is None:  # whose workers may have a device that this machine has not
+        recipe.solver(theatre, console.note)
     show = find_show(
         master,
         left,

@@ -71,14 +71,15 @@ class Compensating(Recipe):
 
         return Work(prepare, solve, _end)
 
-    def solver(self, theatre: Scene, note: Note) -> Solver | None:
-        """The perceptual method's solver, or None for the others' own.
+    def require_sense(self, theatre: Scene) -> None:
+        """See that the settings go together.
 
         Raises
         ------
         InputError
-            If the settings do not go together, or there is no such device.
+            If they do not.
         """
+        weighting_of(self.eye, self.low_frequency_gain)
         require_method(self.method, theatre)
         if not 0 < self.tolerance < 1:
             raise InputError(f"tolerance must lie between 0 and 1, got {self.tolerance:g}")
@@ -93,11 +94,23 @@ class Compensating(Recipe):
                     f"--seat worst: {self.method} knows one seat or the mean of all; use "
                     f"--seat all, name one, or leave --method out"
                 )
+
+    def solver(self, theatre: Scene, note: Note) -> Solver | None:
+        """The perceptual method's solver, or None for the others' own.
+
+        Raises
+        ------
+        InputError
+            If the settings do not go together, or there is no such device.
+        """
+        self.require_sense(theatre)
+        if self.method != "perceptual":
             return None
 
         def progress(iteration: int, gap: float) -> None:
             note(f"iteration {iteration}, within {gap:.1e} of the optimum")
 
+        worst = self.scene.seat == "worst"
         solver = perceptual(theatre, self.tolerance, worst=worst, progress=progress)
         return on_device(solver, self.device)
 
@@ -125,7 +138,9 @@ class Compensating(Recipe):
         on_gpu = self.device.partition(":")[0] in ("cuda", "cupy")
         return {"GPU": 1} if on_gpu else {}
 
-    def compare(self, master: Master, page: Path) -> bool:
+    compares = True
+
+    def compare(self, master: Master, page: Path) -> None:
         """See `Recipe`: master, and what is seen untouched and compensated."""
         theatre = self.scene.load()
         weighting = weighting_of(self.eye, self.low_frequency_gain)
@@ -134,7 +149,6 @@ class Compensating(Recipe):
             solver = self.solver(theatre, lambda text: None)
         comparison = compare_methods(master, theatre, solver=solver, weighting=weighting)
         comparison.write_page(page, size=SIZE, command=f"domesim compensate --scene {theatre.name}")
-        return True
 
 
 def weighting_of(name: str, low_frequency_gain: float | None) -> Eye:

@@ -222,8 +222,10 @@ class Predicting(Recipe):
             places = _places_of(write.output, theatre.views)
             brightened = _write(places, posed, found)
             figures = _figures(posed, found)
-            pictures = [str(path) for place in places for path in place.pictures]
-            return {**figures, "pictures": pictures, "brightened": brightened}, _line(figures)
+            pictures = [path for place in places for path in place.pictures]
+            write.beside(pictures)
+            told = {"pictures": [str(path) for path in pictures], "brightened": brightened}
+            return {**figures, **told}, _line(figures)
 
         return Work(lambda source: stage.pose_frame(source)[0], solve, end)
 

@@ -33,6 +33,8 @@ class Show:
         What all code values mean; None to go by the files.
     numbered
         Whether they are frames of a sequence, be it one of its frames.
+    part
+        Whether only some of a sequence's frames were asked for.
     """
 
     moments: tuple[tuple[Path, ...], ...]
@@ -40,6 +42,7 @@ class Show:
     allow_identical: bool = False
     colour: ColourTag | None = None
     numbered: bool = False
+    part: bool = False
 
     def read(self, moment: tuple[Path, ...], *, repair: bool) -> Master:
         """One of its masters; see `read_master` for what is refused."""
@@ -110,7 +113,7 @@ def find_show(
         found = find_frames(master, frames)
         moments = tuple((path,) for path in found)
         numbered = moments != ((Path(master),),)
-        return Show(moments, packing, allow_identical, colour, numbered)
+        return Show(moments, packing, allow_identical, colour, numbered, frames is not None)
     if left is None or right is None:
         if left is None and right is None:
             raise InputError(
@@ -132,4 +135,4 @@ def find_show(
         for pair in pairs:
             refuse_one_file(*pair)
     numbered = pairs != ((Path(left), Path(right)),)
-    return Show(pairs, None, allow_identical, colour, numbered)
+    return Show(pairs, None, allow_identical, colour, numbered, frames is not None)

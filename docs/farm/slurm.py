@@ -11,7 +11,7 @@ import sys
 from dask_jobqueue import SLURMCluster
 
 NODES = 32
-A_NODE = 8  # workers: a node of 16 cores and 64 GB does eight frames of 4096² at once
+A_NODE = 6  # workers: a node of 64 GB has room for six frames of 4096², at 8 GB each
 
 with SLURMCluster(
     queue="render",
@@ -20,10 +20,11 @@ with SLURMCluster(
     memory="64GB",
     walltime="12:00:00",
     job_cpu=16,
+    worker_extra_args=["--memory-limit", "0"],  # a frame needs more than an equal share at times
     job_script_prologue=["export OMP_NUM_THREADS=2 OPENBLAS_NUM_THREADS=1"],
-    # A GPU: worker_extra_args=["--resources", "GPU=1"], and --device cuda below
+    # A GPU: "--resources", "GPU=1" there, and --device cuda below
 ) as cluster:
-    cluster.scale(jobs=NODES)
+    cluster.adapt(minimum_jobs=1, maximum_jobs=NODES)  # jobs that run out of time are replaced
     address = cluster.scheduler_address
     command = ["domesim", "compensate", *sys.argv[1:], "--scheduler", address]
     sys.exit(subprocess.run(command, check=False).returncode)

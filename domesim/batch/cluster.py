@@ -24,6 +24,8 @@ from typing import Any, TypeAlias, final
 from domesim.batch.job import versions
 from domesim.batch.work import Failed, Finished, Order, Recipe, Steps
 from domesim.errors import InputError
+from domesim.frames.reading import use_threads
+from domesim.strips import threads
 
 Client: TypeAlias = Any
 Future: TypeAlias = Any
@@ -89,7 +91,7 @@ def in_cluster(
         If the scheduler cannot be reached, is lost, or its workers lack this program.
     """
     with _client(crew, tell) as client:
-        hall = _Hall(client, crew)
+        hall = _Hall(client, crew, tell)
         running: dict[str, tuple[Order, Future]] = {}
         ended: queue.SimpleQueue[str] = queue.SimpleQueue()
         waiting = list(reversed(orders))
@@ -128,12 +130,7 @@ def in_cluster(
                     interrupted, waiting = True, []
                     tell(f"Ending the {len(running)} frames under way; Ctrl-C again leaves them")
         except BaseException:
-            # What was under way when the run ended left temporary files at most
-            unfinished = [order for order, _ in running.values()]
             _leave(client)
-            for order in unfinished:
-                if order.job is not None and order.job.record(order.output) is None:
-                    order.job.forget(order.output)
             raise
         if interrupted:
             raise KeyboardInterrupt
@@ -154,6 +151,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 @lru_cache(maxsize=1)
 def _steps(recipe: Recipe) -> Steps:
+    use_threads(threads())
     return Steps(recipe.work(lambda text: None))
 
 
@@ -173,15 +171,16 @@ def _outcome(order: Order, future: Future) -> Finished | Failed | None:
             f"after the other. Too little memory for such frames (fewer --workers need less), or a "
             f"fault in a library"
         )
-    return Failed(f"{order.moment[0]}: {type(error).__name__}: {error}")
+    told = " ".join(f"{type(error).__name__}: {error}".split())
+    return Failed(f"{order.moment[0]}: {told}")
 
 
 @final
 class _Hall:
     """The workers that are there."""
 
-    def __init__(self, client: Client, crew: Crew) -> None:
-        self._client, self._crew = client, crew
+    def __init__(self, client: Client, crew: Crew, tell: Callable[[str], None]) -> None:
+        self._client, self._crew, self._tell, self._told = client, crew, tell, False
         self._looked, self._places = -_LOOK, 0
 
     def places(self) -> int:
@@ -191,8 +190,14 @@ class _Hall:
         now = time.monotonic()
         if now - self._looked >= _LOOK:
             self.require_scheduler()
+            before = self._places
             with contextlib.suppress(OSError, TimeoutError):
                 self._places = self._counted()
+            if not self._places and (before or not self._told):
+                self._told = True
+                needed = " and ".join(f"{name}={least:g}" for name, least in self._crew.resources)
+                with_it = f" with {needed}" if needed else ""
+                self._tell(f"{self._crew.scheduler} has no workers{with_it}; waiting for them")
             self._looked = now
         return self._places
 
@@ -253,6 +258,7 @@ def _client(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
             silence_logs=logging.CRITICAL,
             preload=["domesim.batch.preload"],
             resources=dict(crew.resources),
+            memory_limit=None,  # an equal share each would end a worker whose frame needs more
             env=_environment(crew.threads),  # also where the command's own environment says else
         )
         try:
@@ -312,8 +318,6 @@ def _require_alike(client: Client, crew: Crew, tell: Callable[[str], None]) -> N
             f"workers of {crew.scheduler} have other libraries than this machine "
             f"({', '.join(sorted(unlike))}): the last bits of results may differ"
         )
-    if not found:
-        tell(f"{crew.scheduler} has no workers yet; waiting for them")
 
 
 def cores() -> int:

@@ -59,6 +59,11 @@ def estimate(
     InputError
         If no frame can be done.
     """
+    if running.scheduler is not None:
+        raise InputError(
+            "--dry-run tries workers of this machine; leave --scheduler out, and say how many like "
+            "these there are (--workers)"
+        )
     writing, _ = films_of(show, folder, writing)
     show.outputs(folder, writing.suffix)  # complains as the run would
     crew = crew_of(running, recipe, show)

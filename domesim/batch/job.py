@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -52,6 +53,8 @@ class Record:
         Digest of the settings it was made with.
     versions
         Of what made it.
+    beside
+        SHA-256 of other files that were written, by their paths from the job's folder.
     """
 
     figures: dict[str, Any]
@@ -62,6 +65,7 @@ class Record:
     results: dict[str, str] = field(default_factory=dict)
     settings: str = ""
     versions: dict[str, str] = field(default_factory=dict)
+    beside: dict[str, str] = field(default_factory=dict)
 
 
 @final
@@ -77,11 +81,14 @@ class Job:
         Digest of its settings.
     mixed
         Take results that were made with other settings.
+    program
+        Version of domesim that its frames are done with.
     """
 
     folder: Path
     settings: str
     mixed: bool = False
+    program: str | None = None
 
     def kept(self, moment: Sequence[Path], output: Sequence[Path]) -> Record | None:
         """The record of a frame, if it is done.
@@ -94,29 +101,37 @@ class Job:
         record = self.record(output)
         if record is None or not (self.mixed or record.settings == self.settings):
             return None
+        try:
+            return record if self._holds(record, moment, output) else None
+        except (TypeError, ValueError, LookupError, AttributeError):  # a damaged record
+            return None
+
+    def _holds(self, record: Record, moment: Sequence[Path], output: Sequence[Path]) -> bool:
+        """Whether master and result are as a record says."""
         known = _named(moment)
         if set(record.sources) != set(known):
-            return None
+            return False
         if not all(_unchanged(path, record.sources[name]) for name, path in known.items()):
-            return None
-        for name, path in _named(output).items():
-            try:
-                if sha256(path) != record.results.get(name):
-                    return None
-            except InputError:
-                return None
-        return record
+            return False
+        files = {name: (path, record.results[name]) for name, path in _named(output).items()}
+        files |= {name: (self.folder / name, digest) for name, digest in record.beside.items()}
+        try:
+            return all(sha256(path) == digest for path, digest in files.values())
+        except InputError:
+            return False
 
     def record(self, output: Sequence[Path]) -> Record | None:
         """What is kept of the frame whose result is `output`; None if there is nothing whole."""
         try:
-            return Record(**json.loads(self._place(output).read_text()))
+            record = Record(**json.loads(self._place(output).read_text()))
         except (OSError, ValueError, TypeError):
             return None
+        whole = isinstance(record.figures, dict) and isinstance(record.line, str)
+        return record if whole else None
 
     def count(self, outputs: Iterable[Sequence[Path]]) -> int:
         """How many of the frames with these results have a record."""
-        there = {path.name for path in self.folder.glob("*.json")}
+        there = {path.name for path in self.folder.glob("[!.]*.json")}
         return sum(self._place(output).name in there for output in outputs)
 
     def sources(self, moment: Sequence[Path]) -> dict[str, list[Any]]:
@@ -133,7 +148,7 @@ class Job:
             found[name] = [size, changed, _content(path, size, changed)]
         return found
 
-    def keep(self, output: Sequence[Path], record: Record) -> None:
+    def keep(self, output: Sequence[Path], record: Record, beside: Sequence[Path] = ()) -> None:
         """Keep the record of a frame whose result has been written.
 
         Raises
@@ -146,18 +161,14 @@ class Job:
             "results": {name: sha256(path) for name, path in _named(output).items()},
             "settings": self.settings,
             "versions": versions(),
+            "beside": {os.path.relpath(path, self.folder): sha256(path) for path in beside},
         }
         content = json.dumps(whole, indent=1, allow_nan=False)
         write_whole(self._place(output), content.encode())
 
     def forget(self, output: Sequence[Path]) -> None:
-        """Let a frame be done again, and remove what a run that was killed left of it."""
-        places = [*output, self._place(output)]
+        """Let a frame be done again."""
         self._place(output).unlink(missing_ok=True)
-        for path in places:
-            for temporary in path.parent.glob(f".{_escaped(path.stem)}.tmp-*{path.suffix}"):
-                with suppress(OSError):
-                    temporary.unlink()
 
     def _place(self, output: Sequence[Path]) -> Path:
         return self.folder / f"{output[0].name}.json"
@@ -177,7 +188,7 @@ def open_job(
     mixed
         Keep results that were made with other settings.
     anew
-        Do all frames again.
+        Take other settings from now on; frames done with these are not done then.
 
     Raises
     ------
@@ -186,14 +197,12 @@ def open_job(
     """
     folder, place = out / FOLDER, out / FOLDER / "settings.json"
     told = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False)
-    job = Job(folder, hashlib.sha256(told.encode()).hexdigest(), mixed)
+    job = Job(folder, hashlib.sha256(told.encode()).hexdigest(), mixed, versions().get("domesim"))
     try:
         folder.mkdir(exist_ok=True)
-        before = place.read_text() if place.exists() else None
-        if anew:
-            for record in folder.glob("*.json"):
-                record.unlink()
-            before = None
+        before = None
+        if place.exists() and not anew:
+            before = place.read_text(errors="replace")
     except OSError as error:
         raise InputError(
             f"{folder}: wanted a folder for the job's records, got '{reason(error)}'. Choose "
@@ -275,6 +284,8 @@ def _difference(before: str, settings: dict[str, Any]) -> str:
     try:
         there = json.loads(before)
     except ValueError:
+        there = None
+    if not isinstance(there, dict):
         return "which cannot be read"
     now = json.loads(json.dumps(settings))
     differing = [
@@ -289,8 +300,3 @@ def _brief(value: Any) -> str:
     if isinstance(value, str) and len(value) == 64:
         return f"SHA-256 {value[:8]}..."
     return "none" if value is None else str(value)
-
-
-def _escaped(name: str) -> str:
-    """As a pattern that means itself."""
-    return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in name)

@@ -123,12 +123,12 @@ class Report:
     def _rows(self) -> dict[str, dict[str, Any]]:
         """Figures of all frames of the job, other runs' too, by the result's name."""
         rows: dict[str, dict[str, Any]] = {}
-        for place in self._job.folder.glob("*.json"):
+        for place in self._job.folder.glob("[!.]*.json"):
             name = place.name.removesuffix(".json")
             if name == "settings" or name in self._outcomes:
                 continue
-            with suppress(OSError, ValueError, KeyError):
-                rows[name] = json.loads(place.read_text())["figures"]
+            with suppress(OSError, ValueError, LookupError, TypeError):
+                rows[name] = dict(json.loads(place.read_text())["figures"])
         for name, outcome in self._outcomes.items():
             if isinstance(outcome, Finished):
                 rows[name] = outcome.figures
@@ -165,8 +165,8 @@ class Report:
             size=(_WIDTH, _HEIGHT),
             shown=SHOWN,
         )
-        write_whole(self.page, page.encode())
         self._written = time.time()
+        write_whole(self.page, page.encode("utf-8", "replace"))
 
     def _row(self, name: str, figures: Mapping[str, Any]) -> dict[str, Any]:
         compared = self._job.folder / page_name(name)
@@ -174,8 +174,8 @@ class Report:
         first = output if isinstance(output, str) else output[0]
         return {
             "name": name,
-            "link": quote(os.path.relpath(first, self._job.folder)),
-            "page": quote(compared.name) if compared.exists() else "",
+            "link": quote(os.path.relpath(first, self._job.folder), errors="surrogateescape"),
+            "page": quote(compared.name, errors="surrogateescape") if compared.exists() else "",
             "cells": [column.shown(figures.get(column.key)) for column in self._columns],
         }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -21,6 +21,7 @@ from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
 from domesim.console import Console, complain, prepare
 from domesim.errors import InputError
 from domesim.frames.reading import size_of
+from domesim.frames.whole import sweep
 from domesim.shows import Show
 
 STEPS = ("reading", "solving", "writing")
@@ -136,10 +137,7 @@ def each_frame(
     outputs = show.outputs(folder, writing.suffix)
     for place in {path.parent for output in outputs for path in output} | {folder}:
         prepare(place)
-    job: Job | None = None
-    if show.numbered:
-        settings = {**recipe.settings(), **_settings(show, writing)}
-        job = open_job(folder, settings, mixed=running.mixed, anew=running.anew)
+    job = _job(show, folder, outputs, recipe, writing, running)
     orders = [
         Order(replace(show, moments=(moment,)), output, recipe, writing, job)
         for moment, output in zip(show.moments, outputs, strict=True)
@@ -152,7 +150,7 @@ def each_frame(
         try:
             missing = orders
             if job is not None and running.scheduler is None:
-                missing = _missing(orders, job, telling.end)
+                missing = _missing(orders, job, start, telling.end)
             if crew is None or not missing:
                 work = recipe.work(console.note)
                 alone(missing, work, lambda order: start(order.moment[0].name), telling.end)
@@ -167,25 +165,51 @@ def each_frame(
                 )
         except BaseException:
             if job is not None:
-                telling.interrupted(job)
+                telling.interrupted(job, running)
             raise
     done = telling.done()
     done.seconds["total"] = time.perf_counter() - began
-    if report is not None:
-        _compare(report.worst(running.pages), recipe, console)
-        done.report = report.finish()
-        if films is not None and job is not None and not done.failed:
+    if report is None or job is None:
+        return done
+    done.report = report.finish()
+    if films is not None and not done.failed:
+        if show.part:
+            console.say("A video is made of a whole sequence: leave --frames out for it")
+        else:
             films.make(orders, job, console)
             done.films = films.paths
-        kept = f", {done.kept} of them before" if done.kept else ""
-        console.say(
-            f"{len(done.frames)} of {len(orders)} frames are done{kept}. Report: {done.report}"
-        )
+    if _compare(report.worst(running.pages), recipe, console):
+        report.finish()
+    kept = f", {done.kept} of them before" if done.kept else ""
+    console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}. Report: {done.report}")
     return done
 
 
+def _job(
+    show: Show,
+    folder: Path,
+    outputs: Sequence[Sequence[Path]],
+    recipe: Recipe,
+    writing: Writing,
+    running: Running,
+) -> Job | None:
+    """The job of a sequence, without what processes that are gone half wrote; None of a file."""
+    if not show.numbered:
+        return None
+    settings = {**recipe.settings(), **_settings(show, writing)}
+    job = open_job(folder, settings, mixed=running.mixed, anew=running.anew)
+    for place in {path.parent for output in outputs for path in output} | {job.folder}:
+        sweep(place)
+    for output in outputs if running.anew else ():
+        job.forget(output)
+    return job
+
+
 def _missing(
-    orders: list[Order], job: Job, end: Callable[[Order, Finished | Failed], None]
+    orders: list[Order],
+    job: Job,
+    start: Callable[[str], None],
+    end: Callable[[Order, Finished | Failed], None],
 ) -> list[Order]:
     """Those that are not done yet; the others end as they are."""
 
@@ -202,24 +226,27 @@ def _missing(
             if kept is None:
                 missing.append(order)
             else:
+                start(order.name)
                 end(order, kept)
     return missing
 
 
-def _compare(orders: list[Order], recipe: Recipe, console: Console) -> None:
-    """Write the pages of the worst frames."""
+def _compare(orders: list[Order], recipe: Recipe, console: Console) -> bool:
+    """Write the pages of the worst frames; whether there are any."""
+    if not recipe.compares:
+        return False
     with console.progress("comparing", len(orders)) as start:
         for order in orders:
             start(order.name)
             assert order.job is not None
             page = order.job.folder / page_name(order.output[0].name)
-            if page.exists() and page.stat().st_mtime >= order.output[0].stat().st_mtime:
-                continue
             try:
-                if not recipe.compare(order.show.read(order.moment, repair=True), page):
-                    return
-            except InputError as error:
-                complain(error)
+                if page.exists() and page.stat().st_mtime >= order.output[0].stat().st_mtime:
+                    continue
+                recipe.compare(order.show.read(order.moment, repair=True), page)
+            except (InputError, OSError, MemoryError) as error:
+                complain(f"{page}: no page, '{' '.join(str(error).split())}'")
+    return True
 
 
 def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
@@ -328,12 +355,12 @@ class _Telling:
                 done.seconds[step] += outcome.seconds.get(step, 0.0) if not outcome.kept else 0.0
         return done
 
-    def interrupted(self, job: Job) -> None:
+    def interrupted(self, job: Job, running: Running) -> None:
         """The run ends before all are."""
         if self._report is not None:
             self._report.interrupt()
         count = job.count(order.output for order in self._orders)
         complain(
             f"{count} of {len(self._orders)} frames are done; the same command goes on with the "
-            f"rest"
+            f"rest{' without --anew' if running.anew else ''}"
         )

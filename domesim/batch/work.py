@@ -14,13 +14,13 @@ import tempfile
 import time
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar, final
 
-from domesim.batch.job import Job, Record
+from domesim.batch.job import Job, Record, versions
 from domesim.console import about
 from domesim.errors import InputError
 from domesim.frames import Master, read_master, write_master
@@ -46,6 +46,9 @@ class Write(Protocol):
 
     def __call__(self, result: Master, /) -> Master:
         """Write it."""
+
+    def beside(self, files: Sequence[Path]) -> None:
+        """Other files that belong to the result have been written."""
 
 
 @final
@@ -126,12 +129,12 @@ class Recipe(ABC):
         """What a worker must have besides cores, by Dask's names: ``{"GPU": 1}``."""
         return {}
 
-    def compare(self, master: Master, page: Path) -> bool:
-        """Write a page that compares what may be done with a master; whether there is such a page.
+    compares = False
+    """Whether there are pages that compare what may be done with a master."""
 
-        By default there is none.
-        """
-        return False
+    def compare(self, master: Master, page: Path) -> None:
+        """Write such a page."""
+        raise NotImplementedError
 
 
 @final
@@ -274,6 +277,7 @@ class Steps:
             if before is not None:
                 return Finished(before.figures, before.line, kept=True)
             if order.job is not None:
+                _require_program(order.job)
                 order.job.forget(order.output)
             seconds: dict[str, float] = {}
             with _timed(seconds, "reading"):
@@ -311,7 +315,7 @@ class Steps:
             maker = _maker()
             if order.job is not None:
                 record = Record(figures, line, solved.seconds, solved.sources, maker)
-                order.job.keep(order.output, record)
+                order.job.keep(order.output, record, write.others)
             return Finished(figures, line, solved.seconds, maker)
         return caught[0]
 
@@ -327,10 +331,14 @@ class _Writer:
     def __init__(self, order: Order) -> None:
         self._order = order
         self.unsaid = ""
+        self.others: tuple[Path, ...] = ()
 
     @property
     def output(self) -> Files:
         return self._order.output
+
+    def beside(self, files: Sequence[Path]) -> None:
+        self.others += tuple(files)
 
     def __call__(self, result: Master, /) -> Master:
         """Write it, and read it as others will who know its encoding."""
@@ -353,6 +361,16 @@ def _maker() -> dict[str, Any]:
         "resident": int(pages) * resource.getpagesize(),
         "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
     }
+
+
+def _require_program(job: Job) -> None:
+    """See that a worker has the program that the job is done with."""
+    ours = versions().get("domesim")
+    if ours != job.program:
+        raise InputError(
+            f"wanted domesim {job.program}, as the command has, got {ours} on "
+            f"{socket.gethostname()}; install the same there"
+        )
 
 
 @contextmanager

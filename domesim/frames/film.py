@@ -23,6 +23,7 @@ from domesim.frames.dithering import dither, seed_of
 from domesim.frames.frame import Frame
 from domesim.frames.messages import one_line, reason
 from domesim.frames.video import Timing, frame_paths, pyav
+from domesim.frames.whole import temporary_of
 from domesim.frames.yuv import limited_codes
 
 _RGB_FORMATS = {8: "bgr0", 10: "gbrp10le", 12: "gbrp12le", 16: "gbrp16le"}
@@ -106,7 +107,7 @@ def write_film(
         If PyAV is missing, frames differ in size or depth, or the file cannot be written.
     """
     av = pyav(path)
-    temporary = path.with_name(f".{path.stem}.tmp-{os.getpid()}{path.suffix}")
+    temporary = temporary_of(path)
     try:
         _encode(temporary, path, frames, colour, timing, dithered=dithered)
         if len(frame_paths(temporary)) != count:

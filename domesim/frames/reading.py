@@ -79,6 +79,12 @@ def size_of(path: Path) -> tuple[int, int]:
         reader.close()
 
 
+def use_threads(count: int) -> None:
+    """Let reading and writing of all images use so many threads; by default all cores."""
+    for name in ("threads", "exr_threads"):
+        oiio.attribute(name, count)
+
+
 def open_image(path: Path) -> Any:
     """OpenImageIO's reader of the file."""
     try:

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
+import re
+import secrets
+import socket
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 from domesim.errors import InputError
@@ -23,6 +28,29 @@ def write_whole(path: Path, content: bytes) -> None:
     write_together([(path, content)])
 
 
+def temporary_of(path: Path) -> Path:
+    """A name beside `path` that no other process has, on any machine, while it is written."""
+    mark = f"{_machine()}-{os.getpid()}-{secrets.token_hex(2)}"
+    return path.with_name(f".{path.stem}.tmp-{mark}{path.suffix}")
+
+
+def sweep(folder: Path) -> None:
+    """Remove what processes of this machine that are gone left half-written in `folder`."""
+    for path in folder.glob(".*.tmp-*"):
+        found = _TEMPORARY.search(path.name)
+        if found and found[1] == _machine() and not Path(f"/proc/{found[2]}").exists():
+            with suppress(OSError):
+                path.unlink()
+
+
+_TEMPORARY = re.compile(r"\.tmp-([0-9a-f]{4})-([0-9]+)-[0-9a-f]{4}(?:\.[^.]*)?$")
+
+
+@cache
+def _machine() -> str:
+    return hashlib.sha256(socket.gethostname().encode()).hexdigest()[:4]
+
+
 def write_together(contents: Sequence[tuple[Path, bytes]]) -> None:
     """Put each content at its path: all under temporary names first, then renamed.
 
@@ -34,9 +62,7 @@ def write_together(contents: Sequence[tuple[Path, bytes]]) -> None:
     InputError
         If one of them cannot be written.
     """
-    temporaries = [
-        path.with_name(f".{path.stem}.tmp-{os.getpid()}{path.suffix}") for path, _ in contents
-    ]
+    temporaries = [temporary_of(path) for path, _ in contents]
     try:
         for (path, content), temporary in zip(contents, temporaries, strict=True):  # noqa: B007
             with temporary.open("wb") as file:

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,11 @@ from domesim.batch import cluster, report
 from domesim.batch.estimate import estimate
 from domesim.batch.job import FOLDER, open_job
 from domesim.batch.run import Running, each_frame
-from domesim.batch.work import Writing
+from domesim.batch.work import Failed, Order, Writing
 from domesim.console import Console
 from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, write_frame
+from domesim.frames.whole import temporary_of
 from domesim.shows import find_show
 from validation.benchmarks.schedulers import more_workers, scheduler
 
@@ -89,15 +91,59 @@ def test_what_was_half_written_is_removed(tmp_path: Path, recipe: Harmful) -> No
     """A process that is killed while it writes leaves temporary files."""
     make_show(tmp_path / "in", 2)
     copied(tmp_path, recipe, 0)
+    names = ("out/in.0002.exr", "out/job/in.0002.exr.json")
+    ask = "import sys; from domesim.frames.whole import *; print(temporary_of(Path(sys.argv[1])))"
     left = [
-        tmp_path / "out/.in.0002.tmp-99999.exr",
-        tmp_path / "out/job/.in.0002.exr.tmp-99999.json",
+        Path(subprocess.check_output([sys.executable, "-c", ask, tmp_path / name], text=True)[:-1])
+        for name in names
     ]
-    for path in (*left, tmp_path / "out/in.0002.exr"):
+    under_way = temporary_of(tmp_path / "out/in.0001.exr")  # of a process that lives
+    for path in (*left, under_way, tmp_path / "out/in.0002.exr"):
         path.write_bytes(b"half")
     assert copied(tmp_path, recipe, 0).kept == 1
     assert not any(path.exists() for path in left)
+    under_way.unlink()
     assert is_whole(tmp_path, 2)
+
+
+def test_anew_is_of_the_frames_that_are_named(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 3)
+    copied(tmp_path, recipe, 0)
+    each_frame(
+        show_of(tmp_path / "in", "2"),
+        tmp_path / "out",
+        recipe,
+        Console(quiet=True),
+        what="copying",
+        running=Running(0, anew=True),
+    )
+    assert recipe.begun().count("in.0002.exr") == 2
+    assert copied(tmp_path, recipe, 0).kept == 3
+
+
+@pytest.mark.parametrize(
+    "content", ["[]", '{"figures": 1}', '{"sources": null}', '{"sources": {"in.0002.exr": []}}']
+)
+def test_a_record_of_something_else_is_none(tmp_path: Path, recipe: Harmful, content: str) -> None:
+    make_show(tmp_path / "in", 3)
+    copied(tmp_path, recipe, 0)
+    place = tmp_path / "out/job/in.0002.exr.json"
+    changed = {**json.loads(place.read_text()), **dict(json.loads(content))}
+    place.write_text(json.dumps(changed) if changed else content)
+    done = copied(tmp_path, recipe, 0)
+    assert len(done.frames) == 3
+    assert is_whole(tmp_path, 3)
+
+
+def test_another_program_does_no_frame(tmp_path: Path, recipe: Harmful) -> None:
+    """Of a worker that came after the command had looked at all of them."""
+    make_show(tmp_path / "in", 1)
+    job = replace(open_job(tmp_path, {}), program="0.0.1")
+    order = Order(show_of(tmp_path / "in"), (tmp_path / "in.0001.exr",), recipe, Writing(), job)
+    found = cluster.do(order)
+    assert isinstance(found, Failed)
+    assert "wanted domesim 0.0.1" in found.reason
+    assert not recipe.begun()
 
 
 def damage(path: Path) -> None:
