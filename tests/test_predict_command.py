@@ -208,7 +208,7 @@ def test_verdicts_and_the_summary_of_a_sequence(run: Run, tmp_path: Path, out: P
         "--right",
         tmp_path / "in" / "R.####.exr",
     )
-    arguments += ("--scene", STEREO, "--out", out)
+    arguments += ("--scene", STEREO, "--out", out, "--workers", 0)
     found = figures(run, *arguments)
     assert [frame["verdict"] for frame in found["frames"]] == [
         "nothing",
@@ -381,7 +381,8 @@ def test_the_other_frames_of_a_sequence_are_written(run: Run, tmp_path: Path, ou
     for number in (1, 2, 3):
         fulldome(tmp_path / f"s.{number}.exr")
     damage(tmp_path / "s.2.exr")
-    outcome = run("predict", tmp_path / "s.#.exr", "--scene", DOME, "--out", out)
+    alone = ("--workers", 0)
+    outcome = run("predict", tmp_path / "s.#.exr", "--scene", DOME, "--out", out, *alone)
     outcome.is_refused("s.2.exr", "wanted an image")
     assert written(out) == sorted(names("s.1") + names("s.3"))
     assert "2 frames: " in outcome.out

@@ -363,6 +363,8 @@ def program(folder: Path, workers: int, seconds: float, *more: str) -> subproces
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        # Whoever runs the tests in the background makes their children ignore Ctrl-C
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
     )
 
 
@@ -505,6 +507,7 @@ def test_the_table_is_there_for_data_frames(tmp_path: Path, recipe: Harmful) -> 
     assert "encoding.transfer" in table.column_names
 
 
+@pytest.mark.long
 def test_a_render_farm_does_each_frame_once(tmp_path: Path) -> None:
     """The Open Job Description template, by its own command line."""
     make_show(tmp_path / "in", 3, (64, 64))

@@ -29,6 +29,7 @@ def _quickly(monkeypatch):
     monkeypatch.setattr(flicker, "QUICK_MOVES", 3)
 
 
+@pytest.mark.long
 def test_it_is_as_expected(tmp_path):
     finding = flicker.run(Work(store=tmp_path))
     assert failed(finding) == []
@@ -105,7 +106,11 @@ def with_memory(monkeypatch):
             ["step of the mean seen beyond", "over its slope"],
             marks=pytest.mark.long,
         ),
-        (with_memory, ["largest difference of light", "what stands still"]),
+        pytest.param(
+            with_memory,
+            ["largest difference of light", "what stands still"],
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_mistakes_turn_it_red(mutate, caught, monkeypatch):
