@@ -116,7 +116,7 @@ class Compensating(Recipe):
 
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
-        settings = {name: value for name, value in asdict(self).items() if name != "scene"}
+        settings = {name: value for name, value in vars(self).items() if name != "scene"}
         return {"command": "compensate", **self.scene.settings(), **settings}
 
     def columns(self) -> tuple[Column, ...]:

@@ -26,8 +26,7 @@ from compensate.prediction import (
     triage,
 )
 from compensate.vision.tvi import MesopicBlend
-from domesim.batch.estimate import estimate
-from domesim.batch.run import Done, Running, each_frame
+from domesim.batch.run import Done, Running
 from domesim.batch.work import Column, Note, Recipe, Work, Write, Writing
 from domesim.choice import SceneChoice
 from domesim.cli import (
@@ -52,9 +51,8 @@ from domesim.cli import (
     TransportFile,
     Workers,
     about_scene,
-    finish,
+    do_show,
     scene_of,
-    told,
 )
 from domesim.console import Console
 from domesim.errors import InputError
@@ -171,26 +169,31 @@ def predict(
         encoding=encoding,
     )
     _require_free(show, out, theatre.views)
-    recipe = Predicting(choice.settled(theatre), settings)
-    running = Running(workers, threads, scheduler, anew, mix)
-    writing = Writing(MAPS, repair=repair)
-    if dry_run:
-        console.figures(estimate(show, out, recipe, console, writing, running))
-        return
-    done = each_frame(
-        show, out, recipe, console, what="predicting", writing=writing, running=running
+
+    def summary(done: Done) -> dict[str, Any]:
+        worst = _worst(done)
+        if len(show.moments) > 1 and done.frames:
+            console.say(_summary(done, worst))
+        return {"worst": [frame["input"] for frame in worst]}
+
+    do_show(
+        show,
+        out,
+        Predicting(choice.settled(theatre), settings),
+        console,
+        what="predicting",
+        writing=Writing(MAPS, repair=repair),
+        running=Running(workers, threads, scheduler, anew, mix),
+        facts={
+            **about_scene(theatre),
+            "threshold": settings.threshold,
+            "combination": settings.combination.value,
+            "saliency": settings.counts_saliency,
+            "mesopic": settings.blend.value,
+        },
+        summary=summary,
+        dry_run=dry_run,
     )
-    worst = _worst(done)
-    if len(show.moments) > 1 and done.frames:
-        console.say(_summary(done, worst))
-    facts = {
-        "threshold": settings.threshold,
-        "combination": settings.combination.value,
-        "saliency": settings.counts_saliency,
-        "mesopic": settings.blend.value,
-        "worst": [frame["input"] for frame in worst],
-    }
-    finish(console, {**about_scene(theatre), **facts, **told(done)}, done.failed)
 
 
 @final

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any, final
@@ -39,9 +39,10 @@ class SceneChoice:
     transport: Path | None = None
     seat: str | None = None
     content: str = ""
+    _scene: Scene | None = field(default=None, repr=False, compare=False)
 
     def load(self) -> Scene:
-        """The scene.
+        """The scene; the one that `settled` was given, but in other processes.
 
         Raises
         ------
@@ -49,6 +50,8 @@ class SceneChoice:
             If a file cannot be read or holds something else than `content`, files do not belong
             together, or there is no such seat.
         """
+        if self._scene is not None:
+            return self._scene
         scene = self._loaded()
         if self.content and _digest(scene) != self.content:
             raise InputError(
@@ -62,7 +65,13 @@ class SceneChoice:
         path = Path(self.name)
         name = self.name if len(path.parts) <= 1 and path.suffix != ".toml" else path.absolute()
         transport = None if self.transport is None else self.transport.absolute()
-        return replace(self, name=str(name), transport=transport, content=_digest(scene))
+        return replace(
+            self, name=str(name), transport=transport, content=_digest(scene), _scene=scene
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the scene, which may be large: other processes load it."""
+        return {**vars(self), "_scene": None}
 
     def settings(self) -> dict[str, Any]:
         """What results depend on, for JSON."""
@@ -113,8 +122,8 @@ def _parts(value: Any) -> Iterator[bytes]:
     elif value is None or isinstance(value, str | int | float | complex | bytes | Enum | Path):
         yield repr(value).encode()
     elif is_dataclass(value):
-        for field in fields(value):
-            yield from _parts(getattr(value, field.name))
+        for each in fields(value):
+            yield from _parts(getattr(value, each.name))
     else:
         yield from _parts(vars(value))
     yield b")"

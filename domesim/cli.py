@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -254,6 +254,7 @@ def do_show(
     writing: Writing,
     running: Running,
     facts: dict[str, Any],
+    summary: Callable[[Done], dict[str, Any]] | None = None,
     dry_run: bool = False,
 ) -> None:
     """Do each frame of a command's show, or only estimate it, print the figures, and end.
@@ -261,9 +262,11 @@ def do_show(
     Parameters
     ----------
     show, out, recipe, console, what, writing, running
-        As for `Writing`.
+        As for `each_frame`.
     facts
         What the command's figures say besides.
+    summary
+        Called with what became of all frames; what the figures say of them together.
     dry_run
         Only estimate what it will take.
     """
@@ -273,7 +276,8 @@ def do_show(
         )
         return
     done = each_frame(show, out, recipe, console, what=what, writing=writing, running=running)
-    finish(console, {**facts, **told(done)}, done.failed)
+    found = {} if summary is None else summary(done)
+    finish(console, {**facts, **found, **_told(done)}, done.failed)
 
 
 def about_scene(scene: Scene) -> dict[str, Any]:
@@ -332,7 +336,7 @@ def dithered(name: str) -> bool:
     return name == TPDF
 
 
-def told(done: Done) -> dict[str, Any]:
+def _told(done: Done) -> dict[str, Any]:
     """What a command's figures say of its frames."""
     seconds = {f"seconds_{step}": value for step, value in done.seconds.items()}
     report = None if done.report is None else str(done.report)

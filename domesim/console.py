@@ -190,6 +190,16 @@ def prepare_file(path: Path, *, instead_of: Path | None = None) -> None:
         )
 
 
+def duration(seconds: float) -> str:
+    """For a person."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    if minutes < 90:
+        return f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60:02d} min"
+
+
 def _printable(line: str) -> str:
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
 

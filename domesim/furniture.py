@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.frames.messages import joined
 from domesim.theatre import Albedo, Point, Solid, Viewpoint
 
 EYE_HEIGHT = 1.2
@@ -170,7 +171,7 @@ def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
         vertices = np.array(mesh.vertices, np.float64).reshape(-1, 3)
         faces = np.array(mesh.faces, np.int64).reshape(-1, 3)
     except Exception as error:  # trimesh's readers raise whatever their parsing runs into
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = joined(str(error)) or type(error).__name__
         raise InputError(
             f"{path}: wanted the mesh of {name}, got '{reason}'. Export it as STL, PLY or OBJ."
         ) from error

@@ -54,11 +54,15 @@ def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: 
     return [work(view, slice(0, shape[1])) for view in range(shape[0])]
 
 
+def cores() -> int:
+    """Of this machine, that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
 def threads() -> int:
     """Threads to use: ``OMP_NUM_THREADS`` if it is set, but not more than there are cores."""
-    cores = len(os.sched_getaffinity(0))
     given = os.environ.get("OMP_NUM_THREADS", "")
-    return min(int(given), cores) if given.isdecimal() and int(given) else cores
+    return min(int(given), cores()) if given.isdecimal() and int(given) else cores()
 
 
 @cache

@@ -10,6 +10,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 import test_bad_input
+from image_files import store
 from plain_files import DPX_SAMPLE, read_dpx, read_tiff, write_dpx, write_tiff
 from test_bad_input import Run, written
 
@@ -35,27 +36,6 @@ def picture(kind: str, channels: int = 3, seed: int = 0) -> np.ndarray:
     samples = rng.random((SIDE, SIDE, channels)).astype(kind)
     samples[SIDE // 2, :3] = [[np.finfo(kind).smallest_subnormal], [np.finfo(kind).tiny], [3.5]]
     return samples
-
-
-def store(path: Path, samples: np.ndarray, channels: str = "", **attributes: object) -> Path:
-    """By OpenImageIO alone."""
-    kind = {"float16": "half", "float32": "float"}.get(str(samples.dtype), str(samples.dtype))
-    spec = oiio.ImageSpec(*samples.shape[1::-1], samples.shape[2], kind)
-    spec.attribute("oiio:UnassociatedAlpha", 1)
-    if channels:
-        spec.channelnames = tuple(channels.split(","))
-        spec.alpha_channel = spec.channelindex("A")
-    for name, value in attributes.items():
-        key = name.replace("__", ":")
-        if isinstance(value, tuple):
-            spec.attribute(key, oiio.TypeDesc(value[0]), value[1])
-        else:
-            spec.attribute(key, value)
-    writer = oiio.ImageOutput.create(str(path))
-    assert writer.open(str(path), spec), writer.geterror()
-    assert writer.write_image(samples)
-    assert writer.close()
-    return path
 
 
 def contents(path: Path) -> tuple[list[object], dict[str, str]]:

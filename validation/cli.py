@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -13,6 +12,7 @@ import typer
 from domesim.cli import Json, Quiet
 from domesim.console import Console, prepare
 from domesim.errors import InputError
+from domesim.strips import cores
 from validation.benchmarks import writing
 from validation.benchmarks.measuring import Cost, Settings, costs
 from validation.benchmarks.problems import PROBLEMS
@@ -126,7 +126,7 @@ def bench(
     prepare(out)
     console.say(f"{writing.LEGEND}\n\n{writing.HEADER}")
     machine = {
-        "cores": len(os.sched_getaffinity(0)),
+        "cores": cores(),
         "processor": platform.machine(),
         "budget": settings.budget,
         "repeats": settings.repeats,

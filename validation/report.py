@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-import os
 import platform
 import re
 import shutil
@@ -28,6 +27,7 @@ from domesim.errors import InputError
 from domesim.frames import write_whole
 from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.tracer import all_or_nothing
+from domesim.strips import cores
 from validation.experiment import Experiment, Finding, Missing, Record, Work, load_experiment
 from validation.experiments import EXPERIMENTS, GROUPS
 
@@ -272,7 +272,7 @@ def _outcome(experiment: Experiment, work: Work) -> Outcome:
 def _machine() -> dict[str, str]:
     return {
         "processor": _processor(),
-        "cores": str(len(os.sched_getaffinity(0))),
+        "cores": str(cores()),
         "system": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
         "paths are traced by": backend().summary,
     }

@@ -21,14 +21,12 @@ def alone(
     Parameters
     ----------
     orders
-        The frames.
+        The frames: one at least.
     work
         What their recipe asks for.
     begin, end
         Called as each is solved, and as each is done; `end` from another thread, one by one.
     """
-    if not orders:
-        return
     steps = Steps(work)
     reader, writer = (ThreadPoolExecutor(1, f"domesim-{name}") for name in ("read", "write"))
 

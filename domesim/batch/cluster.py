@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
 import queue
 import threading
 import time
@@ -24,6 +23,7 @@ from typing import Any, TypeAlias, final
 from domesim.batch.job import versions
 from domesim.batch.work import Failed, Finished, Order, Recipe, Steps
 from domesim.errors import InputError
+from domesim.frames.messages import joined
 from domesim.frames.reading import use_threads
 from domesim.strips import threads
 
@@ -36,6 +36,9 @@ DEATHS = 2
 
 _PATIENCE = 30.0  # s: for a scheduler to answer
 _LOOK = 1.0  # s: how often to look for new workers
+
+_TALKERS = ("distributed", "tornado", "asyncio")
+"""Whose log messages the command tells in its own words."""
 
 
 @final
@@ -171,7 +174,7 @@ def _outcome(order: Order, future: Future) -> Finished | Failed | None:
             f"after the other. Too little memory for such frames (fewer --workers need less), or a "
             f"fault in a library"
         )
-    told = " ".join(f"{type(error).__name__}: {error}".split())
+    told = joined(f"{type(error).__name__}: {error}")
     return Failed(f"{order.moment[0]}: {told}")
 
 
@@ -238,10 +241,9 @@ def _client(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
             try:
                 client = Client(crew.scheduler, timeout=_PATIENCE, set_as_default=False)
             except (OSError, ValueError, TimeoutError) as error:
-                told = " ".join(str(error).split())
                 raise InputError(
-                    f"--scheduler {crew.scheduler}: wanted a Dask scheduler, got '{told}'. Start "
-                    f"one (dask scheduler), or leave --scheduler out"
+                    f"--scheduler {crew.scheduler}: wanted a Dask scheduler, got "
+                    f"'{joined(str(error))}'. Start one (dask scheduler), or leave --scheduler out"
                 ) from None
             try:
                 _require_alike(client, crew, tell)
@@ -272,8 +274,8 @@ def _client(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
 
 def be_quiet() -> None:
     """Let Dask print nothing: what goes wrong, the command tells."""
-    for name in ("distributed", "tornado", "asyncio", *logging.root.manager.loggerDict):
-        if name.split(".")[0] in ("distributed", "tornado", "asyncio"):
+    for name in (*_TALKERS, *logging.root.manager.loggerDict):
+        if name.split(".")[0] in _TALKERS:
             logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
@@ -295,10 +297,9 @@ def _require_alike(client: Client, crew: Crew, tell: Callable[[str], None]) -> N
     try:
         found = client.run(versions)
     except Exception as error:
-        told = " ".join(str(error).split())
         raise InputError(
-            f"--scheduler {crew.scheduler}: its workers cannot run domesim ('{told}'). Install the "
-            f"same domesim there"
+            f"--scheduler {crew.scheduler}: its workers cannot run domesim "
+            f"('{joined(str(error))}'). Install the same domesim there"
         ) from None
     ours = versions()
     for worker, theirs in found.items():
@@ -318,8 +319,3 @@ def _require_alike(client: Client, crew: Crew, tell: Callable[[str], None]) -> N
             f"workers of {crew.scheduler} have other libraries than this machine "
             f"({', '.join(sorted(unlike))}): the last bits of results may differ"
         )
-
-
-def cores() -> int:
-    """Of this machine, that this process may use."""
-    return len(os.sched_getaffinity(0))

@@ -9,14 +9,13 @@ from pathlib import Path
 from statistics import mean
 from typing import Any, final
 
-from domesim.batch.alone import alone
-from domesim.batch.cluster import cores, in_cluster
 from domesim.batch.film import films_of
-from domesim.batch.run import Running, crew_of
+from domesim.batch.run import Running, crew_of, do_all, orders_of
 from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
-from domesim.console import Console, complain
+from domesim.console import Console, complain, duration
 from domesim.errors import InputError
 from domesim.shows import Show
+from domesim.strips import cores
 
 A_WORKER = 4
 """Frames that each worker does; the first has also to get ready, and does not count."""
@@ -51,8 +50,9 @@ def estimate(
 
     Returns
     -------
-    ``frames``, ``sampled``, ``seconds`` a frame and in ``seconds_total``, ``workers``, ``threads``,
-    ``memory_worker`` and ``memory_total``, ``disk_frame`` and ``disk_total`` (bytes).
+    ``frames`` in all and ``sampled``; ``workers`` and ``threads``; ``seconds_frame`` and
+    ``seconds_total``; and in bytes ``memory_worker``, ``memory_total``, ``disk_frame`` and
+    ``disk_total``.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def estimate(
     crew = crew_of(running, recipe, show)
     count = len(show.moments)
     workers = 1 if crew is None else crew.workers
-    if crew is not None and crew.scheduler is None:
+    if crew is not None:
         crew = replace(crew, workers=min(workers, cores()))
     wanted = min(count, A_WORKER * (1 if crew is None else crew.workers))
     chosen = sorted({round(k * (count - 1) / max(wanted - 1, 1)) for k in range(wanted)})
@@ -84,10 +84,7 @@ def estimate(
         for output in outputs:
             for path in output:
                 path.parent.mkdir(parents=True, exist_ok=True)
-        orders = [
-            Order(replace(show, moments=(moment,)), output, recipe, writing)
-            for moment, output in zip(part.moments, outputs, strict=True)
-        ]
+        orders = orders_of(part, outputs, recipe, writing)
 
         def end(order: Order, outcome: Finished | Failed) -> None:
             if isinstance(outcome, Failed):
@@ -103,10 +100,7 @@ def estimate(
             found.append(_Sampled(worker, sum(outcome.seconds.values()), size, maker["peak"]))
 
         with console.progress("trying", len(orders)) as start:
-            if crew is None:
-                alone(orders, recipe.work(console.note), lambda o: start(o.moment[0].name), end)
-            else:
-                in_cluster(orders, crew, lambda o: start(o.moment[0].name), end, console.say)
+            do_all(orders, crew, start, end, console)
     if not found:
         raise InputError(f"no frame of {len(chosen)} could be done: {failed[0]}")
     steady, first = _steady(found)
@@ -125,7 +119,7 @@ def estimate(
         "disk_total": size * count,
     }
     console.say(
-        f"{count} frames: {_time(total)} with {workers} worker{'s' if workers > 1 else ''} "
+        f"{count} frames: {duration(total)} with {workers} worker{'s' if workers > 1 else ''} "
         f"({steady:.3g} s a frame each, from {len(found)} that were tried), "
         f"{_size(peak * workers)} of memory, {_size(size * count)} on the disk"
     )
@@ -143,14 +137,6 @@ def _steady(found: Sequence[_Sampled]) -> tuple[float, float]:
     if not others:
         return mean(firsts), 0.0
     return mean(others), max(0.0, mean(firsts) - mean(others))
-
-
-def _time(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    if seconds < 5400:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
 
 
 def _size(count: float) -> str:

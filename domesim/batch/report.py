@@ -24,7 +24,7 @@ from urllib.parse import quote
 
 from domesim.batch.job import Job, versions
 from domesim.batch.work import Column, Failed, Finished, Order
-from domesim.console import complain
+from domesim.console import complain, duration
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 
@@ -153,8 +153,8 @@ class Report:
             total=len(self._orders),
             beyond=len(rows) - ended,
             rate=rate,
-            elapsed=_duration(elapsed),
-            left=_duration(left / rate) if rate else "",
+            elapsed=duration(elapsed),
+            left=duration(left / rate) if rate else "",
             failed=[each.reason for each in self._outcomes.values() if isinstance(each, Failed)],
             columns=self._columns,
             plots=_plots(self._columns, list(rows.values())),
@@ -260,15 +260,6 @@ def _number(value: Any) -> float:
 def _natural(name: str) -> list[Any]:
     """A key that sorts frame 9 before frame 10."""
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    if minutes < 90:
-        return f"{minutes} min"
-    return f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def _settings(job: Job) -> dict[str, Any]:

@@ -13,16 +13,18 @@ from pathlib import Path
 from typing import Any, final
 
 from domesim.batch.alone import alone
-from domesim.batch.cluster import Crew, cores, in_cluster
+from domesim.batch.cluster import Crew, in_cluster
 from domesim.batch.film import films_of
 from domesim.batch.job import Job, open_job, versions
 from domesim.batch.report import Report, page_name
-from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
+from domesim.batch.work import Failed, Files, Finished, Order, Recipe, Writing
 from domesim.console import Console, complain, prepare
 from domesim.errors import InputError
+from domesim.frames.messages import joined
 from domesim.frames.reading import size_of
 from domesim.frames.whole import sweep
 from domesim.shows import Show
+from domesim.strips import cores
 
 STEPS = ("reading", "solving", "writing")
 
@@ -138,10 +140,7 @@ def each_frame(
     for place in {path.parent for output in outputs for path in output} | {folder}:
         prepare(place)
     job = _job(show, folder, outputs, recipe, writing, running)
-    orders = [
-        Order(replace(show, moments=(moment,)), output, recipe, writing, job)
-        for moment, output in zip(show.moments, outputs, strict=True)
-    ]
+    orders = orders_of(show, outputs, recipe, writing, job)
     report = None if job is None else Report(job, orders, what)
     telling = _Telling(console, orders, report)
     crew = crew_of(running, recipe, show)
@@ -151,18 +150,7 @@ def each_frame(
             missing = orders
             if job is not None and running.scheduler is None:
                 missing = _missing(orders, job, start, telling.end)
-            if crew is None or not missing:
-                work = recipe.work(console.note)
-                alone(missing, work, lambda order: start(order.moment[0].name), telling.end)
-            else:
-                console.say(_told(crew))
-                in_cluster(
-                    missing,
-                    crew,
-                    lambda order: start(order.moment[0].name),
-                    telling.end,
-                    console.say,
-                )
+            do_all(missing, crew, start, telling.end, console)
         except BaseException:
             if job is not None:
                 telling.interrupted(job, running)
@@ -188,7 +176,7 @@ def each_frame(
 def _job(
     show: Show,
     folder: Path,
-    outputs: Sequence[Sequence[Path]],
+    outputs: Sequence[Files],
     recipe: Recipe,
     writing: Writing,
     running: Running,
@@ -245,8 +233,58 @@ def _compare(orders: list[Order], recipe: Recipe, console: Console) -> bool:
                     continue
                 recipe.compare(order.show.read(order.moment, repair=True), page)
             except (InputError, OSError, MemoryError) as error:
-                complain(f"{page}: no page, '{' '.join(str(error).split())}'")
+                complain(f"{page}: no page, '{joined(str(error))}'")
     return True
+
+
+def orders_of(
+    show: Show,
+    outputs: Sequence[Files],
+    recipe: Recipe,
+    writing: Writing,
+    job: Job | None = None,
+) -> list[Order]:
+    """One for each moment of a show, whose results go to `outputs`."""
+    return [
+        Order(replace(show, moments=(moment,)), output, recipe, writing, job)
+        for moment, output in zip(show.moments, outputs, strict=True)
+    ]
+
+
+def do_all(
+    orders: Sequence[Order],
+    crew: Crew | None,
+    start: Callable[[str], None],
+    end: Callable[[Order, Finished | Failed], None],
+    console: Console,
+) -> None:
+    """Do each order, in this process if there is no crew.
+
+    Parameters
+    ----------
+    orders, crew
+        Which, and who does them.
+    start, end
+        Called with the name of each that is begun, and as each is done.
+    console
+        Who is told of the crew.
+
+    Raises
+    ------
+    InputError
+        As for `Recipe.work` and `in_cluster`.
+    """
+
+    def begin(order: Order) -> None:
+        start(order.moment[0].name)
+
+    if not orders:
+        return
+    if crew is None:
+        alone(orders, orders[0].recipe.work(console.note), begin, end)
+        return
+    console.say(_told(crew))
+    in_cluster(orders, crew, begin, end, console.say)
 
 
 def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:

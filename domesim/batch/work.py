@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import resource
-import shutil
 import socket
 import tempfile
 import time
@@ -24,6 +23,7 @@ from domesim.batch.job import Job, Record, versions
 from domesim.console import about
 from domesim.errors import InputError
 from domesim.frames import Master, read_master, write_master
+from domesim.frames.messages import joined
 from domesim.frames.views import require_writable
 from domesim.shows import Show
 
@@ -391,15 +391,14 @@ def _caught(order: Order) -> Iterator[list[Failed]]:
 def _fault(order: Order, error: Exception) -> str:
     """A fault of the program, told in one line; the rest goes into a file."""
     told = f"{order.moment[0]}: a fault of domesim itself: {type(error).__name__}: {error}"
-    told = " ".join(told.split())
-    with tempfile.NamedTemporaryFile("w", prefix="domesim-", suffix=".txt", delete=False) as file:
-        traceback.print_exception(error, file=file)
-    place = Path(file.name)
     if order.job is not None:
-        kept = order.job.folder / f"{order.output[0].name}.fault.txt"
-        shutil.move(place, kept)
-        place = kept
-    return f"{told} (report it with {place})"
+        place = order.job.folder / f"{order.output[0].name}.fault.txt"
+    else:
+        handle, name = tempfile.mkstemp(prefix="domesim-", suffix=".txt")
+        os.close(handle)
+        place = Path(name)
+    place.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")
+    return f"{joined(told)} (report it with {place})"
 
 
 @contextmanager

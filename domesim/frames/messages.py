@@ -18,6 +18,11 @@ def reason(error: OSError) -> str:
     return (error.strerror or str(error)).lower()
 
 
+def joined(text: str) -> str:
+    """All of `text`, of a library, in one line."""
+    return " ".join(text.split())
+
+
 def one_line(text: str) -> str:
     """What `text`, of a library or a file, can add to a message: one line, printable, not long."""
     first = next((line.strip() for line in text.splitlines() if line.strip()), "")

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
+from image_files import save, store
 
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
@@ -34,33 +35,6 @@ LOSSLESS = [
     ("dpx", 12),
     ("dpx", 16),
 ]
-
-
-def store(path: Path, samples: np.ndarray, channels: str = "", **attributes: object) -> Path:
-    """Write `samples` (row, col, channel) by OpenImageIO alone."""
-    kind = {"float16": "half", "float32": "float"}.get(str(samples.dtype), str(samples.dtype))
-    rows, cols, count = samples.shape
-    spec = oiio.ImageSpec(cols, rows, count, kind)
-    spec.attribute("oiio:UnassociatedAlpha", 1)
-    if channels:
-        spec.channelnames = tuple(channels.split(","))
-        spec.alpha_channel = spec.channelindex("A")
-    for name, value in attributes.items():
-        key = name.replace("__", ":")
-        if isinstance(value, tuple):
-            spec.attribute(key, oiio.TypeDesc(value[0]), value[1])
-        else:
-            spec.attribute(key, value)
-    save(path, spec, samples)
-    return path
-
-
-def save(path: Path, spec: oiio.ImageSpec, samples: np.ndarray) -> None:
-    writer = oiio.ImageOutput.create(str(path))
-    assert writer.open(str(path), spec), writer.geterror()
-    assert writer.write_image(np.ascontiguousarray(samples)), writer.geterror()
-    assert writer.close()
-    writer.geterror()
 
 
 def stored(path: Path) -> tuple[np.ndarray, dict[str, object], oiio.ImageSpec]:

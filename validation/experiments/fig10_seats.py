@@ -45,10 +45,10 @@ from validation.experiments.fig2_fig6_deghosting import (
     listed,
     pair,
     panels,
-    present,
     project,
     uncorrectable,
 )
+from validation.pairs import present
 
 SCENES = ("stereo_polarised_paper", "stereo_cinema_silver")
 DATA = ("beachball 1", "motorcycle")
@@ -160,7 +160,7 @@ def run(work: Work) -> Finding:
     if work.quick:
         left_out = ("The test data's pairs: they take minutes.",)
     else:
-        there = present(DATA, load_stereo(SCENES[0]))
+        there, _ = present(DATA)
         names = (GENERATED, *there)
         if missing := [name for name in DATA if name not in there]:
             left_out = (f"The pairs {', '.join(missing)}: DOMESIM_DATA has no such files.",)

@@ -25,7 +25,6 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from compensate.ghosts import edge_energy
@@ -42,14 +41,14 @@ from validation.experiment import (
     Check,
     Column,
     Finding,
-    Missing,
     Pictures,
     Table,
     Work,
     at_least,
     at_most,
 )
-from validation.pairs import averaged, from_data, generated
+from validation.judges import luminance
+from validation.pairs import averaged, from_data, generated, present
 
 SCENE = "stereo_polarised_paper"
 GENERATED = "generated"
@@ -127,18 +126,6 @@ def pair(name: str, width: int, scene: StereoScene, seed: int = 0) -> Light:
     return averaged(light, times).astype(np.float64)
 
 
-def present(names: tuple[str, ...], scene: StereoScene) -> tuple[str, ...]:
-    """Those pairs of the test data that are there."""
-    found = []
-    for name in names:
-        try:
-            from_data(name, scene)
-        except Missing:
-            continue
-        found.append(name)
-    return tuple(found)
-
-
 def listed(names: Iterable[str]) -> str:
     """The names of pairs, in words."""
     return ", ".join("a generated night" if name == GENERATED else name for name in names)
@@ -184,11 +171,6 @@ def ghosted_eye(posed: Posed, region: tuple[slice, slice]) -> int:
     """The eye to which subtraction leaves more of the ghost in a region: 0 is the left one."""
     left = luminance(posed.seen(posed.subtractive) - posed.desired, posed.scene)
     return int(np.argmax(np.sum(left[:, region[0], region[1]] ** 2, axis=(1, 2))))
-
-
-def luminance(light: Light, scene: Scene) -> NDArray[np.float64]:
-    """(view, row, col), white = 1."""
-    return np.asarray(np.asarray(light, np.float64) @ scene.projector.luminance_weights)
 
 
 def panels(
@@ -300,7 +282,7 @@ def run(work: Work) -> Finding:
     if work.quick:
         left_out = ("The test data's pairs: they take minutes.",)
     else:
-        found_data = present(DATA, load_stereo(SCENE))
+        found_data, _ = present(DATA)
         names = (GENERATED, *found_data)
         if missing := [name for name in DATA if name not in found_data]:
             left_out = (f"The pairs {', '.join(missing)}: DOMESIM_DATA has no such files.",)

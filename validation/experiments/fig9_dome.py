@@ -32,9 +32,10 @@ from compensate.comparison import Comparison, compare_methods
 from compensate.solver.admm import ADMM
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
-from domesim.scene import Scene, load_dome
+from domesim.scene import load_dome
 from validation.drawing import pictures
 from validation.experiment import Check, Column, Finding, Pictures, Table, Work, at_least, at_most
+from validation.judges import luminance
 from validation.masters import bundled_night
 
 Floats = NDArray[np.floating[Any]]
@@ -147,7 +148,10 @@ def measure(scene: str = THEATRE) -> Outcome:
 
 def _measured(name: str, light: Light, comparison: Comparison) -> Seen:
     scene, screen = comparison.posed.scene, comparison.posed.screen
-    seen, wanted = (_luminance(one, scene) for one in (light, comparison.posed.problem.desired))
+    seen, wanted = (
+        luminance(one, scene)[0] * scene.projector.white
+        for one in (light, comparison.posed.problem.desired)
+    )
     dark = screen & (wanted < np.median(wanted[screen]))
     per_degree = scene.viewing.pixels_per_degree(*screen.shape)
     sigma = REACH * per_degree
@@ -182,12 +186,6 @@ def _halved(light: Light) -> Light:
     """Half as many pixels a side."""
     view, rows, cols, primaries = light.shape
     return light.reshape(view, rows // 2, 2, cols // 2, 2, primaries).mean(axis=(2, 4))
-
-
-def _luminance(light: Light, scene: Scene) -> Floats:
-    """(row, col), cd/m²."""
-    weights = scene.projector.luminance_weights * scene.projector.white
-    return np.asarray(light[0].astype(np.float64) @ weights)
 
 
 def _mean_within(luminance: Floats, where: NDArray[np.bool_], sigma: float) -> Floats:

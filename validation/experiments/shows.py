@@ -27,13 +27,14 @@ from typing import Any, final
 
 import numpy as np
 
-from domesim.batch.cluster import Crew, cores, in_cluster
+from domesim.batch.cluster import Crew, in_cluster
 from domesim.batch.job import FOLDER, sha256
 from domesim.batch.work import Column as Figure
 from domesim.batch.work import Failed, Finished, Note, Order, Recipe, Writing
 from domesim.batch.work import Work as Duty
 from domesim.light import Light
 from domesim.shows import Show
+from domesim.strips import cores
 from validation.benchmarks.commands import run_command
 from validation.benchmarks.schedulers import crowd, scheduler
 from validation.experiment import Column, Finding, Missing, Table, Work, at_least, at_most
