@@ -127,7 +127,7 @@ def about(path: Path) -> Iterator[None]:
     except InputError as error:
         if path.name in str(error):
             raise
-        raise InputError(f"{path}: {error}") from error
+        raise type(error)(f"{path}: {error}") from error
 
 
 def prepare(folder: Path) -> None:

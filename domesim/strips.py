@@ -54,9 +54,12 @@ def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: 
     return [work(view, slice(0, shape[1])) for view in range(shape[0])]
 
 
+@cache
 def cores() -> int:
-    """Of this machine, that this process may use."""
-    return len(os.sched_getaffinity(0))
+    """Of this machine, that this process may use: by its affinity and its control group."""
+    from dask.system import cpu_count  # noqa: PLC0415
+
+    return int(cpu_count())
 
 
 def threads() -> int:

@@ -16,7 +16,7 @@ def alone(
     begin: Callable[[Order], None],
     end: Callable[[Order, Finished | Failed], None],
 ) -> None:
-    """Do each frame, in order; never more than three are in memory.
+    """Do each frame, in order, up to one that is hopeless; never more than three are in memory.
 
     Parameters
     ----------
@@ -30,22 +30,25 @@ def alone(
     steps = Steps(work)
     reader, writer = (ThreadPoolExecutor(1, f"domesim-{name}") for name in ("read", "write"))
 
-    def finish(order: Order, solved: Any) -> None:
-        end(order, steps.finish(order, solved))
+    def finish(order: Order, solved: Any) -> bool:
+        outcome = steps.finish(order, solved)
+        end(order, outcome)
+        return isinstance(outcome, Failed) and outcome.hopeless
 
     try:
         ahead = reader.submit(steps.read, orders[0])
-        behind: Future[None] | None = None
+        behind: Future[bool] | None = None
         for order, following in zip_longest(orders, orders[1:]):
             begin(order)
             read = ahead.result()
             if following is not None:
                 ahead = reader.submit(steps.read, following)
             solved = steps.solve(order, read)
-            if behind is not None:
-                behind.result()
+            hopeless = behind is not None and behind.result()
             behind = writer.submit(finish, order, solved)
             del read, solved
+            if hopeless:
+                break
         if behind is not None:
             behind.result()
     finally:

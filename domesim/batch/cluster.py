@@ -73,7 +73,7 @@ def in_cluster(
     tell: Callable[[str], None],
     task: Callable[[Order], Finished | Failed] | None = None,
 ) -> None:
-    """Do each frame, in whatever order they end.
+    """Do each frame, in whatever order they end; none is begun after one that is hopeless.
 
     Parameters
     ----------
@@ -123,6 +123,8 @@ def in_cluster(
                             waiting.append(order)
                             continue
                         outcome = Failed(f"{order.moment[0]}: the scheduler keeps cancelling it")
+                    if isinstance(outcome, Failed) and outcome.hopeless:
+                        waiting = []
                     end(order, outcome)
                 except Exception:
                     hall.require_scheduler()  # of which everything else may be a consequence
@@ -234,6 +236,9 @@ def _client(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
         "distributed.worker.memory.target": False,
         "distributed.worker.memory.spill": False,
         "distributed.worker.memory.pause": False,
+        # Looking at each worker a hundred times a second takes a tenth of its core
+        "distributed.worker.profile.enabled": False,
+        "distributed.admin.tick.interval": "1s",
         "distributed.nanny.pre-spawn-environ": _environment(crew.threads),
     }
     with dask.config.set(settings):

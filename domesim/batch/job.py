@@ -111,7 +111,7 @@ class Job:
         known = _named(moment)
         if set(record.sources) != set(known):
             return False
-        if not all(_unchanged(path, record.sources[name]) for name, path in known.items()):
+        if not all(self._unchanged(path, record.sources[name]) for name, path in known.items()):
             return False
         files = {name: (path, record.results[name]) for name, path in _named(output).items()}
         files |= {name: (self.folder / name, digest) for name, digest in record.beside.items()}
@@ -119,6 +119,21 @@ class Job:
             return all(sha256(path) == digest for path, digest in files.values())
         except InputError:
             return False
+
+    def _unchanged(self, path: Path, known: list[Any]) -> bool:
+        """Whether a master is as it was: by its size and time, or else its content."""
+        size, changed = _state(path)
+        if size != known[0]:
+            return False
+        return bool(changed == known[1] or self._content(path, size, changed) == known[2])
+
+    def _content(self, path: Path, size: int, changed: int) -> str:
+        """SHA-256 of a master's file; of a video once for all its frames."""
+        video = video_of(path)
+        if video is None:
+            return sha256(path)
+        mark = hashlib.sha256(str(video.absolute()).encode(errors="surrogateescape")).hexdigest()
+        return _video_content(video, size, changed, self.folder / f"{video.name}.{mark[:8]}.sha256")
 
     def record(self, output: Sequence[Path]) -> Record | None:
         """What is kept of the frame whose result is `output`; None if there is nothing whole."""
@@ -145,7 +160,7 @@ class Job:
         found = {}
         for name, path in _named(moment).items():
             size, changed = _state(path)
-            found[name] = [size, changed, _content(path, size, changed)]
+            found[name] = [size, changed, self._content(path, size, changed)]
         return found
 
     def keep(self, output: Sequence[Path], record: Record, beside: Sequence[Path] = ()) -> None:
@@ -168,7 +183,12 @@ class Job:
 
     def forget(self, output: Sequence[Path]) -> None:
         """Let a frame be done again."""
-        self._place(output).unlink(missing_ok=True)
+        for place in (self._place(output), self.fault(output)):
+            place.unlink(missing_ok=True)
+
+    def fault(self, output: Sequence[Path]) -> Path:
+        """Where a fault of the program is written down, if a frame meets one."""
+        return self.folder / f"{output[0].name}.fault.txt"
 
     def _place(self, output: Sequence[Path]) -> Path:
         return self.folder / f"{output[0].name}.json"
@@ -260,23 +280,17 @@ def _state(path: Path) -> tuple[int, int]:
     return state.st_size, state.st_mtime_ns
 
 
-def _unchanged(path: Path, known: list[Any]) -> bool:
-    """Whether a master is as it was: by its size and time, or else its content."""
-    size, changed = _state(path)
-    return bool(
-        size == known[0] and (changed == known[1] or _content(path, size, changed) == known[2])
-    )
-
-
-def _content(path: Path, size: int, changed: int) -> str:
-    """SHA-256 of a master's file; of a video once for all its frames."""
-    video = video_of(path)
-    return sha256(path) if video is None else _video_content(video, size, changed)
-
-
 @lru_cache(maxsize=4)
-def _video_content(video: Path, size: int, changed: int) -> str:
-    return sha256(video)
+def _video_content(video: Path, size: int, changed: int, place: Path) -> str:
+    """SHA-256 of a video, which is written down at `place` for other processes."""
+    with suppress(OSError, ValueError, LookupError, TypeError):
+        known = json.loads(place.read_text())
+        if [known["size"], known["changed"]] == [size, changed]:
+            return str(known["sha256"])
+    content = sha256(video)
+    kept = {"video": str(video), "size": size, "changed": changed, "sha256": content}
+    write_whole(place, json.dumps(kept).encode())
+    return content
 
 
 def _difference(before: str, settings: dict[str, Any]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -11,6 +10,8 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, final
+
+import psutil
 
 from domesim.batch.alone import alone
 from domesim.batch.cluster import Crew, in_cluster
@@ -22,6 +23,7 @@ from domesim.console import Console, complain, prepare
 from domesim.errors import InputError
 from domesim.frames.messages import joined
 from domesim.frames.reading import size_of
+from domesim.frames.video import video_of
 from domesim.frames.whole import sweep
 from domesim.shows import Show
 from domesim.strips import cores
@@ -105,9 +107,9 @@ def each_frame(
     """Read each master of a show, do what a recipe asks for, write its result to `folder`.
 
     Results have their masters' names. A master that fails is named and leaves nothing behind; the
-    others go on. Of a sequence, what is done is kept in `folder` (`job`): the same command goes on
-    where it was ended, however it was. What was read is said of the first master, and of each that
-    differs from the one before.
+    others go on, unless the disk is full. Of a sequence, what is done is kept in `folder` (`job`):
+    the same command goes on where it was ended, however it was. What was read is said of the first
+    master, and of each that differs from the one before.
 
     Parameters
     ----------
@@ -184,12 +186,14 @@ def _job(
     """The job of a sequence, without what processes that are gone half wrote; None of a file."""
     if not show.numbered:
         return None
-    settings = {**recipe.settings(), **_settings(show, writing)}
+    settings = {**recipe.settings(), **_settings(show, outputs[0], writing)}
     job = open_job(folder, settings, mixed=running.mixed, anew=running.anew)
     for place in {path.parent for output in outputs for path in output} | {job.folder}:
         sweep(place)
     for output in outputs if running.anew else ():
         job.forget(output)
+    if any(video_of(path) for path in show.moments[0]):
+        job.sources(show.moments[0])  # once, not by each worker
     return job
 
 
@@ -326,12 +330,10 @@ def _room(recipe: Recipe, show: Show) -> int:
 
 
 def _free() -> int:
-    """Memory that can be had, bytes."""
-    with suppress(OSError, ValueError, StopIteration):
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        line = next(line for line in lines if line.startswith("MemAvailable:"))
-        return int(line.split()[1]) * 1024
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    """Memory that can be had, bytes: what is free, as far as this process may have it."""
+    from distributed.system import MEMORY_LIMIT  # noqa: PLC0415
+
+    return int(min(psutil.virtual_memory().available, MEMORY_LIMIT))
 
 
 def _told(crew: Crew) -> str:
@@ -341,13 +343,15 @@ def _told(crew: Crew) -> str:
     return f"{workers}, {crew.threads} of {cores()} cores each"
 
 
-def _settings(show: Show, writing: Writing) -> dict[str, Any]:
+def _settings(show: Show, output: Files, writing: Writing) -> dict[str, Any]:
     """What results depend on besides the recipe."""
+    colour = show.colour
     return {
         "domesim": versions().get("domesim"),
         "packing": show.packing,
-        "encoding": None if show.colour is None else asdict(show.colour),
+        "encoding": None if colour is None else [colour.transfer, colour.primaries],
         **asdict(writing),
+        "suffix": writing.suffix or output[0].suffix,
     }
 
 
@@ -381,9 +385,12 @@ class _Telling:
 
     def done(self) -> Done:
         """Of all, in order."""
-        done = Done()
+        done, left = Done(), 0
         for order in self._orders:
-            outcome = self._ended[order]
+            outcome = self._ended.get(order)
+            if outcome is None:
+                left += 1
+                continue
             if isinstance(outcome, Failed):
                 done.failed.append(outcome.reason)
                 continue
@@ -391,6 +398,9 @@ class _Telling:
             done.kept += outcome.kept
             for step in STEPS:
                 done.seconds[step] += outcome.seconds.get(step, 0.0) if not outcome.kept else 0.0
+        if left:
+            done.failed.append(f"{left} of {len(self._orders)} frames were not begun after that")
+            complain(f"{done.failed[-1]}; the same command goes on with them")
         return done
 
     def interrupted(self, job: Job, running: Running) -> None:

@@ -19,9 +19,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar, final
 
+import psutil
+
 from domesim.batch.job import Job, Record, versions
 from domesim.console import about
-from domesim.errors import InputError
+from domesim.errors import InputError, NoSpaceError
 from domesim.frames import Master, read_master, write_master
 from domesim.frames.messages import joined
 from domesim.frames.views import require_writable
@@ -226,9 +228,18 @@ class Finished:
 @final
 @dataclass(frozen=True)
 class Failed:
-    """A frame that is not, and why: one line."""
+    """A frame that is not.
+
+    Parameters
+    ----------
+    reason
+        Why: one line.
+    hopeless
+        Whether the frames after it would fail as well.
+    """
 
     reason: str
+    hopeless: bool = False
 
 
 @final
@@ -354,11 +365,10 @@ class _Writer:
 
 def _maker() -> dict[str, Any]:
     """Of `Finished`: the process itself."""
-    pages = Path("/proc/self/statm").read_text().split()[1]
     return {
         "host": socket.gethostname(),
         "pid": os.getpid(),
-        "resident": int(pages) * resource.getpagesize(),
+        "resident": psutil.Process().memory_info().rss,
         "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
     }
 
@@ -381,7 +391,7 @@ def _caught(order: Order) -> Iterator[list[Failed]]:
         with about(order.moment[0]):
             yield failed
     except InputError as error:
-        failed.append(Failed(str(error)))
+        failed.append(Failed(str(error), hopeless=isinstance(error, NoSpaceError)))
     except MemoryError:
         failed.append(Failed(f"{order.moment[0]}: not enough memory for frames of this size"))
     except Exception as error:
@@ -392,7 +402,7 @@ def _fault(order: Order, error: Exception) -> str:
     """A fault of the program, told in one line; the rest goes into a file."""
     told = f"{order.moment[0]}: a fault of domesim itself: {type(error).__name__}: {error}"
     if order.job is not None:
-        place = order.job.folder / f"{order.output[0].name}.fault.txt"
+        place = order.job.fault(order.output)
     else:
         handle, name = tempfile.mkstemp(prefix="domesim-", suffix=".txt")
         os.close(handle)

@@ -13,7 +13,9 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from domesim.errors import InputError
+import psutil
+
+from domesim.errors import InputError, NoSpaceError
 from domesim.frames.messages import reason
 
 
@@ -38,10 +40,12 @@ def sweep(folder: Path) -> None:
     """Remove what processes of this machine that are gone left half-written in `folder`."""
     for path in folder.glob(".*.tmp-*"):
         found = _TEMPORARY.search(path.name)
-        if found and found[1] == _machine() and not Path(f"/proc/{found[2]}").exists():
+        if found and found[1] == _machine() and not psutil.pid_exists(int(found[2])):
             with suppress(OSError):
                 path.unlink()
 
+
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 _TEMPORARY = re.compile(r"\.tmp-([0-9a-f]{4})-([0-9]+)-[0-9a-f]{4}(?:\.[^.]*)?$")
 
@@ -60,7 +64,7 @@ def write_together(contents: Sequence[tuple[Path, bytes]]) -> None:
     Raises
     ------
     InputError
-        If one of them cannot be written.
+        If one of them cannot be written: `NoSpaceError` if the disk is full.
     """
     temporaries = [temporary_of(path) for path, _ in contents]
     try:
@@ -82,10 +86,10 @@ def write_together(contents: Sequence[tuple[Path, bytes]]) -> None:
         if not isinstance(error, OSError):
             raise
         ways = {
-            errno.ENOSPC: "Free some space, or write elsewhere",
-            errno.EDQUOT: "Free some space, or write elsewhere",
+            **dict.fromkeys(_FULL, "Free some space, or write elsewhere"),
             errno.ENOENT: "Create the folder first",
             errno.EISDIR: "Name a file",
         }
         way = ways.get(error.errno or 0, "Choose a folder that can be written to")
-        raise InputError(f"{path}: wanted to write it, got '{reason(error)}'. {way}.") from error
+        kind = NoSpaceError if error.errno in _FULL else InputError
+        raise kind(f"{path}: wanted to write it, got '{reason(error)}'. {way}.") from error

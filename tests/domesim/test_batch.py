@@ -24,7 +24,7 @@ from pyarrow import parquet
 from domesim.batch import cluster, report
 from domesim.batch.estimate import estimate
 from domesim.batch.job import FOLDER, open_job
-from domesim.batch.run import Running, each_frame
+from domesim.batch.run import Running, crew_of, each_frame
 from domesim.batch.work import Failed, Order, Writing
 from domesim.console import Console
 from domesim.errors import InputError
@@ -241,6 +241,33 @@ def test_mixing_keeps_and_anew_does_not(tmp_path: Path, recipe: Harmful) -> None
     assert copied(tmp_path, recipe, 0, anew=True).kept == 0
 
 
+def test_settings_are_the_same_however_they_are_named(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 2)
+    for suffix in (None, ".exr", None):
+        done = each_frame(
+            show_of(tmp_path / "in"),
+            tmp_path / "out",
+            recipe,
+            Console(quiet=True),
+            what="copying",
+            writing=Writing(suffix),
+            running=Running(0),
+        )
+    assert done.kept == 2
+
+
+def test_there_are_no_more_workers_than_memory(tmp_path: Path, monkeypatch: Any) -> None:
+    make_show(tmp_path / "in", 4)
+    show, recipe = show_of(tmp_path / "in"), Harmful(tmp_path)
+    monkeypatch.setattr("domesim.batch.run.cores", lambda: 4)
+    monkeypatch.setattr(Harmful, "memory", lambda self, rows, cols: 10**9)
+    for limit, workers in ((10**10, 4), (2.6e9, 2), (1, 1)):  # a container's
+        monkeypatch.setattr("distributed.system.MEMORY_LIMIT", limit)
+        crew = crew_of(Running(), recipe, show)
+        assert crew is not None
+        assert crew.workers == workers
+
+
 def test_a_single_file_is_no_job(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 1)
     show = find_show(str(tmp_path / "in/in.0001.exr"))
@@ -280,6 +307,8 @@ def test_a_fault_of_ours_fails_alone(tmp_path: Path, recipe: Harmful) -> None:
     assert "a fault of domesim itself: ZeroDivisionError: a fault of two lines" in reason
     assert "batches.py" in (tmp_path / "out/job/in.0001.exr.fault.txt").read_text()
     assert len(done.frames) == 1
+    copied(tmp_path, recipe, 0)
+    assert not (tmp_path / "out/job/in.0001.exr.fault.txt").exists()
 
 
 @contextmanager
@@ -299,18 +328,23 @@ def small_disk(folder: Path) -> Iterator[None]:
         subprocess.run(["umount", str(folder)], check=True)
 
 
-def test_a_full_disk_leaves_what_is_whole(tmp_path: Path, recipe: Harmful) -> None:
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_full_disk_leaves_what_is_whole(tmp_path: Path, recipe: Harmful, workers: int) -> None:
     noise = np.random.default_rng(1)
     (tmp_path / "in").mkdir()
-    for number in range(1, 5):
+    for number in range(1, 10):
         path = tmp_path / "in" / f"in.{number:04d}.exr"
         pixels = noise.random((100, 100, 3), np.float32)
         write_frame(Frame(pixels, path, LINEAR, 32, floating=True), path)
     with small_disk(tmp_path / "out"):
-        done = copied(tmp_path, recipe, 0)
-        assert done.failed
+        done = copied(tmp_path, recipe, workers)
+        *full, left = done.failed
+        assert full
         assert done.frames
-        assert all("space" in reason.lower() and "\n" not in reason for reason in done.failed)
+        assert all("space" in reason.lower() and "\n" not in reason for reason in full)
+        # Days of work for nothing else
+        assert len(done.frames) + len(full) <= len(recipe.begun()) < 9
+        assert left == f"{9 - len(done.frames) - len(full)} of 9 frames were not begun after that"
         for frame in done.frames:
             name = Path(frame["input"]).name
             assert np.array_equal(

@@ -14,7 +14,9 @@ from batches import Harmful
 from numpy.typing import NDArray
 from videos import KINDS, number_of, write_numbered
 
+from domesim.batch import job
 from domesim.batch.film import _exact
+from domesim.batch.job import open_job, sha256
 from domesim.batch.run import Done, Running, each_frame
 from domesim.batch.work import Writing
 from domesim.cli import suffix_of
@@ -160,6 +162,23 @@ def test_a_film_becomes_a_film_of_its_rate_and_timecode(tmp_path: Path) -> None:
     assert timing_of(frame_paths(film)[0]) == TIMING
     for a, b in zip(frame_paths(source), frame_paths(film), strict=True):
         assert np.abs(read_frame(a).pixels - read_frame(b).pixels).max() < 1 / 65535
+
+
+def test_a_video_is_read_through_once_for_all_workers(tmp_path: Path, monkeypatch: Any) -> None:
+    kind = KINDS["FFV1"]
+    source = write_numbered(tmp_path / f"film{kind.suffix}", kind, 3)
+    filmed(str(source), tmp_path, ".png")
+    job._video_content.cache_clear()  # as of another process
+    read: list[Path] = []
+    monkeypatch.setattr(job, "sha256", lambda path: (read.append(path), sha256(path))[1])
+    again = open_job(tmp_path / "out", {}, anew=True)
+    known = again.sources([frame_paths(source)[0]])
+    assert next(iter(known.values()))[2] == sha256(source)
+    assert not read
+    flip(source)
+    known = again.sources([frame_paths(source)[1]])
+    assert next(iter(known.values()))[2] == sha256(source)
+    assert read == [source]
 
 
 def test_exr_files_say_their_rate(tmp_path: Path) -> None:

@@ -130,5 +130,5 @@ def test_the_region_holds_a_ghost_that_cannot_be_subtracted():
 
 def test_pairs_that_are_not_there_are_left_out(monkeypatch, tmp_path):
     monkeypatch.setenv(pairs.FOLDER, str(tmp_path))
-    scene = load_stereo(fig2_fig6_deghosting.SCENE)
-    assert fig2_fig6_deghosting.present(fig2_fig6_deghosting.DATA, scene) == ()
+    found, left_out = pairs.present(fig2_fig6_deghosting.DATA)
+    assert (found, len(left_out)) == ([], len(fig2_fig6_deghosting.DATA))
