@@ -453,6 +453,7 @@ def frame_of(path: Path, layout: Layout, samples: Samples, *, repair: bool) -> F
         big_endian=layout.container.big_endian,
         created=layout.container.created,
         boxes=layout.container.boxes,
+        comments=layout.container.comments,
         zero_padded=zero_padded,
     )
     return Frame(
