@@ -102,6 +102,15 @@ DeviceName = Annotated[
     ),
 ]
 
+OnlyVisibleFlag = Annotated[
+    bool,
+    typer.Option(
+        "--only-visible",
+        help="Perceptual: solve only rectangles in which what subtraction leaves is predicted to "
+        "be seen ('domesim predict'), and subtract elsewhere. No certificate.",
+    ),
+]
+
 
 def compensate(
     scene: SceneName,
@@ -119,6 +128,7 @@ def compensate(
     low_frequency_gain: LowFrequencyGain = None,
     eye: EyeName = PAPER,
     device: DeviceName = CPU,
+    only_visible: OnlyVisibleFlag = False,
     frames: Frames = None,
     file_format: Format = None,
     bits: Bits = None,
@@ -141,7 +151,9 @@ def compensate(
     choice = SceneChoice(scene, transport, seat)
     theatre = scene_of(choice, console)
     wanted = goal(tolerance, quality=quality)
-    recipe = Compensating(choice.settled(theatre), method, wanted, eye, low_frequency_gain, device)
+    recipe = Compensating(
+        choice.settled(theatre), method, wanted, eye, low_frequency_gain, device, only_visible
+    )
     recipe.require_sense(theatre)
     if scheduler is None:  # whose workers may have a device that this machine has not
         recipe.solver(theatre, console.note)
