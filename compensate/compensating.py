@@ -20,8 +20,8 @@ from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.scene import Scene, StereoScene
 
-PAPER = "paper"
-"""Name of the default vision model."""
+PAPER, CONTRAST = "paper", "contrast"
+"""Names of the vision models."""
 
 INVISIBLE = 0.01
 """JND rms of rounding that is not worth a word."""
@@ -165,6 +165,12 @@ class Compensating(Recipe):
         comparison.write_page(page, size=SIZE, command=f"domesim compensate --scene {theatre.name}")
 
 
+def preferred(theatre: Scene) -> str:
+    """The vision model for those who name none (``validation/notes/0007``)."""
+    pair = isinstance(theatre, StereoScene) and len(theatre.chosen) == 1
+    return CONTRAST if pair else PAPER
+
+
 def weighting_of(name: str, low_frequency_gain: float | None) -> Eye:
     """The vision model of that name.
 
@@ -173,7 +179,7 @@ def weighting_of(name: str, low_frequency_gain: float | None) -> Eye:
     InputError
         If there is none.
     """
-    settings: dict[str, type[Eye]] = {PAPER: PerceptualWeighting, "contrast": ContrastWeighting}
+    settings: dict[str, type[Eye]] = {PAPER: PerceptualWeighting, CONTRAST: ContrastWeighting}
     if name not in settings:
         raise InputError(f"--weighting {name!r} is not known; use one of {', '.join(settings)}")
     if low_frequency_gain is None:
