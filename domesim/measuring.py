@@ -20,6 +20,7 @@ from domesim.cli import Json, Quiet, finish
 from domesim.console import Console, about, prepare_file
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
+from domesim.patterning import patterns
 from domesim.projector import PRIMARIES
 from domesim.scene.loading import scene_of_text
 from domesim.transfer import Gamma
@@ -36,6 +37,7 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+app.command()(patterns)
 
 WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
 """Of the rig of van Baar et al. 2011, section 4: m, m, cd/m²."""
@@ -47,7 +49,8 @@ ReadingsFile = Annotated[
     typer.Argument(
         metavar="READINGS",
         help="A .csv or .toml file with columns channel (R, G, B, W, K), level (0..1), X, Y, Z "
-        "(cd/m²) and, for a stereo pair, projector and filter (left, right, none).",
+        "(cd/m²) and, for a stereo pair, projector and filter (left, right, none); or a .ti3 file "
+        "of ArgyllCMS; or a .toml file that names a table for each pair of these.",
         show_default=False,
     ),
 ]
@@ -219,8 +222,11 @@ def response(
     for display in displays:
         for line in display.report():
             console.say(line)
+    if read.left_out:
+        console.say(f"left out: {read.left_out} readings of mixed colours")
     figures = {display.name: _of_display(display) for display in displays}
-    finish(console, {"readings": str(readings), "displays": figures}, [])
+    facts = {"readings": str(readings), "left_out": read.left_out}
+    finish(console, {**facts, "displays": figures}, [])
 
 
 # The scene file.
