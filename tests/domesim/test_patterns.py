@@ -238,7 +238,7 @@ def test_tables_to_fill_in_are_read(run, tmp_path):  # noqa: F811
     run("measure", "patterns", "--stereo", "--size", "96x64", "--levels", "4", "--out", tmp_path)
     path = tmp_path / "readings.csv"
     refused(run("measure", "response", path), "X must be a number, got nothing")
-    rows = list(csv.DictReader(path.open()))
+    rows = list(csv.DictReader(path.read_text().splitlines()))
     rows = [{**row, **dict.fromkeys("XYZ", "1")} for row in rows]
     with path.open("w") as file:
         writer = csv.DictWriter(file, rows[0])
@@ -249,7 +249,7 @@ def test_tables_to_fill_in_are_read(run, tmp_path):  # noqa: F811
     own, leak = read.session("left", "left"), read.session("left", "right")
     assert [len(own.means[channel]) for channel in "WRGBK"] == [4, 4, 4, 4, 1]
     assert [len(leak.means[channel]) for channel in "WRGBK"] == [1] * 5
-    greys = list(csv.DictReader((tmp_path / "grey-to-grey.csv").open()))
+    greys = list(csv.DictReader((tmp_path / "grey-to-grey.csv").read_text().splitlines()))
     pairs = {(row["filter"], row["own_level"], row["other_level"]) for row in greys}
     assert len(pairs) == len(greys) == 2 * 25
 
