@@ -70,7 +70,7 @@ class CrosstalkMap:
         least, most = (np.unravel_index(at, map_.shape) for at in (map_.argmin(), map_.argmax()))
         worst = float((self.share_error / self.share).max())
         lines = [
-            f"crosstalk to the {self.eye} eye: system {self.system:.2%} ± {self.system_error:.2%}; "
+            f"crosstalk to the {self.eye} eye: system {self.system:.3%} ± {self.system_error:.3%}; "
             f"from {map_[least]:.2%} {_told(least, map_.shape)} to {map_[most]:.2%} "
             f"{_told(most, map_.shape)}, each ± {worst:.1%} of its value or less"
         ]

@@ -154,7 +154,7 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
                 radius_deg=float(radius),
             )
         )
-    return (*found, _registration(dome))
+    return (_registration(dome), *found)
 
 
 def _registration(dome: Dome) -> Pattern:

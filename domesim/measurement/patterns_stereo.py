@@ -77,7 +77,7 @@ def stereo_patterns(codes: Codes, levels: int) -> tuple[Pattern, ...]:
         )
     for eye in EYES:
         found += _parts(eye)
-    return (*found, _registration())
+    return (_registration(), *found)
 
 
 def _pairs(count: int) -> Iterator[tuple[int, int]]:
