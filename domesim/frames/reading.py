@@ -527,8 +527,9 @@ def _without_impossible_samples(
         where = "channel " + ("Y" if pixels.shape[-1] == 1 else "RGB"[channel])
         where += f" of view {layout.view}" if layout.view else ""
         raise InputError(
-            f"{path}: wanted finite samples >= 0, got {counts}, the first at row {row}, col {col}, "
-            f"{where}. Add --repair to replace them."
+            f"{path}: wanted finite samples{'' if signed else ' >= 0'}, got {counts}, the first at "
+            f"row {row}, col {col}, {where}. "
+            f"{'Develop it again.' if signed else 'Add --repair to replace them.'}"
         )
     largest = np.where(bad, np.float32(0), pixels).max(axis=(0, 1))
     repaired = np.where(infinite, largest, np.where(bad, np.float32(0), pixels))

@@ -121,7 +121,7 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
             f"ring-{number}",
             "ring",
             f"{inner:.3g}° to {outer:.3g}° from the zenith of the dome",
-            _ring(np.radians(inner), np.inf if number == RINGS else np.radians(outer)),
+            _ring(np.radians(inner), np.radians(outer)),
             from_angle_deg=float(inner),
             to_angle_deg=float(outer),
         )

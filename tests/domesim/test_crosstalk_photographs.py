@@ -27,7 +27,6 @@ ASPECT = 77 / 45
 EYES = ("left", "right")
 CAMERA = np.array([[0.6, 0.3, 0.05], [-0.1, 0.9, 0.1], [0.02, 0.08, 0.7]]) / 120
 """(camera channel, XYZ): not that of any projector."""
-BLACK = np.array([0.004, 0.005, 0.006])
 
 
 @dataclass(frozen=True)
@@ -38,6 +37,7 @@ class Studio:
     noise: tuple[float, float] = (0.0, 0.0)
     vignetting: float = 0.4
     matrices: tuple = (TO_LEFT, TO_RIGHT)
+    dark: tuple = (0.004, 0.005, 0.006)
 
     def light(self, projector, through, colour):
         """(row, col, camera channel) without black and noise."""
@@ -56,7 +56,7 @@ class Studio:
 
     def photograph(self, rng, projector=None, through=None, colour=(1, 1, 1)):
         shape = (*self.maps.shape[1:], 3)
-        light = BLACK * np.ones(shape)
+        light = self.dark * np.ones(shape)
         if projector is not None:
             light = light + self.light(projector, through, colour)
         read, shot = self.noise
@@ -245,6 +245,21 @@ def test_repeated_photographs_are_averaged(tmp_path):
     path.write_text(text)
     two, _ = crosstalk_maps(read_photographs(path), CELLS, ASPECT)
     assert two.system_error == pytest.approx(one.system_error / np.sqrt(2), rel=0.1)
+
+
+def test_noise_below_black_is_no_damage(tmp_path):
+    """A raw converter subtracts the sensor's black level; were it clipped, ghosts would grow."""
+    studio = Studio(np.ones((2, *SIZE)), NOISE, dark=(0.0, 0.0, 0.0))
+    path = store_all(tmp_path, studio)
+    left, _ = crosstalk_maps(read_photographs(path), CELLS, ASPECT)
+    assert (
+        abs(left.system / truth(studio, CELLS)[0, 0, 0] - 1) < 4 * left.system_error / left.system
+    )
+    spoilt = np.full((*SIZE, 3), 0.1, np.float32)
+    spoilt[4, 5, 1] = np.nan
+    save(tmp_path / "left-black.exr", spoilt)
+    with pytest.raises(InputError, match=r"left-black\.exr: wanted finite samples, got 1 NaN"):
+        read_photographs(path)
 
 
 def test_smoothing_keeps_what_is_there():
