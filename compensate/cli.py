@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from compensate.comparison import Comparison, compare_methods, shown_methods
-from compensate.compensating import PAPER, Compensating, line_of, weighting_of
+from compensate.compensating import Compensating, line_of, preferred, weighting_of
 from compensate.contrast import Eye
 from compensate.devices import CPU, on_device
 from compensate.master import Figures
@@ -86,11 +86,13 @@ LowFrequencyGain = Annotated[
     ),
 ]
 EyeName = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--weighting",
-        help="Perceptual: paper, one adaptation luminance and Daly's sensitivity; or contrast, "
-        "relative to the local luminance that one seat sees, with castleCSF's sensitivities.",
+        help="Perceptual: paper, one adaptation luminance and Daly's sensitivity, which is what "
+        "domes and several seats get; or contrast, relative to the local luminance that one seat "
+        "sees, with castleCSF's sensitivities, which is what pairs get.",
+        show_default=False,
     ),
 ]
 DeviceName = Annotated[
@@ -99,6 +101,16 @@ DeviceName = Annotated[
         "--device",
         help="Perceptual: what computes: cpu; cuda or cuda:1, a GPU by PyTorch (extra gpu); cupy, "
         "a GPU by CuPy; torch, the processor by PyTorch.",
+    ),
+]
+
+OnlyVisibleFlag = Annotated[
+    bool,
+    typer.Option(
+        "--only-visible",
+        help="Perceptual: solve only rectangles in which what subtraction leaves is predicted to "
+        "be seen ('domesim predict'), and subtract elsewhere: faster where that is next to "
+        "nothing. No certificate.",
     ),
 ]
 
@@ -117,8 +129,9 @@ def compensate(
     tolerance: Tolerance = None,
     quality: Quality = False,
     low_frequency_gain: LowFrequencyGain = None,
-    eye: EyeName = PAPER,
+    eye: EyeName = None,
     device: DeviceName = CPU,
+    only_visible: OnlyVisibleFlag = False,
     frames: Frames = None,
     file_format: Format = None,
     bits: Bits = None,
@@ -141,7 +154,15 @@ def compensate(
     choice = SceneChoice(scene, transport, seat)
     theatre = scene_of(choice, console)
     wanted = goal(tolerance, quality=quality)
-    recipe = Compensating(choice.settled(theatre), method, wanted, eye, low_frequency_gain, device)
+    recipe = Compensating(
+        choice.settled(theatre),
+        method,
+        wanted,
+        eye or preferred(theatre),
+        low_frequency_gain,
+        device,
+        only_visible,
+    )
     recipe.require_sense(theatre)
     if scheduler is None:  # whose workers may have a device that this machine has not
         recipe.solver(theatre, console.note)
@@ -182,7 +203,7 @@ def compare(
     tolerance: Tolerance = None,
     quality: Quality = False,
     low_frequency_gain: LowFrequencyGain = None,
-    eye: EyeName = PAPER,
+    eye: EyeName = None,
     device: DeviceName = CPU,
     size: Annotated[
         int, typer.Option(help="Largest side of the pictures on the page, pixels.", min=16)
@@ -213,7 +234,7 @@ def compare(
     wanted = goal(tolerance, quality=quality)
     recipe = Compensating(choice, tolerance=wanted, device=device)
     solver = recipe.solver(theatre, console.note)
-    weighting = weighting_of(eye, low_frequency_gain)
+    weighting = weighting_of(eye or preferred(theatre), low_frequency_gain)
     prepare_folder(out.parent)
     (moment,) = show.moments
     with about(moment[0]):

@@ -238,6 +238,11 @@ def predict(
     return eye.predicts(posed.desired if light is None else light)
 
 
+def remaining(posed: Posed, settings: Prediction | None = None) -> Visible:
+    """Where what exact clipped subtraction leaves is visible; parameters as for `predict`."""
+    return _Eye(posed, settings or Prediction()).sees(posed.subtractive)
+
+
 def triage(posed: Posed, settings: Prediction | None = None) -> Triage:
     """Whether a frame needs nothing, subtraction or a solver; parameters as for `predict`."""
     chosen = settings or Prediction()

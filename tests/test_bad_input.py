@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import os
 import signal
 import subprocess
@@ -548,12 +549,17 @@ def test_a_full_disk(
     *lines, last = outcome.err.splitlines()
     if "job/" in lines[-1] + last:  # the report did not fit either
         assert "wanted to write it, got 'no space left on device'" in last
+    told = 0
     for name in names:
         if name in complete and (tiny_disk / "job" / f"{name}.json").exists():
             continue
-        (line,) = [line for line in (*lines, last) if name in line]
-        assert "wanted to write it, got 'no space left on device'" in line
-        assert "Free some space" in line
+        for line in (line for line in (*lines, last) if name in line):
+            assert "wanted to write it, got 'no space left on device'" in line
+            assert "Free some space" in line
+            told += 1
+    not_begun = re.search("([0-9]) of 6 frames were not begun after that", outcome.err)
+    missing = 6 - len(list((tiny_disk / "job").glob("show.*.json")))
+    assert told + (int(not_begun[1]) if not_begun else 0) == missing
 
 
 @pytest.mark.parametrize(

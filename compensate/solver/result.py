@@ -16,6 +16,7 @@ class Status(Enum):
     EXACT = "Nothing had to be clipped: the audience sees the master exactly."
     INVISIBLE = "What a better solution could still gain is far below what the eye can see."
     CONVERGED = "The requested accuracy was reached."
+    WINDOWS = "Solved where pollution would be seen; elsewhere it was subtracted."
     CLOSED_FORM = "Computed directly; this method does not minimise the visible error."
     STALLED = (
         "Rounding errors stopped further progress before the requested accuracy. "

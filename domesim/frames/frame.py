@@ -32,6 +32,7 @@ class Header:
     big_endian: bool = True  # DPX
     created: bytes = b""  # DPX: the 24 bytes of its time, as they are
     boxes: bytes = b""  # JPEG 2000: see jpeg2000.py
+    comments: bytes = b""  # JPEG 2000, too
     zero_padded: bool = False  # TIFF: 12 bits in 16, the lower four 0
 
 

@@ -24,6 +24,7 @@ class Container:
     big_endian: bool = True  # of a DPX
     created: bytes = b""  # of a DPX, which OpenImageIO gives another form
     boxes: bytes = b""  # of a JPEG 2000, without the codestream
+    comments: bytes = b""  # of a JPEG 2000: whole marker segments
     cinema: bool = False  # of a JPEG 2000: whether it has a digital-cinema profile
 
 
@@ -141,13 +142,13 @@ def _examine_tiff(path: Path, file: BinaryIO, size: int, start: bytes) -> None:
 def _examine_jpeg2000(path: Path, content: bytes) -> Container:
     """OpenImageIO decodes it when it is opened: what is wrong must be found before."""
     try:
-        cinema = jpeg2000.is_cinema(content)
+        cinema, comments = jpeg2000.is_cinema(content), jpeg2000.comments_of(content)
     except ValueError as error:
         raise InputError(
             f"{path}: wanted a complete JPEG 2000 of R, G, B at 8, 10, 12 or 16 bits, got {error}. "
             "Copy or render it again, or convert it."
         ) from error
-    return Container(boxes=jpeg2000.metadata_of(content), cinema=cinema)
+    return Container(boxes=jpeg2000.metadata_of(content), comments=comments, cinema=cinema)
 
 
 _CREATED = slice(136, 160)  # SMPTE ST 268-1, file information header

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 SIGNATURE = bytes.fromhex("0000000c6a5020200d0a870a")
 CODESTREAM = b"\xff\x4f\xff\x51"  # SOC, and SIZ
-_END = b"\xff\xd9"  # EOC
+_COMMENT, _TILE, _END = b"\xff\x64", b"\xff\x90", b"\xff\xd9"  # COM, SOT, EOC
 _CINEMA = (3, 4)  # Rsiz of the 2K and the 4K profile
 _HIGH_THROUGHPUT = 0x4000  # of Rsiz (ITU-T T.814, A.2)
 _SRGB, _GREY = 16, 17  # EnumCS
@@ -29,9 +29,7 @@ def is_cinema(content: bytes) -> bool:
         RGB of its own of YCbCr. Or if it is HTJ2K, whose decoder prints what it thinks of damage.
         The message says what was got.
     """
-    codestream = content
-    if content.startswith(SIGNATURE):
-        codestream = next((inner for kind, _, inner in boxes_of(content) if kind == b"jp2c"), b"")
+    codestream = _codestream_of(content)
     if not codestream.startswith(CODESTREAM) or len(codestream) < 42:
         raise ValueError("one without a picture")
     if not codestream.rstrip(b"\0").endswith(_END):
@@ -75,6 +73,55 @@ def metadata_of(content: bytes) -> bytes:
     if not content.startswith(SIGNATURE):
         return b""
     return b"".join(whole for kind, whole, _ in boxes_of(content) if kind != b"jp2c")
+
+
+def comments_of(content: bytes) -> bytes:
+    """The comments of a codestream's main header: whole marker segments, one after the other.
+
+    Raises
+    ------
+    ValueError
+        If the header ends early.
+    """
+    comments, _ = _main_header(_codestream_of(content))
+    return b"".join(comments)
+
+
+def with_comments(encoded: bytes, comments: bytes) -> bytes:
+    """The file `encoded` with those comments instead of its encoder's."""
+    codestream = _codestream_of(encoded)
+    old, others = _main_header(codestream)
+    tiles = codestream[2 + sum(map(len, [*old, *others])) :]
+    codestream = codestream[:2] + b"".join(others) + comments + tiles
+    if not encoded.startswith(SIGNATURE):
+        return codestream
+    size = 8 + len(codestream)
+    box = struct.pack(">I4s", size, b"jp2c")
+    if size >= 2**32:
+        box = struct.pack(">I4sQ", 1, b"jp2c", size + 8)
+    box += codestream
+    return b"".join(box if kind == b"jp2c" else whole for kind, whole, _ in boxes_of(encoded))
+
+
+def _main_header(codestream: bytes) -> tuple[list[bytes], list[bytes]]:
+    """Its marker segments after SOC: comments, and others."""
+    comments: list[bytes] = []
+    others: list[bytes] = []
+    position = 2
+    while (marker := codestream[position : position + 2]) != _TILE:
+        if position + 4 > len(codestream):
+            raise ValueError("one that ends early")
+        (length,) = struct.unpack_from(">H", codestream, position + 2)
+        segment = codestream[position : position + 2 + length]
+        (comments if marker == _COMMENT else others).append(segment)
+        position += 2 + length
+    return comments, others
+
+
+def _codestream_of(content: bytes) -> bytes:
+    if not content.startswith(SIGNATURE):
+        return content
+    return next((inner for kind, _, inner in boxes_of(content) if kind == b"jp2c"), b"")
 
 
 def states_srgb(metadata: bytes) -> bool:

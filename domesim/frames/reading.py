@@ -467,6 +467,7 @@ def frame_of(
         big_endian=layout.container.big_endian,
         created=layout.container.created,
         boxes=layout.container.boxes,
+        comments=layout.container.comments,
         zero_padded=zero_padded,
     )
     return Frame(

@@ -25,7 +25,7 @@ from domesim.frames.colour import colour_chunks, state_colour
 from domesim.frames.dithering import Seed, dither, seed_of
 from domesim.frames.formats import DEPTHS, LABELS, LARGEST_SIDE, SUFFIXES, code_range, label
 from domesim.frames.frame import Frame, Pixels
-from domesim.frames.jpeg2000 import with_metadata
+from domesim.frames.jpeg2000 import with_comments, with_metadata
 from domesim.frames.messages import problem_of, reason
 from domesim.frames.png import with_colour_chunks
 from domesim.frames.whole import write_whole
@@ -82,6 +82,8 @@ def encoded(frame: Frame, path: Path, bits: int | None, seed: Seed | None = None
         content = with_colour_chunks(content, _png_colour(frame, target))
     if target.format == "dpx":
         content = _with_dpx_fields(content, path.name, frame.header.created)
+    if target.format == "jpeg2000" and target.same_format:
+        content = with_comments(content, frame.header.comments)
     if target.format == "jpeg2000" and path.suffix.lower() == ".jp2" and frame.header.boxes:
         content = with_metadata(content, frame.header.boxes, colour_holds=_keeps_colour(frame))
     return content

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from domesim.batch.run import Done, Running, each_frame
 from domesim.batch.work import Recipe, Writing
 from domesim.choice import SceneChoice
 from domesim.console import Console
+from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, write_frame
 from domesim.scene import load_scene
 from domesim.shows import Show, find_show
@@ -47,6 +50,38 @@ def shows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Show]:
 def address() -> Iterator[str]:
     with scheduler(2) as (found, _):
         yield found
+
+
+def test_only_what_is_seen_of_a_sequence(shows: dict[str, Show], tmp_path: Path) -> None:
+    name = "stereo_polarised_paper"
+    scene = SceneChoice(name).settled(load_scene(name))
+    show = replace(shows[name], moments=shows[name].moments[:1])
+    writing = Writing(".exr")
+    told = {}
+    for only in (False, True):
+        recipe = Compensating(scene, only_visible=only)
+        folder = tmp_path / str(only)
+        result = each_frame(
+            show, folder, recipe, Console(quiet=True), what="", writing=writing, running=Running(0)
+        )
+        (told[only],) = result.frames
+    assert told[True]["error_after"] <= told[True]["error_subtractive"]
+    assert told[False]["error_after"] <= told[True]["error_after"]
+    assert told[False]["status"] != told[True]["status"]
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings"),
+    [
+        ("stereo_shutter", {}),
+        ("stereo_polarised_paper", {"method": "subtractive"}),
+        ("dome_imax", {"device": "torch"}),
+    ],
+)
+def test_where_it_cannot_be_only_what_is_seen(scene: str, settings: dict[str, Any]) -> None:
+    recipe = Compensating(SceneChoice(scene), only_visible=True, **settings)
+    with pytest.raises(InputError, match="--only-visible is for"):
+        recipe.require_sense(load_scene(scene))
 
 
 def recipe_of(scene: str) -> Recipe:

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
-from test_frames import SRGB, icc_profile, refusal, save, store
+from image_files import save, store
+from test_frames import SRGB, icc_profile, refusal
 
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
-from domesim.frames.jpeg2000 import boxes_of
+from domesim.frames.jpeg2000 import boxes_of, comments_of, with_comments
 
 ROWS, COLS = 40, 53
 SIZ = 4  # where its length is, in a codestream
@@ -114,6 +115,24 @@ def test_boxes_survive(tmp_path: Path) -> None:
     write_frame(read.with_pixels(read.pixels / 2), tmp_path / "out.jp2")
     assert kept(tmp_path / "out.jp2") == kept(source)
     assert read_frame(tmp_path / "out.jp2").colour == ColourTag("srgb", "BT.709", "file: sRGB")
+
+
+@pytest.mark.parametrize("suffix", ["jp2", "j2k"])
+@pytest.mark.parametrize("told", [[], [(1, b"sh010 \xe9"), (0, bytes(range(9)))]])
+def test_comments_survive(tmp_path: Path, suffix: str, told: list[tuple[int, bytes]]) -> None:
+    comments = b"".join(
+        b"\xff\x64" + struct.pack(">2H", 4 + len(text), kind) + text for kind, text in told
+    )
+    source, result = tmp_path / f"in.{suffix}", tmp_path / f"out.{suffix}"
+    by_encoder = stored_j2k(source, 12).read_bytes()
+    assert b"OpenJPEG" in comments_of(by_encoder)
+    source.write_bytes(with_comments(by_encoder, comments))
+    longer = len(comments) - len(comments_of(by_encoder))
+    assert len(source.read_bytes()) == len(by_encoder) + longer
+    write_frame(read_frame(source), result)
+    assert comments_of(result.read_bytes()) == comments
+    np.testing.assert_array_equal(read_frame(result).pixels, frame().pixels)
+    assert kept(result) == kept(source)
 
 
 def test_boxes_that_no_longer_hold_are_written_anew(tmp_path: Path) -> None:

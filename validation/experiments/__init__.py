@@ -32,6 +32,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "fig2_fig6_deghosting",
         "fig10_seats",
         "table1",
+        "only_visible",
         "user_study",
     ),
     "What it costs": ("costs", "shows"),

@@ -1,0 +1,214 @@
+"""Solve only where it matters: rectangles, one after the other (section 5 of the paper).
+
+Light outside of the rectangles stays as it starts, exact clipped subtraction. That is the problem
+itself with more pixels pinned, and what its solution costs more than the free one is what was given
+up. Pinned pixels need not be computed: each rectangle is solved as a problem of its own, of the
+rectangle and what is around it as far as the eye's point spread reaches. Two things are left out,
+and both are small where subtraction leaves little to be seen around: what is seen beyond that
+reach, and, in a dome, the little that a rectangle's own light adds to all other places.
+
+The weights of a window's frequencies are the whole picture's, between whose samples they lie.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, TypeAlias, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from compensate.fourier import padded_size
+from compensate.problem import Problem
+from compensate.solver.result import Result, Status
+from compensate.solver.split import require_certifiable
+from compensate.weighting import CsfWeighting
+from domesim.light import Light
+from domesim.observation.base import AdjointObservation
+from domesim.observation.crosstalk import Crosstalk
+from domesim.observation.lowrank import LowRank, LowRankObservation
+
+_WORTH = 0.7  # of a picture
+
+Box: TypeAlias = tuple[slice, slice]
+"""Rows and columns."""
+
+
+@final
+@dataclass(frozen=True)
+class Windows:
+    """Solves a problem in rectangles only.
+
+    If their windows take more than `_WORTH` of the picture, all of it is solved instead.
+
+    Parameters
+    ----------
+    boxes
+        The rectangles.
+    reach
+        How far around each is looked, pixels.
+    solver
+        Of each.
+    """
+
+    boxes: tuple[Box, ...]
+    reach: int
+    solver: Callable[[Problem, Light], Result]
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """Solve it, from a NumPy `start`.
+
+        Raises
+        ------
+        ValueError
+            If the problem is not one of a dome or of linear crosstalk, or cannot be certified.
+        """
+        weighting = require_certifiable(problem)
+        light, ffts, iterations = start.copy(), 0.0, 0
+        before = weighting.fourier.count
+        boxes = joined(self.boxes, self.reach)
+        if sum(_pixels(box, self.reach) for box in boxes) > _WORTH * light[0, ..., 0].size:
+            return self.solver(problem, start)
+        for box in boxes:
+            around = _around(box, self.reach, light.shape[1:3])
+            part = _window(problem, weighting, light, box, around, self.reach)
+            result = self.solver(part, light[:, around[0], around[1]])
+            light[:, box[0], box[1]] = result.light[_within(box, around)]
+            fourier = part.weighting.fourier
+            pixels = fourier.rows * fourier.cols
+            ffts += result.ffts * pixels / (weighting.fourier.rows * weighting.fourier.cols)
+            iterations = max(iterations, result.iterations)
+        cost = problem.cost(light)
+        ffts += weighting.fourier.count - before
+        return Result(light, cost, float("nan"), Status.WINDOWS, iterations, round(ffts))
+
+
+def joined(boxes: Iterable[Box], reach: int) -> tuple[Box, ...]:
+    """Fewer, larger rectangles that hold the same, where that is less to compute.
+
+    Two are made one if their window is no larger than both of theirs, or if they overlap.
+    """
+    found: list[Box] = []
+    waiting = list(boxes)
+    while waiting:
+        box = waiting.pop()
+        for k, other in enumerate(found):
+            hull = _hull(box, other)
+            apart = _pixels(box, reach) + _pixels(other, reach)
+            if _overlap(box, other) or _pixels(hull, reach) <= apart:
+                waiting.append(hull)
+                del found[k]
+                break
+        else:
+            found.append(box)
+    return tuple(found)
+
+
+def _pixels(box: Box, reach: int) -> int:
+    """Of a window's padded plane."""
+    rows, cols = (side.stop - side.start + 3 * reach for side in box)
+    return int(rows * cols)
+
+
+def _hull(a: Box, b: Box) -> Box:
+    rows, cols = (
+        slice(min(x.start, y.start), max(x.stop, y.stop)) for x, y in zip(a, b, strict=True)
+    )
+    return rows, cols
+
+
+def _overlap(a: Box, b: Box) -> bool:
+    return all(x.start < y.stop and y.start < x.stop for x, y in zip(a, b, strict=True))
+
+
+def _around(box: Box, reach: int, size: tuple[int, ...]) -> Box:
+    rows, cols = (
+        slice(max(0, side.start - reach), min(count, side.stop + reach))
+        for side, count in zip(box, size, strict=True)
+    )
+    return rows, cols
+
+
+def _within(box: Box, around: Box) -> tuple[slice, slice, slice]:
+    """A box's place in what is around it, for light."""
+    rows, cols = (
+        slice(side.start - outer.start, side.stop - outer.start)
+        for side, outer in zip(box, around, strict=True)
+    )
+    return slice(None), rows, cols
+
+
+def _window(
+    problem: Problem, weighting: CsfWeighting, light: Light, box: Box, around: Box, reach: int
+) -> Problem:
+    """The problem of what is `around` a box, all but the box pinned to `light`."""
+    place = (slice(None), *around)
+    inner = _within(box, around)
+    bounds = []
+    for bound in (problem.lower, problem.upper):
+        pinned = light[place].copy()
+        pinned[inner] = np.broadcast_to(bound, light.shape)[place][inner]
+        bounds.append(pinned)
+    return Problem(
+        _observation(problem.observation, light, around),
+        _weighting(weighting, around, reach),
+        problem.desired[place],
+        (bounds[0], bounds[1]),
+        anchor=None if problem.anchor is None else problem.anchor[place],
+        regularisation=problem.regularisation,
+        negligible=problem.negligible,
+        contrast=None if problem.contrast is None else problem.contrast[place],
+    )
+
+
+def _observation(observation: Any, light: Light, around: Box) -> AdjointObservation:
+    """What is seen of a window's light; a dome's other light pollutes it as it does now."""
+    if isinstance(observation, Crosstalk):
+        share = observation.share
+        if share.shape[1:] != (1, 1):
+            share = share[:, around[0], around[1]]
+        rows, cols = (side.stop - side.start for side in around)
+        flat = np.broadcast_to(share, (2, rows, cols))
+        return Crosstalk(rows, cols, observation.matrices, share=flat, black=observation.black)
+    if isinstance(observation, LowRankObservation):
+        factors = observation.factors
+        place = (slice(None), *around)
+        others = light[0].astype(np.float64)
+        others[around] = 0
+        sums = np.einsum("lij,ijp->pl", factors.collect, others)
+        spread = factors.spread[place]
+        pollution = np.einsum("kij,pkl,pl->pij", spread, factors.core, sums)
+        part = LowRank(
+            factors.direct_gain[around],
+            spread,
+            factors.core,
+            factors.collect[place],
+            factors.ambient[place] + pollution,
+        )
+        return LowRankObservation(part, observation.screen[around])
+    raise ValueError(f"Windows takes a dome or linear crosstalk, got {type(observation).__name__}")
+
+
+def _weighting(weighting: CsfWeighting, around: Box, reach: int) -> CsfWeighting:
+    support = weighting.support[around]
+    padded = padded_size(support.shape[0], reach), padded_size(support.shape[1], reach)
+    rows = np.fft.fftfreq(padded[0]) * weighting.padded[0]
+    cols = np.fft.rfftfreq(padded[1]) * weighting.padded[1]
+    places = np.meshgrid(np.abs(rows), cols, indexing="ij")
+    gains = np.stack([_sampled(gain, places) for gain in weighting.gains])
+    return CsfWeighting(
+        gains,
+        weighting.opponent,
+        support,
+        padded,
+        weighting.peak,
+        importance=weighting.importance,
+    )
+
+
+def _sampled(gain: NDArray[Any], places: Any) -> NDArray[np.floating[Any]]:
+    """Of one channel at (row, column) frequencies; it is even in both."""
+    half = gain[: gain.shape[0] // 2 + 1]
+    return np.asarray(map_coordinates(half, places, order=1, mode="nearest"))

@@ -1,0 +1,48 @@
+"""Solve only where what subtraction leaves is predicted to be seen (section 5 of the paper)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import final
+
+from compensate.master import Posed
+from compensate.methods import Solver
+from compensate.prediction import Prediction, regions, remaining
+from compensate.problem import Problem
+from compensate.solver.result import Result
+from compensate.solver.windows import Windows
+from domesim.light import Light
+
+MARGIN = 1.0
+"""Around what is seen, degrees: there the solver has room to hide it."""
+
+REACH = 0.5
+"""How far around that a window looks, degrees: what lies further off changes costs by less than
+1e-3 (``tests/compensate/test_windows.py``)."""
+
+
+@final
+@dataclass(frozen=True)
+class OnlyVisible:
+    """A solver of a posed frame, of rectangles that hold all that is predicted to be seen.
+
+    Parameters
+    ----------
+    posed
+        The frame.
+    solver
+        Of each rectangle; of the whole if that is less work.
+    prediction
+        What is seen.
+    """
+
+    posed: Posed
+    solver: Solver
+    prediction: Prediction = field(default_factory=Prediction)
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """Solve it from exact subtraction; elsewhere that stays."""
+        mask = remaining(self.posed, self.prediction).mask
+        density = self.posed.scene.viewing.pixels_per_degree(*self.posed.screen.shape)
+        boxes = regions(mask, round(MARGIN * density))
+        return Windows(tuple(boxes), round(REACH * density), self.solver)(problem, start)
