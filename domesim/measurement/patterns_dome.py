@@ -215,6 +215,8 @@ def _on_screen(dome: Dome, direction: Directions) -> bool:
 def _on(dome: Dome, region: Region) -> Callable[[int, int], Mask]:
     def mask(rows: int, cols: int) -> Mask:
         found = dome.inside(rows, cols)[None]
+        if region is _all:
+            return found
         for strip in strips(rows, cols):
             found[0, strip] &= region(dome.directions(rows, cols, strip))
         return found
