@@ -20,7 +20,9 @@ from domesim.cli import Json, Quiet, finish
 from domesim.console import Console, about, prepare_file
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
+from domesim.patterning import patterns
 from domesim.projector import PRIMARIES
+from domesim.scene import StereoScene
 from domesim.scene.loading import scene_of_text
 from domesim.transfer import Gamma
 
@@ -36,6 +38,7 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+app.command()(patterns)
 
 WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
 """Of the rig of van Baar et al. 2011, section 4: m, m, cd/m²."""
@@ -47,7 +50,9 @@ ReadingsFile = Annotated[
     typer.Argument(
         metavar="READINGS",
         help="A .csv or .toml file with columns channel (R, G, B, W, K), level (0..1), X, Y, Z "
-        "(cd/m²) and, for a stereo pair, projector and filter (left, right, none).",
+        "(cd/m²) and, for a stereo pair, projector and filter (left, right, none); or a .ti3 file "
+        "of ArgyllCMS; or a .toml file that names a table for each pair of these. Crosstalk also: "
+        "a .toml file that lists photographs (docs/measuring.md).",
         show_default=False,
     ),
 ]
@@ -95,14 +100,25 @@ def crosstalk(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Crosstalk of two projectors and eyewear: figures, and a scene file for other commands."""
+    """Crosstalk of two projectors and eyewear: figures, and a scene file for other commands.
+
+    Of photographs through the eyewear, a map of it, too, for --transport.
+    """
     from domesim.measurement.pair import measured_pair  # noqa: PLC0415
+    from domesim.measurement.photographs import lists_photographs  # noqa: PLC0415
     from domesim.measurement.readings import EYES, read_readings  # noqa: PLC0415
 
     console = Console(quiet=quiet, json=json)
     _require_toml(out)
     room = _room(width, height, distance, adaptation)
     taken = _black(black)
+    if lists_photographs(readings):
+        if taken is not None:
+            raise InputError(
+                f"--black {taken} is for readings; photographs have their own of black"
+            )
+        _photographed(readings, out, room, console, allow_negative=allow_negative)
+        return
     pair = measured_pair(read_readings(readings, black=taken), allow_negative=allow_negative)
     prepare_file(out, instead_of=readings)
     scene = _SCENE.format(
@@ -219,8 +235,83 @@ def response(
     for display in displays:
         for line in display.report():
             console.say(line)
+    if read.left_out:
+        console.say(f"left out: {read.left_out} readings of mixed colours")
     figures = {display.name: _of_display(display) for display in displays}
-    finish(console, {"readings": str(readings), "displays": figures}, [])
+    facts = {"readings": str(readings), "left_out": read.left_out}
+    finish(console, {**facts, "displays": figures}, [])
+
+
+def _photographed(
+    listed: Path, out: Path, room: _Room, console: Console, *, allow_negative: bool
+) -> None:
+    """Crosstalk of photographs: a scene file, and the map beside it."""
+    from domesim.measurement.crosstalk_photographs import crosstalk_maps  # noqa: PLC0415
+    from domesim.measurement.photographs import read_photographs  # noqa: PLC0415
+    from domesim.scene.crosstalk_maps import CrosstalkMaps  # noqa: PLC0415
+    from domesim.scene.stereo import MAP_CELLS, SWEET_SPOT  # noqa: PLC0415
+
+    photographs = read_photographs(listed)
+    colours = _primaries(photographs.primaries or COLOURS)
+    aspect = room.width / room.height
+    maps = crosstalk_maps(photographs, MAP_CELLS, aspect, allow_negative=allow_negative)
+    stored = out.with_suffix(".npz")
+    for path in (out, stored):
+        prepare_file(path, instead_of=listed)
+    text = _PHOTOGRAPHED.format(
+        name=_quoted(out.stem),
+        description=_quoted(f"A stereo system as photographed: {listed.name}. Map: {stored.name}."),
+        primaries=_quoted(colours),
+        white=photographs.white,
+        black=photographs.black,
+        to_left=_rows(maps[0].matrix),
+        to_right=_rows(maps[1].matrix),
+        seat=_quoted(SWEET_SPOT),
+        source=_quoted(f"measured: {listed.name}, SHA-256 {photographs.digest[:16]}"),
+        colours="assumed" if photographs.primaries is None else "given to domesim measure",
+        **room.told(),
+    )
+    scene = scene_of_text(text, str(listed), out.parent)
+    assert isinstance(scene, StereoScene)
+    write_whole(out, text.encode())
+    CrosstalkMaps(
+        (SWEET_SPOT,),
+        np.stack([each.share for each in maps])[None],
+        np.stack([each.share_error for each in maps])[None],
+        {
+            "scene": scene.name,
+            "digest": scene.digest,
+            "measured": listed.name,
+            "photographs": photographs.digest,
+        },
+    ).save(stored)
+    for each in maps:
+        for line in each.report():
+            console.say(line)
+    if photographs.primaries is None:
+        console.say(f"Assumed, for want of projector.primaries: {COLOURS}")
+    if room.assumed:
+        options = ", ".join(f"--{name}" for name in room.assumed)
+        console.say(f"Assumed, for want of {options}: {_RIG}")
+    console.say(
+        f"  -> {out}, {stored}\nUse them: domesim compensate --left L.####.exr --right R.####.exr "
+        f"--scene {out} --transport {stored}"
+    )
+    eyes = {
+        each.eye: {
+            "system_crosstalk": each.system,
+            "system_crosstalk_error": each.system_error,
+            "matrix": _plain(each.matrix),
+            "standard_error": _plain(each.matrix_error),
+            "share": _plain(each.share),
+            "share_standard_error": _plain(each.share_error),
+            "notes": list(each.notes),
+        }
+        for each in maps
+    }
+    assumed = [*(["primaries"] if photographs.primaries is None else []), *room.assumed]
+    figures = {"photographs": str(listed), "eyes": eyes}
+    finish(console, {"output": str(out), "maps": str(stored), "assumed": assumed, **figures}, [])
 
 
 # The scene file.
@@ -278,6 +369,39 @@ adaptation_cd_m2 = {adaptation!r}
 "screen" = "{screen}"
 "projector.primaries" = "{colours}"
 "projector.white_cd_m2, projector.black_cd_m2, crosstalk" = {source}
+"viewing" = "{viewing}"
+"""
+
+
+_PHOTOGRAPHED = """\
+name = {name}
+description = {description}
+
+[screen]
+width_m = {width!r}
+height_m = {height!r}
+
+[projector]
+primaries = {primaries}
+white_cd_m2 = {white!r}
+black_cd_m2 = {black!r}
+
+[crosstalk]
+to_left = {to_left}
+to_right = {to_right}
+
+[[seats]]
+name = {seat}
+
+[viewing]
+distance_m = {distance!r}
+adaptation_cd_m2 = {adaptation!r}
+
+[sources]
+"screen" = "{screen}"
+"projector.primaries" = "{colours}"
+"projector.white_cd_m2, projector.black_cd_m2" = "given to domesim measure"
+"crosstalk" = {source}
 "viewing" = "{viewing}"
 """
 

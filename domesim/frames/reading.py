@@ -45,9 +45,17 @@ def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | No
 
 
 def read_image(
-    path: Path, *, repair: bool, grey: bool = False, colour: ColourTag | None = None
+    path: Path,
+    *,
+    repair: bool,
+    grey: bool = False,
+    signed: bool = False,
+    colour: ColourTag | None = None,
 ) -> Frame:
-    """`read_frame`; with `grey`, an EXR whose only picture is a channel Y is R = G = B = Y."""
+    """`read_frame`; with `grey`, an EXR whose only picture is a channel Y is R = G = B = Y.
+
+    With `signed`, negative samples are no damage: a camera's black level is subtracted from noise.
+    """
     if video_of(path) is not None:
         return read_video_frame(path, colour=colour)
     container = examine(path)
@@ -58,7 +66,7 @@ def read_image(
         refuse_several_images(path, reader)
     finally:
         reader.close()
-    return frame_of(path, layout, samples, repair=repair)
+    return frame_of(path, layout, samples, repair=repair, signed=signed)
 
 
 def size_of(path: Path) -> tuple[int, int]:
@@ -428,18 +436,24 @@ def refuse_several_images(path: Path, reader: Any) -> None:
 # The frame.
 
 
-def frame_of(path: Path, layout: Layout, samples: Samples, *, repair: bool) -> Frame:
-    """What was read, as a frame; `repair` as for `read_frame`."""
+def frame_of(
+    path: Path, layout: Layout, samples: Samples, *, repair: bool, signed: bool = False
+) -> Frame:
+    """What was read, as a frame; `repair` and `signed` as for `read_image`."""
     rgb, extra = samples
     zero_padded = _is_zero_padded(rgb, layout)
     bits = 12 if zero_padded else layout.bits
     pixels = _code_values(rgb, bits)
     repaired = 0
     if layout.floating and len(set(layout.rgb)) == 1:
-        grey, repaired = _without_impossible_samples(path, pixels[..., :1], layout, repair=repair)
+        grey, repaired = _without_impossible_samples(
+            path, pixels[..., :1], layout, repair=repair, signed=signed
+        )
         pixels = np.repeat(grey, 3, axis=-1)
     elif layout.floating:
-        pixels, repaired = _without_impossible_samples(path, pixels, layout, repair=repair)
+        pixels, repaired = _without_impossible_samples(
+            path, pixels, layout, repair=repair, signed=signed
+        )
     header = Header(
         format=layout.format,
         attributes=layout.attributes,
@@ -498,13 +512,14 @@ def _over_display_window(samples: NDArray[Any], layout: Layout) -> NDArray[Any]:
 
 
 def _without_impossible_samples(
-    path: Path, pixels: Pixels, layout: Layout, *, repair: bool
+    path: Path, pixels: Pixels, layout: Layout, *, repair: bool, signed: bool
 ) -> tuple[Pixels, int]:
     """`pixels` without NaN, Inf and negative samples, and how many of them were replaced."""
+    least = -np.inf if signed else 0.0
     # NaN makes a minimum NaN, and so fails the first comparison.
-    if pixels.min() >= 0 and pixels.max() < np.inf:
+    if pixels.min() >= least and abs(pixels).max() < np.inf:
         return pixels, 0
-    nan, infinite, negative = np.isnan(pixels), np.isposinf(pixels), pixels < 0
+    nan, infinite, negative = np.isnan(pixels), np.isposinf(pixels), pixels < least
     bad = nan | infinite | negative
     if not repair:
         kinds = {"NaN": nan, "Inf": infinite, "negative": negative}
@@ -513,8 +528,9 @@ def _without_impossible_samples(
         where = "channel " + ("Y" if pixels.shape[-1] == 1 else "RGB"[channel])
         where += f" of view {layout.view}" if layout.view else ""
         raise InputError(
-            f"{path}: wanted finite samples >= 0, got {counts}, the first at row {row}, col {col}, "
-            f"{where}. Add --repair to replace them."
+            f"{path}: wanted finite samples{'' if signed else ' >= 0'}, got {counts}, the first at "
+            f"row {row}, col {col}, {where}. "
+            f"{'Develop it again.' if signed else 'Add --repair to replace them.'}"
         )
     largest = np.where(bad, np.float32(0), pixels).max(axis=(0, 1))
     repaired = np.where(infinite, largest, np.where(bad, np.float32(0), pixels))

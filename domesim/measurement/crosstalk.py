@@ -153,7 +153,7 @@ def measured_crosstalk(
     inverse = np.asarray(np.linalg.inv(intended.primaries), np.float64)
     measured = inverse @ unintended.primaries
     error = _matrix_error(inverse, measured, intended, unintended)
-    matrix, notes = _without_small_negatives(where, measured, error, allow_negative)
+    matrix, notes = without_small_negatives(where, measured, error, allow_negative)
     black, told_black = _seen_black(intended, unintended)
     return MeasuredCrosstalk(
         eye=eye,
@@ -196,9 +196,25 @@ def _matrix_error(
     return np.asarray(np.sqrt(variance))
 
 
-def _without_small_negatives(
+def without_small_negatives(
     where: str, measured: Floats, error: Floats, allow_negative: bool
 ) -> tuple[Floats, list[str]]:
+    """A crosstalk matrix whose negative entries within their errors are 0, and what was done.
+
+    Parameters
+    ----------
+    where
+        Whose, for messages.
+    measured, error
+        The matrix and its standard errors.
+    allow_negative
+        See `measured_crosstalk`.
+
+    Raises
+    ------
+    InputError
+        If entries beyond their errors are negative, and are not to be kept.
+    """
     small = (measured < 0) & (measured >= -SIGMAS * error)
     large = (measured < 0) & ~small
     cells = [

@@ -1,6 +1,7 @@
 """A colorimeter's readings: which projector showed what, through which filter of the eyewear.
 
-Columns of the file (CSV, or TOML sections [[reading]]; see ``tables``):
+Columns of the file (CSV, or TOML sections [[reading]]; see ``tables``), but for ``.ti3`` (see
+``ti3``):
 
     projector   left, right             whose picture it was; the other one black or off
     filter      left, right, none       the eyewear's filter before the meter
@@ -11,22 +12,27 @@ Columns of the file (CSV, or TOML sections [[reading]]; see ``tables``):
 
 Rows of the same projector, filter, channel and level are repeats. A table without projector and
 filter is one display, seen without eyewear. Rows of R, G, B or W at level 0 are readings of black.
+
+A TOML file may name a table for each session instead, in sections [[table]] with projector, filter
+and file (from the TOML file's folder): such as the four ``.ti3`` of a stereo pair.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, final
+from typing import Any, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.measurement.noise import Noise, estimated_noise
-from domesim.measurement.tables import Mistakes, Row, Table, read_table
+from domesim.measurement.tables import Mistakes, Row, Table, read_table, text_of
+from domesim.measurement.ti3 import ti3_table
 
 Floats = NDArray[np.float64]
 Black = Literal["included", "subtracted"]
@@ -154,12 +160,18 @@ class Readings:
         ``included`` in the readings of colours, or ``subtracted`` from them already.
     noise
         Of one reading.
+    files
+        All that was read.
+    left_out
+        How many rows of mixed colours.
     """
 
     source: str
     rows: tuple[Reading, ...]
     black: Black
     noise: Noise
+    files: tuple[Path, ...] = ()
+    left_out: int = 0
 
     @property
     def sessions(self) -> tuple[tuple[str, str], ...]:
@@ -205,7 +217,7 @@ def read_readings(
     Parameters
     ----------
     path
-        A ``.csv`` or ``.toml`` file.
+        A ``.csv``, ``.toml`` or ``.ti3`` file.
     black
         Whether readings of colours hold the black. If None, what the file says (TOML key
         ``black``), or ``included``.
@@ -217,7 +229,12 @@ def read_readings(
     InputError
         If the file cannot be read, or with all its mistakes, each with its line.
     """
-    table = read_table(path)
+    path = Path(path)
+    if path.suffix.lower() == ".toml":
+        named = _named_tables(path)
+        if named:
+            return _of_tables(path, named, black, noise)
+    table = read_table(path, {".ti3": ti3_table})
     known = ("projector", "filter", "channel", "level", "X", "Y", "Z", "note")
     paired = ("projector", "filter") if table.columns & {"projector", "filter"} else ()
     table.require(known, (*paired, "channel", "X", "Y", "Z"))
@@ -229,7 +246,56 @@ def read_readings(
     table.mistakes.raise_any()
     if noise is None:
         noise = estimated_noise(_repeats(found), Noise())
-    return Readings(table.mistakes.source, tuple(found), black, noise)
+    return Readings(table.mistakes.source, tuple(found), black, noise, (path,), table.left_out)
+
+
+def _named_tables(path: Path) -> list[dict[str, Any]]:
+    """Sections [[table]]; none if the file has none, or is not TOML, which others tell."""
+    try:
+        sections = tomllib.loads(text_of(path)).get("table", [])
+    except tomllib.TOMLDecodeError:
+        return []
+    wanted = {"projector": EYES, "filter": (*EYES, NO_FILTER)}
+    for number, section in enumerate(sections, 1):
+        where = f"{path}: [[table]] {number}"
+        if not isinstance(section, dict) or set(section) != {*wanted, "file"}:
+            raise InputError(f"{where} must have projector, filter and file")
+        for key, allowed in wanted.items():
+            if section[key] not in allowed:
+                raise InputError(
+                    f"{where}: {key} must be {' or '.join(allowed)}, got {section[key]!r}"
+                )
+        if not isinstance(section["file"], str):
+            raise InputError(f"{where}: file must be a path, got {section['file']!r}")
+    return list(sections)
+
+
+def _of_tables(
+    path: Path, named: list[dict[str, Any]], black: Black | None, noise: Noise | None
+) -> Readings:
+    """One table of several, each one session."""
+    rows: list[Reading] = []
+    blacks, files, left_out = set(), [path], 0
+    for section in named:
+        file = path.parent / section["file"]
+        one = read_readings(file, black=black)
+        if one.sessions != ((DISPLAY, NO_FILTER),):
+            raise InputError(
+                f"{file}: named as one session by {path.name}, must not have columns projector and "
+                f"filter"
+            )
+        rows += [
+            replace(row, projector=section["projector"], through=section["filter"])
+            for row in one.rows
+        ]
+        blacks.add(one.black)
+        files.append(file)
+        left_out += one.left_out
+    if len(blacks) > 1:
+        raise InputError(f"{path}: black must be included in all tables, or subtracted in all")
+    if noise is None:
+        noise = estimated_noise(_repeats(rows), Noise())
+    return Readings(str(path), tuple(rows), blacks.pop(), noise, tuple(files), left_out)
 
 
 def _black(table: Table) -> Black:

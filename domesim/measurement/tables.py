@@ -1,4 +1,4 @@
-"""Tables that people made, CSV or TOML: rows with the number of the line that they came from.
+"""Tables that people or meters made: rows with the number of the line that they came from.
 
 A CSV file has one line of column names; lines that are empty or begin with # are skipped. The same
 table in TOML is a list of [[reading]] sections. Nothing is guessed: what cannot be read is a
@@ -17,7 +17,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, final
+from types import MappingProxyType
+from typing import Any, TypeAlias, final
 
 from domesim.errors import InputError
 
@@ -70,13 +71,17 @@ class Row:
 @final
 @dataclass(frozen=True)
 class Table:
-    """The rows of a file, the columns that it has, and (TOML) the keys outside the rows."""
+    """The rows of a file, the columns that it has, and (TOML) the keys outside the rows.
+
+    Rows that have no place in the table are `left_out`, and counted.
+    """
 
     rows: tuple[Row, ...]
     columns: frozenset[str]
     header: int
     settings: Mapping[str, Any]
     mistakes: Mistakes
+    left_out: int = 0
 
     def require(self, known: Iterable[str], wanted: Iterable[str]) -> None:
         """Note the columns that are not among the `known`, and the `wanted` that are missing."""
@@ -132,8 +137,19 @@ class Table:
         return value
 
 
-def read_table(path: str | Path) -> Table:
+Reader: TypeAlias = Callable[[str, Mistakes], Table]
+"""A file's text -> its table."""
+
+
+def read_table(path: str | Path, others: Mapping[str, Reader] = MappingProxyType({})) -> Table:
     """The table of a ``.csv`` or ``.toml`` file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    others
+        Suffix -> what reads files of that kind, too.
 
     Raises
     ------
@@ -142,13 +158,26 @@ def read_table(path: str | Path) -> Table:
         rows' form otherwise only when the caller raises `Table.mistakes`.
     """
     path = Path(path)
-    readers: dict[str, Callable[[str, Mistakes], Table]] = {".csv": _csv, ".toml": _toml}
+    readers: dict[str, Reader] = {".csv": _csv, ".toml": _toml, **others}
     if path.suffix.lower() not in readers:
+        *first, last = readers
         raise InputError(
-            f"{path}: wanted readings as .csv or .toml, got {path.suffix or path.name!r}"
+            f"{path}: wanted readings as {', '.join(first)} or {last}, got "
+            f"{path.suffix or path.name!r}"
         )
+    return readers[path.suffix.lower()](text_of(path), Mistakes(str(path)))
+
+
+def text_of(path: Path) -> str:
+    """A text file's content.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is no text.
+    """
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        return path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(
             f"{path}: readings are a text file in UTF-8, this is not; export it as CSV (UTF-8)"
@@ -157,7 +186,6 @@ def read_table(path: str | Path) -> Table:
         raise InputError(
             f"{path}: wanted a file of readings, got '{error.strerror}'; check the path"
         ) from error
-    return readers[path.suffix.lower()](text, Mistakes(str(path)))
 
 
 def _csv(text: str, mistakes: Mistakes) -> Table:

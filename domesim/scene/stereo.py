@@ -152,20 +152,23 @@ class StereoScene(Scene):
         InputError
             If they are of another system, or of this one before it was changed.
         """
-        if self.theatre is None:
+        measured = maps.provenance.get("measured")
+        if self.theatre is None and measured is None:
             raise InputError(
                 f"{self.name} has no hardware to trace, its crosstalk is known as {self.model}: "
                 f"leave --transport out"
             )
         known = maps.provenance.get("scene", "another system")
         if set(maps.seats) != set(self.seats) or maps.provenance.get("digest") != self.digest:
+            way = "measure" if measured else f"run domesim tabulate {self.name}"
             raise InputError(
                 f"the stored crosstalk maps are of {known!r}, or of {self.name!r} before it was "
-                f"changed; run domesim tabulate {self.name} again"
+                f"changed; {way} again"
             )
         found = maps.by_seat()
         seats = {name: replace(seat, share=found[name]) for name, seat in self.seats.items()}
-        return replace(self, seats=seats, model="traced through the described hardware")
+        model = f"measured: {measured}" if measured else "traced through the described hardware"
+        return replace(self, seats=seats, model=model)
 
     def observation(self, rows: int, cols: int) -> StereoObservation | GreyToGrey:
         """What the chosen seats' eyes see of a pair of that size."""

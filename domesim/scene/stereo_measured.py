@@ -78,7 +78,7 @@ def measured_system(
         Projector(MEASURED, white, black, relative_primaries(pair.gamut.primaries)),
         white * np.stack([_light(pair, xyz, black / white) for xyz in seen]),
         pair.common_matrices,
-        hashlib.sha256(path.read_bytes()).hexdigest(),
+        hashlib.sha256(b"".join(file.read_bytes() for file in readings.files)).hexdigest(),
     )
 
 

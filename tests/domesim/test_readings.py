@@ -630,7 +630,7 @@ def test_all_mistakes_are_told_at_once_in_the_order_of_their_lines(read):
 @pytest.mark.parametrize(
     ("name", "content", "expected"),
     [
-        ("rig.xlsx", b"PK", ".csv or .toml, got '.xlsx'"),
+        ("rig.xlsx", b"PK", ".csv, .toml or .ti3, got '.xlsx'"),
         ("rig.csv", b"\xff\xfe\x00", "UTF-8"),
         ("rig.toml", b"a = ", "not valid TOML"),
         ("rig.toml", b"a = 1", "[[reading]]"),

@@ -1,0 +1,331 @@
+"""Photographs of a 3D screen through the eyewear: what a file that lists them says, and what is
+seen in them.
+
+    [photographs]
+    corners = [[102, 80], [1801, 92], [1795, 1010], [98, 1003]]
+    encoding = "linear"
+    saturation = 0.98
+
+    [photographs.left]                      # through the left glass
+    black = "left-glass/black.exr"
+    left = "left-glass/left-white.exr"      # the left eye's picture is white, the right one's black
+    right = ["left-glass/right-white.exr", "left-glass/right-white-2.exr"]
+
+    [photographs.right]                     # through the right glass
+    black = "right-glass/black.exr"
+    left = { W = "...", R = "...", G = "...", B = "..." }
+    right = { W = "...", R = "...", G = "...", B = "..." }
+
+    [projector]
+    white_cd_m2 = 15.4
+    black_cd_m2 = 0.01
+    primaries = "P3-D65"
+
+A list of files is averaged. ``corners`` are those of the picture on the screen, from the top left
+one clockwise, as [col, row] in pixels of the photograph; without them it shows nothing else.
+``encoding`` is for files that do not say that they are linear, ``saturation`` the value of a full
+pixel (1.0 of integers; of floats what the largest samples share).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from domesim.errors import InputError
+from domesim.frames import Frame
+from domesim.frames.encodings import encoding_named
+from domesim.frames.reading import read_image
+from domesim.measurement.readings import EYES
+from domesim.measurement.tables import text_of
+
+Floats = NDArray[np.float64]
+Samples = NDArray[np.float32]
+"""(row, col, camera channel) linear."""
+
+MOST_SATURATED = 1e-3
+"""Share of the screen's pixels: some are stuck in any camera."""
+_NEARLY = 0.995
+_WHITE, _PRIMARIES = ("W",), ("R", "G", "B")
+
+Files = Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
+
+
+_Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class _Colours(_Section):
+    W: Files | None = None
+    R: Files | None = None
+    G: Files | None = None
+    B: Files | None = None
+
+
+class _Glass(_Section):
+    black: Files
+    left: Files | _Colours
+    right: Files | _Colours
+
+
+class _Photographs(_Section):
+    left: _Glass
+    right: _Glass
+    corners: Annotated[list[_Corner], Field(min_length=4, max_length=4)] | None = None
+    encoding: str | None = None
+    saturation: Annotated[float, Field(gt=0)] | None = None
+
+
+class _Projector(_Section):
+    white_cd_m2: Annotated[float, Field(gt=0)]
+    black_cd_m2: Annotated[float, Field(ge=0)] = 0.0
+    primaries: str | None = None
+
+
+class _File(_Section):
+    photographs: _Photographs
+    projector: _Projector
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Glass:
+    """What was photographed through one glass, black subtracted.
+
+    Parameters
+    ----------
+    eye
+        Whose glass: left or right.
+    net
+        Projector -> channel -> (row, col, camera channel).
+    """
+
+    eye: str
+    net: Mapping[str, Mapping[str, Samples]]
+
+    def white(self, projector: str) -> Samples:
+        """Light of a projector's white: photographed, or the sum of its primaries."""
+        shown = self.net[projector]
+        if "W" in shown:
+            return shown["W"]
+        return np.asarray(shown["R"] + shown["G"] + shown["B"])
+
+    @property
+    def has_primaries(self) -> bool:
+        """Whether both projectors' primaries were photographed."""
+        return all(set(_PRIMARIES) <= set(shown) for shown in self.net.values())
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Photographs:
+    """Everything that a file lists.
+
+    Parameters
+    ----------
+    source
+        The file's name.
+    glasses
+        Left, right.
+    place
+        (row, col, 2) where on the screen each pixel is: shares of its width and height from the top
+        left; outside 0..1 off it.
+    white, black
+        Luminance of a projector's white and of black through its glass, cd/m².
+    primaries
+        Name of the projectors'; None if the file does not say.
+    digest
+        SHA-256 of all files.
+    """
+
+    source: str
+    glasses: tuple[Glass, Glass]
+    place: Floats
+    white: float
+    black: float
+    primaries: str | None
+    digest: str
+
+
+def lists_photographs(path: Path) -> bool:
+    """Whether a file is a TOML one with [photographs]."""
+    if path.suffix.lower() != ".toml":
+        return False
+    try:
+        return "photographs" in tomllib.loads(text_of(path))
+    except tomllib.TOMLDecodeError:
+        return False
+
+
+def read_photographs(path: Path) -> Photographs:
+    """The photographs that a file lists.
+
+    Raises
+    ------
+    InputError
+        If the file says something else, a photograph cannot be read, is not linear, is saturated,
+        or has another size than the others.
+    """
+    try:
+        file = _File.model_validate(tomllib.loads(text_of(path)))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"] if not str(part).startswith("_"))
+        raise InputError(f"{path}: {where}: {first['msg'].lower()}") from None
+    told = file.photographs
+    reader = _Reader(path.parent, told.encoding, told.saturation)
+    glasses = []
+    for eye in EYES:
+        section: _Glass = getattr(told, eye)
+        black = reader.mean(section.black)
+        shown = {name: _channels(path, eye, name, getattr(section, name)) for name in EYES}
+        if set(shown["left"]) != set(shown["right"]):
+            raise InputError(
+                f"{path}: photographs.{eye} must show the same colours of both projectors, got "
+                f"{', '.join(shown['left'])} of the left and {', '.join(shown['right'])} of the "
+                f"right one"
+            )
+        net = {
+            name: {channel: reader.mean(files) - black for channel, files in channels.items()}
+            for name, channels in shown.items()
+        }
+        glasses.append(Glass(eye, net))
+    assert reader.size is not None
+    place = _places(path, told.corners, reader.size)
+    on = on_screen(place)
+    if np.count_nonzero(on) < 64:
+        raise InputError(
+            f"{path}: photographs.corners must hold the screen, got {np.count_nonzero(on)} pixels"
+        )
+    reader.refuse_saturated(on)
+    lit = file.projector
+    return Photographs(
+        str(path),
+        (glasses[0], glasses[1]),
+        place,
+        lit.white_cd_m2,
+        lit.black_cd_m2,
+        lit.primaries,
+        reader.digest(path),
+    )
+
+
+def on_screen(place: Floats) -> NDArray[np.bool_]:
+    """(row, col): which pixels are, of their `place` in `Photographs`."""
+    return np.asarray(((place >= 0) & (place < 1)).all(axis=-1))
+
+
+def _channels(path: Path, eye: str, projector: str, told: Files | _Colours) -> dict[str, Files]:
+    if not isinstance(told, _Colours):
+        return {"W": told}
+    given = {name: files for name, files in dict(told).items() if files is not None}
+    if not (set(_WHITE) <= set(given) or set(_PRIMARIES) <= set(given)):
+        raise InputError(
+            f"{path}: photographs.{eye}.{projector} must have W, or R, G and B, got "
+            f"{', '.join(given) or 'nothing'}"
+        )
+    if set(given) & set(_PRIMARIES) and not set(_PRIMARIES) <= set(given):
+        raise InputError(
+            f"{path}: photographs.{eye}.{projector} must have all of R, G and B, or none, got "
+            f"{', '.join(given)}"
+        )
+    return given
+
+
+class _Reader:
+    """Reads photographs of one size, and remembers which samples were full."""
+
+    def __init__(self, folder: Path, encoding: str | None, saturation: float | None) -> None:
+        self._folder = folder
+        self._colour = None if encoding is None else encoding_named(encoding)
+        self._saturation = saturation
+        self._full: list[tuple[Path, float, NDArray[np.bool_]]] = []
+        self._first: Path | None = None
+        self._read: list[Path] = []
+        self.size: tuple[int, int] | None = None
+
+    def mean(self, files: Files) -> Samples:
+        """(row, col, camera channel): the mean of all."""
+        names = [files] if isinstance(files, str) else files
+        return np.asarray(np.mean([self._one(self._folder / name) for name in names], axis=0))
+
+    def refuse_saturated(self, on: NDArray[np.bool_]) -> None:
+        brightest = max(value for _, value, _ in self._full)
+        for path, value, full in self._full:
+            share = float(np.mean(full[on]))
+            if value >= _NEARLY * brightest and share > MOST_SATURATED:
+                raise InputError(
+                    f"{path}: {share:.1%} of the screen's pixels are saturated; expose all "
+                    f"photographs shorter, or say what value is full (saturation)"
+                )
+
+    def digest(self, path: Path) -> str:
+        found = hashlib.sha256(path.read_bytes())
+        for file in self._read:
+            found.update(hashlib.sha256(file.read_bytes()).digest())
+        return found.hexdigest()
+
+    def _one(self, path: Path) -> Samples:
+        frame = read_image(path, repair=False, signed=True, colour=self._colour)
+        if frame.colour.transfer != "linear":
+            raise InputError(
+                f"{path}: wanted a linear photograph, got {frame.colour.named} "
+                f'({frame.colour.source}); if it is linear, say encoding = "linear" in '
+                f"[photographs], else develop it so"
+            )
+        size = frame.pixels.shape[:2]
+        if self.size is None or self._first is None:
+            self.size, self._first = (size[0], size[1]), path
+        elif size != self.size:
+            raise InputError(
+                f"{path}: must be as large as {self._first.name}, {self.size[1]} x {self.size[0]}, "
+                f"got {size[1]} x {size[0]}; the camera must not move between photographs"
+            )
+        self._read.append(path)
+        self._full.append((path, *self._saturated(frame)))
+        return frame.pixels
+
+    def _saturated(self, frame: Frame) -> tuple[float, NDArray[np.bool_]]:
+        """The value that counts as full, and (row, col) which pixels have it."""
+        limit = 1.0 if self._saturation is None else self._saturation
+        if self._saturation is None and frame.floating:
+            # Only samples that are clipped share one value.
+            limit = float(frame.pixels.max())
+            return limit, np.asarray((frame.pixels == limit).any(axis=-1))
+        return limit, np.asarray((frame.pixels >= _NEARLY * limit).any(axis=-1))
+
+
+def _places(path: Path, corners: list[list[float]] | None, size: tuple[int, int]) -> Floats:
+    """(row, col, 2) places on the screen, by the perspective that takes it to its corners."""
+    rows, cols = size
+    across, down = np.meshgrid(np.arange(cols) + 0.5, np.arange(rows) + 0.5)
+    if corners is None:
+        return np.stack([across / cols, down / rows], -1)
+    wanted = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    lines, ends = [], []
+    for (x, y), (u, v) in zip(corners, wanted, strict=True):
+        lines += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
+        ends += [u, v]
+    edges = np.roll(corners, -1, axis=0) - np.asarray(corners)
+    turns = [float(np.linalg.det(edges[[i - 1, i]])) for i in range(4)]
+    if min(turns) <= 0:
+        raise InputError(
+            f"{path}: photographs.corners must be [col, row] of the top left, top right, bottom "
+            f"right and bottom left corner, got {corners}"
+        )
+    a = np.append(np.linalg.solve(np.array(lines, float), np.array(ends, float)), 1.0)
+    depth = a[6] * across + a[7] * down + a[8]
+    depth = np.where(np.abs(depth) > 1e-12, depth, np.inf)
+    u, v = a[0] * across + a[1] * down + a[2], a[3] * across + a[4] * down + a[5]
+    return np.stack([u / depth, v / depth], -1)
