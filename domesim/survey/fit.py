@@ -47,10 +47,16 @@ SIGMAS = 1.96
 """Standard errors to either side of a 95 % interval."""
 BRIGHTEST = 0.98
 """Largest albedo of a surface."""
+LARGEST_MODEL_ERROR = 0.03
+"""Relative error of the model at each place from which nothing is answered: the description, or
+what is held, is wrong."""
 _RISE = 0.5
 """Share of the chi² that should be gained at an interval's end, below which it is not believed."""
 _FIXED = 1e-7
 """Standard error of what is exactly known."""
+
+_MOST = 40
+"""Evaluations of a fit; sound ones take about 8, and those of undetermined ones wander."""
 
 GAIN = "gain"
 
@@ -115,7 +121,8 @@ class Survey:
     covariance
         (primary, parameter, parameter), of the gain's logarithm and of the albedos.
     answered
-        (parameter, primary) whether the data (and what was known) determine it.
+        (parameter, primary) whether the data (and what was known) determine it; nothing if the
+        search did not end.
     confusions
         Which explanations the data cannot tell apart, a line each.
     ambient, ambient_error
@@ -269,7 +276,14 @@ class _Problem:
         bounds = np.concatenate([low, -loose]), np.concatenate([high, loose])
         start = np.clip(start, bounds[0] + 1e-9, bounds[1] - 1e-9)
         return least_squares(
-            self._residual, start, self._jacobian, bounds, x_scale="jac", xtol=1e-10, ftol=1e-10
+            self._residual,
+            start,
+            self._jacobian,
+            bounds,
+            x_scale="jac",
+            xtol=1e-9,
+            ftol=1e-9,
+            max_nfev=_MOST,
         )
 
     def allowed_for(self, found: OptimizeResult) -> OptimizeResult:
@@ -298,13 +312,20 @@ class _Problem:
         spread = np.sqrt(np.diag(covariance))
         count = self._count
         error = spread[: 3 * count].reshape(3, count)
-        answered = SIGMAS * error < WIDEST
+        answered = (SIGMAS * error < WIDEST) & (found.status > 0)
         for p, at in zip(*np.nonzero(answered & profile), strict=True):
             name = self._names[at]
             exact = name in self._known and self._known[name].error[p] == 0
             if not exact and not self._rises(found, p * count + int(at), float(error[p, at])):
                 answered[p, at] = False
         confusions = self._confusions(covariance, answered)
+        if self._model_error > LARGEST_MODEL_ERROR:
+            answered[:] = False
+            confusions = (
+                f"the description does not explain the photographs: each place is off by "
+                f"{self._model_error:.1%}; check the geometry, the camera, which pattern each "
+                f"photograph shows, exposures, and what is held",
+            )
         value = x[: 3 * count].reshape(3, count).copy()
         gain = np.exp(value[:, 0])
         ambient, ambient_error = self._ambient(x, covariance)

@@ -94,6 +94,8 @@ class Cells:
         (photograph, cell, primary) mean light at unit exposure, and the noise of that.
     pixels
         (cell,) how many were averaged.
+    label
+        (row, col) which cell a pixel counts for; -1 for none.
     """
 
     places: Places
@@ -104,6 +106,7 @@ class Cells:
     value: Floats
     variance: Floats
     pixels: NDArray[np.int64]
+    label: NDArray[np.int64]
 
 
 def direct_light(theatre: Theatre, patterns: Floats) -> Floats:
@@ -250,7 +253,7 @@ def _averaged(
     # Pixels of a fisheye are about equal in solid angle; on the screen, so are they in area.
     area = np.where(kinds == 0, pixels, 0) / max(1, int(pixels[kinds == 0].sum()))
     variance = _variance(light, label, value, pixels)
-    return Cells(places, u, v, away, area, value, variance, pixels)
+    return Cells(places, u, v, away, area, value, variance, pixels, label)
 
 
 def _variance(

@@ -111,3 +111,11 @@ def test_a_nuisance_is_found_and_costs_certainty():
     value, error = found.nuisances["a lens"]
     assert_unbiased(value, error, 1.5)
     assert_unbiased(found.value, found.error, TRUTH)
+
+
+def test_photographs_that_were_mixed_up_are_not_answered():
+    seen = evidence(seed=3)
+    mixed = replace(seen, pattern=seen.pattern[[0, 1, 3, 2, 4, 5, 6]])
+    found = survey(model(), mixed, START, SURFACES, profile=False)
+    assert not found.answered.any()
+    assert found.confusions[0].startswith("the description does not explain the photographs")
