@@ -253,7 +253,7 @@ def dome(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Albedos, white and black of a dome theatre from photographs, and a scene file with them."""
+    """Albedos, white and black of a dome theatre from photographs or a meter, and a scene file."""
     from domesim.survey.file import read_survey  # noqa: PLC0415
     from domesim.survey.report import (  # noqa: PLC0415
         figures_of,
@@ -277,13 +277,15 @@ def dome(
     for line in lines_of(task, found):
         console.say(line)
     if residual is not None:
+        if cells is None:
+            raise InputError(f"--residual {residual}: readings have no picture; leave it out")
         write_whole(residual, _png(residual_picture(cells, found)))
         console.say(f"  -> {residual}")
     figures = {"survey": str(survey), **figures_of(found)}
     if not found.complete:
         complain(
-            f"{survey}: these photographs do not determine everything, so no scene was written; "
-            f"photograph more patterns and the floor, or hold what is known (--hold floor=0.1)"
+            f"{survey}: not everything is determined, so no scene was written; photograph more "
+            f"patterns and the floor, or hold what is known (--hold floor=0.1)"
         )
         finish(console, {"output": None, **figures}, [str(survey)])
     text = measured_scene(task, found, out.stem, survey)

@@ -14,6 +14,13 @@
     pattern = "patterns/white.png"   # the domemaster that was projected
     exposure = 1.0
 
+    [[readings]]                     # instead of camera and photographs: a meter's
+    pattern = "patterns/white.png"
+    place_m = [0.0, 5.0, 1.0]
+    unit = "cd/m2"                   # or "lux"
+    value = 7.1
+    error = 0.1                      # standard error
+
     [known]
     wall = { value = 0.1, error = 0.05 }
 
@@ -44,6 +51,7 @@ from domesim.survey.camera import Camera, domemaster_camera
 from domesim.survey.fit import Known
 from domesim.survey.nuisances import Errors
 from domesim.survey.photographs import Photographs
+from domesim.survey.spots import Reading
 
 Floats = NDArray[np.float64]
 
@@ -79,6 +87,16 @@ class PhotographSection(Section):
     exposure: Positive = 1.0
 
 
+class ReadingSection(Section):
+    """A meter's reading."""
+
+    pattern: str
+    place_m: Place
+    unit: Literal["cd/m2", "lux"]
+    value: Annotated[Number, Field(ge=0, le=1e6)]
+    error: Positive
+
+
 class KnownSection(Section):
     """A figure from elsewhere, and its standard error."""
 
@@ -93,7 +111,8 @@ class ErrorsSection(Section):
     pointing_deg: Small = Errors.pointing_deg
     vignetting: Small = Errors.vignetting
     floor_m: Small = Errors.floor_m
-    model: Small = Errors.model
+    model_screen: Small = Errors.model_screen
+    model_others: Small = Errors.model_others
 
 
 class SurveyFile(Section):
@@ -101,12 +120,32 @@ class SurveyFile(Section):
 
     theatre: str
     unit: Literal["camera", "cd/m2"] = "camera"
-    camera: CameraSection
-    photographs: Annotated[tuple[PhotographSection, ...], Field(min_length=2)]
+    camera: CameraSection | None = None
+    photographs: tuple[PhotographSection, ...] = ()
+    readings: tuple[ReadingSection, ...] = ()
     known: dict[Literal["gain", "screen", "floor", "wall"], KnownSection] = Field(
         default_factory=dict
     )
     errors: ErrorsSection = ErrorsSection()
+
+    @model_validator(mode="after")
+    def _of_one_kind(self) -> Self:
+        if bool(self.photographs) == bool(self.readings):
+            raise ValueError("wanted either photographs or readings")
+        if self.photographs and self.camera is None:
+            raise ValueError("photographs need a [camera]")
+        return self
+
+    @property
+    def pattern_names(self) -> list[str]:
+        """Files of the patterns, each once."""
+        names = [shot.pattern for shot in self.photographs]
+        return list(dict.fromkeys([*names, *(one.pattern for one in self.readings)]))
+
+    @property
+    def absolute(self) -> bool:
+        """Whether white is found in cd/m²."""
+        return bool(self.readings) or self.unit == "cd/m2"
 
 
 @final
@@ -124,8 +163,8 @@ class Task:
         The theatre's file, as it is written.
     patterns
         (pattern, row, col, primary) light of the projected domemasters.
-    photographs
-        What was seen of them.
+    photographs, readings
+        What was seen of them: one or the other.
     known, errors
         What is known from elsewhere, and how well the description is known.
     digests
@@ -136,7 +175,8 @@ class Task:
     scene: DomeScene
     content: Mapping[str, Any]
     patterns: Floats
-    photographs: Photographs
+    photographs: Photographs | None
+    readings: tuple[Reading, ...]
     known: Mapping[str, Known]
     errors: Errors
     digests: Mapping[str, str]
@@ -156,24 +196,19 @@ def read_survey(path: Path) -> Task:
     scene = load_dome(where if where.suffix == ".toml" else file.theatre)
     content = _content(where, file.theatre)
     scene = replace(scene, theatre=replace(scene.theatre, lamps=()))
-    names = list(dict.fromkeys(shot.pattern for shot in file.photographs))
+    names = file.pattern_names
     patterns = _patterns([folder / name for name in names], scene)
-    shots = [_light(folder / shot.file) for shot in file.photographs]
-    if len({shot.shape for shot in shots}) > 1:
-        raise InputError(f"{path}: photographs must be of one size")
-    photographs = Photographs(
-        _camera(file.camera, scene),
-        np.stack(shots),
-        np.array([names.index(shot.pattern) for shot in file.photographs]),
-        np.array([shot.exposure for shot in file.photographs]),
-    )
     files = [file.theatre, *names, *(shot.file for shot in file.photographs)]
     return Task(
         file=file,
         scene=scene,
         content=content,
         patterns=patterns,
-        photographs=photographs,
+        photographs=_photographs(file, folder, scene) if file.photographs else None,
+        readings=tuple(
+            Reading(names.index(one.pattern), one.place_m, one.unit, one.value, one.error)
+            for one in file.readings
+        ),
         known={
             name: Known(three(what.value), three(what.error)) for name, what in file.known.items()
         },
@@ -205,6 +240,19 @@ def _content(where: Path, name: str) -> Mapping[str, Any]:
 
         return tomllib.loads(resources.files("scenes").joinpath(f"{name}.toml").read_text())
     return tomllib.loads(where.read_text())
+
+
+def _photographs(file: SurveyFile, folder: Path, scene: DomeScene) -> Photographs:
+    shots = [_light(folder / shot.file) for shot in file.photographs]
+    if len({shot.shape for shot in shots}) > 1:
+        raise InputError("photographs must be of one size")
+    assert file.camera is not None
+    return Photographs(
+        _camera(file.camera, scene),
+        np.stack(shots),
+        np.array([file.pattern_names.index(shot.pattern) for shot in file.photographs]),
+        np.array([shot.exposure for shot in file.photographs]),
+    )
 
 
 def _camera(section: CameraSection, scene: DomeScene) -> Camera:

@@ -50,6 +50,8 @@ BRIGHTEST = 0.98
 LARGEST_MODEL_ERROR = 0.03
 """Relative error of the model at each place from which nothing is answered: the description, or
 what is held, is wrong."""
+_NARROW = WIDEST / 5
+"""Half of an interval within which chi² is as good as quadratic: its ends need no test."""
 _RISE = 0.5
 """Share of the chi² that should be gained at an interval's end, below which it is not believed."""
 _FIXED = 1e-7
@@ -90,7 +92,7 @@ class Evidence:
     pattern
         (photograph,) index of the pattern that each shows.
     value, variance
-        (photograph, place, primary).
+        (photograph, place, primary); infinite variance where nothing was seen.
     area
         (place,) share of the screen, of those that are on it.
     names, effects
@@ -241,17 +243,21 @@ class _Problem:
     def degrees(self) -> int:
         """Of freedom: data less ambient light and parameters."""
         free = 3 * sum(name not in self._known for name in self._names)
-        return self.rows - int(self._evidence.value[0].size) - free
+        seen = np.isfinite(self._evidence.variance)
+        return int(seen.sum() - seen.any(0).sum()) - free
 
     def start(self, albedos: Floats) -> Floats:
         """A first guess: gains from what patterns have brightened."""
         places, value = self._evidence.places, self._evidence.value
         direct = places.direct[self._evidence.pattern]
+        seen = np.isfinite(self._evidence.variance)
         guess = np.zeros((3, self._count))
         for p in range(3):
-            steps = np.ptp(direct[..., p], axis=0)
+            steps, rises = (_range(part[..., p], seen[..., p]) for part in (direct, value))
+            if places.lux is not None:
+                rises = np.where(places.lux, rises * np.mean(albedos[0]) / np.pi, rises)
             lit = steps > 0.5 * max(steps.max(initial=0.0), 1e-9)
-            rise = np.ptp(value[..., p], axis=0)[lit] / steps[lit]
+            rise = rises[lit] / steps[lit]
             if not lit.any() or not np.median(rise) > 0:
                 raise InputError(
                     f"primary {'RGB'[p]}: no place on the screen was photographed lit and unlit; "
@@ -313,13 +319,15 @@ class _Problem:
         count = self._count
         error = spread[: 3 * count].reshape(3, count)
         answered = (SIGMAS * error < WIDEST) & (found.status > 0)
-        for p, at in zip(*np.nonzero(answered & profile), strict=True):
+        wrong = self._model_error > LARGEST_MODEL_ERROR
+        unsure = answered & (SIGMAS * error > _NARROW) & (profile and not wrong)
+        for p, at in zip(*np.nonzero(unsure), strict=True):
             name = self._names[at]
             exact = name in self._known and self._known[name].error[p] == 0
             if not exact and not self._rises(found, p * count + int(at), float(error[p, at])):
                 answered[p, at] = False
         confusions = self._confusions(covariance, answered)
-        if self._model_error > LARGEST_MODEL_ERROR:
+        if wrong:
             answered[:] = False
             confusions = (
                 f"the description does not explain the photographs: each place is off by "
@@ -397,13 +405,13 @@ class _Problem:
         value, error = np.zeros(3), np.zeros(3)
         modelled, slopes = self._modelled(x)
         weight = 1 / self._variance(modelled)
-        share = weight / weight.sum(0)
+        share = weight / np.maximum(weight.sum(0), 1e-300)
         area = self._evidence.area
         for p in range(3):
             local = np.sum(share[..., p] * (self._evidence.value - modelled)[..., p], 0)
             value[p] = area @ local
             slope = -np.einsum("b,kb,nkb->n", area, share[..., p], slopes[..., p])
-            own = np.sum(area**2 / weight[..., p].sum(0))
+            own = np.sum(area**2 / np.maximum(weight[..., p].sum(0), 1e-300))
             error[p] = np.sqrt(own + slope @ covariance @ slope)
         return value, error
 
@@ -455,7 +463,7 @@ class _Problem:
     def _without_ambient(self, whitened: Floats, root: Floats) -> Floats:
         """Residuals (..., photograph, place, primary) less their part along 1 / root."""
         along = 1 / root
-        along = along / np.linalg.norm(along, axis=0)
+        along = along / np.maximum(np.linalg.norm(along, axis=0), 1e-300)
         common = np.sum(whitened * along, axis=-3, keepdims=True)
         return np.asarray(whitened - common * along)
 
@@ -482,6 +490,13 @@ class _Problem:
         for at, held in self._held.items():
             add(at, held, 0.0)
         return np.array(rows), np.array(slopes).reshape(len(rows), len(x))
+
+
+def _range(values: Floats, seen: NDArray[np.bool_]) -> Floats:
+    """(place,) largest less smallest of what was seen of (photograph, place) values."""
+    high = np.where(seen, values, -np.inf).max(0)
+    low = np.where(seen, values, np.inf).min(0)
+    return np.asarray(np.where(seen.any(0), high - low, 0.0))
 
 
 def _inverse(jacobian: Floats, scales: Floats) -> Floats:

@@ -8,7 +8,8 @@ R = diag(rho) and form factors F,
 where 1_i is 1 on the elements of surface i (screen, floor, wall). A place of surface i shows
 D + rho_i G B: D is direct light, and G the form factors from the place to all elements. All light
 is in units of what projector white shows on the screen directly, so that a change of the screen's
-albedo alone changes only what has bounced.
+albedo alone changes only what has bounced. Where a lux meter stood, what arrives is read instead:
+pi (D / rho_i + G B), in lux if white is in cd/m².
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ from domesim.theatre import Theatre
 
 Floats = NDArray[np.float64]
 
-RESOLUTION = 8
-"""Rings of the floor: reflected light of white is within 1e-4 of twice as many."""
+RESOLUTION = 10
+"""Rings of the floor. With 8, floor albedos come out 0.2 % too large; with 12, at four times the
+cost, 0.1 %. The screen's are within 0.03 % with either."""
+_DARKEST = 1e-12
 LARGEST = 256
 """Pixels a side of patterns, of which finer detail does not show in reflected light."""
 
@@ -46,11 +49,14 @@ class Places:
         (place, point, xyz) spread over each, m in the room's frame.
     direct
         (pattern, place, primary) direct light there.
+    lux
+        (place,) whether what arrives was read and not what is sent on; None for nowhere.
     """
 
     surface: NDArray[np.int64]
     points: Floats
     direct: Floats
+    lux: NDArray[np.bool_] | None = None
 
 
 def surfaces_of(theatre: Theatre) -> tuple[str, ...]:
@@ -146,6 +152,11 @@ class Interreflection:
             here = (places.surface == surface)[:, None]
             slopes[surface] = own * bounced + np.where(here, received, 0)
         shown = places.direct[..., primary].T + own * received
+        if places.lux is not None:
+            arrives = np.where(places.lux, np.pi / np.maximum(own[:, 0], _DARKEST), 1.0)[:, None]
+            here = places.lux & (places.surface == np.arange(len(albedos))[:, None])
+            slopes -= here[..., None] * shown / np.maximum(own, _DARKEST)
+            shown, slopes = shown * arrives, slopes * arrives
         return shown.T, slopes.transpose(0, 2, 1)
 
     def _emitted(self, theatre: Theatre, patterns: Floats) -> Floats:

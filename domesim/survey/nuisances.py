@@ -39,16 +39,17 @@ class Errors:
         with the square of the distance from the middle, one with its fourth power.
     floor_m
         Of the floor's height, m.
-    model
-        Of reflected light as the model has it, one number a surface. Against path tracing it is
-        0.1 % on the screen and up to 0.2 % on the floor (`validation.experiments.measured_dome`).
+    model_screen, model_others
+        Of reflected light as the model has it, relative: on the screen; on floor and wall. What
+        path tracing says of it is in `validation.experiments.measured_dome`.
     """
 
     camera_m: float = 0.02
     pointing_deg: float = 0.3
     vignetting: float = 0.02
     floor_m: float = 0.02
-    model: float = 0.0015
+    model_screen: float = 0.0005
+    model_others: float = 0.002
 
 
 def effects_of(
@@ -74,13 +75,14 @@ def effects_of(
             names.append(f"vignetting, radius^{2 * power}")
             fall = errors.vignetting * cells.eccentricity**power
             effects.append(np.broadcast_to(fall[None, :, None], nominal.shape))
-    if errors.model > 0:
-        reflected = nominal - cells.places.direct
-        share = np.divide(reflected, nominal, out=np.zeros_like(nominal), where=nominal > 0)
-        for number, surface in enumerate(surfaces_of(theatre)):
-            mine = (cells.places.surface == number)[None, :, None]
+    reflected = nominal - cells.places.direct
+    share = np.divide(reflected, nominal, out=np.zeros_like(nominal), where=nominal > 0)
+    for number, surface in enumerate(surfaces_of(theatre)):
+        size = errors.model_screen if number == 0 else errors.model_others
+        if size > 0:
             names.append(f"model, {surface}")
-            effects.append(errors.model * share * mine)
+            mine = (cells.places.surface == number)[None, :, None]
+            effects.append(size * share * mine)
     return tuple(names), np.array(effects).reshape(len(names), *nominal.shape)
 
 

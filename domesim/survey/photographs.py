@@ -143,6 +143,11 @@ def cells_of(
     lit = direct_light(theatre, patterns)
     direct = np.zeros((len(patterns), size, size, 3))
     on_screen = surface == SURFACES["screen"]
+    if not on_screen.any():
+        raise InputError(
+            f"the camera at {camera.position} m sees nothing of the screen; is it below the floor, "
+            f"or does it look elsewhere?"
+        )
     directions = points[on_screen] @ theatre.dome.to_room
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     row, col = theatre.dome.pixel_of(directions, lit.shape[1])

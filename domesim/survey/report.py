@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 def lines_of(task: Task, found: Survey) -> list[str]:
     """What was found, for a person."""
     lines = []
-    unit = "cd/m²" if task.file.unit == "cd/m2" else "of the photographs' unit"
+    unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
     for name, value, error, answered in zip(
         found.names, found.value, found.error, found.answered, strict=True
     ):
@@ -97,7 +97,7 @@ def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
     weights = task.scene.projector.luminance_weights
     white = task.scene.projector.white
     projector = content["projector"]
-    if task.file.unit == "cd/m2":
+    if task.file.absolute:
         white = float(weights @ values[GAIN])
         projector.pop("lumens", None)
         projector["white_cd_m2"] = white
@@ -116,7 +116,7 @@ def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
     content["measured"] = {
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
         "survey": survey.name,
-        "unit": task.file.unit,
+        "unit": "cd/m2" if task.file.absolute else "camera",
         "parameters": list(found.names),
         "chi2": found.chi2,
         "degrees_of_freedom": found.degrees,

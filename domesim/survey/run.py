@@ -1,17 +1,19 @@
-"""A survey from photographs to figures."""
+"""A survey from photographs or readings to figures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.scene.fields import three
 from domesim.survey.file import Task
 from domesim.survey.fit import Evidence, Known, Survey, survey
 from domesim.survey.model import Interreflection, nominal_albedos, surfaces_of
 from domesim.survey.nuisances import Errors, effects_of
 from domesim.survey.photographs import Cells, Photographs, cells_of
+from domesim.survey.spots import Reading, evidence_of, grey
 from domesim.theatre import Theatre
 
 Floats = NDArray[np.float64]
@@ -20,15 +22,60 @@ WALL_ERROR = 0.5
 """Of a described wall's albedo, relative, if nothing else is said of it: little of it is seen."""
 
 
-def surveyed(task: Task, known: Mapping[str, Known]) -> tuple[Cells, Survey]:
-    """What the photographs of a survey file tell; `known` comes before what the file knows."""
-    return survey_of(
-        task.scene.theatre,
-        task.patterns,
-        task.photographs,
-        {**task.known, **known},
-        task.errors,
-    )
+def surveyed(task: Task, known: Mapping[str, Known]) -> tuple[Cells | None, Survey]:
+    """What a survey file tells, and the photographs' cells if there are photographs.
+
+    `known` comes before what the file knows.
+    """
+    known = {**task.known, **known}
+    theatre = task.scene.theatre
+    if task.photographs is not None:
+        return survey_of(theatre, task.patterns, task.photographs, known, task.errors)
+    weights = task.scene.projector.luminance_weights
+    return None, survey_of_spots(theatre, task.patterns, task.readings, known, weights)
+
+
+def survey_of_spots(
+    theatre: Theatre,
+    patterns: Floats,
+    readings: Sequence[Reading],
+    known: Mapping[str, Known],
+    weights: Floats,
+    *,
+    profile: bool = True,
+) -> Survey:
+    """What readings tell: the same for all primaries.
+
+    Parameters
+    ----------
+    theatre, patterns, known, profile
+        As for `survey_of`.
+    readings
+        Of a luminance or lux meter.
+    weights
+        (primary,) shares of the primaries in the luminance of white.
+
+    Raises
+    ------
+    InputError
+        If the theatre is beyond the model, or the readings cannot be used.
+    """
+    shown = grey(patterns, weights)
+    seen = evidence_of(theatre, shown, readings)
+    albedos = np.repeat((nominal_albedos(theatre) @ weights)[:, None], 3, 1)
+    surfaces = surfaces_of(theatre)
+    known = _with_wall(known, surfaces, albedos)
+    light = Interreflection(theatre, shown)
+    return survey(light, seen, albedos, surfaces, known, profile=profile)
+
+
+def _with_wall(
+    known: Mapping[str, Known], surfaces: tuple[str, ...], albedos: Floats
+) -> Mapping[str, Known]:
+    if "wall" not in surfaces or "wall" in known:
+        return known
+    value = three(albedos[surfaces.index("wall")])
+    return {**known, "wall": Known(value, three(WALL_ERROR * np.asarray(value)))}
 
 
 def survey_of(
@@ -67,10 +114,7 @@ def survey_of(
     light = Interreflection(theatre, patterns)
     cells = cells_of(theatre, patterns, photographs)
     names, effects = effects_of(theatre, photographs.camera, cells, patterns, light, errors)
-    if "wall" in surfaces and "wall" not in known:
-        x, y, z = (float(value) for value in albedos[surfaces.index("wall")])
-        spread = WALL_ERROR * x, WALL_ERROR * y, WALL_ERROR * z
-        known = {**known, "wall": Known((x, y, z), spread)}
+    known = _with_wall(known, surfaces, albedos)
     evidence = Evidence(
         cells.places,
         photographs.pattern,

@@ -89,6 +89,13 @@ def test_patterns_of_fine_detail_leave_nothing():
         cells_of(THEATRE, busy, shots(np.ones((2, 48, 48, 3))))
 
 
+def test_a_camera_below_the_floor_sees_no_screen():
+    below = replace(CAMERA, position=(0.0, 0.0, -1.5), look_at=(0.0, 0.0, 0.0))
+    taken = replace(shots(np.ones((len(PATTERNS), 48, 48, 3))), camera=below)
+    with pytest.raises(InputError, match="sees nothing of the screen; is it below the floor"):
+        cells_of(THEATRE, PATTERNS, taken)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
