@@ -66,6 +66,15 @@ def test_white_and_black_of_the_screen_do_not_tell_gain_from_albedo():
     assert_unbiased(told.value[1], told.error[1], TRUTH[1])
 
 
+def test_what_is_too_uncertain_is_not_answered():
+    seen = only(evidence(seed=1), [BLACK, WHITE], surface=0)
+    x, y, z = THEATRE.floor.albedo
+    for spread, answered in ((0.02, True), (0.06, False)):
+        held = {"gain": Known((3.0, 4.0, 5.0)), "floor": Known((x, y, z), (spread,) * 3)}
+        found = survey(model(), seen, START, SURFACES, held, profile=False)
+        assert np.all(found.answered[2] == answered)
+
+
 def test_one_pattern_tells_nothing():
     with pytest.raises(InputError, match=r"primary R: no place .* lit and unlit; add photographs"):
         survey(model(), only(evidence(), [WHITE]), START, SURFACES)
@@ -109,6 +118,8 @@ def test_a_nuisance_is_found_and_costs_certainty():
     )
     found = survey(model(), shifted, START, SURFACES, profile=False)
     value, error = found.nuisances["a lens"]
+    assert error < 0.1
+    assert found.plausible
     assert_unbiased(value, error, 1.5)
     assert_unbiased(found.value, found.error, TRUTH)
 
