@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 
 WALL_ERROR = 0.5
 """Of a described wall's albedo, relative, if nothing else is said of it: little of it is seen."""
+_WALL_ERROR = 0.05
+"""The same, absolute, at most: beyond it a wall would be no answer for itself (`WIDEST`)."""
 
 
 def surveyed(task: Task, known: Mapping[str, Known]) -> tuple[Cells | None, Survey]:
@@ -75,7 +77,8 @@ def _with_wall(
     if "wall" not in surfaces or "wall" in known:
         return known
     value = three(albedos[surfaces.index("wall")])
-    return {**known, "wall": Known(value, three(WALL_ERROR * np.asarray(value)))}
+    spread = three(np.minimum(WALL_ERROR * np.asarray(value), _WALL_ERROR))
+    return {**known, "wall": Known(value, spread)}
 
 
 def survey_of(
