@@ -1,13 +1,15 @@
-"""``domesim measure``: from a colorimeter's readings to figures, and to a scene file.
+"""``domesim measure``: from readings and photographs to figures, and to a scene file.
 
 Each subcommand reads one kind of file that a person made, says what it shows and how sure that is,
-and refuses what does not fit together: ``domesim.measurement`` tells how.
+and refuses what does not fit together: ``domesim.measurement`` and ``domesim.survey`` tell how.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, final
@@ -17,7 +19,7 @@ import typer
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.cli import Json, Quiet, finish
-from domesim.console import Console, about, prepare_file
+from domesim.console import Console, about, complain, prepare_file
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 from domesim.patterning import patterns
@@ -32,9 +34,10 @@ if TYPE_CHECKING:
     from domesim.measurement.pair import MeasuredPair
     from domesim.measurement.readings import Black
     from domesim.measurement.response import Display, Response
+    from domesim.survey.fit import Known
 
 app = typer.Typer(
-    help="Turn a colorimeter's readings into figures and scene files.",
+    help="Turn a colorimeter's readings, or photographs, into figures and scene files.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -312,6 +315,102 @@ def _photographed(
     assumed = [*(["primaries"] if photographs.primaries is None else []), *room.assumed]
     figures = {"photographs": str(listed), "eyes": eyes}
     finish(console, {"output": str(out), "maps": str(stored), "assumed": assumed, **figures}, [])
+
+
+@app.command()
+def dome(
+    survey: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SURVEY",
+            help="A .toml file that names the theatre's scene file, the camera, the photographs "
+            "and their patterns (docs/measuring.md).",
+            show_default=False,
+        ),
+    ],
+    out: SceneOut,
+    hold: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What is known from elsewhere: gain, screen, floor or wall, such as floor=0.1, or "
+            "floor=0.1,0.02 with its standard error. May be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    residual: Annotated[
+        Path | None,
+        typer.Option(help="Write a picture (.png) of the residuals.", show_default=False),
+    ] = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Albedos, white and black of a dome theatre from photographs or a meter, and a scene file."""
+    from domesim.survey.file import read_survey  # noqa: PLC0415
+    from domesim.survey.report import (  # noqa: PLC0415
+        figures_of,
+        lines_of,
+        measured_scene,
+        residual_picture,
+    )
+    from domesim.survey.run import surveyed  # noqa: PLC0415
+
+    console = Console(quiet=quiet, json=json)
+    _require_toml(out)
+    if residual is not None and residual.suffix != ".png":
+        raise InputError(f"--residual {residual}: is stored as .png, name it so")
+    known = dict(_held(text) for text in hold or ())
+    task = read_survey(survey)
+    for path in (out, residual):
+        if path is not None:
+            prepare_file(path, instead_of=survey)
+    with about(survey):
+        cells, found = surveyed(task, known)
+    for line in lines_of(task, found):
+        console.say(line)
+    if residual is not None:
+        if cells is None:
+            raise InputError(f"--residual {residual}: readings have no picture; leave it out")
+        write_whole(residual, _png(residual_picture(cells, found)))
+        console.say(f"  -> {residual}")
+    figures = {"survey": str(survey), **figures_of(found)}
+    if not found.complete:
+        complain(
+            f"{survey}: not everything is determined, so no scene was written; photograph more "
+            f"patterns and the floor, or hold what is known (--hold floor=0.1)"
+        )
+        finish(console, {"output": None, **figures}, [str(survey)])
+    text = measured_scene(task, found, out.stem, survey)
+    scene = scene_of_text(text, str(out), out.parent)
+    write_whole(out, text.encode())
+    console.say(f"{scene.facts()['Measured']}\n  -> {out}")
+    console.say(f"Use it: domesim compensate MASTER --scene {out}")
+    finish(console, {"output": str(out), **figures}, [])
+
+
+def _held(text: str) -> tuple[str, Known]:
+    """Name and value of ``floor=0.1,0.02``."""
+    from domesim.survey.fit import Known  # noqa: PLC0415
+
+    match = re.fullmatch(r"(gain|screen|floor|wall)=([0-9.eE+-]+)(?:,([0-9.eE+-]+))?", text)
+    try:
+        name, value, error = match.groups(default="0") if match else ("", "", "")
+        number, spread = float(value), float(error)
+        if not (number > 0 and spread >= 0 and np.isfinite([number, spread]).all()):
+            raise ValueError
+    except ValueError:
+        raise InputError(
+            f"--hold {text!r}: wanted gain, screen, floor or wall, =, a value above 0 and perhaps "
+            f"its standard error, such as floor=0.1,0.02"
+        ) from None
+    return name, Known((number,) * 3, (spread,) * 3)
+
+
+def _png(pixels: NDArray[np.uint8]) -> bytes:
+    from matplotlib.image import imsave  # noqa: PLC0415
+
+    buffer = io.BytesIO()
+    imsave(buffer, pixels, format="png")
+    return buffer.getvalue()
 
 
 # The scene file.

@@ -279,6 +279,42 @@ class Tracer:
         shape = (height, width)
         return self._passes(pixels, start_of, source, shape, settings, False, reference, progress)
 
+    def along(
+        self,
+        source: Source,
+        eye: Point,
+        rays: NDArray[np.float64],
+        settings: Settings,
+        *,
+        reference: float | None = None,
+    ) -> Traced:
+        """A picture by one ray a pixel, as of any camera.
+
+        Parameters
+        ----------
+        source
+            The light.
+        eye
+            Where it is seen from, m.
+        rays
+            (row, col, xyz) unit vectors in the room's frame.
+        settings
+            How accurate.
+        reference
+            Light that the wanted error is relative to, instead of the mean of what is traced.
+        """
+        shape = rays.shape[:2]
+        flat = rays.reshape(-1, 3)
+        place = over(eye, self.theatre.dome.radius)
+
+        def start_of(pixels: NDArray[np.int64]) -> Start:
+            return self._ray_start(self._vector(flat[pixels]), place)
+
+        pixels = np.arange(len(flat))
+        return self._passes(
+            pixels, start_of, source, (shape[0], shape[1]), settings, False, reference, None
+        )
+
     def visible_lamps(
         self, viewpoint: Viewpoint, width: int, height: int, finer: int = 4
     ) -> NDArray[np.float64]:
@@ -428,21 +464,27 @@ class Tracer:
     def _camera_start(
         self, row: Lanes, col: Lanes, width: int, height: int, viewpoint: Viewpoint
     ) -> Start:
-        room, m = self.room, self.machine
+        m = self.machine
         ray_at = view_rays(viewpoint, width, height)
         eye = over(viewpoint.position, self.theatre.dome.radius)
 
         def start(rng: Any) -> tuple[Hit, Vector]:
             across, down = col + m.uniform(rng), row + m.uniform(rng)
             ray = ray_at(down, across)
-            ray = scaled(ray, 1 / m.sqrt(dot(ray, ray)))
-            zero = across * 0
-            origin = (zero + eye[0], zero + eye[1], zero + eye[2])
-            active = zero < 1
-            hit = room.hit(origin, ray, m.where(active, NOTHING, NOTHING), active)
-            return hit, scaled(ray, -1)
+            return self._met(scaled(ray, 1 / m.sqrt(dot(ray, ray))), eye)
 
         return start
+
+    def _ray_start(self, ray: Vector, eye: Point) -> Start:
+        return lambda rng: self._met(ray, eye)
+
+    def _met(self, ray: Vector, eye: Point) -> tuple[Hit, Vector]:
+        """What rays from an eye (in units of the radius) meet, and the directions back."""
+        zero = ray[0] * 0
+        origin = (zero + eye[0], zero + eye[1], zero + eye[2])
+        active = zero < 1
+        leaving = self.machine.where(active, NOTHING, NOTHING)
+        return self.room.hit(origin, ray, leaving, active), scaled(ray, -1)
 
     def _lens_places(self) -> list[tuple[float, float, float]]:
         return [lens.position for lens in self.theatre.lenses] or [CENTRE]

@@ -20,7 +20,7 @@ from domesim.observation.spherical import ClosedFormDome, bare_gain
 from domesim.observation.transport import TabulatedDome, Transport
 from domesim.projector import Projector
 from domesim.scene.base import Scene
-from domesim.scene.dome_file import DomeFile, LampSection, ProjectorSection
+from domesim.scene.dome_file import DomeFile, LampSection, MeasuredSection, ProjectorSection
 from domesim.scene.fields import three
 from domesim.theatre import (
     Cavity,
@@ -59,6 +59,8 @@ class DomeScene(Scene):
         SHA-256 of all that light transport depends on.
     transport
         Its light transport, tabulated or measured; None for the closed form.
+    measured
+        What of it was measured, and how sure that is; None if nothing was.
     """
 
     name: str
@@ -70,6 +72,7 @@ class DomeScene(Scene):
     sources: Mapping[str, str]
     digest: str
     transport: Transport | None = None
+    measured: MeasuredSection | None = None
 
     @property
     def views(self) -> int:
@@ -132,7 +135,7 @@ class DomeScene(Scene):
         )
         stored = "the whole theatre's light transport as tabulated by path tracing"
         model = closed if self.transport is None else stored
-        return {
+        facts = {
             "Theatre": f"{self.name}, radius {self.dome.radius:g} m, half-angle "
             f"{np.degrees(self.dome.half_angle):g}°, albedo "
             f"{', '.join(f'{a:.3g}' for a in self.albedo)} (holes counted in)",
@@ -140,6 +143,28 @@ class DomeScene(Scene):
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
             "Model": model + ("" if self.approximation is None else f"; {self.approximation}"),
         }
+        if self.measured is not None:
+            spread = ", ".join(f"{100 * part:.2g}" for part in self.reflected_error)
+            facts["Measured"] = (
+                f"{self.measured.date} ({self.measured.survey}); by the screen albedo's "
+                f"uncertainty, a white frame's reflected light is known within ±{spread} % (95 %)"
+            )
+        return facts
+
+    @property
+    def reflected_error(self) -> tuple[float, float, float]:
+        """Half of the 95 % interval of white's reflected light, relative, one a primary.
+
+        Of the bare screen, phi = rho s / (1 - rho s) with s its share of the sphere, so that
+        d phi / phi = d rho / (rho (1 - rho s)). A residual that is left for want of a better albedo
+        is this share of the reflected light. 0 if nothing was measured.
+        """
+        if self.measured is None or "screen" not in self.measured.standard_errors:
+            return 0.0, 0.0, 0.0
+        errors = np.asarray(self.measured.standard_errors["screen"])
+        albedo = np.asarray(self.albedo)
+        gains = np.array([bare_gain(rho, self.dome) for rho in albedo])
+        return three(1.96 * errors / albedo * (1 + gains))
 
     @property
     def approximation(self) -> str | None:
@@ -215,6 +240,7 @@ def built(file: DomeFile, folder: Path) -> DomeScene:
         viewing=viewing.from_dome_centre(theatre.dome, file.viewing.adaptation_cd_m2),
         sources=file.sources,
         digest=_with_meshes(file, theatre),
+        measured=file.measured,
     )
 
 

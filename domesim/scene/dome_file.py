@@ -252,6 +252,29 @@ class ProjectorSection(Section):
         return self
 
 
+Three = tuple[Number, Number, Number]
+
+
+class MeasuredSection(Section):
+    """Where measured figures are from, and how sure they are (`domesim measure dome`).
+
+    `values` and `standard_errors` have one number a primary for each of `parameters`; the gain is
+    white by direct light alone, in `unit`. Albedos are with the screen's holes counted in.
+    """
+
+    date: str
+    survey: str
+    unit: str
+    parameters: tuple[str, ...]
+    chi2: Number
+    degrees_of_freedom: Annotated[int, Field(strict=True)]
+    model_error: Number
+    values: dict[str, Three]
+    standard_errors: dict[str, Three]
+    correlations: dict[str, tuple[tuple[Number, ...], ...]]
+    sha256: dict[str, str]
+
+
 Standing: TypeAlias = WallSection | SeatingSection
 
 
@@ -277,6 +300,7 @@ class DomeFile(Section):
     viewpoints: dict[str, ViewpointSection] = Field(default_factory=dict)
     viewing: ViewingSection
     sources: dict[str, str] = Field(default_factory=dict)
+    measured: MeasuredSection | None = None
 
     @field_validator("projector")
     @classmethod
@@ -318,7 +342,7 @@ class DomeFile(Section):
     @property
     def digest(self) -> str:
         """SHA-256 of all that light transport depends on."""
-        parts = {"name", "description", "sources", "viewing", "viewpoints", "ambient"}
+        parts = {"name", "description", "sources", "viewing", "viewpoints", "ambient", "measured"}
         content = self.model_dump(mode="json", exclude=parts, warnings=False)
         content["projector"].pop("black_cd_m2")
         if not self.lamps:  # their light is stored in units of white

@@ -16,6 +16,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     ),
     "What compensation does": (
         "wrong_model",
+        "measured_dome",
         "contrast_sensitivity",
         "gamma_coded",
         "channels_alone",

@@ -14,7 +14,8 @@ from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.furniture import box
 from domesim.observation.basis import disc_quadrature
-from domesim.observation.radiosity import _Sheet, radiosity
+from domesim.observation.enclosure import Enclosure, Sheet
+from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import closed_form_gain
 from domesim.observation.transport import Transport, sample_nodes
 from domesim.theatre import Cavity, Floor, Lamp, Lobe, Theatre, Wall
@@ -343,7 +344,7 @@ def test_form_factors_of_patches_are_their_integrals(name: str) -> None:
     radii, heights = ([0.0, 0.3, 0.8], [-0.5, -0.5, -0.5])
     if name == "wall":
         radii, heights = ([0.9, 0.9, 0.9], [-0.6, -0.3, 0.1])
-    sheet = _Sheet(name, np.array(radii), np.array(heights), 7)
+    sheet = Sheet(name, np.array(radii), np.array(heights), 7)
     points = np.array([[0.2, 0.1, 0.3], [-0.5, 0.4, 0.2], [0.1, -0.7, 0.05]])
     normals = np.array([[0.3, -0.2, -0.9], [0.4, -0.8, -0.5], [-0.7, 0.6, -0.2]])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
@@ -445,3 +446,19 @@ def test_what_makes_no_light_is_no_hindrance() -> None:
 def test_too_few_rings_are_refused(resolution: int) -> None:
     with pytest.raises(InputError, match=f"resolution must be at least 6, got {resolution}"):
         radiosity(ROOMS["recessed"], resolution=resolution)
+
+
+@pytest.mark.parametrize("name", ["floor", "wall"])
+def test_points_of_floor_and_wall_see_a_closed_room(name):
+    theatre = Theatre(
+        Dome(5.0, np.pi / 2),
+        (0.5, 0.5, 0.5),
+        floor=Floor(-1.5, 5.0, (0.2, 0.2, 0.2)),
+        wall=Wall(5.0, -1.5, 0.0, (0.1, 0.1, 0.1)),
+    )
+    room = Enclosure(theatre, 8)
+    points = {
+        "floor": np.array([[0.1, 0.2, -0.3], [0.5, -0.4, -0.3]]),
+        "wall": np.array([[0.6, 0.8, -0.1], [0.0, -1.0, -0.25]]),
+    }[name]
+    assert np.allclose(room.seen_from_sheet(name, points).sum(1), 1, atol=5e-3)

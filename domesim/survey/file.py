@@ -1,0 +1,282 @@
+"""The survey file (TOML): which photographs show which patterns, and what else is known.
+
+    theatre = "theatre.toml"         # the geometry, with albedos to start from
+    unit = "camera"                  # of photographs: "camera", or "cd/m2"
+
+    [camera]
+    mapping = "fisheye"              # or "domemaster": already mapped onto the screen
+    position_m = [0.0, -0.5, -0.3]
+    look_at_m = [0.0, 1.5, 1.0]
+    field_deg = 220.0
+
+    [[photographs]]
+    file = "white.exr"               # raw linear, in the projector's primaries
+    pattern = "patterns/white.png"   # the domemaster that was projected
+    exposure = 1.0
+
+    [[readings]]                     # instead of camera and photographs: a meter's
+    pattern = "patterns/white.png"
+    place_m = [0.0, 5.0, 1.0]
+    unit = "cd/m2"                   # or "lux"
+    value = 7.1
+    error = 0.1                      # standard error
+
+    [known]
+    wall = { value = 0.1, error = 0.05 }
+
+Files are sought beside the survey file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, model_validator
+
+from domesim.errors import InputError
+from domesim.frames import read_frame, read_master
+from domesim.frames.encodings import encoding_named
+from domesim.scene import DomeScene, load_dome
+from domesim.scene.fields import Number, Place, Section, three
+from domesim.scene.mistakes import all_mistakes
+from domesim.screening import decoded
+from domesim.survey.camera import Camera, domemaster_camera
+from domesim.survey.fit import Known
+from domesim.survey.nuisances import Errors
+from domesim.survey.photographs import Photographs
+from domesim.survey.spots import Reading
+
+Floats = NDArray[np.float64]
+
+Positive = Annotated[Number, Field(gt=0, le=1e6)]
+Small = Annotated[Number, Field(ge=0, le=100)]
+Primaries = Positive | tuple[Positive, Positive, Positive]
+NoPrimaries = Small | tuple[Small, Small, Small]
+
+
+class CameraSection(Section):
+    """Where photographs were taken from."""
+
+    mapping: Literal["fisheye", "domemaster"] = "fisheye"
+    position_m: Place | None = None
+    look_at_m: Place | None = None
+    field_deg: Annotated[Number, Field(gt=0, le=360)] | None = None
+
+    @model_validator(mode="after")
+    def _placed(self) -> Self:
+        given = [self.position_m, self.look_at_m, self.field_deg]
+        if self.mapping == "fisheye" and None in given:
+            raise ValueError("a fisheye needs position_m, look_at_m and field_deg")
+        if self.mapping == "domemaster" and any(part is not None for part in given):
+            raise ValueError("a domemaster has no position_m, look_at_m or field_deg")
+        return self
+
+
+class PhotographSection(Section):
+    """One photograph."""
+
+    file: str
+    pattern: str
+    exposure: Positive = 1.0
+
+
+class ReadingSection(Section):
+    """A meter's reading."""
+
+    pattern: str
+    place_m: Place
+    unit: Literal["cd/m2", "lux"]
+    value: Annotated[Number, Field(ge=0, le=1e6)]
+    error: Positive
+
+
+class KnownSection(Section):
+    """A figure from elsewhere, and its standard error."""
+
+    value: Primaries
+    error: NoPrimaries = 0.0
+
+
+class ErrorsSection(Section):
+    """Standard deviations of what is described; see `Errors`."""
+
+    camera_m: Small = Errors.camera_m
+    pointing_deg: Small = Errors.pointing_deg
+    vignetting: Small = Errors.vignetting
+    floor_m: Small = Errors.floor_m
+    model_screen: Small = Errors.model_screen
+    model_others: Small = Errors.model_others
+
+
+class SurveyFile(Section):
+    """A whole survey file."""
+
+    theatre: str
+    unit: Literal["camera", "cd/m2"] = "camera"
+    camera: CameraSection | None = None
+    photographs: tuple[PhotographSection, ...] = ()
+    readings: tuple[ReadingSection, ...] = ()
+    known: dict[Literal["gain", "screen", "floor", "wall"], KnownSection] = Field(
+        default_factory=dict
+    )
+    errors: ErrorsSection = ErrorsSection()
+
+    @model_validator(mode="after")
+    def _of_one_kind(self) -> Self:
+        if bool(self.photographs) == bool(self.readings):
+            raise ValueError("wanted either photographs or readings")
+        if self.photographs and self.camera is None:
+            raise ValueError("photographs need a [camera]")
+        return self
+
+    @property
+    def pattern_names(self) -> list[str]:
+        """Files of the patterns, each once."""
+        names = [shot.pattern for shot in self.photographs]
+        return list(dict.fromkeys([*names, *(one.pattern for one in self.readings)]))
+
+    @property
+    def absolute(self) -> bool:
+        """Whether white is found in cd/m²."""
+        return bool(self.readings) or self.unit == "cd/m2"
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a survey file asks for, with all that it names.
+
+    Attributes
+    ----------
+    file
+        What is written in it.
+    scene
+        The theatre as it is described; of lamps nothing is left, as the black photograph has them.
+    content
+        The theatre's file, as it is written.
+    patterns
+        (pattern, row, col, primary) light of the projected domemasters.
+    photographs, readings
+        What was seen of them: one or the other.
+    known, errors
+        What is known from elsewhere, and how well the description is known.
+    digests
+        File -> SHA-256.
+    """
+
+    file: SurveyFile
+    scene: DomeScene
+    content: Mapping[str, Any]
+    patterns: Floats
+    photographs: Photographs | None
+    readings: tuple[Reading, ...]
+    known: Mapping[str, Known]
+    errors: Errors
+    digests: Mapping[str, str]
+
+
+def read_survey(path: Path) -> Task:
+    """Read a survey file and what it names.
+
+    Raises
+    ------
+    InputError
+        With all mistakes of the file, or that of the first other file that has one.
+    """
+    file = _parsed(path)
+    folder = path.parent
+    where = folder / file.theatre
+    scene = load_dome(where if where.suffix == ".toml" else file.theatre)
+    content = _content(where, file.theatre)
+    scene = replace(scene, theatre=replace(scene.theatre, lamps=()))
+    names = file.pattern_names
+    patterns = _patterns([folder / name for name in names], scene)
+    files = [file.theatre, *names, *(shot.file for shot in file.photographs)]
+    return Task(
+        file=file,
+        scene=scene,
+        content=content,
+        patterns=patterns,
+        photographs=_photographs(file, folder, scene) if file.photographs else None,
+        readings=tuple(
+            Reading(names.index(one.pattern), one.place_m, one.unit, one.value, one.error)
+            for one in file.readings
+        ),
+        known={
+            name: Known(three(what.value), three(what.error)) for name, what in file.known.items()
+        },
+        errors=Errors(**file.errors.model_dump()),
+        digests={
+            name: hashlib.sha256((folder / name).read_bytes()).hexdigest()
+            for name in files
+            if (folder / name).is_file()
+        },
+    )
+
+
+def _parsed(path: Path) -> SurveyFile:
+    try:
+        return SurveyFile.model_validate(tomllib.loads(path.read_bytes().decode()))
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: a survey is a TOML text file in UTF-8, this is not") from None
+    except OSError as error:
+        raise InputError(f"{path}: wanted a survey's .toml file, got '{error.strerror}'") from error
+    except ValidationError as error:
+        raise InputError(all_mistakes(error, str(path), SurveyFile)) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not valid TOML: {error}") from None
+
+
+def _content(where: Path, name: str) -> Mapping[str, Any]:
+    if where.suffix != ".toml":
+        from importlib import resources  # noqa: PLC0415
+
+        return tomllib.loads(resources.files("scenes").joinpath(f"{name}.toml").read_text())
+    return tomllib.loads(where.read_text())
+
+
+def _photographs(file: SurveyFile, folder: Path, scene: DomeScene) -> Photographs:
+    shots = [_light(folder / shot.file) for shot in file.photographs]
+    if len({shot.shape for shot in shots}) > 1:
+        raise InputError("photographs must be of one size")
+    assert file.camera is not None
+    return Photographs(
+        _camera(file.camera, scene),
+        np.stack(shots),
+        np.array([file.pattern_names.index(shot.pattern) for shot in file.photographs]),
+        np.array([shot.exposure for shot in file.photographs]),
+    )
+
+
+def _camera(section: CameraSection, scene: DomeScene) -> Camera:
+    if section.position_m is None or section.look_at_m is None or section.field_deg is None:
+        return domemaster_camera(scene.theatre)
+    return Camera(section.position_m, section.look_at_m, float(np.radians(section.field_deg)))
+
+
+def _patterns(paths: list[Path], scene: DomeScene) -> Floats:
+    lights: list[Floats] = []
+    for path in paths:
+        light = np.asarray(decoded(read_master([path]), scene)[0], np.float64)
+        if lights and light.shape != lights[0].shape:
+            raise InputError(f"{path}: patterns must be of one size, as {paths[0].name}")
+        lights.append(light * scene.dome.inside(*light.shape[:2])[..., None])
+    return np.stack(lights)
+
+
+def _light(path: Path) -> Floats:
+    """(row, col, primary) raw linear values of a photograph."""
+    frame = read_frame(path, colour=encoding_named("linear"))
+    if frame.bits < 10:
+        raise InputError(
+            f"{path}: a photograph must be raw and linear, of 10 bits or more, got {frame.bits}; "
+            f"develop it without a curve (dcraw -4, or a linear EXR)"
+        )
+    return np.asarray(frame.pixels, np.float64)

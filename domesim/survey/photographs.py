@@ -1,0 +1,295 @@
+"""Photographs of patterns -> what small areas of the theatre show, and how sure that is.
+
+Pixels are averaged over cells of the screen, the floor and the wall. A pixel near an edge, of the
+pattern or of what is seen, counts for no cell: there, a camera that is a little elsewhere than
+stated would see something else. The noise of pixels is read off the photographs: differences of
+neighbours in a cell have twice its variance, and over all cells of a photograph the variance is
+
+    variance = a + b light + c light²        (read-out, photons, and noise that scales with light)
+
+so that a cell of few pixels is not trusted by chance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
+from scipy.optimize import nnls
+
+from domesim.errors import InputError
+from domesim.lenses import lens_gains
+from domesim.pathtrace.room import NOTHING
+from domesim.survey.camera import SURFACES, Camera, looked_at, places_in
+from domesim.survey.model import Places, surfaces_of
+from domesim.theatre import Theatre
+
+Floats = NDArray[np.float64]
+
+MARGIN = np.radians(3.0)
+"""Pixels so near to an edge are left out, radians of the camera's view."""
+RINGS = {"screen": 6, "floor": 4, "wall": 2}
+"""Cells from the middle of screen and floor to their edges, and from the wall's foot to its top."""
+_LEAST = 6
+"""Pixels of a cell; smaller ones are left out."""
+_POINTS = 8
+"""At which a cell's reflected light is computed."""
+_SMOOTH = 0.02
+"""Share of a pattern's brightest light by which it may change within the margin."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Photographs:
+    """Photographs from one place, all of one size.
+
+    Parameters
+    ----------
+    camera
+        Where from.
+    light
+        (photograph, row, col, primary) raw linear values, in the projector's primaries.
+    pattern
+        (photograph,) index of the pattern that each shows.
+    exposure
+        (photograph,) relative to each other, or to cd/m² if that is what values mean.
+    """
+
+    camera: Camera
+    light: Floats
+    pattern: NDArray[np.int64]
+    exposure: Floats
+
+    def __post_init__(self) -> None:
+        count, rows, cols, primaries = self.light.shape
+        if rows != cols or primaries != 3:
+            raise InputError(
+                f"photographs must be square, of three primaries, got {cols} x {rows} x {primaries}"
+            )
+        if self.pattern.shape != (count,) or self.exposure.shape != (count,):
+            raise InputError(f"{count} photographs need a pattern and an exposure each")
+        if not np.all((self.exposure > 0) & np.isfinite(self.exposure)):
+            raise InputError(f"exposures must be above 0, got {self.exposure.min():g}")
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """What was seen of each cell.
+
+    Attributes
+    ----------
+    places
+        The cells, for the model.
+    u, v
+        (cell, point) of `places.points` in the photographs, -1..1.
+    eccentricity
+        (cell,) mean squared distance from the photograph's centre, 1 at the rim of the view.
+    area
+        (cell,) share of the screen, of the cells that are on it; else 0.
+    value, variance
+        (photograph, cell, primary) mean light at unit exposure, and the noise of that.
+    pixels
+        (cell,) how many were averaged.
+    label
+        (row, col) which cell a pixel counts for; -1 for none.
+    """
+
+    places: Places
+    u: Floats
+    v: Floats
+    eccentricity: Floats
+    area: Floats
+    value: Floats
+    variance: Floats
+    pixels: NDArray[np.int64]
+    label: NDArray[np.int64]
+
+
+def direct_light(theatre: Theatre, patterns: Floats) -> Floats:
+    """(pattern, row, col, primary) light that projected domemasters put on the screen."""
+    _, rows, cols, _ = patterns.shape
+    gains = lens_gains(theatre, rows, cols).sum(0)
+    return np.asarray(patterns * gains[..., None] * theatre.dome.inside(rows, cols)[..., None])
+
+
+def cells_of(
+    theatre: Theatre, patterns: Floats, photographs: Photographs, *, margin: float = MARGIN
+) -> Cells:
+    """Average photographs over cells.
+
+    Parameters
+    ----------
+    theatre
+        As it is described.
+    patterns
+        (pattern, row, col, primary) light of the projected domemasters.
+    photographs
+        What was seen of them.
+    margin
+        Distance that is kept from edges, radians of the camera's view.
+
+    Raises
+    ------
+    InputError
+        If no cell of the screen is left.
+    """
+    camera, size = photographs.camera, photographs.light.shape[1]
+    u, v = places_in(size)
+    surface, points = looked_at(theatre, camera, u, v)
+    lit = direct_light(theatre, patterns)
+    direct = np.zeros((len(patterns), size, size, 3))
+    on_screen = surface == SURFACES["screen"]
+    if not on_screen.any():
+        raise InputError(
+            f"the camera at {camera.position} m sees nothing of the screen; is it below the floor, "
+            f"or does it look elsewhere?"
+        )
+    directions = points[on_screen] @ theatre.dome.to_room
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    row, col = theatre.dome.pixel_of(directions, lit.shape[1])
+    direct[:, on_screen] = lit[:, row, col]
+    clear = _clear(surface, direct, margin * size / camera.field)
+    label = _labels(theatre, surface, points)
+    label[~clear] = -1
+    label = _of_some_size(label)
+    if not np.any(on_screen & (label >= 0)):
+        raise InputError(
+            "no area of the screen is away from edges in all photographs; use patterns of few, "
+            "large, even parts"
+        )
+    return _averaged(theatre, photographs, label, surface, direct, (u, v))
+
+
+def _clear(surface: NDArray[np.int64], direct: Floats, reach: float) -> NDArray[np.bool_]:
+    """(row, col): pixels that see one surface, in light that changes little round about."""
+    window = 2 * max(1, int(np.ceil(reach))) + 1
+    clear = maximum_filter(surface, window) == minimum_filter(surface, window)
+    for one in direct:
+        brightest = one.max()
+        for primary in range(3):
+            plane = one[..., primary]
+            change = maximum_filter(plane, window) - minimum_filter(plane, window)
+            clear &= change <= _SMOOTH * brightest
+    return np.asarray(clear & (surface != NOTHING))
+
+
+def _labels(theatre: Theatre, surface: NDArray[np.int64], points: Floats) -> NDArray[np.int64]:
+    """(row, col): number of the cell that a pixel sees a part of; -1 for none."""
+    label = np.full(surface.shape, -1)
+    first = 0
+    for name in surfaces_of(theatre):
+        mine = surface == SURFACES[name]
+        x, y, z = points[mine].T
+        rings = RINGS[name]
+        turn = np.arctan2(y, x) / (2 * np.pi) + 0.5
+        if name == "screen":
+            local = points[mine] @ theatre.dome.to_room
+            turn = np.arctan2(local[:, 1], local[:, 0]) / (2 * np.pi) + 0.5
+            out = np.arctan2(np.hypot(local[:, 0], local[:, 1]), local[:, 2])
+            out = out / theatre.dome.half_angle
+        elif name == "floor":
+            assert theatre.floor is not None
+            out = np.hypot(x, y) / theatre.floor.radius
+        else:
+            assert theatre.wall is not None
+            out = (z - theatre.wall.bottom) / (theatre.wall.top - theatre.wall.bottom)
+        ring = np.clip((out * rings).astype(int), 0, rings - 1)
+        if name == "wall":
+            sectors = np.full(rings, 16)
+        else:
+            sectors = np.round(2 * np.pi * (np.arange(rings) + 0.5)).astype(int)
+        starts = np.concatenate([[0], np.cumsum(sectors)])
+        sector = np.minimum((turn * sectors[ring]).astype(int), sectors[ring] - 1)
+        label[mine] = first + starts[ring] + sector
+        first += int(starts[-1])
+    return label
+
+
+def _of_some_size(label: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The same with cells of few pixels left out, and numbers from 0."""
+    kept, index, count = np.unique(label, return_inverse=True, return_counts=True)
+    large = (kept >= 0) & (count >= _LEAST)
+    number = np.where(large, np.cumsum(large) - 1, -1)
+    return np.asarray(number[index.reshape(label.shape)])
+
+
+def _averaged(
+    theatre: Theatre,
+    photographs: Photographs,
+    label: NDArray[np.int64],
+    surface: NDArray[np.int64],
+    direct: Floats,
+    place: tuple[Floats, Floats],
+) -> Cells:
+    used = label >= 0
+    own, cells = label[used], int(label.max()) + 1
+    pixels = np.bincount(own, minlength=cells)
+
+    def mean(values: Floats) -> Floats:
+        flat = values[used]
+        return np.bincount(own, flat, cells) / pixels
+
+    def each(planes: Floats) -> Floats:
+        result = np.empty((len(planes), cells, 3))
+        for one, primary in np.ndindex(len(planes), 3):
+            result[one, :, primary] = mean(planes[one, ..., primary])
+        return result
+
+    light = photographs.light / photographs.exposure[:, None, None, None]
+    value = each(light)
+    # Some pixels of each cell, evenly spread over its rows
+    order = np.argsort(own, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(pixels)[:-1]])
+    pick = (np.arange(_POINTS) + 0.5) / _POINTS
+    chosen = order[(starts[:, None] + pixels[:, None] * pick).astype(int)]
+    # Moved together, so that their mean is the cell's
+    u, v = (
+        part[used][chosen] + (mean(part) - part[used][chosen].mean(1))[:, None] for part in place
+    )
+    _, seen = looked_at(theatre, photographs.camera, u, v)
+    numbers = {SURFACES[name]: n for n, name in enumerate(surfaces_of(theatre))}
+    kinds = np.array([numbers[int(kind)] for kind in surface[used][chosen[:, 0]]])
+    places = Places(kinds, seen, each(direct))
+    away = mean(place[0] ** 2 + place[1] ** 2)
+    # Pixels of a fisheye are about equal in solid angle; on the screen, so are they in area.
+    area = np.where(kinds == 0, pixels, 0) / max(1, int(pixels[kinds == 0].sum()))
+    variance = _variance(light, label, value, pixels)
+    return Cells(places, u, v, away, area, value, variance, pixels, label)
+
+
+def _variance(
+    light: Floats, label: NDArray[np.int64], value: Floats, pixels: NDArray[np.int64]
+) -> Floats:
+    """(photograph, cell, primary) of cells' means, from differences of neighbours."""
+    pairs = (label[:, 1:] == label[:, :-1]) & (label[:, 1:] >= 0)
+    own = label[:, 1:][pairs]
+    count = np.bincount(own, minlength=len(pixels))
+    usable = count >= 3
+    result = np.empty_like(value)
+    for one, primary in np.ndindex(len(light), 3):
+        plane = light[one, ..., primary]
+        half = (plane[:, 1:] - plane[:, :-1])[pairs] ** 2 / 2
+        local = np.bincount(own, half, len(pixels)) / np.maximum(count, 1)
+        result[one, :, primary] = _smoothed(value[one, :, primary], local, count, usable) / pixels
+    return result
+
+
+def _smoothed(
+    value: Floats, local: Floats, count: NDArray[np.int64], usable: NDArray[np.bool_]
+) -> Floats:
+    """(cell,) variance of a pixel as a + b light + c light², fitted to the cells' own."""
+    level = np.abs(value)
+    terms = np.stack([np.ones_like(level), level, level**2], 1)
+    scale = np.maximum(terms.max(0), 1e-300)
+    fitted = np.maximum(local, 1e-300)
+    guess = np.full_like(level, max(float(np.mean(local[usable])), 1e-300))
+    for _ in range(4):
+        weight = np.sqrt(count[usable]) / guess[usable]
+        target = fitted[usable] * weight
+        found, _ = nnls(terms[usable] / scale * weight[:, None], target)
+        guess = np.maximum(terms @ (found / scale), 1e-3 * guess)
+    return guess

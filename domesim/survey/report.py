@@ -1,0 +1,158 @@
+"""What a survey found: lines for a person, figures for a program, a picture, and a scene file."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.scene.writing import as_toml
+from domesim.survey.file import Task
+from domesim.survey.fit import GAIN, SIGMAS, Survey
+from domesim.survey.photographs import Cells
+
+Floats = NDArray[np.float64]
+
+
+def lines_of(task: Task, found: Survey) -> list[str]:
+    """What was found, for a person."""
+    lines = []
+    unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
+    for name, value, error, answered in zip(
+        found.names, found.value, found.error, found.answered, strict=True
+    ):
+        told = [
+            f"{p} {v:.4g} ± {SIGMAS * e:.2g}" if good else f"{p} not determined"
+            for p, v, e, good in zip("RGB", value, error, answered, strict=True)
+        ]
+        what = f"white, direct light alone ({unit})" if name == GAIN else f"{name} albedo"
+        lines.append(f"{what}: {', '.join(told)}")
+    if found.answered[0].all():
+        told = [
+            f"{p} {v:.3g} ± {SIGMAS * e:.1g}"
+            for p, v, e in zip("RGB", found.ambient, found.ambient_error, strict=True)
+        ]
+        lines.append(f"black as it is seen, of white: {', '.join(told)}")
+    verdict = "noise alone explains the residuals"
+    if not found.plausible:
+        verdict = (
+            f"more than noise: each place is off by another {found.model_error:.2%}, which the "
+            f"intervals have been widened for"
+        )
+    lines.append(f"fit: chi² {found.chi2:.0f} for {found.degrees} degrees of freedom; {verdict}")
+    for name, (value, error) in found.nuisances.items():
+        if abs(value) > 3:
+            lines.append(
+                f"check the description: {name} is {value:+.1f} ± {error:.1f} of its stated error"
+            )
+    return lines + [f"not told apart: {line}" for line in found.confusions]
+
+
+def figures_of(found: Survey) -> dict[str, Any]:
+    """The same for a program; what is not answered is null."""
+
+    def table(values: Floats, answered: NDArray[np.bool_]) -> dict[str, list[float | None]]:
+        return {
+            name: [float(v) if good else None for v, good in zip(row, goods, strict=True)]
+            for name, row, goods in zip(found.names, values, answered, strict=True)
+        }
+
+    return {
+        "values": table(found.value, found.answered),
+        "standard_errors": table(found.error, np.ones_like(found.answered)),
+        "correlations": [found.correlation(p).tolist() for p in range(3)],
+        "ambient_of_white": found.ambient.tolist(),
+        "ambient_standard_error": found.ambient_error.tolist(),
+        "chi2": found.chi2,
+        "degrees_of_freedom": found.degrees,
+        "model_error": found.model_error,
+        "nuisances": {name: list(pair) for name, pair in found.nuisances.items()},
+        "undetermined": list(found.confusions),
+    }
+
+
+def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
+    """The theatre's file with what was found in it.
+
+    Raises
+    ------
+    ValueError
+        If not everything is answered.
+    """
+    if not found.complete:
+        raise ValueError("a scene needs all of its figures answered")
+    content: dict[str, Any] = {key: _copied(value) for key, value in task.content.items()}
+    values = dict(zip(found.names, found.value, strict=True))
+    content["name"] = name
+    content["description"] = f"{task.scene.description} As measured: {survey.name}."
+    kept = 1 - task.scene.theatre.perforation
+    content["screen"]["albedo"] = _numbers(values["screen"] / kept)
+    for surface in ("floor", "wall"):
+        if surface in values:
+            content[surface]["albedo"] = _numbers(values[surface])
+    weights = task.scene.projector.luminance_weights
+    white = task.scene.projector.white
+    projector = content["projector"]
+    if task.file.absolute:
+        white = float(weights @ values[GAIN])
+        projector.pop("lumens", None)
+        projector["white_cd_m2"] = white
+    projector["black_cd_m2"] = max(0.0, float(weights @ found.ambient) * white)
+    content["ambient"] = {"luminance_cd_m2": 0.0}
+    content.pop("lamps", None)
+    measured = ", ".join(f"{surface}.albedo" for surface in found.names[1:])
+    content["sources"] = {
+        **{
+            key: text
+            for key, text in content.get("sources", {}).items()
+            if not key.startswith(("screen.albedo", "floor", "wall", "lamps"))
+        },
+        f"{measured}, projector.black_cd_m2": f"measured: {survey.name}",
+    }
+    content["measured"] = {
+        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "survey": survey.name,
+        "unit": "cd/m2" if task.file.absolute else "camera",
+        "parameters": list(found.names),
+        "chi2": found.chi2,
+        "degrees_of_freedom": found.degrees,
+        "model_error": found.model_error,
+        "values": {n: _numbers(row) for n, row in zip(found.names, found.value, strict=True)},
+        "standard_errors": {
+            n: _numbers(row) for n, row in zip(found.names, found.error, strict=True)
+        },
+        "correlations": {
+            "RGB"[p]: [_numbers(row) for row in found.correlation(p)] for p in range(3)
+        },
+        "sha256": dict(task.digests),
+    }
+    return as_toml(content)
+
+
+def residual_picture(cells: Cells, found: Survey) -> NDArray[np.uint8]:
+    """(row, col, RGB): residuals of each photograph beside each other; red is brighter than model.
+
+    The strongest colour is five standard errors, in the second primary; grey is what was left out.
+    """
+    from matplotlib import colormaps  # noqa: PLC0415 (slow)
+
+    colours = colormaps["RdBu_r"]
+    pictures = []
+    for residual in found.residual[..., 1]:
+        shown = np.full((*cells.label.shape, 3), 0.5)
+        used = cells.label >= 0
+        shown[used] = colours(np.clip(0.5 + residual / 10, 0, 1))[cells.label[used], :3]
+        pictures.append(shown)
+    return np.asarray(np.round(np.concatenate(pictures, 1) * 255), np.uint8)
+
+
+def _numbers(values: Floats) -> list[float]:
+    return [float(f"{value:.8g}") for value in values]
+
+
+def _copied(value: Any) -> Any:
+    return dict(value) if isinstance(value, Mapping) else value

@@ -1,0 +1,130 @@
+"""A survey from photographs or readings to figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.scene.fields import three
+from domesim.survey.file import Task
+from domesim.survey.fit import Evidence, Known, Survey, survey
+from domesim.survey.model import Interreflection, nominal_albedos, surfaces_of
+from domesim.survey.nuisances import Errors, effects_of
+from domesim.survey.photographs import Cells, Photographs, cells_of
+from domesim.survey.spots import Reading, evidence_of, grey
+from domesim.theatre import Theatre
+
+Floats = NDArray[np.float64]
+
+WALL_ERROR = 0.5
+"""Of a described wall's albedo, relative, if nothing else is said of it: little of it is seen."""
+_WALL_ERROR = 0.05
+"""The same, absolute, at most: beyond it a wall would be no answer for itself (`WIDEST`)."""
+
+
+def surveyed(task: Task, known: Mapping[str, Known]) -> tuple[Cells | None, Survey]:
+    """What a survey file tells, and the photographs' cells if there are photographs.
+
+    `known` comes before what the file knows.
+    """
+    known = {**task.known, **known}
+    theatre = task.scene.theatre
+    if task.photographs is not None:
+        return survey_of(theatre, task.patterns, task.photographs, known, task.errors)
+    weights = task.scene.projector.luminance_weights
+    return None, survey_of_spots(theatre, task.patterns, task.readings, known, weights)
+
+
+def survey_of_spots(
+    theatre: Theatre,
+    patterns: Floats,
+    readings: Sequence[Reading],
+    known: Mapping[str, Known],
+    weights: Floats,
+    *,
+    profile: bool = True,
+) -> Survey:
+    """What readings tell: the same for all primaries.
+
+    Parameters
+    ----------
+    theatre, patterns, known, profile
+        As for `survey_of`.
+    readings
+        Of a luminance or lux meter.
+    weights
+        (primary,) shares of the primaries in the luminance of white.
+
+    Raises
+    ------
+    InputError
+        If the theatre is beyond the model, or the readings cannot be used.
+    """
+    shown = grey(patterns, weights)
+    seen = evidence_of(theatre, shown, readings)
+    albedos = np.repeat((nominal_albedos(theatre) @ weights)[:, None], 3, 1)
+    surfaces = surfaces_of(theatre)
+    known = _with_wall(known, surfaces, albedos)
+    light = Interreflection(theatre, shown)
+    return survey(light, seen, albedos, surfaces, known, profile=profile)
+
+
+def _with_wall(
+    known: Mapping[str, Known], surfaces: tuple[str, ...], albedos: Floats
+) -> Mapping[str, Known]:
+    if "wall" not in surfaces or "wall" in known:
+        return known
+    value = three(albedos[surfaces.index("wall")])
+    spread = three(np.minimum(WALL_ERROR * np.asarray(value), _WALL_ERROR))
+    return {**known, "wall": Known(value, spread)}
+
+
+def survey_of(
+    theatre: Theatre,
+    patterns: Floats,
+    photographs: Photographs,
+    known: Mapping[str, Known],
+    errors: Errors,
+    *,
+    profile: bool = True,
+) -> tuple[Cells, Survey]:
+    """The cells of photographs, and what they tell of the theatre.
+
+    Parameters
+    ----------
+    theatre
+        As it is described; its albedos are where the search starts, and the wall's is taken to be
+        right within `WALL_ERROR` unless it is among what is known.
+    patterns
+        (pattern, row, col, primary) light of the projected domemasters.
+    photographs
+        Of them.
+    known
+        Of gain, screen, floor and wall.
+    errors
+        Of the description.
+    profile
+        As for `survey`.
+
+    Raises
+    ------
+    InputError
+        If the theatre is beyond the model, or the photographs cannot be used.
+    """
+    surfaces, albedos = surfaces_of(theatre), nominal_albedos(theatre)
+    light = Interreflection(theatre, patterns)
+    cells = cells_of(theatre, patterns, photographs)
+    names, effects = effects_of(theatre, photographs.camera, cells, patterns, light, errors)
+    known = _with_wall(known, surfaces, albedos)
+    evidence = Evidence(
+        cells.places,
+        photographs.pattern,
+        cells.value,
+        cells.variance,
+        cells.area,
+        names,
+        effects if names else None,
+    )
+    return cells, survey(light, evidence, albedos, surfaces, known, profile=profile)

@@ -1,0 +1,137 @@
+"""A virtual laboratory: path-traced photographs of a theatre, with a real camera's faults.
+
+What is fitted to them computes light without random numbers (`domesim.survey.model`); here walks
+are traced, so the two share no code for reflected light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.dome import Dome
+from domesim.pathtrace.tracer import Settings, Tracer
+from domesim.scene.fields import three
+from domesim.survey.camera import Camera, places_in
+from domesim.survey.photographs import Photographs
+from domesim.theatre import Theatre
+
+Floats = NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True)
+class Faults:
+    """What is wrong with a photograph, and what a camera makes of light.
+
+    Parameters
+    ----------
+    noise
+        Standard deviation of a pixel, relative to its light.
+    read_out
+        Of a pixel in the dark, of the value that white has.
+    gain
+        (primary,) value of projector white.
+    vignetting
+        Light that is lost at the rim of the view.
+    camera_m, turn_deg
+        Where the camera is beside what is stated: m, and degrees about the room's axes.
+    bits
+        Of the camera; twice the brightest white saturates.
+    """
+
+    noise: float = 0.01
+    read_out: float = 1e-4
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    vignetting: float = 0.0
+    camera_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    bits: int = 16
+
+
+def patterns_for(dome: Dome, size: int) -> Floats:
+    """(pattern, row, col, primary): black, white, half domes, a zenith cap, a rim, two sectors."""
+    x, y, z = np.moveaxis(dome.directions(size, size), -1, 0)
+    polar = np.arccos(np.clip(z, -1, 1)) / dome.half_angle
+    shapes = (
+        np.zeros_like(z),
+        np.ones_like(z),
+        y > 0,
+        x > 0,
+        polar < 0.4,
+        polar > 0.75,
+        (x > 0) == (y > 0),
+    )
+    lit = np.stack([np.asarray(shape, np.float64) for shape in shapes])
+    return np.repeat((lit * dome.inside(size, size))[..., None], 3, -1)
+
+
+def photographed(
+    theatre: Theatre,
+    camera: Camera,
+    patterns: Floats,
+    faults: Faults,
+    *,
+    ambient: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    size: int = 96,
+    walks: int = 32,
+    seed: int = 0,
+) -> Photographs:
+    """Photographs of patterns, one each.
+
+    Parameters
+    ----------
+    theatre
+        As it is, not as it is described.
+    camera
+        As it is described.
+    patterns
+        (pattern, row, col, primary) light of projected domemasters.
+    faults
+        Of camera and photographs.
+    ambient
+        Light of a black picture on the screen, 1 = projector white; projectors' black, so that it
+        is reflected as any picture is, and falls off to the rim.
+    size
+        Pixels a side of the photographs.
+    walks
+        Traced a pixel: they are noise as well.
+    seed
+        Of the random numbers.
+    """
+    tracer = Tracer(theatre)
+    moved = replace(
+        camera,
+        position=three(np.add(camera.position, faults.camera_m)),
+        look_at=three(np.add(camera.look_at, faults.camera_m)),
+        turn=three(np.radians(faults.turn_deg)),
+    )
+    u, v = places_in(size)
+    rays = moved.rays(u, v)
+    settings = Settings(error=1e-9, least=walks, most=walks)
+    inside = theatre.dome.inside(*patterns.shape[1:3])
+    falling = 1 - 0.3 * np.arccos(theatre.dome.directions(*patterns.shape[1:3])[..., 2])
+    black = np.maximum(falling, 0.1)[..., None] * np.asarray(ambient) * inside[..., None]
+    rng = np.random.default_rng(seed)
+    result = np.zeros((len(patterns), size, size, 3))
+    for number, pattern in enumerate(patterns):
+        lit = pattern + black
+        if lit.max() > 0:
+            traced = tracer.along(
+                tracer.picture(lit),
+                moved.position,
+                rays,
+                replace(settings, seed=int(rng.integers(1 << 30))),
+            )
+            result[number] = traced.mean
+    result *= np.asarray(faults.gain)
+    result *= (1 - faults.vignetting * (u**2 + v**2))[..., None]
+    spread = np.hypot(faults.noise * result, faults.read_out * max(faults.gain))
+    result += spread * rng.standard_normal(result.shape)
+    step = 2 * max(faults.gain) / (1 << faults.bits)
+    result = np.clip(np.round(result / step), 0, (1 << faults.bits) - 1) * step
+    result[:, np.hypot(u, v) > 1] = 0
+    return Photographs(camera, result, np.arange(len(patterns)), np.ones(len(patterns)))
