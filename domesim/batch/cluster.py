@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import queue
+import signal
 import threading
 import time
 from collections import Counter
@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
+from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias, final
 
 from domesim.batch.job import versions
@@ -92,16 +93,23 @@ def in_cluster(
     ------
     InputError
         If the scheduler cannot be reached, is lost, or its workers lack this program.
+    KeyboardInterrupt
+        If Ctrl-C was typed; the first lets frames under way end.
     """
     with _client(crew, tell) as client:
         hall = _Hall(client, crew, tell)
         running: dict[str, tuple[Order, Future]] = {}
-        ended: queue.SimpleQueue[str] = queue.SimpleQueue()
+        ended: SimpleQueue[str] = SimpleQueue()
         waiting = list(reversed(orders))
         cancelled: Counter[Order] = Counter()
-        interrupted, needed = False, dict(crew.resources) or None
-        try:
+        needed = dict(crew.resources) or None
+        interrupted = False
+        with _ctrl_c(lambda: ended.put("")) as asked, _left_if_broken(client):
             while waiting or running:
+                if asked.is_set() and not interrupted:
+                    interrupted, waiting = True, []
+                    tell(f"Ending the {len(running)} frames under way; Ctrl-C again leaves them")
+                    continue
                 try:
                     while waiting and len(running) < hall.places():
                         order = waiting.pop()
@@ -111,8 +119,10 @@ def in_cluster(
                         future.add_done_callback(lambda future: ended.put(future.key))
                     try:
                         key = ended.get(timeout=_LOOK)
-                    except queue.Empty:
+                    except Empty:
                         hall.require_scheduler()
+                        continue
+                    if not key:
                         continue
                     order, future = running.pop(key)
                     outcome = _outcome(order, future)
@@ -129,14 +139,6 @@ def in_cluster(
                 except Exception:
                     hall.require_scheduler()  # of which everything else may be a consequence
                     raise
-                except KeyboardInterrupt:
-                    if interrupted or not running:
-                        raise
-                    interrupted, waiting = True, []
-                    tell(f"Ending the {len(running)} frames under way; Ctrl-C again leaves them")
-        except BaseException:
-            _leave(client)
-            raise
         if interrupted:
             raise KeyboardInterrupt
 
@@ -290,11 +292,39 @@ def _environment(threads: int) -> dict[str, str]:
     return {**single, "OMP_NUM_THREADS": str(threads), "PYTHONWARNINGS": "ignore"}
 
 
-def _leave(client: Client) -> None:
-    """Let go of the workers at once."""
-    with contextlib.suppress(Exception):
-        if client.cluster is not None:
-            client.cluster.close(timeout=5)
+@contextmanager
+def _ctrl_c(wake: Callable[[], None]) -> Iterator[threading.Event]:
+    """Set at the first Ctrl-C, which would else break off between any two steps; then `wake` is
+    called. The second one is an exception as ever.
+    """
+    asked, before = threading.Event(), signal.getsignal(signal.SIGINT)
+    main = threading.current_thread() is threading.main_thread()
+    if not main or before is not signal.default_int_handler:
+        yield asked
+        return
+
+    def note(number: int, frame: Any) -> None:
+        signal.signal(signal.SIGINT, before)
+        asked.set()
+        wake()
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def _left_if_broken(client: Client) -> Iterator[None]:
+    """Let go of the workers at once if the run breaks off."""
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(Exception):
+            if client.cluster is not None:
+                client.cluster.close(timeout=5)
+        raise
 
 
 def _require_alike(client: Client, crew: Crew, tell: Callable[[str], None]) -> None:

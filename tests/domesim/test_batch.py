@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -427,6 +428,43 @@ def test_a_run_that_was_ended_goes_on(end: str, tmp_path: Path, recipe: Harmful)
     assert {name: records(tmp_path)[name] for name in before} == before
     assert len(recipe.begun()) - begun == 6 - len(before)
     assert is_whole(tmp_path, 6)
+
+
+class Interrupting(SimpleQueue[str]):
+    """Ctrl-C comes when the third frame's end has just been heard of."""
+
+    heard = 0
+
+    def get(self, block: bool = True, timeout: float | None = None) -> str:
+        key = super().get(block, timeout)
+        self.heard += 1
+        if self.heard == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+        return key
+
+
+def test_ctrl_c_loses_no_frame_whenever_it_comes(
+    tmp_path: Path, recipe: Harmful, monkeypatch: Any
+) -> None:
+    """The command once waited for ever for a frame that it had heard of."""
+    make_show(tmp_path / "in", 40)
+    monkeypatch.setattr(cluster, "SimpleQueue", Interrupting)
+
+    def late(number: int, frame: Any) -> None:
+        raise TimeoutError("still waiting")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE / 3)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            copied(tmp_path, recipe, 2)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    kept = [name.removesuffix(".json") for name in records(tmp_path)]
+    assert 3 <= len(kept) < 40
+    assert sorted(kept) == recipe.begun()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_lost_scheduler_is_told_and_nothing_is_lost(tmp_path: Path, recipe: Harmful) -> None:
