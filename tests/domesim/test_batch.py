@@ -453,18 +453,22 @@ def test_ctrl_c_loses_no_frame_whenever_it_comes(
     def late(number: int, frame: Any) -> None:
         raise TimeoutError("still waiting")
 
-    before = signal.signal(signal.SIGALRM, late)
+    # Who runs tests in the background makes them ignore Ctrl-C
+    usual = signal.default_int_handler
+    handlers = {signal.SIGALRM: late, signal.SIGINT: usual}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     signal.setitimer(signal.ITIMER_REAL, PATIENCE / 3)
     try:
         with pytest.raises(KeyboardInterrupt):
             copied(tmp_path, recipe, 2)
+        assert signal.getsignal(signal.SIGINT) is usual
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
     kept = [name.removesuffix(".json") for name in records(tmp_path)]
     assert 3 <= len(kept) < 40
     assert sorted(kept) == recipe.begun()
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_lost_scheduler_is_told_and_nothing_is_lost(tmp_path: Path, recipe: Harmful) -> None:
