@@ -89,9 +89,8 @@ class Compensating(Recipe):
         require_method(self.method, theatre)
         if not 0 < self.tolerance < 1:
             raise InputError(f"tolerance must lie between 0 and 1, got {self.tolerance:g}")
-        worst = self.scene.seat == "worst"
+        several = isinstance(theatre, StereoScene) and len(theatre.chosen) > 1
         if self.only_visible:
-            several = isinstance(theatre, StereoScene) and len(theatre.chosen) > 1
             table = isinstance(theatre, StereoScene) and theatre.table is not None
             if self.method != "perceptual" or several or table or self.device != CPU:
                 raise InputError(
@@ -103,7 +102,7 @@ class Compensating(Recipe):
                 raise InputError(
                     f"--device {self.device}: {self.method} is computed on the processor only"
                 )
-            if worst and isinstance(theatre, StereoScene) and len(theatre.chosen) > 1:
+            if several and self.scene.seat == "worst":
                 raise InputError(
                     f"--seat worst: {self.method} knows one seat or the mean of all; use "
                     f"--seat all, name one, or leave --method out"

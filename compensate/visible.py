@@ -45,4 +45,9 @@ class OnlyVisible:
         mask = remaining(self.posed, self.prediction).mask
         density = self.posed.scene.viewing.pixels_per_degree(*self.posed.screen.shape)
         boxes = regions(mask, round(MARGIN * density))
-        return Windows(tuple(boxes), round(REACH * density), self.solver)(problem, start)
+        return Windows(tuple(boxes), reach_of(self.posed), self.solver)(problem, start)
+
+
+def reach_of(posed: Posed) -> int:
+    """`REACH` in pixels."""
+    return round(REACH * posed.scene.viewing.pixels_per_degree(*posed.screen.shape))

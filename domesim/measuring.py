@@ -417,40 +417,43 @@ def _png(pixels: NDArray[np.uint8]) -> bytes:
 
 _RIG = "what van Baar et al. 2011 have"
 
-_SCENE = """\
-name = {name}
-description = {description}
+
+def _scene_text(middle: str, sources: str) -> str:
+    """The template of a scene file: its projector and crosstalk, and where they are from."""
+    return f"""name = {{name}}
+description = {{description}}
 
 [screen]
-width_m = {width!r}
-height_m = {height!r}
+width_m = {{width!r}}
+height_m = {{height!r}}
 
 [projector]
+{middle}[viewing]
+distance_m = {{distance!r}}
+adaptation_cd_m2 = {{adaptation!r}}
+
+[sources]
+"screen" = "{{screen}}"
+{sources}"viewing" = "{{viewing}}"
+"""
+
+
+_SCENE = _scene_text(
+    """\
 primaries = "measured"
 
 [crosstalk]
 readings = {readings}
 {black}{negative}
-[viewing]
-distance_m = {distance!r}
-adaptation_cd_m2 = {adaptation!r}
-
-[sources]
-"screen" = "{screen}"
+""",
+    """\
 "projector, crosstalk" = "measured, see the readings"
-"viewing" = "{viewing}"
-"""
+""",
+)
 
 
-_GREY_SCENE = """\
-name = {name}
-description = {description}
-
-[screen]
-width_m = {width!r}
-height_m = {height!r}
-
-[projector]
+_GREY_SCENE = _scene_text(
+    """\
 primaries = {primaries}
 white_cd_m2 = {white:.6g}
 black_cd_m2 = {black:.6g}
@@ -460,27 +463,16 @@ levels = {levels}
 to_left = {to_left}
 to_right = {to_right}
 
-[viewing]
-distance_m = {distance!r}
-adaptation_cd_m2 = {adaptation!r}
-
-[sources]
-"screen" = "{screen}"
+""",
+    """\
 "projector.primaries" = "{colours}"
 "projector.white_cd_m2, projector.black_cd_m2, crosstalk" = {source}
-"viewing" = "{viewing}"
-"""
+""",
+)
 
 
-_PHOTOGRAPHED = """\
-name = {name}
-description = {description}
-
-[screen]
-width_m = {width!r}
-height_m = {height!r}
-
-[projector]
+_PHOTOGRAPHED = _scene_text(
+    """\
 primaries = {primaries}
 white_cd_m2 = {white!r}
 black_cd_m2 = {black!r}
@@ -492,17 +484,13 @@ to_right = {to_right}
 [[seats]]
 name = {seat}
 
-[viewing]
-distance_m = {distance!r}
-adaptation_cd_m2 = {adaptation!r}
-
-[sources]
-"screen" = "{screen}"
+""",
+    """\
 "projector.primaries" = "{colours}"
 "projector.white_cd_m2, projector.black_cd_m2" = "given to domesim measure"
 "crosstalk" = {source}
-"viewing" = "{viewing}"
-"""
+""",
+)
 
 
 def _numbers(values: ArrayLike) -> str:

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 WALL_ERROR = 0.5
 """Of a described wall's albedo, relative, if nothing else is said of it: little of it is seen."""
-_WALL_ERROR = 0.05
+_WALL_ERROR_AT_MOST = 0.05
 """The same, absolute, at most: beyond it a wall would be no answer for itself (`WIDEST`)."""
 
 
@@ -77,7 +77,7 @@ def _with_wall(
     if "wall" not in surfaces or "wall" in known:
         return known
     value = three(albedos[surfaces.index("wall")])
-    spread = three(np.minimum(WALL_ERROR * np.asarray(value), _WALL_ERROR))
+    spread = three(np.minimum(WALL_ERROR * np.asarray(value), _WALL_ERROR_AT_MOST))
     return {**known, "wall": Known(value, spread)}
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
-import sys
 import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import outcome_of
 from test_readings import BLACK, CRT, LEFT, NOISE, RIGHT, TO_LEFT, TO_RIGHT, Rig, real
 
-from domesim import cli
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.measurement.pair import measured_pair
@@ -29,21 +28,7 @@ ROWS, COLS = 5, 7
 @pytest.fixture
 def run(monkeypatch, capfd):
     """The command: its exit code, standard output and standard error."""
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["domesim", *map(str, arguments)])
-        capfd.readouterr()
-        code = 0
-        try:
-            cli.run()
-        except SystemExit as end:
-            code = end.code or 0
-        seen = capfd.readouterr()
-        assert "Traceback" not in seen.out + seen.err
-        return code, seen.out, seen.err
-
-    return run
+    return lambda *arguments: outcome_of(monkeypatch, capfd, *arguments)
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ from compensate.prediction import Prediction, remaining
 from compensate.solver.admm import ADMM
 from compensate.solver.result import Result
 from compensate.solver.windows import Windows
-from compensate.visible import REACH, OnlyVisible
+from compensate.visible import OnlyVisible, reach_of
 from domesim.light import Light
 from validation.experiment import (
     Check,
@@ -142,11 +142,6 @@ def area(posed: Posed, cols: float, rows: float) -> Area:
     solver = Windows(((box[0], box[1]),), reach_of(posed), ADMM())
     result, seconds = timed(lambda: solver(posed.problem, posed.subtractive))
     return Area(rows * cols, result.ffts, result.iterations, seconds)
-
-
-def reach_of(posed: Posed) -> int:
-    """Of windows, pixels."""
-    return round(REACH * posed.scene.viewing.pixels_per_degree(*posed.screen.shape))
 
 
 def timed(solve: Callable[[], Result]) -> tuple[Result, float]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import outcome_of
 
-from domesim import cli
 from domesim.frames import ColourTag, Frame, write_frame
 from domesim.scene import load_dome
 from domesim.scene.writing import as_toml
@@ -90,21 +89,7 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture
 def run(monkeypatch, capfd):
     """The command: its exit code, standard output and standard error."""
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["domesim", "measure", "dome", *map(str, arguments)])
-        capfd.readouterr()
-        code = 0
-        try:
-            cli.run()
-        except SystemExit as end:
-            code = end.code or 0
-        seen = capfd.readouterr()
-        assert "Traceback" not in seen.out + seen.err
-        return code, seen.out, seen.err
-
-    return run
+    return lambda *arguments: outcome_of(monkeypatch, capfd, "measure", "dome", *arguments)
 
 
 def test_a_theatre_is_measured_and_its_scene_loads(folder, run):
