@@ -232,13 +232,7 @@ class _Run:
 
     def _finer(self, s: Planes, depth: int, ratio: float) -> Planes:
         fine, coarse = self._split.levels[depth : depth + 2]
-        assert isinstance(fine, BoxLevel)
-        assert isinstance(coarse, BoxLevel)
-        weights = coarse.weights(self._penalties[0])
-        return [
-            fine.finer(p, plane, weight, ratio, coarse)
-            for p, (plane, weight) in enumerate(zip(s, weights, strict=True))
-        ]
+        return coarse.finer(s, coarse.weights(self._penalties[0]), ratio, fine)
 
     def _fine(self, s: Planes) -> Status | None:
         settings, level = self._settings, self._level

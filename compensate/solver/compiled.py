@@ -99,34 +99,34 @@ def lower_bound(
 
 @_COMPILED
 def nearest_pair(
-    z: Any, other_z: Any, s: Any, other_s: Any, k: Any, own: Any, other: Any, lower: Any,
-    upper: Any, shrink: Any,
+    z: Any, other_z: Any, s: Any, other_s: Any, contrast: Any, other_contrast: Any, lower: Any,
+    other_lower: Any, own: Any, other_own: Any, other: Any, other_other: Any, width: Any,
+    other_width: Any, shrink: Any,
 ) -> None:  # fmt: skip
-    """`SeenLevel.feasible` of one primary whose leaks stay in it: planes of both eyes.
-
-    K, slopes and bounds are (view, row, col).
-    """
+    """`SeenLevel.feasible` of one primary whose leaks stay in it: planes of both eyes."""
     rows, cols = z.shape
     for i in numba.prange(rows):
         for j in range(cols):
-            kl, kr = k[0, i, j], k[1, i, j]
-            a, b, e, f = own[0, i, j], other[0, i, j], other[1, i, j], own[1, i, j]
+            kl, kr = contrast[i, j], other_contrast[i, j]
+            a, b = at(own, i, j), at(other, i, j)
+            f, e = at(other_own, i, j), at(other_other, i, j)
             left, right = s[i, j] * shrink / kl, other_s[i, j] * shrink / kr
             determinant = a * f - b * e
             x, y = (f * left - b * right) / determinant, (a * right - e * left) / determinant
-            x1, y1 = min(max(x, lower[0, i, j]), upper[0, i, j]), y
-            y1 = min(max(y, lower[1, i, j]), upper[1, i, j])
+            low, other_low = lower[i, j], other_lower[i, j]
+            high, other_high = low + at(width, i, j), other_low + at(other_width, i, j)
+            x1, y1 = min(max(x, low), high), min(max(y, other_low), other_high)
             if x1 != x or y1 != y:
                 hx, hy = (kl * a) ** 2 + (kr * e) ** 2, (kl * b) ** 2 + (kr * f) ** 2
                 h = kl * kl * a * b + kr * kr * e * f
                 # Each eye's best light where the other's is at its bound
-                x2 = min(max(x - h / hx * (y1 - y), lower[0, i, j]), upper[0, i, j])
-                y2 = min(max(y - h / hy * (x1 - x), lower[1, i, j]), upper[1, i, j])
-                u, v = x2 - x, y1 - y
-                with_x = hx * u * u + 2 * h * u * v + hy * v * v
-                u, v = x1 - x, y2 - y
-                with_y = hx * u * u + 2 * h * u * v + hy * v * v
-                if y1 != y and (x1 == x or with_x <= with_y):
+                dx, dy = x1 - x, y1 - y
+                x2 = min(max(x - h / hx * dy, low), high)
+                y2 = min(max(y - h / hy * dx, other_low), other_high)
+                u, v = x2 - x, y2 - y
+                first = u * (hx * u + (h + h) * dy) + hy * dy * dy
+                second = v * (hy * v + (h + h) * dx) + hx * dx * dx
+                if first <= second:
                     x1 = x2
                 else:
                     y1 = y2

@@ -15,6 +15,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeAlias, final
 
 from compensate.fourier import Fourier
@@ -26,6 +27,9 @@ from domesim.light import Array, namespace, total
 
 Planes: TypeAlias = list[Array]
 """One (padded row, padded col) array for each primary of each view."""
+
+Value: TypeAlias = float | Array
+"""Of all pixels, or (row, col)."""
 
 
 class Level(ABC):
@@ -39,6 +43,10 @@ class Level(ABC):
         b's spectra.
     least_damping
         The least of M.
+    lower
+        (row, col) lower bounds of each plane's light.
+    offset
+        (row, col) o on the picture's part of each plane, or None where it is 0.
     cost
         c_a, of f: without the regulariser.
     """
@@ -46,11 +54,15 @@ class Level(ABC):
     hessian: Hessian
     target: Spectra
     least_damping: float
+    lower: Planes
+    offset: Planes | None
     cost: float
 
-    @abstractmethod
     def start(self, picture: Planes | None = None) -> Planes:
         """Padded planes of (row, col) planes; 0 by default."""
+        if picture is None:
+            picture = [lower[:0, :] for lower in self.lower]
+        return [padded(plane, self.hessian.fourier) for plane in picture]
 
     @abstractmethod
     def feasible(self, s: Planes, weights: list[float]) -> Planes:
@@ -85,9 +97,22 @@ class Level(ABC):
             g_F.
         """
 
+    @property
     @abstractmethod
+    def coarser(self) -> Level:
+        """The problem on planes of half the rows and columns; its target and cost are to be set."""
+
+    @abstractmethod
+    def state(self, s: Planes, weights: list[float]) -> tuple[Planes, Planes]:
+        """The bounded light (row, col) of s, and its dual s - z."""
+
+    @abstractmethod
+    def of_state(self, light: Planes, dual: Planes) -> Planes:
+        """S of light, which is taken into the bounds, and of a dual, whose planes it takes."""
+
     def regulariser_at_base(self) -> float:
         """`regulariser` of the base itself, of which o may be away."""
+        return 0.0 if self.offset is None else self.regulariser([0 * at for at in self.lower])
 
     @abstractmethod
     def regulariser(self, z: Planes) -> float:
@@ -101,6 +126,27 @@ class Level(ABC):
         """Rho P, one a plane."""
         return [rho * value for value in self.hessian.metric]
 
+    def finer(self, s: Planes, weights: list[float], ratio: float, fine: Level) -> Planes:
+        """S on a `fine` level: of this one's light and `ratio` times its dual, enlarged."""
+        xp = namespace(s[0])
+        rows, cols = fine.lower[0].shape
+
+        def enlarged(plane: Array) -> Array:
+            return xp.repeat(xp.repeat(plane, 2, axis=0), 2, axis=1)
+
+        light, dual = self.state(s, weights)
+        return fine.of_state(
+            [enlarged(plane)[:rows, :cols] for plane in light],
+            [enlarged(plane * ratio) for plane in dual],
+        )
+
+    def _inner(self, strip: slice) -> tuple[slice, slice] | None:
+        """The picture's part of a strip of padded rows."""
+        rows, cols = self.lower[0].shape
+        if strip.start >= rows:
+            return None
+        return slice(strip.start, min(strip.stop, rows)), slice(0, cols)
+
 
 @final
 @dataclass
@@ -109,16 +155,12 @@ class BoxLevel(Level):
 
     Attributes
     ----------
-    hessian, target, least_damping, cost
-        See `Level`.
-    lower
-        (row, col) lower bounds of the picture's part of each plane; 0 on the padding.
+    hessian, target, least_damping, lower, offset, cost
+        See `Level`. Light is z, the picture's part of each plane.
     width
         How far up the upper ones are: a number, or (row, col); planes may share one.
     damping
         M: a number, or (padded row, padded col).
-    offset
-        (row, col) o on the picture's part of each plane, or None where it is 0.
     """
 
     hessian: Hessian
@@ -134,12 +176,6 @@ class BoxLevel(Level):
     def __post_init__(self) -> None:
         rows, cols = self.lower[0].shape
         self._size = int(rows), int(cols)
-
-    def start(self, picture: Planes | None = None) -> Planes:
-        """See `Level`."""
-        if picture is None:
-            picture = [lower[:0, :] for lower in self.lower]
-        return [padded(plane, self.hessian.fourier) for plane in picture]
 
     def feasible(self, s: Planes, weights: list[float]) -> Planes:
         """See `Level`."""
@@ -164,10 +200,6 @@ class BoxLevel(Level):
     ) -> Iterator[tuple[float, Array]]:
         """See `Level`."""
         return (self._lower_bound(p, s[p], w[p], weight) for p, weight in enumerate(weights))
-
-    def regulariser_at_base(self) -> float:
-        """See `Level`."""
-        return 0.0 if self.offset is None else self.regulariser([0 * at for at in self.lower])
 
     def regulariser(self, z: Planes) -> float:
         """See `Level`."""
@@ -284,21 +316,43 @@ class BoxLevel(Level):
 
         return max(each_strip(work, z))
 
-    def finer(self, p: int, s: Array, weight: float, ratio: float, coarse: BoxLevel) -> Array:
-        """S on this level, of a `coarse` level's: its z and `ratio` times its dual, enlarged."""
-        xp = namespace(s)
-        inner = coarse._feasible(p, s, weight)
-        rows, cols = inner.shape
-        dual = xp.asarray(s, copy=True)
-        dual[:rows, :cols] -= inner
-        dual *= ratio
-        result = xp.repeat(xp.repeat(dual, 2, axis=0), 2, axis=1)
-        rows, cols = self._size
-        large = xp.repeat(xp.repeat(inner, 2, axis=0), 2, axis=1)[:rows, :cols]
-        lower, upper = self.bounds(p, slice(0, rows))
-        feasible = xp.minimum(xp.maximum(large, lower), upper)
-        result[:rows, :cols] += feasible
-        return result
+    @cached_property
+    def coarser(self) -> BoxLevel:
+        """See `Level`."""
+        halves: dict[int, Any] = {}
+
+        def half(value: Any) -> Any:
+            # Planes that are one stay one
+            if id(value) not in halves:
+                halves[id(value)] = coarsened_value(value)
+            return halves[id(value)]
+
+        return BoxLevel(
+            self.hessian.coarser,
+            [],
+            [half(plane) for plane in self.lower],
+            [half(value) for value in self.width],
+            half(self.damping),
+            self.least_damping,
+            None if self.offset is None else [half(plane) for plane in self.offset],
+        )
+
+    def state(self, s: Planes, weights: list[float]) -> tuple[Planes, Planes]:
+        """See `Level`."""
+        light, dual = self.feasible(s, weights), []
+        rows, cols = light[0].shape
+        for plane, z in zip(s, light, strict=True):
+            dual.append(namespace(plane).asarray(plane, copy=True))
+            dual[-1][:rows, :cols] -= z
+        return light, dual
+
+    def of_state(self, light: Planes, dual: Planes) -> Planes:
+        """See `Level`."""
+        rows, cols = light[0].shape
+        for p, plane in enumerate(light):
+            xp, (lower, upper) = namespace(plane), self.bounds(p, slice(0, rows))
+            dual[p][:rows, :cols] += xp.minimum(xp.maximum(plane, lower), upper)
+        return dual
 
     def _numbers(self, p: int, weight: float) -> tuple[Any, ...]:
         """What the compiled loops take: bounds, damping and weight of a plane, of its type."""
@@ -320,13 +374,6 @@ class BoxLevel(Level):
         """Lower and upper bounds of rows of a plane's picture."""
         lower, width = self.lower[p][rows, :], self.width[p]
         return lower, lower + (width if isinstance(width, float) else width[rows, :])
-
-    def _inner(self, strip: slice) -> tuple[slice, slice] | None:
-        """The picture's part of a strip of padded rows."""
-        rows, cols = self._size
-        if strip.start >= rows:
-            return None
-        return slice(strip.start, min(strip.stop, rows)), slice(0, cols)
 
     def _damping(self, rows: slice, *, inner: bool = False) -> Any:
         if isinstance(self.damping, float):
@@ -355,3 +402,13 @@ def coarsened(plane: Array) -> Array:
     even = xp.zeros((rows + rows % 2, cols + cols % 2), dtype=plane.dtype, device=plane.device)
     even[:rows, :cols] = plane
     return halved(even)
+
+
+def coarsened_value(value: Value) -> Value:
+    """`coarsened` where it is a plane."""
+    return value if isinstance(value, float) else coarsened(value)
+
+
+def rows_of(value: Value, rows: slice) -> Value:
+    """Rows of a plane, where it is one."""
+    return value if isinstance(value, float) else value[rows, ...]

@@ -10,7 +10,8 @@ from compensate.problem import Problem
 from compensate.solver.hessian import PairHessian
 from compensate.solver.level import Level, Planes
 from compensate.solver.seen_level import SeenLevel
-from compensate.solver.split import Split, light_of
+from compensate.solver.split import Split, light_of, planes_of, widths_of
+from compensate.solver.two_eyes import TwoEyes
 from domesim.light import Light, namespace
 from domesim.observation.stereo import StereoObservation
 
@@ -32,41 +33,38 @@ class SeenSplit(Split):
 
     def __init__(self, problem: Problem) -> None:
         observation = problem.observation
-        if not isinstance(observation, StereoObservation) or len(problem.desired) != 2:
+        if not isinstance(observation, StereoObservation) or problem.desired.shape[0] != 2:
             raise ValueError(
                 f"contrast is weighted for one seat's two eyes, got {type(observation).__name__}"
             )
         if problem.contrast is None:
             raise ValueError("SeenSplit takes a problem with a contrast, got none")
         super().__init__(problem)
-        base = self.base
-        xp = namespace(base)
-        lower, upper = (xp.broadcast_to(b, base.shape) for b in (problem.lower, problem.upper))
+        self._observation = observation
+        base, weighting = self.base, self.weighting
         identity = np.zeros((2, base.shape[3]) * 2)
         for view in range(2):
             identity[view, :, view] = np.eye(base.shape[3])
-        weighting = self.weighting
-        squares = weighting.squares(base)
+        lower = namespace(base).broadcast_to(problem.lower, base.shape)
         self._level = SeenLevel(
-            PairHessian(identity, weighting, squares, weighting.fourier),
+            PairHessian(identity, weighting, weighting.squares(base), weighting.fourier),
             [],
             problem.regularisation,
-            observation,
-            problem.contrast,
-            lower - base,
-            upper - base,
+            TwoEyes.of(observation, base),
+            [problem.contrast[view, :, :, 0] for view in range(2)],
+            planes_of(lower - base),
+            widths_of(problem),
+            None if self._offset is None else planes_of(self._seen(self._offset)),
         )
-        if self._offset is not None:
-            self._level.offset = self._level.seen(self._offset)
 
     def light(self, planes: Planes) -> Light:
         """See `Split`."""
         xp, problem = namespace(self.base), self.problem
-        x = self.base + self._level.change(light_of(planes, 2))
+        x = self.base + light_of(self._level.change(planes), 2)
         return xp.minimum(xp.maximum(x, problem.lower), problem.upper)
 
     def _finest(self) -> Level:
         return self._level
 
     def _seen(self, light: Light) -> Light:
-        return self._level.seen(light)
+        return self._observation.linear(light) * self.problem.contrast

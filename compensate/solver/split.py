@@ -65,8 +65,8 @@ class Split(ABC):
         del self._residual
         level = self._finest()
         self.levels = [level]
-        if coarser and isinstance(level, BoxLevel):
-            _add_coarser(self.levels, level, residual)
+        if coarser:
+            _add_coarser(self.levels, residual)
         _aim(level, residual)
 
     def planes(self, light: Light) -> Planes:
@@ -150,8 +150,9 @@ class BoxSplit(Split):
         return widths_of(self.problem)
 
 
-def _add_coarser(levels: list[Level], fine: BoxLevel, residual: Planes) -> None:
-    """Append coarser levels than a `fine` one, as long as they are worth while."""
+def _add_coarser(levels: list[Level], residual: Planes) -> None:
+    """Append coarser levels than the last one, as long as they are worth while."""
+    fine = levels[-1]
     weights = fine.hessian.weights
     while True:
         fourier = fine.hessian.fourier
@@ -160,27 +161,9 @@ def _add_coarser(levels: list[Level], fine: BoxLevel, residual: Planes) -> None:
         if fine.hessian.coarser.weights < _WORTH * weights:
             return
         residual = [coarsened(plane) for plane in residual]
-        halves: dict[int, Array] = {}
-
-        def half(plane: Any, halves: dict[int, Array] = halves) -> Any:
-            if isinstance(plane, float):
-                return plane
-            if id(plane) not in halves:
-                halves[id(plane)] = coarsened(plane)
-            return halves[id(plane)]
-
-        level = BoxLevel(
-            fine.hessian.coarser,
-            [],
-            [half(plane) for plane in fine.lower],
-            [half(plane) for plane in fine.width],
-            half(fine.damping),
-            fine.least_damping,
-            None if fine.offset is None else [half(plane) for plane in fine.offset],
-        )
-        _aim(level, list(residual))
-        levels.append(level)
-        fine = level
+        fine = fine.coarser
+        _aim(fine, list(residual))
+        levels.append(fine)
 
 
 def _aim(level: Level, residual: Planes) -> None:

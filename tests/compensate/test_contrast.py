@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pairs import COLOURED, grey, pair, share
@@ -13,13 +15,14 @@ from compensate.master import pose, solved
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.relinearised import Relinearised, true_cost
-from compensate.solver.seen_level import nearest_mixed, nearest_of_two
+from compensate.solver.two_eyes import TwoEyes, nearest_of_two
 from compensate.vision.castle import ACHROMATIC, castle
 from compensate.weighting import Masked
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.projector import Projector
 from domesim.scene import load_scene
+from validation.pairs import generated
 
 PROJECTOR = Projector("BT.709", 20.0)
 
@@ -142,39 +145,34 @@ def test_two_eyes_nearest_light_is_bvls():
         slopes = np.array([[1, 0.3 * random.random()], [0.3 * random.random(), 1]])
         rooted = k[:, None] * slopes
         wanted = random.uniform(-1, 1.5, 2)
-        free = np.linalg.solve(slopes, wanted)
         h = rooted.T @ rooted
         lower, upper = -0.2 * random.random(2), 0.5 + 0.5 * random.random(2)
-        found = nearest_of_two(
-            free[:, None],
-            lower[:, None],
-            upper[:, None],
-            np.diag(h)[:, None],
-            np.array([[h[0, 1]]]),
-        )
+        free = np.linalg.solve(slopes, wanted)[:, None]
+        found = nearest_of_two(free, lower[:, None], upper[:, None], h[0, 0], h[1, 1], h[0, 1])
         best = lsq_linear(rooted, k * wanted, (lower, upper), method="bvls", tol=1e-14).x
-        assert found[:, 0] == pytest.approx(best, abs=1e-9)
+        assert np.concatenate(found) == pytest.approx(best, abs=1e-9)
 
 
 @pytest.mark.parametrize("leaks", [COLOURED, COLOURED + 0.1 * (1 - np.eye(3))])
 def test_mixed_primaries_nearest_light_is_bvls(leaks):
     random = np.random.default_rng(3)
     for _ in range(60):
-        k = 0.1 * 100 ** random.random((2, 1, 3))
+        k, metric = 0.1 * 100 ** random.random((2, 1)), list(100 ** random.random(3))
         matrix = np.eye(6)
         matrix[:3, 3:], matrix[3:, :3] = leaks
         wanted = random.uniform(-1, 1.5, 6)
-        start = np.linalg.solve(matrix, wanted)
         lower, upper = -0.2 * random.random(6), 0.5 + 0.5 * random.random(6)
-        found = nearest_mixed(
-            *(values.reshape(2, 1, 3) for values in (wanted, start, lower, upper)),
-            k**2,
-            leaks.tolist(),
-            np.ones((2, 1)),
+        eyes = TwoEyes([[1.0] * 3] * 2, [[1.0] * 3] * 2, leaks.tolist())
+        found = eyes.nearest_mixed(
+            list(wanted[:, None]),
+            list(lower[:, None]),
+            tuple(k**2),
+            metric,
+            list(zip(lower[:, None], upper[:, None], strict=True)),
         )
-        rooted = k.reshape(6)[:, None] * matrix
-        best = lsq_linear(rooted, k.reshape(6) * wanted, (lower, upper), method="bvls").x
-        assert found.reshape(6) == pytest.approx(best, abs=1e-5)
+        root = (k * np.sqrt(metric)).ravel()
+        best = lsq_linear(root[:, None] * matrix, root * wanted, (lower, upper), method="bvls").x
+        assert np.concatenate(found) == pytest.approx(best, abs=1e-5)
 
 
 def test_a_ghost_on_black_is_made_less_visible():
@@ -206,6 +204,21 @@ def test_a_table_is_solved_with_its_contrast():
     assert found.cost == pytest.approx(by_hand + problem.penalty(found.light), rel=1e-4)
     assert found.cost < true_cost(problem, table, master)
     assert found.optimality <= 1e-3 * problem.optimality(master)
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_coarse_planes_lead_to_the_same_picture_with_less_work(mapped):
+    light, scene = generated(192), load_scene("stereo_polarised_paper")
+    rows, cols = light.shape[1:3]
+    scene = replace(scene, viewing=replace(scene.viewing, extent=cols / 45))
+    problem = pose(light, scene, ContrastWeighting()).problem
+    if mapped:
+        problem = problem.observed_by(Crosstalk(rows, cols, COLOURED, share=share(rows, cols)))
+    fine, found = (
+        ADMM(coarse=iterations)(problem, problem.anchor) for iterations in ((0, 0), (10, 6))
+    )
+    assert found.ffts <= 0.7 * fine.ffts
+    assert found.cost == pytest.approx(fine.cost, rel=2e-3)
 
 
 def test_a_masked_pair_with_contrast_is_refused():

@@ -67,6 +67,19 @@ def beyond(posed: Problem, start: np.ndarray) -> Posed:
     ), anchor
 
 
+def contrasted(posed: Problem, start: np.ndarray) -> Posed:
+    """With a contrast from 0.1 to 10."""
+    k = 0.1 * 100 ** np.random.default_rng(5).random((*posed.desired.shape[:3], 1))
+    return Problem(
+        posed.observation,
+        posed.weighting,
+        posed.desired,
+        anchor=start,
+        regularisation=posed.regularisation,
+        contrast=k,
+    ), start
+
+
 PROBLEMS = {
     "dome": lambda: problem(9),
     "dome, one primary": lambda: problem(9, 1),
@@ -81,6 +94,15 @@ PROBLEMS = {
         f"pair, {name}": lambda name=name: pair_problem(OBSERVATIONS[name](4, 5))
         for name in ("constant", "3x3", "map of 3x3", "linearised table", "several seats")
     },
+    **{
+        f"pair, {name}, contrast": lambda name=name: contrasted(
+            *pair_problem(OBSERVATIONS[name](4, 5))
+        )
+        for name in ("constant", "map of 3x3", "linearised table")
+    },
+    "pair, contrast, with coarse planes": lambda: contrasted(
+        *pair_problem(OBSERVATIONS["map of 3x3"](60, 59))
+    ),
 }
 
 

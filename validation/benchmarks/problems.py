@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.ndimage import gaussian_filter, zoom
 
+from compensate.contrast import ContrastWeighting, Eye
 from compensate.fourier import padded_size
 from compensate.master import REGULARISATION, Posed, pose
 from compensate.problem import Problem
@@ -33,6 +34,7 @@ from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.lowrank import LowRank, LowRankObservation
 from domesim.scene import Scene, load_dome, load_scene
 from domesim.screening import decoded
+from validation.experiments.deghosting import scene_at
 from validation.masters import bundled_night, night
 from validation.pairs import averaged, from_data, generated
 
@@ -156,6 +158,11 @@ def _synthetic_rgb(size: int) -> Case:
     return _colour_pair("synthetic-rgb", size, _drawing(size))
 
 
+def _contrast_rgb(size: int) -> Case:
+    pair = _photograph(size)
+    return Case("contrast-rgb", size, _posed_in(scene_at(CROSSTALK), ContrastWeighting()), pair)
+
+
 def _map(size: int) -> Case:
     rows, cols = _shape(size)
     row, col = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : cols * 1j]
@@ -181,6 +188,7 @@ PROBLEMS: Mapping[str, tuple[str, Callable[[int], Case]]] = {
     "synthetic": ("generated pair, 5 %, one channel", _synthetic),
     "photo-rgb": ("photographed pair, 5 %, RGB", _photo_rgb),
     "synthetic-rgb": ("generated pair, 5 %, RGB", _synthetic_rgb),
+    "contrast-rgb": ("photographed pair, 5 %, RGB, local contrast", _contrast_rgb),
     "map": ("generated pair, 1 to 2 % from place to place", _map),
     "spatial": ("generated pair, 5 %, spatial A_n", _spatial),
 }
@@ -226,10 +234,14 @@ def _grey(light: Light, scene: Scene) -> Light:
 
 
 def _in_theatre(name: str) -> Callable[[Light], Task]:
-    scene = load_dome(name)
+    return _posed_in(load_dome(name), PerceptualWeighting())
+
+
+def _posed_in(scene: Scene, eye: Eye) -> Callable[[Light], Task]:
+    """As the product poses it."""
 
     def task(light: Light) -> Task:
-        posed: Posed = pose(light, scene, PerceptualWeighting())
+        posed: Posed = pose(light, scene, eye)
         return Task(posed.problem, posed.subtractive, posed.screen)
 
     return task
