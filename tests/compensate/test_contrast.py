@@ -169,6 +169,7 @@ def test_mixed_primaries_nearest_light_is_bvls(leaks):
             tuple(k**2),
             metric,
             list(zip(lower[:, None], upper[:, None], strict=True)),
+            sweeps=3000,
         )
         root = (k * np.sqrt(metric)).ravel()
         best = lsq_linear(root[:, None] * matrix, root * wanted, (lower, upper), method="bvls").x
