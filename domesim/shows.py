@@ -34,7 +34,7 @@ class Show:
     numbered
         Whether they are frames of a sequence, be it one of its frames.
     part
-        Whether only some of a sequence's frames were asked for.
+        Which of a sequence's frames were asked for, such as ``1-100x10``; "" for all.
     """
 
     moments: tuple[tuple[Path, ...], ...]
@@ -42,7 +42,7 @@ class Show:
     allow_identical: bool = False
     colour: ColourTag | None = None
     numbered: bool = False
-    part: bool = False
+    part: str = ""
 
     def read(self, moment: tuple[Path, ...], *, repair: bool) -> Master:
         """One of its masters; see `read_master` for what is refused."""
@@ -113,7 +113,7 @@ def find_show(
         found = find_frames(master, frames)
         moments = tuple((path,) for path in found)
         numbered = moments != ((Path(master),),)
-        return Show(moments, packing, allow_identical, colour, numbered, frames is not None)
+        return Show(moments, packing, allow_identical, colour, numbered, frames or "")
     if left is None or right is None:
         if left is None and right is None:
             raise InputError(
@@ -135,4 +135,4 @@ def find_show(
         for pair in pairs:
             refuse_one_file(*pair)
     numbered = pairs != ((Path(left), Path(right)),)
-    return Show(pairs, None, allow_identical, colour, numbered, frames is not None)
+    return Show(pairs, None, allow_identical, colour, numbered, frames or "")

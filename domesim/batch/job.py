@@ -144,10 +144,10 @@ class Job:
         whole = isinstance(record.figures, dict) and isinstance(record.line, str)
         return record if whole else None
 
-    def count(self, outputs: Iterable[Sequence[Path]]) -> int:
-        """How many of the frames with these results have a record."""
+    def recorded(self, outputs: Iterable[Sequence[Path]]) -> list[bool]:
+        """Whether each of the frames with these results has a record, be it right or wrong."""
         there = {path.name for path in self.folder.glob("[!.]*.json")}
-        return sum(self._place(output).name in there for output in outputs)
+        return [self._place(output).name in there for output in outputs]
 
     def sources(self, moment: Sequence[Path]) -> dict[str, list[Any]]:
         """Size, time and SHA-256 of each file of a master, as of `Record`.

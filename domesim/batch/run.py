@@ -143,20 +143,25 @@ def each_frame(
         prepare(place)
     job = _job(show, folder, outputs, recipe, writing, running)
     orders = orders_of(show, outputs, recipe, writing, job)
-    report = None if job is None else Report(job, orders, what)
-    telling = _Telling(console, orders, report)
+    fresh, recorded = _by_record(orders, job)
+    report = None if job is None else Report(job, orders, what, show.part, checked_last=recorded)
+    telling = _Telling(console, orders, recorded, report)
     crew = crew_of(running, recipe, show)
     began = time.perf_counter()
-    with console.progress(what, len(orders)) as start:
-        try:
-            missing = orders
-            if job is not None and running.scheduler is None:
-                missing = _missing(orders, job, start, telling.end)
-            do_all(missing, crew, start, telling.end, console)
-        except BaseException:
-            if job is not None:
-                telling.interrupted(job, running)
-            raise
+    try:
+        # To read all results of a long show takes hours, for which no worker should wait
+        if recorded and fresh:
+            console.say(f"{len(recorded)} of {len(orders)} have a record; they are checked last")
+        _do(fresh, crew, telling, console, what)
+        if job is not None and recorded and telling.has_all(fresh):
+            if running.scheduler is None:
+                with console.progress("checking", len(recorded)) as start:
+                    recorded = _changed(recorded, job, start, telling.end)
+            _do(recorded, crew, telling, console, what)
+    except BaseException:
+        if job is not None:
+            telling.interrupted(job, running)
+        raise
     done = telling.done()
     done.seconds["total"] = time.perf_counter() - began
     if report is None or job is None:
@@ -197,13 +202,31 @@ def _job(
     return job
 
 
-def _missing(
+def _by_record(orders: list[Order], job: Job | None) -> tuple[list[Order], list[Order]]:
+    """Those that no run has done, and those of which some run says so."""
+    if job is None:
+        return orders, []
+    found = job.recorded(order.output for order in orders)
+    fresh = [order for order, known in zip(orders, found, strict=True) if not known]
+    return fresh, [order for order, known in zip(orders, found, strict=True) if known]
+
+
+def _do(
+    orders: list[Order], crew: Crew | None, telling: _Telling, console: Console, what: str
+) -> None:
+    """Do them, beside a progress bar."""
+    if orders:
+        with console.progress(what, len(orders)) as start:
+            do_all(orders, crew, start, telling.end, console)
+
+
+def _changed(
     orders: list[Order],
     job: Job,
     start: Callable[[str], None],
     end: Callable[[Order, Finished | Failed], None],
 ) -> list[Order]:
-    """Those that are not done yet; the others end as they are."""
+    """Those that must be done again; the others end as they are."""
 
     def look(order: Order) -> Finished | None:
         try:
@@ -212,15 +235,18 @@ def _missing(
             return None
         return None if record is None else Finished(record.figures, record.line, kept=True)
 
-    missing = []
-    with ThreadPoolExecutor(cores()) as pool:
+    changed = []
+    pool = ThreadPoolExecutor(cores())
+    try:
         for order, kept in zip(orders, pool.map(look, orders), strict=True):
+            start(order.name)
             if kept is None:
-                missing.append(order)
+                changed.append(order)
             else:
-                start(order.name)
                 end(order, kept)
-    return missing
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return changed
 
 
 def _compare(orders: list[Order], recipe: Recipe, console: Console) -> bool:
@@ -359,8 +385,11 @@ def _settings(show: Show, output: Files, writing: Writing) -> dict[str, Any]:
 class _Telling:
     """Tells what becomes of frames, as they end, and gathers it."""
 
-    def __init__(self, console: Console, orders: list[Order], report: Report | None) -> None:
+    def __init__(
+        self, console: Console, orders: list[Order], recorded: list[Order], report: Report | None
+    ) -> None:
         self._console, self._orders, self._report = console, orders, report
+        self._recorded = set(recorded)
         self._ended: dict[Order, Finished | Failed] = {}
         self._described = ""
         self._lock = threading.Lock()
@@ -383,13 +412,17 @@ class _Telling:
             return
         self._console.say(f"{order.name}: {outcome.line}\n  -> {', '.join(map(str, order.output))}")
 
+    def has_all(self, orders: Sequence[Order]) -> bool:
+        """Whether each of these has ended, be it well or not."""
+        return all(order in self._ended for order in orders)
+
     def done(self) -> Done:
         """Of all, in order."""
         done, left = Done(), 0
         for order in self._orders:
             outcome = self._ended.get(order)
             if outcome is None:
-                left += 1
+                left += order not in self._recorded
                 continue
             if isinstance(outcome, Failed):
                 done.failed.append(outcome.reason)
@@ -407,7 +440,7 @@ class _Telling:
         """The run ends before all are."""
         if self._report is not None:
             self._report.interrupt()
-        count = job.count(order.output for order in self._orders)
+        count = sum(job.recorded(order.output for order in self._orders))
         complain(
             f"{count} of {len(self._orders)} frames are done; the same command goes on with the "
             f"rest{' without --anew' if running.anew else ''}"
