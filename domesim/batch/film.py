@@ -11,12 +11,12 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from domesim.batch.job import Job, sha256
 from domesim.batch.work import Files, Order, Writing
@@ -81,18 +81,30 @@ class Films:
                 console.say(f"{path} (made before)")
                 continue
             with console.progress("assembling", len(frames)) as start:
-                write_film(
-                    path,
-                    _read(frames, colour, start),
-                    len(frames),
-                    colour,
-                    self.timing,
-                    dithered=self.dither,
-                )
+                self.write(path, frames, colour, start)
             kept = {"made_of": made_of, "sha256": sha256(path)}
             write_whole(_record_of(path, job), json.dumps(kept).encode())
             unsaid = "" if is_sayable(colour) else f"; {colour.named}, which the file cannot say"
             console.say(f"-> {path} ({float(self.timing.rate):.6g} frames a second{unsaid})")
+
+    def write(
+        self, path: Path, frames: Sequence[Path], colour: ColourTag, start: Callable[[str], None]
+    ) -> None:
+        """Make one of frames that mean `colour`; `start` is called with the name of each.
+
+        Raises
+        ------
+        InputError
+            As for `make`.
+        """
+        write_film(
+            path,
+            _read(frames, colour, start),
+            len(frames),
+            colour,
+            self.timing,
+            dithered=self.dither,
+        )
 
     def _made_of(self, orders: Sequence[Order], view: int, job: Job) -> tuple[ColourTag, str]:
         """Of all frames, their encoding; and a digest of all that the video depends on."""
@@ -102,8 +114,7 @@ class Films:
             record = job.record(order.output)
             if record is None:
                 raise InputError(f"{order.output[view]}: wanted its record, there is none")
-            encoding = record.figures["encoding"]
-            colours.add((encoding["transfer"], encoding["primaries"]))
+            colours.add(encoding_of(record.figures))
             content.append(list(record.results.values())[view])
         if len(colours) > 1:
             found = " and ".join(" ".join(each) for each in sorted(colours))
@@ -122,6 +133,12 @@ def _read(
     for path in paths:
         start(path.name)
         yield read_frame(path, colour=colour)
+
+
+def encoding_of(figures: Mapping[str, Any]) -> tuple[str, str]:
+    """Transfer and primaries of a frame, by its figures."""
+    encoding = figures["encoding"]
+    return encoding["transfer"], encoding["primaries"]
 
 
 def films_of(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films | None]:

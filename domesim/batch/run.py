@@ -258,12 +258,20 @@ def _compare(orders: list[Order], recipe: Recipe, console: Console) -> bool:
             start(order.name)
             assert order.job is not None
             page = order.job.folder / page_name(order.output[0].name)
-            try:
-                if page.exists() and page.stat().st_mtime >= order.output[0].stat().st_mtime:
+            with suppress(OSError):
+                if page.stat().st_mtime >= order.output[0].stat().st_mtime:
                     continue
-                recipe.compare(order.show.read(order.moment, repair=True), page)
-            except (InputError, OSError, MemoryError) as error:
-                complain(f"{page}: no page, '{joined(str(error))}'")
+            write_page(order, page)
+    return True
+
+
+def write_page(order: Order, page: Path) -> bool:
+    """Write the page about one frame; that it cannot be is told, and is no reason to end."""
+    try:
+        order.recipe.compare(order.show.read(order.moment, repair=True), page)
+    except (InputError, OSError, MemoryError) as error:
+        complain(f"{page}: no page, '{joined(str(error))}'")
+        return False
     return True
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from videos import KINDS, number_of, write_numbered
 
 from domesim.batch import job
+from domesim.batch.estimate import estimate
 from domesim.batch.film import _exact
 from domesim.batch.job import open_job, sha256
 from domesim.batch.run import Done, Running, each_frame
@@ -221,6 +222,32 @@ def test_it_is_made_anew_only_if_it_must_be(tmp_path: Path) -> None:
     assert timing_of(frame_paths(film)[0]).rate == 25
     assert made()
     assert len(list((tmp_path / "log").iterdir())) == 5
+
+
+def test_a_dry_run_counts_the_film(tmp_path: Path) -> None:
+    """Frames from black to noise, so that only those from all over the show tell its size."""
+    (tmp_path / "in").mkdir()
+    noise = np.random.default_rng(1).random((48, 64, 3), np.float32)
+    for number in range(12):
+        frame = Frame(noise * np.float32(number / 12), tmp_path, VIDEO, 16, False)
+        write_frame(frame, tmp_path / f"in/show.{number + 1:04d}.png")
+    show = find_show(str(tmp_path / "in/show.####.png"))
+    (tmp_path / "log").mkdir()
+    promised = estimate(
+        show,
+        tmp_path / "dry",
+        Harmful(tmp_path / "log"),
+        Console(quiet=True),
+        Writing(".mkv"),
+        Running(0),
+    )
+    (film,) = filmed(str(tmp_path / "in/show.####.png"), tmp_path).films
+    assert promised["disk_video"] == pytest.approx(film.stat().st_size, rel=0.2)
+    assert promised["disk_total"] == 12 * promised["disk_frame"] + promised["disk_video"]
+    assert promised["seconds_video"] > 0
+    frames = 12 * promised["seconds_frame"]
+    assert promised["seconds_total"] >= frames + promised["seconds_video"]
+    assert not (tmp_path / "dry").exists()
 
 
 def test_there_is_no_film_of_frames_that_failed(tmp_path: Path) -> None:

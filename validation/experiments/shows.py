@@ -165,9 +165,10 @@ def estimate(count: int, size: int, seed: int) -> Estimate:
     """A dry run, and then the show."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        arguments = ("compensate", *dome_show(folder, count, size, seed), "--out", f"{name}/out")
-        dry = run_command(*arguments, "--dry-run", "--json").figures["estimate"]
-        done = run_command(*arguments, "--pages", "0", "--json")
+        show = dome_show(folder, count, size, seed)
+        arguments = ("compensate", *show, "--out", f"{name}/out", "--pages", "0", "--json")
+        dry = run_command(*arguments, "--dry-run").figures["estimate"]
+        done = run_command(*arguments)
         disk = sum(path.stat().st_size for path in (folder / "out").glob("*.exr"))
     return Estimate(
         dry["seconds_total"],
