@@ -8,13 +8,15 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
+from math import inf
 from pathlib import Path
 from typing import Any, final
 
 import psutil
 
 from domesim.batch.alone import alone
-from domesim.batch.cluster import Crew, in_cluster
+from domesim.batch.cluster import in_cluster
+from domesim.batch.crew import Crew
 from domesim.batch.film import films_of
 from domesim.batch.job import Job, open_job, versions
 from domesim.batch.report import Report, page_name
@@ -29,6 +31,9 @@ from domesim.shows import Show
 from domesim.strips import cores
 
 STEPS = ("reading", "solving", "writing")
+
+FRAME_TIMEOUT = 3600.0
+"""Seconds: a hundred times what a frame of 4096² takes one core."""
 
 _SPARE = 0.8  # of the memory that is free: what workers may need together
 
@@ -53,6 +58,8 @@ class Running:
         Take frames that are done already with other settings.
     pages
         Of a sequence: for how many of the worst frames a page is written that compares methods.
+    frame_timeout
+        Seconds after which a worker that is not done with a frame ends; 0 for never.
     """
 
     workers: int | None = None
@@ -61,6 +68,7 @@ class Running:
     anew: bool = False
     mixed: bool = False
     pages: int = 3
+    frame_timeout: float = FRAME_TIMEOUT
 
 
 @final
@@ -334,12 +342,17 @@ def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
         If what is asked for cannot be.
     """
     needed = tuple(sorted(recipe.resources().items()))
+    if not 0 <= running.frame_timeout < inf:
+        raise InputError(
+            f"--frame-timeout must be at least 0 (0 for never), got {running.frame_timeout:g}"
+        )
+    limit = running.frame_timeout or None
     if running.scheduler is not None:
         if running.workers is not None or running.threads is not None:
             raise InputError(
                 "--scheduler has workers of its own; leave --workers and --threads out"
             )
-        return Crew(scheduler=running.scheduler, resources=needed)
+        return Crew(scheduler=running.scheduler, resources=needed, limit=limit)
     for name, number, least in (("workers", running.workers, 0), ("threads", running.threads, 1)):
         if number is not None and number < least:
             raise InputError(f"--{name} must be at least {least}, got {number}")
@@ -350,7 +363,8 @@ def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
     if workers is None:
         # One GPU, unless a person knows of more
         workers = 1 if needed else min(cores(), count, _room(recipe, show))
-    return Crew(workers, running.threads or max(1, cores() // workers), resources=needed)
+    share = max(1, cores() // workers)
+    return Crew(workers, running.threads or share, resources=needed, limit=limit)
 
 
 def _room(recipe: Recipe, show: Show) -> int:

@@ -22,7 +22,7 @@ import pytest
 from batches import LINEAR, Harmful, copied, make_show, show_of
 from pyarrow import parquet
 
-from domesim.batch import cluster, job, report
+from domesim.batch import cluster, crew, job, report
 from domesim.batch.estimate import estimate
 from domesim.batch.job import FOLDER, open_job
 from domesim.batch.run import Running, crew_of, each_frame
@@ -450,6 +450,36 @@ def test_a_deadly_frame_is_given_up_and_named(tmp_path: Path, recipe: Harmful) -
     assert "given up" in report
 
 
+@pytest.mark.parametrize("holding", [False, True])
+def test_a_frame_without_end_is_given_up_and_named(
+    tmp_path: Path, recipe: Harmful, *, holding: bool
+) -> None:
+    make_show(tmp_path / "in", 4)
+    endless = Harmful(recipe.log, endless="in.0002.exr", holding=holding)
+    done = copied(tmp_path, endless, 2, frame_timeout=1.5)
+    (reason,) = done.failed
+    assert "in.0002.exr: given up; 3 workers" in reason
+    assert "were not done with it after 2 s. If that is too short, raise --frame-timeout" in reason
+    assert len(done.frames) == 3
+    begun = endless.begun()
+    assert begun.count("in.0002.exr") == 3
+    assert len(begun) == 6  # the others once
+    until(lambda: not any(alive(pid) for pid in endless.pids()))
+    assert not (tmp_path / "out/in.0002.exr").exists()
+
+
+def test_a_frame_timeout_is_for_each_frame(tmp_path: Path, recipe: Harmful) -> None:
+    """A worker does many more than one in that time."""
+    make_show(tmp_path / "in", 6)
+    done = copied(tmp_path, Harmful(recipe.log, seconds=0.5), 1, frame_timeout=2.0)
+    assert len(done.frames) == 6
+    assert len(recipe.begun()) == 6
+    with pytest.raises(InputError, match="--frame-timeout must be at least 0"):
+        copied(tmp_path, recipe, 1, frame_timeout=-1.0)
+    idle = "import time; from domesim.batch import cluster as c\nwith c._within(0.3): pass\n"
+    subprocess.run([sys.executable, "-c", f"{idle}time.sleep(0.6)"], check=True, env=os.environ)
+
+
 def program(folder: Path, workers: int, seconds: float, *more: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, str(TESTS / "batches.py"), str(folder), str(workers), str(seconds), *more],
@@ -546,7 +576,7 @@ def test_a_lost_scheduler_is_told_and_nothing_is_lost(tmp_path: Path, recipe: Ha
 
 
 def test_no_scheduler_is_told(tmp_path: Path, recipe: Harmful, monkeypatch: Any) -> None:
-    monkeypatch.setattr(cluster, "_PATIENCE", 1.0)
+    monkeypatch.setattr(crew, "_PATIENCE", 1.0)
     make_show(tmp_path / "in", 2)
     with pytest.raises(InputError, match="wanted a Dask scheduler") as told:
         copied(tmp_path, recipe, 0, scheduler="tcp://127.0.0.1:9")

@@ -27,7 +27,8 @@ from typing import Any, final
 
 import numpy as np
 
-from domesim.batch.cluster import Crew, in_cluster
+from domesim.batch.cluster import in_cluster
+from domesim.batch.crew import Crew
 from domesim.batch.job import FOLDER, sha256
 from domesim.batch.work import Column as Figure
 from domesim.batch.work import Failed, Finished, Note, Order, Recipe, Writing
