@@ -16,6 +16,7 @@ from statistics import mean
 from typing import Any, final
 
 from domesim.batch.film import Films, encoding_of, films_of
+from domesim.batch.job import sha256
 from domesim.batch.run import Running, crew_of, do_all, orders_of, write_page
 from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
 from domesim.console import Console, complain, duration
@@ -173,7 +174,7 @@ def _video(tried: _Tried, films: Films, count: int, scratch: Path, console: Cons
     seconds = disk = 0.0
     for view, path in enumerate(films.paths):
         place = scratch / path.name
-        frames = [order.output[view] for order in orders]
+        frames = {order.output[view]: sha256(order.output[view]) for order in orders}
         began = time.perf_counter()
         with console.progress("assembling", len(frames)) as start:
             films.write(place, frames, ColourTag(transfer, primaries, "domesim"), start)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
@@ -75,8 +75,8 @@ class Films:
             If frames are no video together, or it cannot be written.
         """
         for view, path in enumerate(self.paths):
-            frames = [order.output[view] for order in orders]
-            colour, made_of = self._made_of(orders, view, job)
+            colour, frames = self._frames(orders, view, job)
+            made_of = self._digest(colour, frames.values())
             if _is_there(path, job, made_of):
                 console.say(f"{path} (made before)")
                 continue
@@ -88,14 +88,29 @@ class Films:
             console.say(f"-> {path} ({float(self.timing.rate):.6g} frames a second{unsaid})")
 
     def write(
-        self, path: Path, frames: Sequence[Path], colour: ColourTag, start: Callable[[str], None]
+        self,
+        path: Path,
+        frames: Mapping[Path, str],
+        colour: ColourTag,
+        start: Callable[[str], None],
     ) -> None:
-        """Make one of frames that mean `colour`; `start` is called with the name of each.
+        """Make one of frames.
+
+        Parameters
+        ----------
+        path
+            Where to.
+        frames
+            Their files in order, with the SHA-256 of each.
+        colour
+            What they mean.
+        start
+            Called with the name of each.
 
         Raises
         ------
         InputError
-            As for `make`.
+            As for `make`; or if a file is not as it was written.
         """
         write_film(
             path,
@@ -106,32 +121,43 @@ class Films:
             dithered=self.dither,
         )
 
-    def _made_of(self, orders: Sequence[Order], view: int, job: Job) -> tuple[ColourTag, str]:
-        """Of all frames, their encoding; and a digest of all that the video depends on."""
+    def _frames(
+        self, orders: Sequence[Order], view: int, job: Job
+    ) -> tuple[ColourTag, dict[Path, str]]:
+        """What all frames mean; and as for `write`."""
         colours: set[tuple[str, str]] = set()
-        content: list[str] = []
+        frames: dict[Path, str] = {}
         for order in orders:
             record = job.record(order.output)
             if record is None:
                 raise InputError(f"{order.output[view]}: wanted its record, there is none")
             colours.add(encoding_of(record.figures))
-            content.append(list(record.results.values())[view])
+            frames[order.output[view]] = list(record.results.values())[view]
         if len(colours) > 1:
             found = " and ".join(" ".join(each) for each in sorted(colours))
             raise InputError(
                 f"{self.paths[view]}: wanted frames of one encoding for a video, got {found}. Say "
                 f"what they are (--encoding)"
             )
-        colour = ColourTag(*colours.pop(), "domesim")
-        told = [content, asdict(colour), asdict(self.format), str(self.timing), self.dither]
-        return colour, hashlib.sha256(json.dumps(told).encode()).hexdigest()
+        return ColourTag(*colours.pop(), "domesim"), frames
+
+    def _digest(self, colour: ColourTag, frames: Iterable[str]) -> str:
+        """Of all that a video depends on."""
+        told = [list(frames), asdict(colour), asdict(self.format), str(self.timing), self.dither]
+        return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
 def _read(
-    paths: Sequence[Path], colour: ColourTag, start: Callable[[str], None]
+    frames: Mapping[Path, str], colour: ColourTag, start: Callable[[str], None]
 ) -> Iterator[Frame]:
-    for path in paths:
+    """Each, if it still is as it was written: minutes or hours may lie between."""
+    for path, digest in frames.items():
         start(path.name)
+        if sha256(path) != digest:
+            raise InputError(
+                f"{path}: wanted a frame for the video as it was written, got a changed file. The "
+                f"same command does it again"
+            )
         yield read_frame(path, colour=colour)
 
 

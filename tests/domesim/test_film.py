@@ -16,7 +16,7 @@ from videos import KINDS, number_of, write_numbered
 
 from domesim.batch import job
 from domesim.batch.estimate import estimate
-from domesim.batch.film import _exact
+from domesim.batch.film import Films, _exact
 from domesim.batch.job import open_job, sha256
 from domesim.batch.run import Done, Running, each_frame
 from domesim.batch.work import Writing
@@ -254,6 +254,36 @@ def test_there_is_no_film_of_frames_that_failed(tmp_path: Path) -> None:
     done = filmed(sequence(tmp_path / "in"), tmp_path, faulty="show.0003.png")
     assert (len(done.failed), done.films) == (1, ())
     assert not (tmp_path / "out/show.mkv").exists()
+
+
+@pytest.mark.parametrize("change", ["another frame", "half of it", "nothing"])
+def test_there_is_no_film_of_frames_that_were_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str
+) -> None:
+    """After they were done, and before the film is made of them: no other picture, no fewer."""
+    master = sequence(tmp_path / "in")
+    (tmp_path / "log").mkdir()
+
+    def frames(self: Films, *arguments: Any) -> Any:
+        found = original(self, *arguments)
+        third, fourth = (tmp_path / f"out/show.{number:04d}.png" for number in (3, 4))
+        if change == "nothing":
+            third.unlink()
+        else:
+            whole = fourth.read_bytes()
+            third.write_bytes(whole if change == "another frame" else whole[: len(whole) // 2])
+        return found
+
+    original = Films._frames
+    with monkeypatch.context() as changed:
+        changed.setattr(Films, "_frames", frames)
+        with pytest.raises(InputError, match=r"out/show.0003.png: wanted") as refused:
+            filmed(master, tmp_path)
+    assert "\n" not in str(refused.value)
+    assert not list((tmp_path / "out").glob("*.mkv"))
+    done = filmed(master, tmp_path)
+    assert done.kept == 4
+    assert levels(done.films[0]) == [1, 2, 3, 4, 5]
 
 
 def test_left_and_right_become_two(tmp_path: Path) -> None:
