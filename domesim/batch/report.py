@@ -17,7 +17,8 @@ import math
 import os
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.resources import files
@@ -184,12 +185,22 @@ class Report:
             ends=[*rows][:1] + [*rows][-1:],
             worst=[self._row(name, rows[name]) for name in ranked[:SHOWN]],
             settings=_settings(self._job),
+            others=self._others(rows.values()),
             versions=versions(),
             size=(_WIDTH, _HEIGHT),
             shown=SHOWN,
         )
         self._written = time.time()
         write_whole(self.page, page.encode("utf-8", "replace"))
+
+    def _others(self, rows: Iterable[Mapping[str, Any]]) -> list[tuple[int, str]]:
+        """Of settings that are not the job's: how many frames they made, and where they are."""
+        found = Counter(str(row.get("settings", self._job.settings)) for row in rows)
+        del found[self._job.settings]
+        return [
+            (count, str(self._job.settings_file(digest).relative_to(self._job.folder)))
+            for digest, count in found.most_common()
+        ]
 
     def _row(self, name: str, figures: Mapping[str, Any]) -> dict[str, Any]:
         compared = self._job.folder / page_name(name)

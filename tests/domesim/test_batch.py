@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -294,6 +295,33 @@ def test_mixing_keeps_and_anew_does_not(tmp_path: Path, recipe: Harmful) -> None
         copied(tmp_path, recipe, 0)
     assert copied(tmp_path, recipe, 0, mixed=True).kept == 2
     assert copied(tmp_path, recipe, 0, anew=True).kept == 0
+
+
+def test_the_settings_of_each_frame_stay_known(tmp_path: Path, recipe: Harmful) -> None:
+    """Whoever finds a frame can tell with what it was made, and by the digest that this is it."""
+    make_show(tmp_path / "in", 3)
+    copied(tmp_path, recipe, 0)
+    (tmp_path / "out/in.0002.exr").unlink()
+    dithered = each_frame(
+        show_of(tmp_path / "in"),
+        tmp_path / "out",
+        recipe,
+        Console(quiet=True),
+        what="copying",
+        writing=Writing(dither=True),
+        running=Running(0, mixed=True),
+    )
+    assert dithered.kept == 2
+    for number in (1, 2, 3):
+        record = json.loads((tmp_path / f"out/job/in.{number:04d}.exr.json").read_text())
+        place = tmp_path / "out/job/settings" / f"{record['settings']}.json"
+        assert hashlib.sha256(place.read_bytes()).hexdigest() == record["settings"]
+        assert json.loads(place.read_text())["dither"] == (number == 2)
+        assert record["figures"]["settings"] == record["settings"]
+    (other,) = {frame["settings"] for frame in dithered.frames[::2]}
+    page = (tmp_path / "out/job/report.html").read_text()
+    assert f'2 frames were made with other settings: <a href="settings/{other}.json">' in page
+    assert page.count("other settings") == 1
 
 
 def test_settings_are_the_same_however_they_are_named(tmp_path: Path, recipe: Harmful) -> None:
