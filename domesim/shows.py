@@ -10,7 +10,7 @@ from domesim.errors import InputError
 from domesim.frames import ColourTag, Master, Packing, read_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.mistaken import refuse_one_file
-from domesim.sequences import find_frames, find_pairs, output_pairs, output_path
+from domesim.sequences import find_frames, find_pairs, output_pairs, output_paths
 
 PACKINGS = tuple(kind for kind in get_args(Packing) if kind not in ("single", "files"))
 """How left and right may lie in one file."""
@@ -65,7 +65,8 @@ class Show:
         pairs = tuple((files[0], files[1]) for files in self.moments if len(files) == 2)
         if pairs:
             return output_pairs(pairs, folder, suffix)
-        return tuple((output_path(files[0], folder, suffix),) for files in self.moments)
+        paths = output_paths([files[0] for files in self.moments], folder, suffix)
+        return tuple((path,) for path in paths)
 
 
 def find_show(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -115,6 +116,7 @@ def be_quiet() -> None:
     for name in (*_TALKERS, *logging.root.manager.loggerDict):
         if name.split(".")[0] in _TALKERS:
             logging.getLogger(name).setLevel(logging.CRITICAL)
+    warnings.filterwarnings("ignore", "Creating scratch directories")  # on a busy machine
 
 
 def _environment(threads: int) -> dict[str, str]:
