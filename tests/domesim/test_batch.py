@@ -504,6 +504,13 @@ def test_a_frame_timeout_is_for_each_frame(tmp_path: Path, recipe: Harmful) -> N
     assert len(recipe.begun()) == 6
     with pytest.raises(InputError, match="--frame-timeout must be at least 0"):
         copied(tmp_path, recipe, 1, frame_timeout=-1.0)
+    for running, limit in (
+        (Running(scheduler="tcp://node1:8786", frame_timeout=5.0), 5.0),
+        (Running(2, frame_timeout=0.0), None),
+    ):
+        asked = crew_of(running, recipe, show_of(tmp_path / "in"))
+        assert asked is not None
+        assert asked.limit == limit
     idle = "import time; from domesim.batch import cluster as c\nwith c._within(0.3): pass\n"
     subprocess.run([sys.executable, "-c", f"{idle}time.sleep(0.6)"], check=True, env=os.environ)
 
