@@ -18,7 +18,7 @@ from compensate.master import Figures
 from compensate.methods import METHODS, Solver
 from compensate.solver.admm import ADMM
 from compensate.weighting import PerceptualWeighting
-from domesim.batch.run import Running
+from domesim.batch.run import FRAME_TIMEOUT, Running
 from domesim.batch.work import Writing
 from domesim.choice import SceneChoice
 from domesim.cli import (
@@ -31,6 +31,7 @@ from domesim.cli import (
     Format,
     Fps,
     Frames,
+    FrameTimeout,
     Identical,
     Json,
     Left,
@@ -144,6 +145,7 @@ def compensate(
     scheduler: Scheduler = None,
     anew: Anew = False,
     mix: Mix = False,
+    frame_timeout: FrameTimeout = FRAME_TIMEOUT,
     pages: Pages = 3,
     dry_run: DryRun = False,
     quiet: Quiet = False,
@@ -182,7 +184,7 @@ def compensate(
         console,
         what="compensating",
         writing=Writing(suffix_of(file_format), bits, dithered(dither), repair, fps),
-        running=Running(workers, threads, scheduler, anew, mix, pages),
+        running=Running(workers, threads, scheduler, anew, mix, pages, frame_timeout),
         facts=about_scene(theatre),
         dry_run=dry_run,
     )

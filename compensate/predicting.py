@@ -26,7 +26,7 @@ from compensate.prediction import (
     triage,
 )
 from compensate.vision.tvi import MesopicBlend
-from domesim.batch.run import Done, Running
+from domesim.batch.run import FRAME_TIMEOUT, Done, Running
 from domesim.batch.work import Column, Note, Recipe, Work, Write, Writing
 from domesim.choice import SceneChoice
 from domesim.cli import (
@@ -34,6 +34,7 @@ from domesim.cli import (
     DryRun,
     EncodingName,
     Frames,
+    FrameTimeout,
     Identical,
     Json,
     Left,
@@ -145,6 +146,7 @@ def predict(
     scheduler: Scheduler = None,
     anew: Anew = False,
     mix: Mix = False,
+    frame_timeout: FrameTimeout = FRAME_TIMEOUT,
     dry_run: DryRun = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -183,7 +185,7 @@ def predict(
         console,
         what="predicting",
         writing=Writing(MAPS, repair=repair),
-        running=Running(workers, threads, scheduler, anew, mix),
+        running=Running(workers, threads, scheduler, anew, mix, frame_timeout=frame_timeout),
         facts={
             **about_scene(theatre),
             "threshold": settings.threshold,

@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import typer
 
 from domesim.batch.estimate import estimate
-from domesim.batch.run import Done, Running, each_frame
+from domesim.batch.run import FRAME_TIMEOUT, Done, Running, each_frame
 from domesim.batch.work import Recipe, Writing
 from domesim.choice import SceneChoice
 from domesim.console import Console, complain
@@ -181,6 +181,13 @@ DryRun = Annotated[
         help="Do a few frames, throw them away, and tell what time, memory and disk all will take.",
     ),
 ]
+FrameTimeout = Annotated[
+    float,
+    typer.Option(
+        help="Sequences: seconds after which a worker that is not done with a frame is ended, and "
+        "the frame tried by another, three times in all; 0 for never.",
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Json = Annotated[
     bool, typer.Option("--json", help="Print figures to standard output as one JSON object.")
@@ -209,6 +216,7 @@ def observe(
     scheduler: Scheduler = None,
     anew: Anew = False,
     mix: Mix = False,
+    frame_timeout: FrameTimeout = FRAME_TIMEOUT,
     dry_run: DryRun = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -238,7 +246,7 @@ def observe(
         console,
         what="observing",
         writing=Writing(suffix_of(file_format), bits, dithered(dither), repair, fps),
-        running=Running(workers, threads, scheduler, anew, mix),
+        running=Running(workers, threads, scheduler, anew, mix, frame_timeout=frame_timeout),
         facts=about_scene(theatre),
         dry_run=dry_run,
     )

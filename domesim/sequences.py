@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 import stat
 from collections.abc import Iterable, Sequence
+from functools import cache
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -99,17 +100,19 @@ def parse_frames(text: str) -> fileseq.FrameSet:
     return numbers
 
 
-def output_path(source: Path, folder: Path, suffix: str | None = None) -> Path:
-    """Where in `folder` the result for `source` goes: under its name, with `suffix` if given.
+def output_paths(
+    sources: Sequence[Path], folder: Path, suffix: str | None = None
+) -> tuple[Path, ...]:
+    """Where in `folder` the results for `sources` go: under their names, with `suffix` if given.
 
     Raises
     ------
     InputError
-        If that is `source` itself.
+        If one is one of the `sources`.
     """
-    path = folder / _output_name(source, suffix)
-    _refuse_inputs([path], [source])
-    return path
+    paths = tuple(folder / _output_name(source, suffix) for source in sources)
+    _refuse_inputs(paths, sources)
+    return paths
 
 
 def output_pairs(
@@ -152,10 +155,15 @@ def _output_name(source: Path, suffix: str | None) -> str:
 
 
 def _refuse_inputs(results: Iterable[Path], sources: Iterable[Path]) -> None:
-    # A link to the source is the source, too.
-    taken = {file_of(source).resolve() for source in sources}
+    place = cache(Path.resolve)  # of folders, which are few
+
+    def resolved(path: Path) -> Path:
+        # A link to the source is the source, too.
+        return path.resolve() if path.is_symlink() else place(path.parent) / path.name
+
+    taken = {resolved(file_of(source)) for source in sources}
     for path in results:
-        if path.resolve() in taken:
+        if resolved(path) in taken:
             raise InputError(
                 f"{path}: wanted a place for the result, got the input itself. "
                 "Choose another folder."

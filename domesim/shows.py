@@ -10,7 +10,7 @@ from domesim.errors import InputError
 from domesim.frames import ColourTag, Master, Packing, read_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.mistaken import refuse_one_file
-from domesim.sequences import find_frames, find_pairs, output_pairs, output_path
+from domesim.sequences import find_frames, find_pairs, output_pairs, output_paths
 
 PACKINGS = tuple(kind for kind in get_args(Packing) if kind not in ("single", "files"))
 """How left and right may lie in one file."""
@@ -34,7 +34,7 @@ class Show:
     numbered
         Whether they are frames of a sequence, be it one of its frames.
     part
-        Whether only some of a sequence's frames were asked for.
+        Which of a sequence's frames were asked for, such as ``1-100x10``; "" for all.
     """
 
     moments: tuple[tuple[Path, ...], ...]
@@ -42,7 +42,7 @@ class Show:
     allow_identical: bool = False
     colour: ColourTag | None = None
     numbered: bool = False
-    part: bool = False
+    part: str = ""
 
     def read(self, moment: tuple[Path, ...], *, repair: bool) -> Master:
         """One of its masters; see `read_master` for what is refused."""
@@ -65,7 +65,8 @@ class Show:
         pairs = tuple((files[0], files[1]) for files in self.moments if len(files) == 2)
         if pairs:
             return output_pairs(pairs, folder, suffix)
-        return tuple((output_path(files[0], folder, suffix),) for files in self.moments)
+        paths = output_paths([files[0] for files in self.moments], folder, suffix)
+        return tuple((path,) for path in paths)
 
 
 def find_show(
@@ -113,7 +114,7 @@ def find_show(
         found = find_frames(master, frames)
         moments = tuple((path,) for path in found)
         numbered = moments != ((Path(master),),)
-        return Show(moments, packing, allow_identical, colour, numbered, frames is not None)
+        return Show(moments, packing, allow_identical, colour, numbered, frames or "")
     if left is None or right is None:
         if left is None and right is None:
             raise InputError(
@@ -135,4 +136,4 @@ def find_show(
         for pair in pairs:
             refuse_one_file(*pair)
     numbered = pairs != ((Path(left), Path(right)),)
-    return Show(pairs, None, allow_identical, colour, numbered, frames is not None)
+    return Show(pairs, None, allow_identical, colour, numbered, frames or "")

@@ -6,6 +6,7 @@ Run as a program, it does a show as a command would: ``python batches.py FOLDER 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import time
@@ -37,6 +38,8 @@ class Harmful(Recipe):
         That each takes.
     deadly
         Name of a frame that kills its worker.
+    endless, holding
+        Name of a frame that is never done; and whether Python itself stands still meanwhile.
     removes
         A file that the first frame removes.
     faulty
@@ -48,6 +51,8 @@ class Harmful(Recipe):
     log: Path
     seconds: float = 0.0
     deadly: str = ""
+    endless: str = ""
+    holding: bool = False
     removes: Path | None = None
     faulty: str = ""
     needs_gpu: bool = False
@@ -63,6 +68,10 @@ class Harmful(Recipe):
                 raise ZeroDivisionError("a fault\nof two lines")
             if name == self.deadly:
                 os.kill(os.getpid(), signal.SIGKILL)
+            while name == self.endless:
+                if self.holding:
+                    re.match(r"(a+)+$", "a" * 60 + "b")  # takes ages
+                time.sleep(1.0)
             time.sleep(self.seconds)
             return master
 

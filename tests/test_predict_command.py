@@ -63,6 +63,17 @@ def names(stem: str) -> list[str]:
     return sorted([f"{stem}.maps.exr", *(f"{stem}.{kind}.png" for kind in KINDS)])
 
 
+def test_a_dry_run_counts_maps_and_pictures(run: Run, tmp_path: Path, out: Path) -> None:
+    for number in (1, 2):
+        fulldome(tmp_path / f"m.{number:04d}.exr")
+    arguments = (tmp_path / "m.####.exr", "--scene", DOME, "--out", out, "--workers", 0)
+    dry = run("predict", *arguments, "--dry-run", "--json")
+    assert not out.exists()
+    figures(run, *arguments)
+    took = sum((out / name).stat().st_size for name in (*names("m.0001"), *names("m.0002")))
+    assert json.loads(dry.out)["estimate"]["disk_total"] == pytest.approx(took, rel=0.02)
+
+
 def test_a_dome(run: Run, tmp_path: Path, out: Path) -> None:
     master = fulldome(tmp_path / "m.exr")
     outcome = run("predict", master, "--scene", DOME, "--out", out)

@@ -3,13 +3,14 @@
 Each worker does one frame at a time, start to end, and sends back figures only: masters and results
 stay on the disk that all share. No more frames are handed out than workers are free, so that when
 one dies, only its own frame is done again; a frame that kills worker after worker is given up, and
-the others go on.
+the others go on. A worker that does not get done with a frame ends itself, and so counts as dead.
 """
 
 from __future__ import annotations
 
 import contextlib
-import logging
+import faulthandler
+import os
 import signal
 import threading
 import time
@@ -17,53 +18,23 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias, final
 
-from domesim.batch.job import versions
+from domesim.batch.crew import DEATHS, Client, Crew, client_of
 from domesim.batch.work import Failed, Finished, Order, Recipe, Steps
+from domesim.console import duration
 from domesim.errors import InputError
 from domesim.frames.messages import joined
 from domesim.frames.reading import use_threads
 from domesim.strips import threads
 
-Client: TypeAlias = Any
 Future: TypeAlias = Any
-"""Dask's, which are imported late."""
+"""Dask's, which is imported late."""
 
-DEATHS = 2
-"""Workers that a frame may kill; the next is its last."""
-
-_PATIENCE = 30.0  # s: for a scheduler to answer
 _LOOK = 1.0  # s: how often to look for new workers
-
-_TALKERS = ("distributed", "tornado", "asyncio")
-"""Whose log messages the command tells in its own words."""
-
-
-@final
-@dataclass(frozen=True)
-class Crew:
-    """Who does the frames.
-
-    Parameters
-    ----------
-    workers
-        Processes on this machine.
-    threads
-        Of each.
-    scheduler
-        Address of a Dask scheduler whose workers are used instead, such as ``tcp://node1:8786``.
-    resources
-        What each frame needs of a worker, and workers of this machine have: names and amounts, as
-        of `Recipe.resources`.
-    """
-
-    workers: int = 1
-    threads: int = 1
-    scheduler: str | None = None
-    resources: tuple[tuple[str, float], ...] = ()
 
 
 def in_cluster(
@@ -96,46 +67,26 @@ def in_cluster(
     KeyboardInterrupt
         If Ctrl-C was typed; the first lets frames under way end.
     """
-    with _client(crew, tell) as client:
+    with client_of(crew, tell) as client:
         hall = _Hall(client, crew, tell)
-        running: dict[str, tuple[Order, Future]] = {}
-        ended: SimpleQueue[str] = SimpleQueue()
-        waiting = list(reversed(orders))
-        cancelled: Counter[Order] = Counter()
-        needed = dict(crew.resources) or None
+        desk = _Desk(orders, client, crew, task or partial(do, limit=crew.limit))
         interrupted = False
-        with _ctrl_c(lambda: ended.put("")) as asked, _left_if_broken(client):
-            while waiting or running:
+        with _ctrl_c(desk.wake) as asked, _left_if_broken(client):
+            while desk.waiting or desk.running:
                 if asked.is_set() and not interrupted:
-                    interrupted, waiting = True, []
-                    tell(f"Ending the {len(running)} frames under way; Ctrl-C again leaves them")
+                    interrupted = True
+                    desk.waiting.clear()
+                    count = len(desk.running)
+                    tell(f"Ending the {count} frames under way; Ctrl-C again leaves them")
                     continue
                 try:
-                    while waiting and len(running) < hall.places():
-                        order = waiting.pop()
-                        begin(order)
-                        future = client.submit(task or do, order, pure=False, resources=needed)
-                        running[future.key] = order, future
-                        future.add_done_callback(lambda future: ended.put(future.key))
-                    try:
-                        key = ended.get(timeout=_LOOK)
-                    except Empty:
+                    while desk.waiting and len(desk.running) < hall.places():
+                        begin(desk.hand_out())
+                    ended = desk.hear()
+                    if ended is None:
                         hall.require_scheduler()
-                        continue
-                    if not key:
-                        continue
-                    order, future = running.pop(key)
-                    outcome = _outcome(order, future)
-                    if outcome is None:
-                        hall.require_scheduler()
-                        cancelled[order] += 1
-                        if cancelled[order] <= DEATHS:
-                            waiting.append(order)
-                            continue
-                        outcome = Failed(f"{order.moment[0]}: the scheduler keeps cancelling it")
-                    if isinstance(outcome, Failed) and outcome.hopeless:
-                        waiting = []
-                    end(order, outcome)
+                    else:
+                        end(*ended)
                 except Exception:
                     hall.require_scheduler()  # of which everything else may be a consequence
                     raise
@@ -143,10 +94,10 @@ def in_cluster(
             raise KeyboardInterrupt
 
 
-def do(order: Order) -> Finished | Failed:
-    """One frame, in a worker."""
+def do(order: Order, limit: float | None = None) -> Finished | Failed:
+    """One frame, in a worker, which ends if that takes longer than `limit`, s."""
     try:
-        with _ONE_AT_A_TIME:
+        with _ONE_AT_A_TIME, _within(limit):
             return _steps(order.recipe).all(order)
     except InputError as error:
         return Failed(f"{order.moment[0]}: {error}")
@@ -162,24 +113,119 @@ def _steps(recipe: Recipe) -> Steps:
     return Steps(recipe.work(lambda text: None))
 
 
-def _outcome(order: Order, future: Future) -> Finished | Failed | None:
-    """What became of a frame; None if the scheduler let go of it."""
-    from distributed import KilledWorker  # noqa: PLC0415
+@contextmanager
+def _within(limit: float | None) -> Iterator[None]:
+    """End this process after so many seconds, even if a library holds the interpreter."""
+    if limit is None:
+        yield
+        return
+    with Path(os.devnull).open("w") as nowhere:  # for where each thread was
+        faulthandler.dump_traceback_later(limit, exit=True, file=nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
-    if future.status == "finished":
-        result: Finished | Failed = future.result()
-        return result
-    if future.status in ("cancelled", "lost"):
-        return None
-    error = future.exception()
-    if isinstance(error, KilledWorker):
-        return Failed(
-            f"{order.moment[0]}: given up; {error.allowed_failures + 1} workers died of it, one "
-            f"after the other. Too little memory for such frames (fewer --workers need less), or a "
-            f"fault in a library"
+
+@final
+@dataclass(frozen=True)
+class _Given:
+    """A frame that was handed out, and when, s."""
+
+    order: Order
+    future: Future
+    time: float
+
+
+@final
+class _Desk:
+    """Hands out frames, and hears of their ends.
+
+    Attributes
+    ----------
+    waiting
+        Frames that nobody does yet, the next one last.
+    running
+        Those that are under way.
+    """
+
+    def __init__(
+        self,
+        orders: Sequence[Order],
+        client: Client,
+        crew: Crew,
+        task: Callable[[Order], Finished | Failed],
+    ) -> None:
+        self.waiting = list(reversed(orders))
+        self.running: dict[str, _Given] = {}
+        self._client, self._crew, self._task = client, crew, task
+        self._ended: SimpleQueue[str] = SimpleQueue()
+        self._cancelled: Counter[Order] = Counter()
+
+    def wake(self) -> None:
+        """Let `hear` come back at once."""
+        self._ended.put("")
+
+    def hand_out(self) -> Order:
+        """The next one."""
+        order = self.waiting.pop()
+        needed = dict(self._crew.resources) or None
+        future = self._client.submit(self._task, order, pure=False, resources=needed)
+        self.running[future.key] = _Given(order, future, time.monotonic())
+        future.add_done_callback(lambda future: self._ended.put(future.key))
+        return order
+
+    def hear(self) -> tuple[Order, Finished | Failed] | None:
+        """The next that ends, and how; None if none does for a while.
+
+        One that is hopeless leaves none waiting.
+        """
+        try:
+            key = self._ended.get(timeout=_LOOK)
+        except Empty:
+            return None
+        if not key:
+            return None
+        given = self.running.pop(key)
+        outcome = self._outcome(given)
+        if outcome is None:
+            self._cancelled[given.order] += 1
+            if self._cancelled[given.order] <= DEATHS:
+                self.waiting.append(given.order)
+                return None
+            outcome = Failed(f"{given.order.moment[0]}: the scheduler keeps cancelling it")
+        if isinstance(outcome, Failed) and outcome.hopeless:
+            self.waiting.clear()
+        return given.order, outcome
+
+    def _outcome(self, given: _Given) -> Finished | Failed | None:
+        """What became of a frame; None if the scheduler let go of it."""
+        from distributed import KilledWorker  # noqa: PLC0415
+
+        future = given.future
+        if future.status == "finished":
+            result: Finished | Failed = future.result()
+            return result
+        if future.status in ("cancelled", "lost"):
+            return None
+        error = future.exception()
+        if isinstance(error, KilledWorker):
+            return Failed(f"{given.order.moment[0]}: given up; {self._death(given, error)}")
+        told = joined(f"{type(error).__name__}: {error}")
+        return Failed(f"{given.order.moment[0]}: {told}")
+
+    def _death(self, given: _Given, error: Any) -> str:
+        """What workers died of."""
+        deaths, limit = error.allowed_failures + 1, self._crew.limit
+        if limit is not None and time.monotonic() - given.time >= deaths * limit:
+            return (
+                f"{deaths} workers, one after the other, were not done with it after "
+                f"{duration(limit)}. If that is too short, raise --frame-timeout"
+            )
+        return (
+            f"{deaths} workers died of it, one after the other. Too little memory for such frames "
+            f"(fewer --workers need less), or a fault in a library"
         )
-    told = joined(f"{type(error).__name__}: {error}")
-    return Failed(f"{order.moment[0]}: {told}")
 
 
 @final
@@ -227,72 +273,6 @@ class _Hall:
 
 
 @contextmanager
-def _client(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
-    import dask  # noqa: PLC0415
-    from distributed import Client, LocalCluster  # noqa: PLC0415
-
-    be_quiet()
-    settings = {
-        "distributed.scheduler.allowed-failures": DEATHS,
-        # Results are figures: there is nothing to spill, and a worker that pauses never goes on
-        "distributed.worker.memory.target": False,
-        "distributed.worker.memory.spill": False,
-        "distributed.worker.memory.pause": False,
-        # Looking at each worker a hundred times a second takes a tenth of its core
-        "distributed.worker.profile.enabled": False,
-        "distributed.admin.tick.interval": "1s",
-        "distributed.nanny.pre-spawn-environ": _environment(crew.threads),
-    }
-    with dask.config.set(settings):
-        if crew.scheduler is not None:
-            try:
-                client = Client(crew.scheduler, timeout=_PATIENCE, set_as_default=False)
-            except (OSError, ValueError, TimeoutError) as error:
-                raise InputError(
-                    f"--scheduler {crew.scheduler}: wanted a Dask scheduler, got "
-                    f"'{joined(str(error))}'. Start one (dask scheduler), or leave --scheduler out"
-                ) from None
-            try:
-                _require_alike(client, crew, tell)
-                yield client
-            finally:
-                with contextlib.suppress(TimeoutError):
-                    client.close(timeout=1)
-            return
-        cluster = LocalCluster(
-            n_workers=crew.workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-            preload=["domesim.batch.preload"],
-            resources=dict(crew.resources),
-            memory_limit=None,  # an equal share each would end a worker whose frame needs more
-            env=_environment(crew.threads),  # also where the command's own environment says else
-        )
-        try:
-            with Client(cluster, set_as_default=False) as client:
-                yield client
-        finally:
-            # On a busy machine they may take longer; they end with this process at the latest
-            with contextlib.suppress(TimeoutError):
-                cluster.close(timeout=10)
-
-
-def be_quiet() -> None:
-    """Let Dask print nothing: what goes wrong, the command tells."""
-    for name in (*_TALKERS, *logging.root.manager.loggerDict):
-        if name.split(".")[0] in _TALKERS:
-            logging.getLogger(name).setLevel(logging.CRITICAL)
-
-
-def _environment(threads: int) -> dict[str, str]:
-    """Of workers: one frame's threads, and BLAS within them."""
-    single = dict.fromkeys(("MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    return {**single, "OMP_NUM_THREADS": str(threads), "PYTHONWARNINGS": "ignore"}
-
-
-@contextmanager
 def _ctrl_c(wake: Callable[[], None]) -> Iterator[threading.Event]:
     """Set at the first Ctrl-C, which would else break off between any two steps; then `wake` is
     called. The second one is an exception as ever.
@@ -325,32 +305,3 @@ def _left_if_broken(client: Client) -> Iterator[None]:
             if client.cluster is not None:
                 client.cluster.close(timeout=5)
         raise
-
-
-def _require_alike(client: Client, crew: Crew, tell: Callable[[str], None]) -> None:
-    """See that a scheduler's workers have this program."""
-    try:
-        found = client.run(versions)
-    except Exception as error:
-        raise InputError(
-            f"--scheduler {crew.scheduler}: its workers cannot run domesim "
-            f"('{joined(str(error))}'). Install the same domesim there"
-        ) from None
-    ours = versions()
-    for worker, theirs in found.items():
-        if theirs.get("domesim") != ours.get("domesim"):
-            raise InputError(
-                f"--scheduler {crew.scheduler}: wanted workers with domesim "
-                f"{ours.get('domesim')}, got {theirs.get('domesim')} at {worker}"
-            )
-    unlike = {
-        f"{name} {theirs.get(name, 'none')}"
-        for theirs in found.values()
-        for name in {*theirs, *ours}
-        if theirs.get(name) != ours.get(name)
-    }
-    if unlike:
-        tell(
-            f"workers of {crew.scheduler} have other libraries than this machine "
-            f"({', '.join(sorted(unlike))}): the last bits of results may differ"
-        )

@@ -1,19 +1,27 @@
-"""What a show will take: a few of its frames are done, and thrown away."""
+"""What a show will take: a few of its frames are done, and thrown away.
+
+So is what a run makes of all its frames when they are done: a page about one of the worst, and a
+video. Both are made by the command itself, one after the other.
+"""
 
 from __future__ import annotations
 
+import resource
 import tempfile
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import mean
 from typing import Any, final
 
-from domesim.batch.film import films_of
-from domesim.batch.run import Running, crew_of, do_all, orders_of
+from domesim.batch.film import Films, encoding_of, films_of
+from domesim.batch.job import sha256
+from domesim.batch.run import Running, crew_of, do_all, orders_of, write_page
 from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
 from domesim.console import Console, complain, duration
 from domesim.errors import InputError
+from domesim.frames import ColourTag
 from domesim.shows import Show
 from domesim.strips import cores
 
@@ -23,13 +31,28 @@ A_WORKER = 4
 
 @final
 @dataclass(frozen=True)
-class _Sampled:
-    """Of one frame: its time, s, and its result's size, bytes."""
+class _Cost:
+    """Seconds of the command alone, when all frames are done; and bytes on the disk."""
 
-    worker: tuple[str, int]
-    seconds: float
-    size: int
-    peak: int
+    seconds: float = 0.0
+    disk: float = 0.0
+
+
+@final
+@dataclass
+class _Tried:
+    """Frames that were done, as they ended; and why others were not."""
+
+    frames: dict[Order, Finished] = field(default_factory=dict)
+    failed: list[str] = field(default_factory=list)
+
+    def end(self, order: Order, outcome: Finished | Failed) -> None:
+        """One has ended."""
+        if isinstance(outcome, Finished):
+            self.frames[order] = outcome
+        else:
+            self.failed.append(outcome.reason)
+            complain(outcome.reason)
 
 
 def estimate(
@@ -51,20 +74,22 @@ def estimate(
     Returns
     -------
     ``frames`` in all and ``sampled``; ``workers`` and ``threads``; ``seconds_frame`` and
-    ``seconds_total``; and in bytes ``memory_worker``, ``memory_total``, ``disk_frame`` and
-    ``disk_total``.
+    ``seconds_total``, of which ``seconds_pages`` and ``seconds_video``; and in bytes
+    ``memory_worker``, ``memory_total``, ``disk_frame`` (a result and the files beside it) and
+    ``disk_total``, of which ``disk_pages`` and ``disk_video``. Records and tables, some kB a frame,
+    are not counted.
 
     Raises
     ------
     InputError
-        If no frame can be done.
+        If no frame can be done, or no video made of them.
     """
     if running.scheduler is not None:
         raise InputError(
             "--dry-run tries workers of this machine; leave --scheduler out, and say how many like "
             "these there are (--workers)"
         )
-    writing, _ = films_of(show, folder, writing)
+    writing, films = films_of(show, folder, writing)
     show.outputs(folder, writing.suffix)  # complains as the run would
     crew = crew_of(running, recipe, show)
     count = len(show.moments)
@@ -76,8 +101,7 @@ def estimate(
     place = folder
     while not place.is_dir():
         place = place.parent
-    failed: list[str] = []
-    found: list[_Sampled] = []
+    tried = _Tried()
     with tempfile.TemporaryDirectory(prefix=".domesim-", dir=place) as scratch:
         part = replace(show, moments=tuple(show.moments[k] for k in chosen))
         outputs = part.outputs(Path(scratch), writing.suffix)
@@ -85,59 +109,101 @@ def estimate(
             for path in output:
                 path.parent.mkdir(parents=True, exist_ok=True)
         orders = orders_of(part, outputs, recipe, writing)
-
-        def end(order: Order, outcome: Finished | Failed) -> None:
-            if isinstance(outcome, Failed):
-                failed.append(outcome.reason)
-                complain(outcome.reason)
-                return
-            size = 0
-            for path in order.output:
-                size += path.stat().st_size
-                path.unlink()
-            maker = outcome.maker
-            worker = (maker["host"], maker["pid"])
-            found.append(_Sampled(worker, sum(outcome.seconds.values()), size, maker["peak"]))
-
         with console.progress("trying", len(orders)) as start:
-            do_all(orders, crew, start, end, console)
-    if not found:
-        raise InputError(f"no frame of {len(chosen)} could be done: {failed[0]}")
-    steady, first = _steady(found)
-    size, peak = mean(each.size for each in found), max(each.peak for each in found)
-    total = first + steady * count / workers
+            do_all(orders, crew, start, tried.end, console)
+        if not tried.frames:
+            raise InputError(f"no frame of {len(chosen)} could be done: {tried.failed[0]}")
+        size = _bytes_in(Path(scratch)) / len(tried.frames)
+        pages = _pages(tried, show, recipe, running, Path(scratch), console)
+        video = _Cost()
+        if films is not None and not show.part:
+            video = _video(tried, films, count, Path(scratch), console)
+    peak = max(each.maker["peak"] for each in tried.frames.values())
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    steady, first = _steady(list(tried.frames.values()))
     figures = {
         "frames": count,
-        "sampled": len(found),
+        "sampled": len(tried.frames),
         "workers": workers,
         "threads": None if crew is None else crew.threads,
         "seconds_frame": steady,
-        "seconds_total": total,
+        "seconds_pages": pages.seconds,
+        "seconds_video": video.seconds,
+        "seconds_total": first + steady * count / workers + pages.seconds + video.seconds,
         "memory_worker": peak,
-        "memory_total": peak * workers,
+        "memory_total": max(peak * workers, own),
         "disk_frame": size,
-        "disk_total": size * count,
+        "disk_pages": pages.disk,
+        "disk_video": video.disk,
+        "disk_total": size * count + pages.disk + video.disk,
     }
     console.say(
-        f"{count} frames: {duration(total)} with {workers} worker{'s' if workers > 1 else ''} "
-        f"({steady:.3g} s a frame each, from {len(found)} that were tried), "
-        f"{_size(peak * workers)} of memory, {_size(size * count)} on the disk"
+        f"{count} frames: {duration(figures['seconds_total'])} with {workers} "
+        f"worker{'s' if workers > 1 else ''} ({steady:.3g} s a frame each, from "
+        f"{len(tried.frames)} that were tried), {_size(figures['memory_total'])} of memory, "
+        f"{_size(figures['disk_total'])} on the disk"
     )
+    for what, cost in (("pages", pages), ("the video", video)):
+        if cost.seconds:
+            console.say(f"Of these, {what}: {duration(cost.seconds)}, {_size(cost.disk)}")
     return figures
 
 
-def _steady(found: Sequence[_Sampled]) -> tuple[float, float]:
+def _pages(
+    tried: _Tried, show: Show, recipe: Recipe, running: Running, scratch: Path, console: Console
+) -> _Cost:
+    """Of the pages of the worst frames, by one of the worst that was tried."""
+    count = min(running.pages, len(show.moments))
+    if not (recipe.compares and show.numbered and count):
+        return _Cost()
+    key = recipe.columns()[0].key
+    worst = max(tried.frames, key=lambda order: float(tried.frames[order].figures[key]))
+    page = scratch / "page.html"
+    began = time.perf_counter()
+    with console.progress("comparing", 1) as start:
+        start(worst.name)
+        if not write_page(worst, page):
+            return _Cost()
+    return _Cost(count * (time.perf_counter() - began), count * page.stat().st_size)
+
+
+def _video(tried: _Tried, films: Films, count: int, scratch: Path, console: Console) -> _Cost:
+    """Of the videos that the frames become, by those of the frames that were tried."""
+    orders = list(tried.frames)
+    transfer, primaries = encoding_of(tried.frames[orders[0]].figures)
+    seconds = disk = 0.0
+    for view, path in enumerate(films.paths):
+        place = scratch / path.name
+        frames = {order.output[view]: sha256(order.output[view]) for order in orders}
+        began = time.perf_counter()
+        with console.progress("assembling", len(frames)) as start:
+            films.write(place, frames, ColourTag(transfer, primaries, "domesim"), start)
+        seconds += (time.perf_counter() - began) * count / len(frames)
+        disk += place.stat().st_size * count / len(frames)
+    return _Cost(seconds, disk)
+
+
+def _steady(found: Sequence[Finished]) -> tuple[float, float]:
     """Seconds of a frame once a worker is ready, and what getting ready takes besides."""
     firsts: list[float] = []
     others: list[float] = []
     seen = set()
     for each in found:
-        (others if each.worker in seen else firsts).append(each.seconds)
-        seen.add(each.worker)
+        worker = each.maker["host"], each.maker["pid"]
+        (others if worker in seen else firsts).append(sum(each.seconds.values()))
+        seen.add(worker)
     if not others:
         return mean(firsts), 0.0
     return mean(others), max(0.0, mean(firsts) - mean(others))
 
 
+def _bytes_in(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
 def _size(count: float) -> str:
-    return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"
+    unit, name = next(each for each in _UNITS if count >= each[0] or each is _UNITS[-1])
+    return f"{count / unit:.3g} {name}"
+
+
+_UNITS = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"))

@@ -11,12 +11,12 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from domesim.batch.job import Job, sha256
 from domesim.batch.work import Files, Order, Writing
@@ -75,53 +75,96 @@ class Films:
             If frames are no video together, or it cannot be written.
         """
         for view, path in enumerate(self.paths):
-            frames = [order.output[view] for order in orders]
-            colour, made_of = self._made_of(orders, view, job)
+            colour, frames = self._frames(orders, view, job)
+            made_of = self._digest(colour, frames.values())
             if _is_there(path, job, made_of):
                 console.say(f"{path} (made before)")
                 continue
             with console.progress("assembling", len(frames)) as start:
-                write_film(
-                    path,
-                    _read(frames, colour, start),
-                    len(frames),
-                    colour,
-                    self.timing,
-                    dithered=self.dither,
-                )
+                self.write(path, frames, colour, start)
             kept = {"made_of": made_of, "sha256": sha256(path)}
             write_whole(_record_of(path, job), json.dumps(kept).encode())
             unsaid = "" if is_sayable(colour) else f"; {colour.named}, which the file cannot say"
             console.say(f"-> {path} ({float(self.timing.rate):.6g} frames a second{unsaid})")
 
-    def _made_of(self, orders: Sequence[Order], view: int, job: Job) -> tuple[ColourTag, str]:
-        """Of all frames, their encoding; and a digest of all that the video depends on."""
+    def write(
+        self,
+        path: Path,
+        frames: Mapping[Path, str],
+        colour: ColourTag,
+        start: Callable[[str], None],
+    ) -> None:
+        """Make one of frames.
+
+        Parameters
+        ----------
+        path
+            Where to.
+        frames
+            Their files in order, with the SHA-256 of each.
+        colour
+            What they mean.
+        start
+            Called with the name of each.
+
+        Raises
+        ------
+        InputError
+            As for `make`; or if a file is not as it was written.
+        """
+        write_film(
+            path,
+            _read(frames, colour, start),
+            len(frames),
+            colour,
+            self.timing,
+            dithered=self.dither,
+        )
+
+    def _frames(
+        self, orders: Sequence[Order], view: int, job: Job
+    ) -> tuple[ColourTag, dict[Path, str]]:
+        """What all frames mean; and as for `write`."""
         colours: set[tuple[str, str]] = set()
-        content: list[str] = []
+        frames: dict[Path, str] = {}
         for order in orders:
             record = job.record(order.output)
             if record is None:
                 raise InputError(f"{order.output[view]}: wanted its record, there is none")
-            encoding = record.figures["encoding"]
-            colours.add((encoding["transfer"], encoding["primaries"]))
-            content.append(list(record.results.values())[view])
+            colours.add(encoding_of(record.figures))
+            frames[order.output[view]] = list(record.results.values())[view]
         if len(colours) > 1:
             found = " and ".join(" ".join(each) for each in sorted(colours))
             raise InputError(
                 f"{self.paths[view]}: wanted frames of one encoding for a video, got {found}. Say "
                 f"what they are (--encoding)"
             )
-        colour = ColourTag(*colours.pop(), "domesim")
-        told = [content, asdict(colour), asdict(self.format), str(self.timing), self.dither]
-        return colour, hashlib.sha256(json.dumps(told).encode()).hexdigest()
+        return ColourTag(*colours.pop(), "domesim"), frames
+
+    def _digest(self, colour: ColourTag, frames: Iterable[str]) -> str:
+        """Of all that a video depends on."""
+        told = [list(frames), asdict(colour), asdict(self.format), str(self.timing), self.dither]
+        return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
 def _read(
-    paths: Sequence[Path], colour: ColourTag, start: Callable[[str], None]
+    frames: Mapping[Path, str], colour: ColourTag, start: Callable[[str], None]
 ) -> Iterator[Frame]:
-    for path in paths:
+    """Each, if it still is as it was written: minutes or hours may lie between."""
+    for path, digest in frames.items():
         start(path.name)
+        if sha256(path) != digest:
+            raise InputError(
+                f"{path}: wanted a frame for the video as it was written, got a changed file. The "
+                f"same command does it again"
+            )
         yield read_frame(path, colour=colour)
+
+
+def encoding_of(figures: Mapping[str, Any]) -> tuple[str, str]:
+    """Transfer and primaries of a frame, by its figures."""
+    encoding = figures["encoding"]
+    return encoding["transfer"], encoding["primaries"]
 
 
 def films_of(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films | None]:

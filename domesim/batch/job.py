@@ -1,9 +1,11 @@
 """A job: what is kept of the frames that are done, so that a run that was killed goes on.
 
 Beside the results, a folder ``job`` holds ``settings.json``, all that results depend on; and for
-each frame a record, written after its result: its figures, the SHA-256 of master and result, and
-who made it with which versions. A record is one small file, so that as many machines as wish can
-work on one show at once, and none needs to hear of the others.
+each frame a record, written after its result: its figures, the SHA-256 of master, result and
+settings, and who made it with which versions. A record is one small file, so that as many machines
+as wish can work on one show at once, and none needs to hear of the others. Settings that some
+frames were made with and others not (``--mix``) are all kept, in a folder ``settings``, by their
+SHA-256.
 
 A frame is done if its record says so, its result is as it was written, byte by byte, and its master
 too. Anything else is done again.
@@ -50,7 +52,7 @@ class Record:
     results
         SHA-256 of each file of the result.
     settings
-        Digest of the settings it was made with.
+        SHA-256 of the settings it was made with.
     versions
         Of what made it.
     beside
@@ -78,7 +80,7 @@ class Job:
     folder
         Where its records are.
     settings
-        Digest of its settings.
+        SHA-256 of its settings.
     mixed
         Take results that were made with other settings.
     program
@@ -144,10 +146,10 @@ class Job:
         whole = isinstance(record.figures, dict) and isinstance(record.line, str)
         return record if whole else None
 
-    def count(self, outputs: Iterable[Sequence[Path]]) -> int:
-        """How many of the frames with these results have a record."""
+    def recorded(self, outputs: Iterable[Sequence[Path]]) -> list[bool]:
+        """Whether each of the frames with these results has a record, be it right or wrong."""
         there = {path.name for path in self.folder.glob("[!.]*.json")}
-        return sum(self._place(output).name in there for output in outputs)
+        return [self._place(output).name in there for output in outputs]
 
     def sources(self, moment: Sequence[Path]) -> dict[str, list[Any]]:
         """Size, time and SHA-256 of each file of a master, as of `Record`.
@@ -186,6 +188,10 @@ class Job:
         for place in (self._place(output), self.fault(output)):
             place.unlink(missing_ok=True)
 
+    def settings_file(self, digest: str) -> Path:
+        """Where the settings of that SHA-256 are."""
+        return self.folder / "settings" / f"{digest}.json"
+
     def fault(self, output: Sequence[Path]) -> Path:
         """Where a fault of the program is written down, if a frame meets one."""
         return self.folder / f"{output[0].name}.fault.txt"
@@ -218,8 +224,9 @@ def open_job(
     folder, place = out / FOLDER, out / FOLDER / "settings.json"
     told = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False)
     job = Job(folder, hashlib.sha256(told.encode()).hexdigest(), mixed, versions().get("domesim"))
+    known = job.settings_file(job.settings)
     try:
-        folder.mkdir(exist_ok=True)
+        known.parent.mkdir(parents=True, exist_ok=True)
         before = None
         if place.exists() and not anew:
             before = place.read_text(errors="replace")
@@ -234,8 +241,9 @@ def open_job(
             f"another --out, or do all frames again (--anew), or only those that are missing, "
             f"beside the others (--mix)"
         )
-    if before != told:
-        write_whole(place, told.encode())
+    for each in (known, place):
+        if before != told or not each.exists():
+            write_whole(each, told.encode())
     return job
 
 

@@ -2,7 +2,7 @@
 
 import signal
 
-from domesim.batch.cluster import be_quiet
+from domesim.batch.crew import be_quiet
 from domesim.strips import keep_freed_memory
 
 

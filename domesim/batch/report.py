@@ -3,6 +3,9 @@
 It is written anew every few seconds, whole, and asks the browser to load it again until the run has
 ended. Beside it lie all figures as a table: ``frames.csv``, and ``frames.parquet`` where pyarrow is
 installed (extra ``tables``).
+
+A run of some of the frames (``--frames 1-12``) tells of these, in files of its own
+(``report-1-12.html``): a farm's many runs neither overwrite each other's nor read all records.
 """
 
 from __future__ import annotations
@@ -14,7 +17,8 @@ import math
 import os
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.resources import files
@@ -34,6 +38,7 @@ EVERY = 3.0
 SHOWN = 50
 """Worst frames that the page names."""
 
+_LONGEST = 60  # letters of a file's name that say which frames
 _POINTS = 800  # of a curve
 _WIDTH, _HEIGHT = 900, 120
 
@@ -71,11 +76,25 @@ class Report:
         Those of this run.
     what
         What is done, in one word.
+    part
+        As of `Show`.
+    checked_last
+        Those orders that were done before, if they are as they were.
     """
 
-    def __init__(self, job: Job, orders: Sequence[Order], what: str) -> None:
-        self.page = job.folder / "report.html"
+    def __init__(
+        self,
+        job: Job,
+        orders: Sequence[Order],
+        what: str,
+        part: str = "",
+        *,
+        checked_last: Sequence[Order] = (),
+    ) -> None:
+        self._mark = f"-{part.replace(' ', '')[:_LONGEST]}" if part else ""
+        self.page = job.folder / f"report{self._mark}.html"
         self._job, self._orders, self._what = job, orders, what
+        self._unchecked = {order.output[0].name for order in checked_last}
         self._columns = orders[0].recipe.columns()
         self._outcomes: dict[str, Finished | Failed] = {}
         self._began, self._written = time.time(), 0.0
@@ -84,6 +103,7 @@ class Report:
     def add(self, order: Order, outcome: Finished | Failed) -> None:
         """A frame has ended."""
         self._outcomes[order.output[0].name] = outcome
+        self._unchecked.discard(order.output[0].name)
         self._new += not (isinstance(outcome, Finished) and outcome.kept)
         if time.time() - self._written > EVERY:
             with suppress(InputError):  # said when the run ends, if it still is so
@@ -115,15 +135,17 @@ class Report:
     def _end(self, state: str) -> None:
         rows = self._rows()
         try:
-            write_tables(self._job.folder, list(rows.values()))
+            write_tables(self._job.folder / f"frames{self._mark}", list(rows.values()))
             self._write(state, rows)
         except InputError as error:
             complain(error)
 
     def _rows(self) -> dict[str, dict[str, Any]]:
-        """Figures of all frames of the job, other runs' too, by the result's name."""
+        """Figures of this run's frames, and unless it is of a part, of the job's others, by the
+        result's name.
+        """
         rows: dict[str, dict[str, Any]] = {}
-        for place in self._job.folder.glob("[!.]*.json"):
+        for place in () if self._mark else self._job.folder.glob("[!.]*.json"):
             name = place.name.removesuffix(".json")
             if name == "settings" or name in self._outcomes:
                 continue
@@ -141,7 +163,7 @@ class Report:
             rows = {name: found[name] for name in sorted(found, key=_natural)}
         ended = sum(isinstance(each, Finished) for each in self._outcomes.values())
         elapsed = time.time() - self._began
-        left = len(self._orders) - len(self._outcomes)
+        left = len(self._orders) - len(self._outcomes) - len(self._unchecked)
         rate = self._new / elapsed if elapsed > 0 else 0.0
         first = self._columns[0]
         ranked = sorted(rows, key=lambda name: -_number(rows[name].get(first.key)))
@@ -152,6 +174,8 @@ class Report:
             ended=ended,
             total=len(self._orders),
             beyond=len(rows) - ended,
+            unchecked=len(self._unchecked),
+            table=f"frames{self._mark}.csv",
             rate=rate,
             elapsed=duration(elapsed),
             left=duration(left / rate) if rate else "",
@@ -161,12 +185,22 @@ class Report:
             ends=[*rows][:1] + [*rows][-1:],
             worst=[self._row(name, rows[name]) for name in ranked[:SHOWN]],
             settings=_settings(self._job),
+            others=self._others(rows.values()),
             versions=versions(),
             size=(_WIDTH, _HEIGHT),
             shown=SHOWN,
         )
         self._written = time.time()
         write_whole(self.page, page.encode("utf-8", "replace"))
+
+    def _others(self, rows: Iterable[Mapping[str, Any]]) -> list[tuple[int, str]]:
+        """Of settings that are not the job's: how many frames they made, and where they are."""
+        found = Counter(str(row.get("settings", self._job.settings)) for row in rows)
+        del found[self._job.settings]
+        return [
+            (count, str(self._job.settings_file(digest).relative_to(self._job.folder)))
+            for digest, count in found.most_common()
+        ]
 
     def _row(self, name: str, figures: Mapping[str, Any]) -> dict[str, Any]:
         compared = self._job.folder / page_name(name)
@@ -185,8 +219,8 @@ def page_name(output: str) -> str:
     return f"compare-{output}.html"
 
 
-def write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """All figures that are one number or text, as CSV and Parquet.
+def write_tables(stem: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """All figures that are one number or text, as ``STEM.csv`` and ``STEM.parquet``.
 
     Raises
     ------
@@ -199,7 +233,8 @@ def write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     writer = csv.DictWriter(text, names)
     writer.writeheader()
     writer.writerows(flat)
-    write_whole(folder / "frames.csv", text.getvalue().encode("utf-8", "surrogateescape"))
+    content = text.getvalue().encode("utf-8", "surrogateescape")
+    write_whole(stem.with_name(f"{stem.name}.csv"), content)
     with suppress(ImportError):
         import pyarrow as pa  # noqa: PLC0415
         from pyarrow import parquet  # noqa: PLC0415
@@ -207,7 +242,7 @@ def write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         table = pa.Table.from_pylist([{name: row.get(name) for name in names} for row in flat])
         sink = pa.BufferOutputStream()
         parquet.write_table(table, sink)
-        write_whole(folder / "frames.parquet", sink.getvalue().to_pybytes())
+        write_whole(stem.with_name(f"{stem.name}.parquet"), sink.getvalue().to_pybytes())
 
 
 def _flat(row: Mapping[str, Any], above: str = "") -> dict[str, Any]:

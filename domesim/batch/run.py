@@ -8,13 +8,15 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
+from math import inf
 from pathlib import Path
 from typing import Any, final
 
 import psutil
 
 from domesim.batch.alone import alone
-from domesim.batch.cluster import Crew, in_cluster
+from domesim.batch.cluster import in_cluster
+from domesim.batch.crew import Crew
 from domesim.batch.film import films_of
 from domesim.batch.job import Job, open_job, versions
 from domesim.batch.report import Report, page_name
@@ -29,6 +31,9 @@ from domesim.shows import Show
 from domesim.strips import cores
 
 STEPS = ("reading", "solving", "writing")
+
+FRAME_TIMEOUT = 3600.0
+"""Seconds: a hundred times what a frame of 4096² takes one core."""
 
 _SPARE = 0.8  # of the memory that is free: what workers may need together
 
@@ -53,6 +58,8 @@ class Running:
         Take frames that are done already with other settings.
     pages
         Of a sequence: for how many of the worst frames a page is written that compares methods.
+    frame_timeout
+        Seconds after which a worker that is not done with a frame ends; 0 for never.
     """
 
     workers: int | None = None
@@ -61,6 +68,7 @@ class Running:
     anew: bool = False
     mixed: bool = False
     pages: int = 3
+    frame_timeout: float = FRAME_TIMEOUT
 
 
 @final
@@ -143,20 +151,25 @@ def each_frame(
         prepare(place)
     job = _job(show, folder, outputs, recipe, writing, running)
     orders = orders_of(show, outputs, recipe, writing, job)
-    report = None if job is None else Report(job, orders, what)
-    telling = _Telling(console, orders, report)
+    fresh, recorded = _by_record(orders, job)
+    report = None if job is None else Report(job, orders, what, show.part, checked_last=recorded)
+    telling = _Telling(console, orders, recorded, report)
     crew = crew_of(running, recipe, show)
     began = time.perf_counter()
-    with console.progress(what, len(orders)) as start:
-        try:
-            missing = orders
-            if job is not None and running.scheduler is None:
-                missing = _missing(orders, job, start, telling.end)
-            do_all(missing, crew, start, telling.end, console)
-        except BaseException:
-            if job is not None:
-                telling.interrupted(job, running)
-            raise
+    try:
+        # To read all results of a long show takes hours, for which no worker should wait
+        if recorded and fresh:
+            console.say(f"{len(recorded)} of {len(orders)} have a record; they are checked last")
+        _do(fresh, crew, telling, console, what)
+        if job is not None and recorded and telling.has_all(fresh):
+            if running.scheduler is None:
+                with console.progress("checking", len(recorded)) as start:
+                    recorded = _changed(recorded, job, start, telling.end)
+            _do(recorded, crew, telling, console, what)
+    except BaseException:
+        if job is not None:
+            telling.interrupted(job, running)
+        raise
     done = telling.done()
     done.seconds["total"] = time.perf_counter() - began
     if report is None or job is None:
@@ -197,13 +210,31 @@ def _job(
     return job
 
 
-def _missing(
+def _by_record(orders: list[Order], job: Job | None) -> tuple[list[Order], list[Order]]:
+    """Those that no run has done, and those of which some run says so."""
+    if job is None:
+        return orders, []
+    found = job.recorded(order.output for order in orders)
+    fresh = [order for order, known in zip(orders, found, strict=True) if not known]
+    return fresh, [order for order, known in zip(orders, found, strict=True) if known]
+
+
+def _do(
+    orders: list[Order], crew: Crew | None, telling: _Telling, console: Console, what: str
+) -> None:
+    """Do them, beside a progress bar."""
+    if orders:
+        with console.progress(what, len(orders)) as start:
+            do_all(orders, crew, start, telling.end, console)
+
+
+def _changed(
     orders: list[Order],
     job: Job,
     start: Callable[[str], None],
     end: Callable[[Order, Finished | Failed], None],
 ) -> list[Order]:
-    """Those that are not done yet; the others end as they are."""
+    """Those that must be done again; the others end as they are."""
 
     def look(order: Order) -> Finished | None:
         try:
@@ -212,15 +243,18 @@ def _missing(
             return None
         return None if record is None else Finished(record.figures, record.line, kept=True)
 
-    missing = []
-    with ThreadPoolExecutor(cores()) as pool:
+    changed = []
+    pool = ThreadPoolExecutor(cores())
+    try:
         for order, kept in zip(orders, pool.map(look, orders), strict=True):
+            start(order.name)
             if kept is None:
-                missing.append(order)
+                changed.append(order)
             else:
-                start(order.name)
                 end(order, kept)
-    return missing
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return changed
 
 
 def _compare(orders: list[Order], recipe: Recipe, console: Console) -> bool:
@@ -232,12 +266,20 @@ def _compare(orders: list[Order], recipe: Recipe, console: Console) -> bool:
             start(order.name)
             assert order.job is not None
             page = order.job.folder / page_name(order.output[0].name)
-            try:
-                if page.exists() and page.stat().st_mtime >= order.output[0].stat().st_mtime:
+            with suppress(OSError):
+                if page.stat().st_mtime >= order.output[0].stat().st_mtime:
                     continue
-                recipe.compare(order.show.read(order.moment, repair=True), page)
-            except (InputError, OSError, MemoryError) as error:
-                complain(f"{page}: no page, '{joined(str(error))}'")
+            write_page(order, page)
+    return True
+
+
+def write_page(order: Order, page: Path) -> bool:
+    """Write the page about one frame; that it cannot be is told, and is no reason to end."""
+    try:
+        order.recipe.compare(order.show.read(order.moment, repair=True), page)
+    except (InputError, OSError, MemoryError) as error:
+        complain(f"{page}: no page, '{joined(str(error))}'")
+        return False
     return True
 
 
@@ -300,12 +342,17 @@ def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
         If what is asked for cannot be.
     """
     needed = tuple(sorted(recipe.resources().items()))
+    if not 0 <= running.frame_timeout < inf:
+        raise InputError(
+            f"--frame-timeout must be at least 0 (0 for never), got {running.frame_timeout:g}"
+        )
+    limit = running.frame_timeout or None
     if running.scheduler is not None:
         if running.workers is not None or running.threads is not None:
             raise InputError(
                 "--scheduler has workers of its own; leave --workers and --threads out"
             )
-        return Crew(scheduler=running.scheduler, resources=needed)
+        return Crew(scheduler=running.scheduler, resources=needed, limit=limit)
     for name, number, least in (("workers", running.workers, 0), ("threads", running.threads, 1)):
         if number is not None and number < least:
             raise InputError(f"--{name} must be at least {least}, got {number}")
@@ -316,7 +363,8 @@ def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
     if workers is None:
         # One GPU, unless a person knows of more
         workers = 1 if needed else min(cores(), count, _room(recipe, show))
-    return Crew(workers, running.threads or max(1, cores() // workers), resources=needed)
+    share = max(1, cores() // workers)
+    return Crew(workers, running.threads or share, resources=needed, limit=limit)
 
 
 def _room(recipe: Recipe, show: Show) -> int:
@@ -359,8 +407,11 @@ def _settings(show: Show, output: Files, writing: Writing) -> dict[str, Any]:
 class _Telling:
     """Tells what becomes of frames, as they end, and gathers it."""
 
-    def __init__(self, console: Console, orders: list[Order], report: Report | None) -> None:
+    def __init__(
+        self, console: Console, orders: list[Order], recorded: list[Order], report: Report | None
+    ) -> None:
         self._console, self._orders, self._report = console, orders, report
+        self._recorded = set(recorded)
         self._ended: dict[Order, Finished | Failed] = {}
         self._described = ""
         self._lock = threading.Lock()
@@ -383,13 +434,17 @@ class _Telling:
             return
         self._console.say(f"{order.name}: {outcome.line}\n  -> {', '.join(map(str, order.output))}")
 
+    def has_all(self, orders: Sequence[Order]) -> bool:
+        """Whether each of these has ended, be it well or not."""
+        return all(order in self._ended for order in orders)
+
     def done(self) -> Done:
         """Of all, in order."""
         done, left = Done(), 0
         for order in self._orders:
             outcome = self._ended.get(order)
             if outcome is None:
-                left += 1
+                left += order not in self._recorded
                 continue
             if isinstance(outcome, Failed):
                 done.failed.append(outcome.reason)
@@ -407,7 +462,7 @@ class _Telling:
         """The run ends before all are."""
         if self._report is not None:
             self._report.interrupt()
-        count = job.count(order.output for order in self._orders)
+        count = sum(job.recorded(order.output for order in self._orders))
         complain(
             f"{count} of {len(self._orders)} frames are done; the same command goes on with the "
             f"rest{' without --anew' if running.anew else ''}"

@@ -325,6 +325,7 @@ class Steps:
                 line += f"; written as {write.unsaid}"
             maker = _maker()
             if order.job is not None:
+                figures["settings"] = order.job.settings
                 record = Record(figures, line, solved.seconds, solved.sources, maker)
                 order.job.keep(order.output, record, write.others)
             return Finished(figures, line, solved.seconds, maker)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from compensate.compensating import Compensating
+from domesim.batch.estimate import estimate
 from domesim.batch.run import Done, Running, each_frame
 from domesim.batch.work import Recipe, Writing
 from domesim.choice import SceneChoice
@@ -139,6 +140,26 @@ def test_a_page_for_the_worst_frames(shows: dict[str, Show], tmp_path: Path) -> 
     assert report.index(first) < report.index(Path(worst[1]["output"]).name)
     assert all(page in report for page in pages)
     assert sys.getsizeof(report) < 100_000
+
+
+def test_a_dry_run_counts_the_pages(shows: dict[str, Show], tmp_path: Path) -> None:
+    scene = "dome_planetarium"
+    show, recipe = shows[scene], recipe_of(scene)
+    promised = estimate(
+        show, tmp_path / "dry", recipe, Console(quiet=True), Writing(".png"), Running(0, pages=2)
+    )
+    outcome = done(show, tmp_path / "out", recipe, Running(0, pages=2))
+    pages = sum(path.stat().st_size for path in (tmp_path / "out/job").glob("compare-*.html"))
+    assert promised["disk_pages"] == pytest.approx(pages, rel=0.25)
+    assert promised["disk_total"] == COUNT * promised["disk_frame"] + promised["disk_pages"]
+    # A page compares three methods: each takes a frame's time, at least about
+    assert promised["seconds_pages"] > outcome.seconds["solving"] / COUNT
+    frames = COUNT * promised["seconds_frame"]
+    assert promised["seconds_total"] >= frames + promised["seconds_pages"]
+    none = estimate(
+        show, tmp_path / "dry", recipe, Console(quiet=True), Writing(".png"), Running(0, pages=0)
+    )
+    assert none["seconds_pages"] == none["disk_pages"] == 0
 
 
 def test_a_scene_that_was_changed_is_not_taken(tmp_path: Path, shows: dict[str, Show]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -22,7 +23,7 @@ import pytest
 from batches import LINEAR, Harmful, copied, make_show, show_of
 from pyarrow import parquet
 
-from domesim.batch import cluster, report
+from domesim.batch import cluster, crew, job, report
 from domesim.batch.estimate import estimate
 from domesim.batch.job import FOLDER, open_job
 from domesim.batch.run import Running, crew_of, each_frame
@@ -47,7 +48,7 @@ def recipe(tmp_path: Path) -> Harmful:
 
 @pytest.fixture(autouse=True)
 def _workers_find_the_tests(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYTHONPATH", str(TESTS))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(TESTS), str(TESTS.parent)]))
 
 
 def is_whole(folder: Path, count: int) -> bool:
@@ -139,8 +140,8 @@ def test_a_record_of_something_else_is_none(tmp_path: Path, recipe: Harmful, con
 def test_another_program_does_no_frame(tmp_path: Path, recipe: Harmful) -> None:
     """Of a worker that came after the command had looked at all of them."""
     make_show(tmp_path / "in", 1)
-    job = replace(open_job(tmp_path, {}), program="0.0.1")
-    order = Order(show_of(tmp_path / "in"), (tmp_path / "in.0001.exr",), recipe, Writing(), job)
+    another = replace(open_job(tmp_path, {}), program="0.0.1")
+    order = Order(show_of(tmp_path / "in"), (tmp_path / "in.0001.exr",), recipe, Writing(), another)
     found = cluster.do(order)
     assert isinstance(found, Failed)
     assert "wanted domesim 0.0.1" in found.reason
@@ -190,6 +191,50 @@ def test_only_what_is_not_as_it_was_is_done_again(
     assert is_whole(tmp_path, 3)
 
 
+def test_no_worker_waits_for_results_to_be_read(
+    tmp_path: Path, recipe: Harmful, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What no run has done is done before any of the other results is read to see if it holds."""
+    make_show(tmp_path / "in", 4)
+    copied(tmp_path, recipe, 0)
+    (tmp_path / "out/job/in.0003.exr.json").unlink()
+    damage(tmp_path / "out/in.0002.exr")
+    begun_when_read: dict[str, list[str]] = {}
+    original = job.sha256
+
+    def sha256(path: Path) -> str:
+        if path.parent.name == "out":
+            begun_when_read.setdefault(path.name, recipe.begun())
+        return original(path)
+
+    monkeypatch.setattr(job, "sha256", sha256)
+    assert copied(tmp_path, recipe, 0).kept == 2
+    assert set(begun_when_read) == {f"in.{number:04d}.exr" for number in (1, 2, 3, 4)}
+    assert all(begun.count("in.0003.exr") == 2 for begun in begun_when_read.values())
+    assert recipe.begun().count("in.0002.exr") == 2
+    assert len(recipe.begun()) == 6
+    assert is_whole(tmp_path, 4)
+
+
+def test_a_schedulers_workers_see_what_is_done(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 4)
+    copied(tmp_path, recipe, 0)
+    (tmp_path / "out/job/in.0003.exr.json").unlink()
+    damage(tmp_path / "out/in.0002.exr")
+    with scheduler(1) as (address, _):
+        done = copied(tmp_path, recipe, 0, scheduler=address)
+    assert done.kept == 2
+    assert [Path(frame["input"]).name[3:7] for frame in done.frames] == [
+        "0001",
+        "0002",
+        "0003",
+        "0004",
+    ]
+    begun = sorted(recipe.log.iterdir(), key=lambda path: path.stat().st_mtime_ns)
+    assert [path.name[3:7] for path in begun[4:]] == ["0003", "0002"]
+    assert is_whole(tmp_path, 4)
+
+
 def test_parts_of_a_show_belong_to_one_job(tmp_path: Path, recipe: Harmful) -> None:
     """As render farms do them: the same command for each range of frames."""
     make_show(tmp_path / "in", 4)
@@ -200,10 +245,20 @@ def test_parts_of_a_show_belong_to_one_job(tmp_path: Path, recipe: Harmful) -> N
         for part in ("1-2", "4")
     ]
     assert len(copied_part) == 2
+    # Each tells of its own frames, and reads no other's records
+    assert frames_told(tmp_path, "-1-2") == ["0001", "0002"]
+    assert frames_told(tmp_path, "-4") == ["0004"]
+    assert not (tmp_path / "out/job/frames.csv").exists()
+    assert "1 of 1 frames are done" in (tmp_path / "out/job/report-4.html").read_text()
     done = copied(tmp_path, recipe, 0)
     assert done.kept == 3
-    table = (tmp_path / "out/job/frames.csv").read_text().splitlines()
-    assert len(table) == 5
+    assert frames_told(tmp_path) == ["0001", "0002", "0003", "0004"]
+
+
+def frames_told(folder: Path, part: str = "") -> list[str]:
+    """Numbers of the frames in a table of the job's."""
+    lines = (folder / f"out/job/frames{part}.csv").read_text().splitlines()
+    return [line.split(",")[1].rsplit("/", 1)[-1][3:7] for line in lines[1:]]
 
 
 PART = """
@@ -240,6 +295,33 @@ def test_mixing_keeps_and_anew_does_not(tmp_path: Path, recipe: Harmful) -> None
         copied(tmp_path, recipe, 0)
     assert copied(tmp_path, recipe, 0, mixed=True).kept == 2
     assert copied(tmp_path, recipe, 0, anew=True).kept == 0
+
+
+def test_the_settings_of_each_frame_stay_known(tmp_path: Path, recipe: Harmful) -> None:
+    """Whoever finds a frame can tell with what it was made, and by the digest that this is it."""
+    make_show(tmp_path / "in", 3)
+    copied(tmp_path, recipe, 0)
+    (tmp_path / "out/in.0002.exr").unlink()
+    dithered = each_frame(
+        show_of(tmp_path / "in"),
+        tmp_path / "out",
+        recipe,
+        Console(quiet=True),
+        what="copying",
+        writing=Writing(dither=True),
+        running=Running(0, mixed=True),
+    )
+    assert dithered.kept == 2
+    for number in (1, 2, 3):
+        record = json.loads((tmp_path / f"out/job/in.{number:04d}.exr.json").read_text())
+        place = tmp_path / "out/job/settings" / f"{record['settings']}.json"
+        assert hashlib.sha256(place.read_bytes()).hexdigest() == record["settings"]
+        assert json.loads(place.read_text())["dither"] == (number == 2)
+        assert record["figures"]["settings"] == record["settings"]
+    (other,) = {frame["settings"] for frame in dithered.frames[::2]}
+    page = (tmp_path / "out/job/report.html").read_text()
+    assert f'2 frames were made with other settings: <a href="settings/{other}.json">' in page
+    assert page.count("other settings") == 1
 
 
 def test_settings_are_the_same_however_they_are_named(tmp_path: Path, recipe: Harmful) -> None:
@@ -353,6 +435,10 @@ def test_a_full_disk_leaves_what_is_whole(tmp_path: Path, recipe: Harmful, worke
                 read_frame(tmp_path / "in" / name).pixels,
             )
         assert not list((tmp_path / "out").glob(".*"))
+        again = copied(tmp_path, recipe, workers)
+        # Those that have a record are not called lost
+        left_again = 9 - len(done.frames) - (len(again.failed) - 1)
+        assert again.failed[-1] == f"{left_again} of 9 frames were not begun after that"
 
 
 def test_a_killed_worker_loses_its_own_frame_only(tmp_path: Path, recipe: Harmful) -> None:
@@ -390,6 +476,43 @@ def test_a_deadly_frame_is_given_up_and_named(tmp_path: Path, recipe: Harmful) -
     assert len(begun) == 6  # the others once
     report = (tmp_path / "out/job/report.html").read_text()
     assert "given up" in report
+
+
+@pytest.mark.parametrize("holding", [False, True])
+def test_a_frame_without_end_is_given_up_and_named(
+    tmp_path: Path, recipe: Harmful, *, holding: bool
+) -> None:
+    make_show(tmp_path / "in", 4)
+    endless = Harmful(recipe.log, endless="in.0002.exr", holding=holding)
+    done = copied(tmp_path, endless, 2, frame_timeout=1.5)
+    (reason,) = done.failed
+    assert "in.0002.exr: given up; 3 workers" in reason
+    assert "were not done with it after 2 s. If that is too short, raise --frame-timeout" in reason
+    assert len(done.frames) == 3
+    begun = endless.begun()
+    assert begun.count("in.0002.exr") == 3
+    assert len(begun) == 6  # the others once
+    until(lambda: not any(alive(pid) for pid in endless.pids()))
+    assert not (tmp_path / "out/in.0002.exr").exists()
+
+
+def test_a_frame_timeout_is_for_each_frame(tmp_path: Path, recipe: Harmful) -> None:
+    """A worker does many more than one in that time."""
+    make_show(tmp_path / "in", 6)
+    done = copied(tmp_path, Harmful(recipe.log, seconds=0.5), 1, frame_timeout=2.0)
+    assert len(done.frames) == 6
+    assert len(recipe.begun()) == 6
+    with pytest.raises(InputError, match="--frame-timeout must be at least 0"):
+        copied(tmp_path, recipe, 1, frame_timeout=-1.0)
+    for running, limit in (
+        (Running(scheduler="tcp://node1:8786", frame_timeout=5.0), 5.0),
+        (Running(2, frame_timeout=0.0), None),
+    ):
+        asked = crew_of(running, recipe, show_of(tmp_path / "in"))
+        assert asked is not None
+        assert asked.limit == limit
+    idle = "import time; from domesim.batch import cluster as c\nwith c._within(0.3): pass\n"
+    subprocess.run([sys.executable, "-c", f"{idle}time.sleep(0.6)"], check=True, env=os.environ)
 
 
 def program(folder: Path, workers: int, seconds: float, *more: str) -> subprocess.Popen[str]:
@@ -488,7 +611,7 @@ def test_a_lost_scheduler_is_told_and_nothing_is_lost(tmp_path: Path, recipe: Ha
 
 
 def test_no_scheduler_is_told(tmp_path: Path, recipe: Harmful, monkeypatch: Any) -> None:
-    monkeypatch.setattr(cluster, "_PATIENCE", 1.0)
+    monkeypatch.setattr(crew, "_PATIENCE", 1.0)
     make_show(tmp_path / "in", 2)
     with pytest.raises(InputError, match="wanted a Dask scheduler") as told:
         copied(tmp_path, recipe, 0, scheduler="tcp://127.0.0.1:9")
@@ -549,9 +672,7 @@ def test_the_report_leads_to_results_and_all_figures(tmp_path: Path, recipe: Har
     assert all((done.report.parent / link).is_file() for link in links)
     assert links[0].endswith("in.0011.exr")  # the brightest, which this recipe calls the worst
     assert 'http-equiv="refresh"' not in page  # it has ended
-    table = (done.report.parent / "frames.csv").read_text().splitlines()
-    names = [line.split(",")[1].rsplit("/", 1)[-1] for line in table[1:]]
-    assert names == [f"in.{number:04d}.exr" for number in range(1, 12)]
+    assert frames_told(tmp_path) == [f"{number:04d}" for number in range(1, 12)]
 
 
 def test_a_page_tells_how_far_it_is(tmp_path: Path, recipe: Harmful, monkeypatch: Any) -> None:
@@ -606,4 +727,5 @@ def test_a_render_farm_does_each_frame_once(tmp_path: Path) -> None:
     )
     assert len(list((tmp_path / "out").glob("in.*.exr"))) == 3
     assert len(records(tmp_path)) == 3
-    assert len((tmp_path / "out/job/frames.csv").read_text().splitlines()) == 4
+    assert frames_told(tmp_path, "-1-2") == ["0001", "0002"]
+    assert frames_told(tmp_path, "-3") == ["0003"]

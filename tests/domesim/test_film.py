@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from videos import KINDS, number_of, write_numbered
 
 from domesim.batch import job
-from domesim.batch.film import _exact
+from domesim.batch.estimate import estimate
+from domesim.batch.film import Films, _exact
 from domesim.batch.job import open_job, sha256
 from domesim.batch.run import Done, Running, each_frame
 from domesim.batch.work import Writing
@@ -223,10 +224,66 @@ def test_it_is_made_anew_only_if_it_must_be(tmp_path: Path) -> None:
     assert len(list((tmp_path / "log").iterdir())) == 5
 
 
+def test_a_dry_run_counts_the_film(tmp_path: Path) -> None:
+    """Frames from black to noise, so that only those from all over the show tell its size."""
+    (tmp_path / "in").mkdir()
+    noise = np.random.default_rng(1).random((48, 64, 3), np.float32)
+    for number in range(12):
+        frame = Frame(noise * np.float32(number / 12), tmp_path, VIDEO, 16, False)
+        write_frame(frame, tmp_path / f"in/show.{number + 1:04d}.png")
+    show = find_show(str(tmp_path / "in/show.####.png"))
+    (tmp_path / "log").mkdir()
+    promised = estimate(
+        show,
+        tmp_path / "dry",
+        Harmful(tmp_path / "log"),
+        Console(quiet=True),
+        Writing(".mkv"),
+        Running(0),
+    )
+    (film,) = filmed(str(tmp_path / "in/show.####.png"), tmp_path).films
+    assert promised["disk_video"] == pytest.approx(film.stat().st_size, rel=0.2)
+    assert promised["disk_total"] == 12 * promised["disk_frame"] + promised["disk_video"]
+    assert promised["seconds_video"] > 0
+    frames = 12 * promised["seconds_frame"]
+    assert promised["seconds_total"] >= frames + promised["seconds_video"]
+    assert not (tmp_path / "dry").exists()
+
+
 def test_there_is_no_film_of_frames_that_failed(tmp_path: Path) -> None:
     done = filmed(sequence(tmp_path / "in"), tmp_path, faulty="show.0003.png")
     assert (len(done.failed), done.films) == (1, ())
     assert not (tmp_path / "out/show.mkv").exists()
+
+
+@pytest.mark.parametrize("change", ["another frame", "half of it", "nothing"])
+def test_there_is_no_film_of_frames_that_were_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str
+) -> None:
+    """After they were done, and before the film is made of them: no other picture, no fewer."""
+    master = sequence(tmp_path / "in")
+    (tmp_path / "log").mkdir()
+
+    def frames(self: Films, *arguments: Any) -> Any:
+        found = original(self, *arguments)
+        third, fourth = (tmp_path / f"out/show.{number:04d}.png" for number in (3, 4))
+        if change == "nothing":
+            third.unlink()
+        else:
+            whole = fourth.read_bytes()
+            third.write_bytes(whole if change == "another frame" else whole[: len(whole) // 2])
+        return found
+
+    original = Films._frames
+    with monkeypatch.context() as changed:
+        changed.setattr(Films, "_frames", frames)
+        with pytest.raises(InputError, match=r"out/show.0003.png: wanted") as refused:
+            filmed(master, tmp_path)
+    assert "\n" not in str(refused.value)
+    assert not list((tmp_path / "out").glob("*.mkv"))
+    done = filmed(master, tmp_path)
+    assert done.kept == 4
+    assert levels(done.films[0]) == [1, 2, 3, 4, 5]
 
 
 def test_left_and_right_become_two(tmp_path: Path) -> None:

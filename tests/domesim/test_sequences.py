@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from domesim.errors import InputError
-from domesim.sequences import find_frames, output_path, parse_frames
+from domesim.sequences import find_frames, output_paths, parse_frames
 
 
 def fill(folder: Path, *names: str) -> Path:
@@ -141,12 +141,12 @@ def test_parse_frames() -> None:
         assert f"'{bad}'" in str(caught.value)
 
 
-def test_output_path(tmp_path: Path) -> None:
-    source = fill(tmp_path, "show.0001.exr") / "show.0001.exr"
+def test_output_paths(tmp_path: Path) -> None:
+    sources = [fill(tmp_path, name) / name for name in ("show.0001.exr", "show.0002.exr")]
     out = tmp_path / "out"
-    assert output_path(source, out) == out / "show.0001.exr"
-    assert output_path(source, out, ".png") == out / "show.0001.png"
-    assert output_path(source, tmp_path, ".png") == tmp_path / "show.0001.png"
+    assert output_paths(sources, out) == (out / "show.0001.exr", out / "show.0002.exr")
+    assert output_paths(sources[:1], out, ".png") == (out / "show.0001.png",)
+    assert output_paths(sources[:1], tmp_path, ".png") == (tmp_path / "show.0001.png",)
 
 
 def test_output_never_goes_over_the_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -156,4 +156,8 @@ def test_output_never_goes_over_the_input(tmp_path: Path, monkeypatch: pytest.Mo
     for folder in (tmp_path, tmp_path / "link", Path(), tmp_path / "x" / ".."):
         for suffix in (None, ".exr"):
             with pytest.raises(InputError, match="got the input itself"):
-                output_path(source, folder, suffix)
+                output_paths([source], folder, suffix)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/show.0001.exr").symlink_to(source)
+    with pytest.raises(InputError, match="got the input itself"):
+        output_paths([source], tmp_path / "out")

@@ -507,6 +507,32 @@ def test_workers_do_a_videos_frames_and_go_on(
     assert copied(film, tmp_path, 0, frames="1-3").kept == 0
 
 
+def test_frames_that_a_video_has_lost_are_named(film: Path, tmp_path: Path) -> None:
+    """It is cut short when the show has begun: what is there is done, what is not is named."""
+    path = tmp_path / "film.mkv"
+    path.write_bytes(film.read_bytes())
+    show = find_show(str(path))
+    path.write_bytes(film.read_bytes()[: film.stat().st_size // 2])
+    (tmp_path / "log").mkdir()
+    done = each_frame(
+        show,
+        tmp_path / "out",
+        Harmful(tmp_path / "log"),
+        Console(quiet=True),
+        what="copying",
+        running=Running(0),
+    )
+    assert len(done.frames) + len(done.failed) == 12
+    assert len(done.frames) >= 4
+    for frame in done.frames:
+        number = int(Path(frame["input"]).stem[-4:])
+        assert number_of(read_frame(Path(frame["output"])).pixels) == number
+    lost = range(len(done.frames) + 1, 13)
+    for number, reason in zip(lost, done.failed, strict=True):
+        assert f"film.mkv/film.{number:04d}.mkv: wanted a complete video, got" in reason
+        assert "\n" not in reason
+
+
 def test_a_video_is_hashed_once(
     film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

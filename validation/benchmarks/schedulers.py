@@ -54,27 +54,52 @@ def more_workers(address: str, *resources: str) -> Iterator[list[int]]:
 
 CROWD = """
 import asyncio, logging, sys
+import dask
 from distributed import Worker
 
 logging.disable()
+dask.config.set({
+    # What each does many times a second to watch itself, and web pages
+    "distributed.admin.tick.interval": "10s",
+    "distributed.admin.system-monitor.interval": "60s",
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.http.routes": [],
+    "distributed.comm.timeouts.connect": "120s",
+})
 
 
 async def work(address, count):
-    workers = [Worker(address, nthreads=1, heartbeat_interval="30s") for _ in range(count)]
-    await asyncio.gather(*workers)
+    workers = [
+        Worker(address, nthreads=1, heartbeat_interval="30s", memory_limit=0, dashboard=False)
+        for _ in range(count)
+    ]
+    for k in range(0, count, 10):
+        await asyncio.gather(*workers[k : k + 10])
     await asyncio.gather(*(worker.finished() for worker in workers))
 
 
 asyncio.run(work(sys.argv[1], int(sys.argv[2])))
 """
 
+A_PROCESS = 250
+"""Workers of `crowd` that share a process: it then has 84 MiB, and a thread for each at work."""
+
 
 @contextmanager
 def crowd(address: str, count: int) -> Iterator[None]:
-    """Very many workers in one process: enough to keep a scheduler busy, not to do much."""
-    process = subprocess.Popen([sys.executable, "-c", CROWD, address, str(count)], **QUIET)
+    """Very many workers in few processes, all there: they keep a scheduler busy, but do little."""
+    from distributed import Client  # noqa: PLC0415
+
+    shares = [min(A_PROCESS, count - k) for k in range(0, count, A_PROCESS)]
+    processes = [
+        subprocess.Popen([sys.executable, "-c", CROWD, address, str(share)], **QUIET)
+        for share in shares
+    ]
     try:
+        with Client(address, timeout=60, set_as_default=False) as client:
+            client.wait_for_workers(count, timeout=300)
         yield
     finally:
-        process.kill()
-        process.wait()
+        for process in processes:
+            process.kill()
+            process.wait()

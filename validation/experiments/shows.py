@@ -12,7 +12,9 @@ Expected
     A worker holds as much memory after its last frame as after the first tenth, within 5 %. A dry
     run's estimate is within 25 % of what the show takes (full run: 50 frames of 4096²; a show of
     24 minutes at 30 frames a second is 864 times that). At least 100 frames a second are handed
-    out.
+    out to 32 workers and, in a full run, to 1000; these spend at least 0.8 of their time on frames
+    of 25 s, in which they sleep: all on this machine, which has to be worker, scheduler and
+    command at once.
 """
 
 from __future__ import annotations
@@ -20,14 +22,16 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 
-from domesim.batch.cluster import Crew, in_cluster
+from domesim.batch.cluster import in_cluster
+from domesim.batch.crew import Crew
 from domesim.batch.job import FOLDER, sha256
 from domesim.batch.work import Column as Figure
 from domesim.batch.work import Failed, Finished, Note, Order, Recipe, Writing
@@ -56,6 +60,12 @@ TRIED = 50
 
 CROWD = 32
 """Workers that frames of no work are handed out to."""
+
+MANY = 1000
+"""Workers of a large farm, which only sleep."""
+
+FRAME = 25.0
+"""Seconds that a frame of 4096² takes one core."""
 
 
 @final
@@ -165,9 +175,10 @@ def estimate(count: int, size: int, seed: int) -> Estimate:
     """A dry run, and then the show."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        arguments = ("compensate", *dome_show(folder, count, size, seed), "--out", f"{name}/out")
-        dry = run_command(*arguments, "--dry-run", "--json").figures["estimate"]
-        done = run_command(*arguments, "--pages", "0", "--json")
+        show = dome_show(folder, count, size, seed)
+        arguments = ("compensate", *show, "--out", f"{name}/out", "--pages", "0", "--json")
+        dry = run_command(*arguments, "--dry-run").figures["estimate"]
+        done = run_command(*arguments)
         disk = sum(path.stat().st_size for path in (folder / "out").glob("*.exr"))
     return Estimate(
         dry["seconds_total"],
@@ -202,25 +213,45 @@ def nothing(order: Order) -> Finished | Failed:
     return Finished({}, "")
 
 
-def handed_out(count: int) -> float:
-    """Frames a second that one command hands out to `CROWD` workers, if they take no time."""
+def sleep(order: Order, seconds: float) -> Finished | Failed:
+    """Take so long."""
+    time.sleep(seconds)
+    return Finished({}, "")
+
+
+def ends(count: int, workers: int, task: Callable[[Order], Finished | Failed]) -> tuple[float, ...]:
+    """When frames end that one command hands out to so many workers, s after the first is."""
     orders = [
         Order(Show(((Path(f"in.{k}.exr"),),)), (Path(f"out.{k}.exr"),), _Nothing(), Writing())
         for k in range(count)
     ]
+    begun: list[float] = []
     times: list[float] = []
-    with scheduler(0) as (address, _), crowd(address, CROWD):
+    with scheduler(0) as (address, _), crowd(address, workers):
         in_cluster(
             orders,
             Crew(scheduler=address),
-            lambda order: None,
+            lambda order: begun.append(time.perf_counter()),
             lambda order, outcome: times.append(time.perf_counter()),
             lambda text: None,
-            task=nothing,
+            task=task,
         )
-    # The first ones wait for the workers to come
-    skipped = count // 4
-    return (count - skipped) / (times[-1] - times[skipped - 1])
+    return tuple(each - begun[0] for each in times)
+
+
+def handed_out(count: int, workers: int) -> float:
+    """Frames a second that one command hands out, if they take no time."""
+    return count / ends(count, workers, nothing)[-1]
+
+
+def kept_busy(workers: int, seconds: float, rounds: int) -> float:
+    """The share of their time that workers spend on frames that take so long.
+
+    From when as many have ended as there are workers, to when as many are left.
+    """
+    times = ends(rounds * workers, workers, partial(sleep, seconds=seconds))
+    counted = (rounds - 2) * workers
+    return counted * seconds / (workers * (times[-workers - 1] - times[workers - 1]))
 
 
 def run(work: Work) -> Finding:
@@ -241,7 +272,7 @@ def run(work: Work) -> Finding:
     }
     frames, small = (40, 64) if work.quick else (500, 128)
     held = work.step("memory", tuple[float, float], lambda: memory(frames, small, work.seed))
-    rate = work.step("rate", float, lambda: handed_out(1000 if work.quick else 4000))
+    rate = work.step("rate", float, lambda: handed_out(1000 if work.quick else 4000, CROWD))
     checks = [
         at_most(f"{name}: files that differ", runs.different, 0) for name, runs in shows.items()
     ]
@@ -249,7 +280,7 @@ def run(work: Work) -> Finding:
         at_most(
             f"memory after {frames} frames over that after {frames // 10}", held[1] / held[0], 1.05
         ),
-        at_least("frames handed out", rate, 100, "1/s"),
+        at_least(f"frames handed out to {CROWD} workers", rate, 100, "1/s"),
     ]
     gains = {name: runs.seconds[0] / runs.seconds[1] for name, runs in shows.items()}
     figures = {
@@ -274,13 +305,21 @@ def run(work: Work) -> Finding:
             at_least("estimated time over the show's", ratio, 0.75),
             at_most("estimated time over the show's", ratio, 1.25),
         ]
+        to_many = work.step("many", float, lambda: handed_out(6000, MANY))
+        busy = work.step("busy", float, lambda: kept_busy(MANY, FRAME, 4))
+        checks += [
+            at_least(f"frames handed out to {MANY} workers", to_many, 100, "1/s"),
+            at_least(f"time that {MANY} workers spend on frames of {FRAME:.0f} s", busy, 0.8),
+        ]
         hours = promise.took / TRIED * SHOW / 3600
         words += (
             f" Two workers are {' and '.join(f'{gain:.2f}' for gain in gains.values())} times as "
             f"fast as one (dome, stereo), on {cores()} cores. A dry run promised "
             f"{promise.promised:.0f} s for {TRIED} frames of 4096², which then took "
             f"{promise.took:.0f} s: a show of {SHOW} frames would take {hours:.0f} hours here, and "
-            f"{hours * cores() / 32:.0f} on 32 such cores."
+            f"{hours * cores() / 32:.0f} on 32 such cores. {to_many:.0f} frames a second can be "
+            f"handed out to {MANY} workers, which spend {busy:.0%} of their time on frames of "
+            f"{FRAME:.0f} s."
         )
         tables.append(_promise(promise))
         figures |= {
@@ -289,6 +328,8 @@ def run(work: Work) -> Finding:
             "shows.seconds_frame": promise.seconds_frame,
             "shows.memory_worker": promise.memory_worker / 1e9,
             "shows.hours": hours,
+            "shows.rate_many": to_many,
+            "shows.busy_many": busy,
         }
     return Finding(result=words, checks=tuple(checks), tables=tuple(tables), figures=figures)
 
