@@ -41,8 +41,9 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from domesim.errors import InputError
-from domesim.frames import read_frame, read_master
+from domesim.frames import read_master
 from domesim.frames.encodings import encoding_named
+from domesim.frames.reading import read_image
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.fields import Number, Place, Section, three
 from domesim.scene.mistakes import all_mistakes
@@ -273,7 +274,7 @@ def _patterns(paths: list[Path], scene: DomeScene) -> Floats:
 
 def _light(path: Path) -> Floats:
     """(row, col, primary) raw linear values of a photograph."""
-    frame = read_frame(path, colour=encoding_named("linear"))
+    frame = read_image(path, repair=False, signed=True, colour=encoding_named("linear"))
     if frame.bits < 10:
         raise InputError(
             f"{path}: a photograph must be raw and linear, of 10 bits or more, got {frame.bits}; "

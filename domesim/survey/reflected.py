@@ -152,9 +152,8 @@ def fitted(
             held = replace(held, size=CAUTION * held.size)
         change = system.solution(held, core[0, 0]) - core
         core = core + change
-        if step > 2 and np.abs(change).max() < _SETTLED:
+        if (expectation is not None or step > 2) and np.abs(change).max() < _SETTLED:
             break
-    system = problem.linearised(core)
     local = problem.local(core)
     seen = problem.weight > 0
     return Core(

@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 
 BINS = 72
 """Most blocks a side of a photograph: 3 degrees of a field of 220."""
-_CELLS = 12
+_CELLS = 4
 """Areas a side of a photograph in which noise is measured."""
 _MEDIAN = float(chi2.median(1))
 """Of the square of a standard normal number."""
@@ -132,11 +132,12 @@ def responses_of(
         seen = np.zeros((size, size, 3))
         seen[on_screen] = one[row, col]
         clear = away_from_edges(surface, seen[None], reach) & on_screen
+        bright = seen.sum(-1) > seen.sum(-1).max() / 2
         whole = _blocks(clear.astype(np.float64), step) > 1 - 1e-9
         for shot in np.flatnonzero(photographs.pattern == pattern):
             direct[shot] = _blocks(seen, step)
             value[shot] = _blocks(light[shot], step)
-            noise = _variance(light[shot], clear, value[shot]) / step**2
+            noise = _variance(light[shot], clear, bright, value[shot]) / step**2
             variance[shot][whole] = noise[whole]
     counted = np.isfinite(variance).any((0, 3))
     theta = np.arccos(np.clip(rays[..., 2], -1, 1)) / dome.half_angle
@@ -183,23 +184,26 @@ def _blocks(picture: Floats, step: int) -> Floats:
     return np.asarray(parts.mean((1, 3)).reshape(*parts.shape[:3:2], *picture.shape[2:]))
 
 
-def _variance(light: Floats, clear: NDArray[np.bool_], level: Floats) -> Floats:
+def _variance(
+    light: Floats, clear: NDArray[np.bool_], bright: NDArray[np.bool_], level: Floats
+) -> Floats:
     """(row, col, primary): variance of one pixel at levels, from differences of neighbours.
 
-    Medians, as edges of what hides the screen are no noise.
+    Medians over parts of the picture, lit and dark ones apart, as edges of what hides the screen
+    are no noise.
     """
     size = len(light)
     area = np.arange(size) * _CELLS // size
-    label = np.where(clear, area[:, None] * _CELLS + area, -1)
+    label = np.where(clear, 2 * (area[:, None] * _CELLS + area) + bright, -1)
     pairs = (label[:, 1:] == label[:, :-1]) & (label[:, 1:] >= 0)
     own = label[:, 1:][pairs]
-    count = np.bincount(own, minlength=_CELLS**2)
+    count = np.bincount(own, minlength=2 * _CELLS**2)
     result = np.empty_like(level)
     some = np.flatnonzero(count)
     for primary in range(3):
         plane = light[..., primary]
         near = plane[:, 1:][pairs], plane[:, :-1][pairs]
-        levels, local = np.zeros((2, _CELLS**2))
+        levels, local = np.zeros((2, len(count)))
         levels[some] = median((near[0] + near[1]) / 2, own, some)
         local[some] = median((near[0] - near[1]) ** 2 / 2, own, some) / _MEDIAN
         result[..., primary] = noise_variance(levels, local, count, level[..., primary])

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.observation.transport import NODES, Transport, node_places
+from domesim.observation.transport import NODES, PHOTOGRAPHS, Transport, node_places
 from domesim.scene import DomeScene
 from domesim.scene.writing import as_toml
 from domesim.survey.file import Task
@@ -37,7 +37,6 @@ _FADING = 0.4
 """Standard deviation of ambient light's parts of one degree over that of the degree below."""
 _MOST_MISFIT = 4.0
 """Chi² over its degrees of freedom from which nothing is answered."""
-METHOD = "photographs"
 
 
 @final
@@ -186,7 +185,7 @@ def stored(found: Found, scene: DomeScene, survey: Path) -> Transport:
         provenance={
             "scene": scene.name,
             "digest": scene.digest,
-            "method": METHOD,
+            "method": PHOTOGRAPHS,
             "survey": survey.name,
             "rank": found.ranks.rank,
             "cross_validated_error": found.ranks.error.tolist(),
