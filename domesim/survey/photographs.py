@@ -65,9 +65,11 @@ class Photographs:
 
     def __post_init__(self) -> None:
         count, rows, cols, primaries = self.light.shape
-        if rows != cols or primaries != 3:
+        square = self.camera.mapping == "fisheye"
+        if primaries != 3 or (square and rows != cols):
             raise InputError(
-                f"photographs must be square, of three primaries, got {cols} x {rows} x {primaries}"
+                f"photographs must be {'square, ' * square}of three primaries, got {cols} x {rows} "
+                f"x {primaries}"
             )
         if self.pattern.shape != (count,) or self.exposure.shape != (count,):
             raise InputError(f"{count} photographs need a pattern and an exposure each")
@@ -137,11 +139,11 @@ def cells_of(
     InputError
         If no cell of the screen is left.
     """
-    camera, size = photographs.camera, photographs.light.shape[1]
-    u, v = places_in(size)
+    camera, size = photographs.camera, photographs.light.shape[1:3]
+    u, v = places_in(*size)
     surface, points = looked_at(theatre, camera, u, v)
     lit = direct_light(theatre, patterns)
-    direct = np.zeros((len(patterns), size, size, 3))
+    direct = np.zeros((len(patterns), *size, 3))
     on_screen = surface == SURFACES["screen"]
     if not on_screen.any():
         raise InputError(
@@ -152,7 +154,7 @@ def cells_of(
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     row, col = theatre.dome.pixel_of(directions, lit.shape[1])
     direct[:, on_screen] = lit[:, row, col]
-    clear = away_from_edges(surface, direct, margin * size / camera.field)
+    clear = away_from_edges(surface, direct, camera.pixels_in(margin, size[1]))
     label = _labels(theatre, surface, points)
     label[~clear] = -1
     label = _of_some_size(label)
@@ -265,7 +267,8 @@ def _averaged(
     kinds = np.array([numbers[int(kind)] for kind in surface[used][chosen[:, 0]]])
     places = Places(kinds, seen, each(direct))
     away = mean(place[0] ** 2 + place[1] ** 2)
-    # Pixels of a fisheye are about equal in solid angle; on the screen, so are they in area.
+    # Pixels of a fisheye are about equal in solid angle, and on the screen in area; a pinhole's are
+    # not, by which only the mean of black is a little off.
     area = np.where(kinds == 0, pixels, 0) / max(1, int(pixels[kinds == 0].sum()))
     variance = _variance(light, label, value, pixels)
     return Cells(places, u, v, away, area, value, variance, pixels, label)

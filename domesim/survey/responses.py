@@ -110,8 +110,8 @@ def responses_of(
         If the camera sees nothing of the screen.
     """
     bare = screen_alone(theatre)
-    camera, size = photographs.camera, photographs.light.shape[1]
-    surface, points = looked_at(bare, camera, *places_in(size))
+    camera, size = photographs.camera, photographs.light.shape[1:3]
+    surface, points = looked_at(bare, camera, *places_in(*size))
     on_screen = surface == SURFACES["screen"]
     if not on_screen.any():
         raise InputError(
@@ -122,14 +122,14 @@ def responses_of(
     rays = points @ dome.to_room
     rays /= np.maximum(np.linalg.norm(rays, axis=-1, keepdims=True), 1e-300)
     row, col = dome.pixel_of(rays[on_screen], lit.shape[1])
-    reach = margin * size / camera.field
-    step = -(-size // BINS)
+    reach = camera.pixels_in(margin, size[1])
+    step = -(-max(size) // BINS)
     light = photographs.light / photographs.exposure[:, None, None, None]
-    shape = len(light), -(-size // step), -(-size // step), 3
+    shape = len(light), -(-size[0] // step), -(-size[1] // step), 3
     value, variance = np.zeros(shape), np.full(shape, np.inf)
     direct = np.zeros(shape)
     for pattern, one in enumerate(lit):
-        seen = np.zeros((size, size, 3))
+        seen = np.zeros((*size, 3))
         seen[on_screen] = one[row, col]
         clear = away_from_edges(surface, seen[None], reach) & on_screen
         bright = seen.sum(-1) > seen.sum(-1).max() / 2
@@ -192,9 +192,8 @@ def _variance(
     Medians over parts of the picture, lit and dark ones apart, as edges of what hides the screen
     are no noise.
     """
-    size = len(light)
-    area = np.arange(size) * _CELLS // size
-    label = np.where(clear, 2 * (area[:, None] * _CELLS + area) + bright, -1)
+    down, across = (np.arange(size) * _CELLS // size for size in light.shape[:2])
+    label = np.where(clear, 2 * (down[:, None] * _CELLS + across) + bright, -1)
     pairs = (label[:, 1:] == label[:, :-1]) & (label[:, 1:] >= 0)
     own = label[:, 1:][pairs]
     count = np.bincount(own, minlength=2 * _CELLS**2)

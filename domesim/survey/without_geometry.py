@@ -199,7 +199,8 @@ def lines_of(task: Task, found: Found) -> list[str]:
     """What was found, for a person."""
     unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
     hidden = f"; {found.hidden} others are hidden from the camera" if found.hidden else ""
-    lines = [
+    lines = [] if task.registered is None else [task.registered.told()]
+    lines += [
         f"{found.photographs} photographs of black and {found.patterns} patterns, {found.places} "
         f"places of the screen{hidden}",
         f"white, direct light alone ({unit}), median and 90 % of the places: "
