@@ -12,8 +12,14 @@
     registration = "dots.exr"        # a photograph that tells all of that more exactly
     patterns = "patterns"            # the folder of its pattern
 
+    [colours]                        # if photographs are in the camera's own colours: of
+    black = { file = "black.exr" }   # full black, red, green and blue
+    red = { file = "red.exr", exposure = 0.5 }
+    green = { file = "green.exr" }
+    blue = { file = "blue.exr" }
+
     [[photographs]]
-    file = "white.exr"               # raw linear, in the projector's primaries
+    file = "white.exr"               # raw linear; in the projector's primaries without [colours]
     pattern = "patterns/white.png"   # the domemaster that was projected
     exposure = 1.0
 
@@ -53,6 +59,7 @@ from domesim.scene.fields import Number, Place, Section, three
 from domesim.scene.mistakes import all_mistakes
 from domesim.screening import decoded
 from domesim.survey.camera import Camera, domemaster_camera
+from domesim.survey.colours import mixing, unmixed
 from domesim.survey.fit import Known
 from domesim.survey.nuisances import Errors
 from domesim.survey.photographs import Photographs
@@ -99,6 +106,27 @@ class PhotographSection(Section):
     exposure: Positive = 1.0
 
 
+class ShotSection(Section):
+    """A photograph of a primary, or of black."""
+
+    file: str
+    exposure: Positive = 1.0
+
+
+class ColoursSection(Section):
+    """Photographs that tell the camera's own colours."""
+
+    black: ShotSection
+    red: ShotSection
+    green: ShotSection
+    blue: ShotSection
+
+    @property
+    def shots(self) -> tuple[ShotSection, ...]:
+        """Of black, red, green and blue."""
+        return self.black, self.red, self.green, self.blue
+
+
 class ReadingSection(Section):
     """A meter's reading."""
 
@@ -133,6 +161,7 @@ class SurveyFile(Section):
     theatre: str
     unit: Literal["camera", "cd/m2"] = "camera"
     camera: CameraSection | None = None
+    colours: ColoursSection | None = None
     photographs: tuple[PhotographSection, ...] = ()
     readings: tuple[ReadingSection, ...] = ()
     known: dict[Literal["gain", "screen", "floor", "wall"], KnownSection] = Field(
@@ -146,6 +175,8 @@ class SurveyFile(Section):
             raise ValueError("wanted either photographs or readings")
         if self.photographs and self.camera is None:
             raise ValueError("photographs need a [camera]")
+        if self.colours is not None and self.absolute:
+            raise ValueError("[colours] are of photographs with unit camera: they tell no cd/m2")
         return self
 
     @property
@@ -218,6 +249,8 @@ def read_survey(path: Path) -> Task:
     if file.camera is not None and file.camera.registration is not None:
         files.append(file.camera.registration)
         found = _registered(file.camera, folder, scene)
+    if file.colours is not None:
+        files += [shot.file for shot in file.colours.shots]
     return Task(
         file=file,
         scene=scene,
@@ -269,9 +302,15 @@ def _photographs(
     if len({shot.shape for shot in shots}) > 1:
         raise InputError("photographs must be of one size")
     assert file.camera is not None
+    light = np.stack(shots)
+    if file.colours is not None:
+        black, *primaries = (_light(folder / s.file) / s.exposure for s in file.colours.shots)
+        if any(one.shape != shots[0].shape for one in (black, *primaries)):
+            raise InputError("colours: photographs must be of the same size as the others")
+        light = unmixed(light, mixing(black, primaries))
     return Photographs(
         _camera(file.camera, scene) if found is None else found.camera,
-        np.stack(shots),
+        light,
         np.array([file.pattern_names.index(shot.pattern) for shot in file.photographs]),
         np.array([shot.exposure for shot in file.photographs]),
     )

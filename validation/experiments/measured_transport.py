@@ -120,7 +120,9 @@ class Effort:
 
 
 QUICK = Effort(photograph=48, walks=16, degree=4, error=3e-3, most=2.5e5, size=32, walks_seen=24)
-FULL = Effort(photograph=96, walks=64, degree=DEGREE, error=7e-4, most=1e9, size=96, walks_seen=64)
+FULL = Effort(
+    photograph=72, walks=48, degree=DEGREE, error=1.5e-3, most=1e9, size=64, walks_seen=48
+)
 
 
 @final
