@@ -24,7 +24,7 @@ from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 from domesim.patterning import patterns
 from domesim.projector import PRIMARIES
-from domesim.scene import StereoScene
+from domesim.scene import DomeScene, StereoScene
 from domesim.scene.loading import scene_of_text
 from domesim.transfer import Gamma
 
@@ -341,6 +341,15 @@ def dome(
         Path | None,
         typer.Option(help="Write a picture (.png) of the residuals.", show_default=False),
     ] = None,
+    without_geometry: Annotated[
+        bool,
+        typer.Option(
+            "--without-geometry",
+            help="Measure how the room as it is reflects, whatever is in it: a transport (.npz "
+            "beside --out) instead of albedos. Of the theatre's file only dome, projector and "
+            "viewing are used.",
+        ),
+    ] = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -359,6 +368,12 @@ def dome(
     if residual is not None and residual.suffix != ".png":
         raise InputError(f"--residual {residual}: is stored as .png, name it so")
     known = dict(_held(text) for text in hold or ())
+    if without_geometry:
+        for option, given in (("--hold", hold), ("--residual", residual)):
+            if given:
+                raise InputError(f"{option} is of albedos; leave it out, or --without-geometry")
+        _dome_without_geometry(survey, out, console)
+        return
     task = read_survey(survey)
     for path in (out, residual):
         if path is not None:
@@ -385,6 +400,37 @@ def dome(
     console.say(f"{scene.facts()['Measured']}\n  -> {out}")
     console.say(f"Use it: domesim compensate MASTER --scene {out}")
     finish(console, {"output": str(out), **figures}, [])
+
+
+def _dome_without_geometry(survey: Path, out: Path, console: Console) -> None:
+    from domesim.survey.file import read_survey  # noqa: PLC0415
+    from domesim.survey.without_geometry import (  # noqa: PLC0415
+        figures_of,
+        lines_of,
+        measured_scene,
+        stored,
+        surveyed_alone,
+    )
+
+    task = read_survey(survey)
+    transport = out.with_suffix(".npz")
+    for path in (out, transport):
+        prepare_file(path, instead_of=survey)
+    with about(survey):
+        found = surveyed_alone(task)
+    for line in lines_of(task, found):
+        console.say(line)
+    text = measured_scene(task, found, out.stem, survey)
+    scene = scene_of_text(text, str(out), out.parent)
+    assert isinstance(scene, DomeScene)
+    stored(found, scene, survey).save(transport)
+    write_whole(out, text.encode())
+    console.say(
+        f"  -> {out}, {transport}\n"
+        f"Use them: domesim compensate MASTER --scene {out} --transport {transport}"
+    )
+    figures = {"survey": str(survey), **figures_of(found)}
+    finish(console, {"output": str(out), "transport": str(transport), **figures}, [])
 
 
 def _held(text: str) -> tuple[str, Known]:

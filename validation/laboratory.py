@@ -6,20 +6,29 @@ are traced, so the two share no code for reflected light.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from domesim.dome import Dome
+from domesim.measurement.patterns import Codes
+from domesim.measurement.patterns_dome import dome_patterns
+from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.scene.fields import three
 from domesim.survey.camera import Camera, places_in
 from domesim.survey.photographs import Photographs
 from domesim.theatre import Theatre
+from validation.statistics import rms_difference
 
 Floats = NDArray[np.float64]
+
+LEVELS = 4
+"""Steps of ramps, of which no photographs are taken."""
 
 
 @final
@@ -67,6 +76,22 @@ def patterns_for(dome: Dome, size: int) -> Floats:
     )
     lit = np.stack([np.asarray(shape, np.float64) for shape in shapes])
     return np.repeat((lit * dome.inside(size, size))[..., None], 3, -1)
+
+
+def sectors_for(dome: Dome, size: int) -> Floats:
+    """(pattern, row, col, primary): black, white, halves, rings, sectors and boards of 4 x 2.
+
+    They are those of `domesim measure patterns`.
+    """
+    wanted = re.compile(r"black|white|half-.*|ring-.*|sector-.*|checkerboard-4x2-.*")
+    found = dome_patterns(dome, Codes(16, floating=False, transfer="linear"), LEVELS)
+    return np.stack(
+        [
+            np.asarray(pattern.codes(size, size)[0], np.float64)
+            for pattern in found
+            if wanted.fullmatch(pattern.name)
+        ]
+    )
 
 
 def photographed(
@@ -135,3 +160,40 @@ def photographed(
     result = np.clip(np.round(result / step), 0, (1 << faults.bits) - 1) * step
     result[:, np.hypot(u, v) > 1] = 0
     return Photographs(camera, result, np.arange(len(patterns)), np.ones(len(patterns)))
+
+
+def left_over(
+    tracer: Tracer, desired: NDArray[np.float32], lights: Mapping[str, Any], walks: int, seed: int
+) -> dict[str, float]:
+    """What is seen in a theatre besides what should be: rms over the screen, for each of `lights`.
+
+    Parameters
+    ----------
+    tracer
+        Of the theatre.
+    desired
+        (1, row, col, primary) light whose direct light alone should be seen.
+    lights
+        Name -> light that is projected.
+    walks
+        Traced a pixel, twice: what is only noise of one is left out.
+    seed
+        Of the random numbers.
+    """
+    rows, cols = desired.shape[1:3]
+    share = tracer.theatre.dome.screen_areas(rows, cols)
+
+    def theatre(repeat: int) -> PathTracedDome:
+        settings = Settings(least=walks, most=walks, seed=1000 * seed + repeat)
+        return PathTracedDome(tracer.theatre, rows, cols, settings, tracer=tracer)
+
+    wanted = np.asarray(theatre(0).direct(desired)[0], np.float64)
+    return {
+        name: rms_difference(
+            wanted,
+            np.asarray(theatre(1).observe(light)[0], np.float64),
+            np.asarray(theatre(2).observe(light)[0], np.float64),
+            share / share.sum(),
+        )
+        for name, light in lights.items()
+    }

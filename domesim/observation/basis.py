@@ -73,6 +73,11 @@ class ScreenBasis:
         return np.asarray((self.mixing @ products).reshape(-1, *np.shape(u)))
 
     @property
+    def degrees(self) -> NDArray[np.int64]:
+        """(function,) total degrees."""
+        return np.asarray(self._i + self._j)
+
+    @property
     def products(self) -> list[tuple[int, int]]:
         """(i, j) of the products T_i(u) T_j(v) that `mixing` takes."""
         return list(zip(self._i.tolist(), self._j.tolist(), strict=True))

@@ -43,6 +43,8 @@ _FIELDS = ("modes", "core", "core_error", "ambient")
 NODES = 97
 """Nodes a side of the coarse grid; it reaches `MARGIN` intervals beyond the picture."""
 MARGIN = 2
+PHOTOGRAPHS = "photographs"
+"""The "method" in the provenance of a transport that was measured."""
 
 
 @final

@@ -17,7 +17,7 @@ from domesim.errors import InputError
 from domesim.lenses import lens_gains, seen_gain
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.spherical import ClosedFormDome, bare_gain
-from domesim.observation.transport import TabulatedDome, Transport
+from domesim.observation.transport import PHOTOGRAPHS, TabulatedDome, Transport
 from domesim.projector import Projector
 from domesim.scene.base import Scene
 from domesim.scene.dome_file import DomeFile, LampSection, MeasuredSection, ProjectorSection
@@ -133,7 +133,10 @@ class DomeScene(Scene):
             "closed-form cross-reflection of a Lambertian cap (all bounces), as computed by the "
             "program; not a measurement"
         )
-        stored = "the whole theatre's light transport as tabulated by path tracing"
+        by = "tabulated by path tracing"
+        if self.transport is not None and self.transport.provenance.get("method") == PHOTOGRAPHS:
+            by = "measured from photographs of patterns"
+        stored = f"the whole theatre's light transport as {by}"
         model = closed if self.transport is None else stored
         facts = {
             "Theatre": f"{self.name}, radius {self.dome.radius:g} m, half-angle "

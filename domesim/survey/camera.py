@@ -1,12 +1,13 @@
-"""Where the pixels of a photograph look: a fisheye in the theatre, or a picture of the screen."""
+"""Where the pixels of a photograph look: a fisheye, a pinhole, or a picture of the screen."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from typing import Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from domesim.errors import InputError
 from domesim.pathtrace.machine import NumPy
@@ -18,15 +19,22 @@ Floats = NDArray[np.float64]
 
 SURFACES = {"screen": SCREEN, "floor": FLOOR, "wall": WALL}
 """What photographs are taken of, as the path tracer numbers it."""
+_WIDEST = np.radians(150.0)
+"""Field of a pinhole."""
+_CORNER = 1.25
+"""A corner's distance from the centre over half of the width, of 4 : 3."""
+_NEWTON = 8
 
 
 @final
 @dataclass(frozen=True)
 class Camera:
-    """An equidistant fisheye: a pixel's distance from the centre is proportional to its angle.
+    """A camera in the theatre.
 
-    Looking straight up, it sees the front at the bottom of the picture and the right on its right,
-    as a domemaster has them.
+    Of an equidistant fisheye, a pixel's distance from the picture's centre is proportional to its
+    angle; of a pinhole, to the angle's tangent t, or to t + distortion t³. Looking straight up, it
+    sees the front at the bottom of the picture and the right on its right, as a domemaster has
+    them.
 
     Parameters
     ----------
@@ -35,35 +43,99 @@ class Camera:
     look_at
         The point in the middle of the picture, m.
     field
-        Field of view across the picture's inscribed circle, radians.
+        Field of view, radians: across the inscribed circle of a fisheye's picture, or across the
+        width of a pinhole's (were there no distortion).
     turn
-        (x, y, z) of a small rotation of the camera about the room's axes, radians.
+        Rotation vector (x, y, z) by which the camera is turned from that, radians.
+    mapping
+        Of which kind it is.
+    distortion
+        Of a pinhole: k1, negative if straight lines bulge (a barrel).
     """
 
     position: Point
     look_at: Point
     field: float = np.pi
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mapping: Literal["fisheye", "perspective"] = "fisheye"
+    distortion: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.field <= 2 * np.pi:
+        widest = 2 * np.pi if self.mapping == "fisheye" else _WIDEST
+        if not 0 < self.field <= widest:
             raise InputError(
-                f"camera field must be above 0 and at most 360 degrees, got "
+                f"camera field must be above 0 and at most {np.degrees(widest):g} degrees, got "
                 f"{np.degrees(self.field):g}"
+            )
+        if self.mapping == "perspective" and not self.distortion > folding(self.field):
+            raise InputError(
+                f"camera distortion k1 must leave the picture unfolded to its corners, got "
+                f"{self.distortion:g} at a field of {np.degrees(self.field):g} degrees"
             )
 
     def rays(self, u: Floats, v: Floats) -> Floats:
-        """(..., xyz): unit vectors of places in the picture, -1..1 to the right and down."""
-        right, up, forward = camera_frame(Viewpoint(self.position, self.look_at))
-        angle = np.hypot(u, v) * (self.field / 2)
-        scale = np.sinc(angle / np.pi) * (self.field / 2)
+        """(..., xyz): unit vectors of places in the picture, -1..1 to the right, v downwards."""
+        right, up, forward = self._frame()
+        if self.mapping == "fisheye":
+            angle = np.hypot(u, v) * (self.field / 2)
+            scale, ahead = np.sinc(angle / np.pi) * (self.field / 2), np.cos(angle)
+        else:
+            wide = float(np.tan(self.field / 2))
+            scale = wide * self._undistorted(np.hypot(u, v) * wide)
+            ahead = np.ones_like(scale)
         rays = (
             (u * scale)[..., None] * right
             - (v * scale)[..., None] * up
-            + np.cos(angle)[..., None] * forward
+            + ahead[..., None] * forward
         )
-        rays = rays + np.cross(np.asarray(self.turn), rays)
         return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+
+    def places(self, points: Floats) -> tuple[Floats, Floats]:
+        """Where in the picture points (..., xyz) of the room are: u, v as of `rays`.
+
+        NaN behind a pinhole.
+        """
+        away = points - np.asarray(self.position)
+        x, y, z = (away @ axis for axis in self._frame())
+        across = np.hypot(x, y)
+        if self.mapping == "fisheye":
+            out = np.arctan2(across, z) / (self.field / 2)
+        else:
+            tangent = np.where(z > 0, across / np.where(z > 0, z, 1), np.nan)
+            out = tangent * (1 + self.distortion * tangent**2) / np.tan(self.field / 2)
+        scale = out / np.maximum(across, 1e-300)
+        return x * scale, -y * scale
+
+    def sees(self, u: Floats, v: Floats) -> NDArray[np.bool_]:
+        """(...): whether places are in the picture."""
+        if self.mapping == "fisheye":
+            return np.asarray(np.hypot(u, v) <= 1)
+        return np.asarray(np.abs(u) <= 1)
+
+    def pixels_in(self, angle: float, cols: int) -> float:
+        """How many pixels of a picture, `cols` wide, an angle (radians) has at most."""
+        if self.mapping == "fisheye":
+            return angle * cols / self.field
+        wide = np.tan(self.field / 2)
+        return float(angle * cols / 2 * (1 + wide**2) / wide)
+
+    def _frame(self) -> tuple[Floats, Floats, Floats]:
+        axes = np.stack(camera_frame(Viewpoint(self.position, self.look_at)))
+        right, up, forward = Rotation.from_rotvec(self.turn).apply(axes)
+        return right, up, forward
+
+    def _undistorted(self, distorted: Floats) -> Floats:
+        """Ratio of t to t + k1 t³, of the latter, by Newton's method."""
+        tangent = distorted
+        for _ in range(_NEWTON):
+            excess = tangent * (1 + self.distortion * tangent**2) - distorted
+            tangent = tangent - excess / (1 + 3 * self.distortion * tangent**2)
+        return np.divide(tangent, distorted, out=np.ones_like(tangent), where=distorted > 0)
+
+
+def folding(field: float) -> float:
+    """Of a pinhole of that field: the distortion at which its picture's corners fold back."""
+    return float(-1 / (3 * (_CORNER * np.tan(field / 2)) ** 2))
 
 
 def domemaster_camera(theatre: Theatre) -> Camera:
@@ -72,10 +144,15 @@ def domemaster_camera(theatre: Theatre) -> Camera:
     return Camera((0.0, 0.0, 0.0), (x, y, z), 2 * theatre.dome.half_angle)
 
 
-def places_in(size: int) -> tuple[Floats, Floats]:
-    """(row, col) places of the pixels' centres of a square picture, -1..1 to the right and down."""
-    axis = (2 * np.arange(size) + 1 - size) / size
-    u, v = np.meshgrid(axis, axis)
+def places_in(rows: int, cols: int | None = None) -> tuple[Floats, Floats]:
+    """(row, col) places of the pixels' centres of a picture, -1..1 to the right and as far down.
+
+    Square unless `cols` says otherwise.
+    """
+    cols = rows if cols is None else cols
+    u, v = np.meshgrid(
+        (2 * np.arange(cols) + 1 - cols) / cols, (2 * np.arange(rows) + 1 - rows) / cols
+    )
     return u, v
 
 
@@ -89,7 +166,7 @@ def looked_at(
     theatre, camera
         What is seen, and from where.
     u, v
-        Places in the picture, any shape; those outside the circle see nothing.
+        Places in the picture, any shape; those outside a fisheye's circle see nothing.
 
     Returns
     -------
@@ -108,6 +185,6 @@ def looked_at(
             none,
             none == NOTHING,
         )
-    seen = np.where(np.hypot(u, v).ravel() <= 1, hit.surface, NOTHING)
+    seen = np.where(camera.sees(u, v).ravel(), hit.surface, NOTHING)
     points = np.stack(hit.position, -1) * unit
     return seen.reshape(u.shape), points.reshape(*u.shape, 3)

@@ -4,13 +4,22 @@
     unit = "camera"                  # of photographs: "camera", or "cd/m2"
 
     [camera]
-    mapping = "fisheye"              # or "domemaster": already mapped onto the screen
+    mapping = "fisheye"              # or "perspective"; "domemaster": already mapped
     position_m = [0.0, -0.5, -0.3]
     look_at_m = [0.0, 1.5, 1.0]
-    field_deg = 220.0
+    field_deg = 220.0                # across the circle, or the width of a perspective
+    k1 = 0.0                         # radial distortion of a perspective
+    registration = "dots.exr"        # a photograph that tells all of that more exactly
+    patterns = "patterns"            # the folder of its pattern
+
+    [colours]                        # if photographs are in the camera's own colours: of
+    black = { file = "black.exr" }   # full black, red, green and blue
+    red = { file = "red.exr", exposure = 0.5 }
+    green = { file = "green.exr" }
+    blue = { file = "blue.exr" }
 
     [[photographs]]
-    file = "white.exr"               # raw linear, in the projector's primaries
+    file = "white.exr"               # raw linear; in the projector's primaries without [colours]
     pattern = "patterns/white.png"   # the domemaster that was projected
     exposure = 1.0
 
@@ -41,16 +50,20 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from domesim.errors import InputError
-from domesim.frames import read_frame, read_master
+from domesim.frames import read_master
 from domesim.frames.encodings import encoding_named
+from domesim.frames.reading import read_image
+from domesim.measurement.patterns_list import read_patterns
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.fields import Number, Place, Section, three
 from domesim.scene.mistakes import all_mistakes
 from domesim.screening import decoded
 from domesim.survey.camera import Camera, domemaster_camera
+from domesim.survey.colours import mixing, unmixed
 from domesim.survey.fit import Known
 from domesim.survey.nuisances import Errors
 from domesim.survey.photographs import Photographs
+from domesim.survey.registration import Registered, registered
 from domesim.survey.spots import Reading
 
 Floats = NDArray[np.float64]
@@ -64,18 +77,24 @@ NoPrimaries = Small | tuple[Small, Small, Small]
 class CameraSection(Section):
     """Where photographs were taken from."""
 
-    mapping: Literal["fisheye", "domemaster"] = "fisheye"
+    mapping: Literal["fisheye", "perspective", "domemaster"] = "fisheye"
     position_m: Place | None = None
     look_at_m: Place | None = None
     field_deg: Annotated[Number, Field(gt=0, le=360)] | None = None
+    k1: Annotated[Number, Field(ge=-1, le=1)] = 0.0
+    registration: str | None = None
+    patterns: str = "patterns"
 
     @model_validator(mode="after")
     def _placed(self) -> Self:
         given = [self.position_m, self.look_at_m, self.field_deg]
-        if self.mapping == "fisheye" and None in given:
-            raise ValueError("a fisheye needs position_m, look_at_m and field_deg")
-        if self.mapping == "domemaster" and any(part is not None for part in given):
-            raise ValueError("a domemaster has no position_m, look_at_m or field_deg")
+        if self.mapping != "domemaster" and None in given:
+            raise ValueError(f"a {self.mapping} needs position_m, look_at_m and field_deg")
+        given_at_all = any(part is not None for part in (*given, self.registration))
+        if self.mapping == "domemaster" and given_at_all:
+            raise ValueError("a domemaster has no position_m, look_at_m, field_deg or registration")
+        if self.mapping != "perspective" and self.k1 != 0:
+            raise ValueError("k1 is of a perspective")
         return self
 
 
@@ -85,6 +104,27 @@ class PhotographSection(Section):
     file: str
     pattern: str
     exposure: Positive = 1.0
+
+
+class ShotSection(Section):
+    """A photograph of a primary, or of black."""
+
+    file: str
+    exposure: Positive = 1.0
+
+
+class ColoursSection(Section):
+    """Photographs that tell the camera's own colours."""
+
+    black: ShotSection
+    red: ShotSection
+    green: ShotSection
+    blue: ShotSection
+
+    @property
+    def shots(self) -> tuple[ShotSection, ...]:
+        """Of black, red, green and blue."""
+        return self.black, self.red, self.green, self.blue
 
 
 class ReadingSection(Section):
@@ -121,6 +161,7 @@ class SurveyFile(Section):
     theatre: str
     unit: Literal["camera", "cd/m2"] = "camera"
     camera: CameraSection | None = None
+    colours: ColoursSection | None = None
     photographs: tuple[PhotographSection, ...] = ()
     readings: tuple[ReadingSection, ...] = ()
     known: dict[Literal["gain", "screen", "floor", "wall"], KnownSection] = Field(
@@ -134,6 +175,8 @@ class SurveyFile(Section):
             raise ValueError("wanted either photographs or readings")
         if self.photographs and self.camera is None:
             raise ValueError("photographs need a [camera]")
+        if self.colours is not None and self.absolute:
+            raise ValueError("[colours] are of photographs with unit camera: they tell no cd/m2")
         return self
 
     @property
@@ -165,6 +208,8 @@ class Task:
         (pattern, row, col, primary) light of the projected domemasters.
     photographs, readings
         What was seen of them: one or the other.
+    registered
+        The camera as the registration pattern tells it, if that was photographed.
     known, errors
         What is known from elsewhere, and how well the description is known.
     digests
@@ -177,6 +222,7 @@ class Task:
     patterns: Floats
     photographs: Photographs | None
     readings: tuple[Reading, ...]
+    registered: Registered | None
     known: Mapping[str, Known]
     errors: Errors
     digests: Mapping[str, str]
@@ -199,16 +245,23 @@ def read_survey(path: Path) -> Task:
     names = file.pattern_names
     patterns = _patterns([folder / name for name in names], scene)
     files = [file.theatre, *names, *(shot.file for shot in file.photographs)]
+    found = None
+    if file.camera is not None and file.camera.registration is not None:
+        files.append(file.camera.registration)
+        found = _registered(file.camera, folder, scene)
+    if file.colours is not None:
+        files += [shot.file for shot in file.colours.shots]
     return Task(
         file=file,
         scene=scene,
         content=content,
         patterns=patterns,
-        photographs=_photographs(file, folder, scene) if file.photographs else None,
+        photographs=_photographs(file, folder, scene, found) if file.photographs else None,
         readings=tuple(
             Reading(names.index(one.pattern), one.place_m, one.unit, one.value, one.error)
             for one in file.readings
         ),
+        registered=found,
         known={
             name: Known(three(what.value), three(what.error)) for name, what in file.known.items()
         },
@@ -242,14 +295,22 @@ def _content(where: Path, name: str) -> Mapping[str, Any]:
     return tomllib.loads(where.read_text())
 
 
-def _photographs(file: SurveyFile, folder: Path, scene: DomeScene) -> Photographs:
+def _photographs(
+    file: SurveyFile, folder: Path, scene: DomeScene, found: Registered | None
+) -> Photographs:
     shots = [_light(folder / shot.file) for shot in file.photographs]
     if len({shot.shape for shot in shots}) > 1:
         raise InputError("photographs must be of one size")
     assert file.camera is not None
+    light = np.stack(shots)
+    if file.colours is not None:
+        black, *primaries = (_light(folder / s.file) / s.exposure for s in file.colours.shots)
+        if any(one.shape != shots[0].shape for one in (black, *primaries)):
+            raise InputError("colours: photographs must be of the same size as the others")
+        light = unmixed(light, mixing(black, primaries))
     return Photographs(
-        _camera(file.camera, scene),
-        np.stack(shots),
+        _camera(file.camera, scene) if found is None else found.camera,
+        light,
         np.array([file.pattern_names.index(shot.pattern) for shot in file.photographs]),
         np.array([shot.exposure for shot in file.photographs]),
     )
@@ -258,7 +319,33 @@ def _photographs(file: SurveyFile, folder: Path, scene: DomeScene) -> Photograph
 def _camera(section: CameraSection, scene: DomeScene) -> Camera:
     if section.position_m is None or section.look_at_m is None or section.field_deg is None:
         return domemaster_camera(scene.theatre)
-    return Camera(section.position_m, section.look_at_m, float(np.radians(section.field_deg)))
+    return Camera(
+        section.position_m,
+        section.look_at_m,
+        float(np.radians(section.field_deg)),
+        mapping="perspective" if section.mapping == "perspective" else "fisheye",
+        distortion=section.k1,
+    )
+
+
+def _registered(section: CameraSection, folder: Path, scene: DomeScene) -> Registered:
+    assert section.registration is not None
+    path = folder / section.registration
+    listed = read_patterns(folder / section.patterns)
+    dots = [each for each in listed.patterns if each.kind == "registration"]
+    dome = scene.dome
+    half_angle = 0.0 if listed.dome is None else listed.dome["half_angle_deg"]
+    if not dots or abs(half_angle - np.degrees(dome.half_angle)) > 1e-6:
+        raise InputError(
+            f"{folder / section.patterns}: wanted a registration pattern of a dome with a "
+            f"half-angle of {np.degrees(dome.half_angle):g} degrees; write patterns of this theatre"
+        )
+    names = "azimuth_deg", "angle_deg", "radius_deg"
+    markers = np.array([[dot[name] for name in names] for dot in dots[0].parameters["markers"]])
+    try:
+        return registered(dome, markers, _light(path), _camera(section, scene))
+    except InputError as error:
+        raise InputError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
 
 
 def _patterns(paths: list[Path], scene: DomeScene) -> Floats:
@@ -273,7 +360,7 @@ def _patterns(paths: list[Path], scene: DomeScene) -> Floats:
 
 def _light(path: Path) -> Floats:
     """(row, col, primary) raw linear values of a photograph."""
-    frame = read_frame(path, colour=encoding_named("linear"))
+    frame = read_image(path, repair=False, signed=True, colour=encoding_named("linear"))
     if frame.bits < 10:
         raise InputError(
             f"{path}: a photograph must be raw and linear, of 10 bits or more, got {frame.bits}; "

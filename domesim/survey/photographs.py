@@ -65,9 +65,11 @@ class Photographs:
 
     def __post_init__(self) -> None:
         count, rows, cols, primaries = self.light.shape
-        if rows != cols or primaries != 3:
+        square = self.camera.mapping == "fisheye"
+        if primaries != 3 or (square and rows != cols):
             raise InputError(
-                f"photographs must be square, of three primaries, got {cols} x {rows} x {primaries}"
+                f"photographs must be {'square, ' * square}of three primaries, got {cols} x {rows} "
+                f"x {primaries}"
             )
         if self.pattern.shape != (count,) or self.exposure.shape != (count,):
             raise InputError(f"{count} photographs need a pattern and an exposure each")
@@ -137,11 +139,11 @@ def cells_of(
     InputError
         If no cell of the screen is left.
     """
-    camera, size = photographs.camera, photographs.light.shape[1]
-    u, v = places_in(size)
+    camera, size = photographs.camera, photographs.light.shape[1:3]
+    u, v = places_in(*size)
     surface, points = looked_at(theatre, camera, u, v)
     lit = direct_light(theatre, patterns)
-    direct = np.zeros((len(patterns), size, size, 3))
+    direct = np.zeros((len(patterns), *size, 3))
     on_screen = surface == SURFACES["screen"]
     if not on_screen.any():
         raise InputError(
@@ -152,7 +154,7 @@ def cells_of(
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     row, col = theatre.dome.pixel_of(directions, lit.shape[1])
     direct[:, on_screen] = lit[:, row, col]
-    clear = _clear(surface, direct, margin * size / camera.field)
+    clear = away_from_edges(surface, direct, camera.pixels_in(margin, size[1]))
     label = _labels(theatre, surface, points)
     label[~clear] = -1
     label = _of_some_size(label)
@@ -164,8 +166,18 @@ def cells_of(
     return _averaged(theatre, photographs, label, surface, direct, (u, v))
 
 
-def _clear(surface: NDArray[np.int64], direct: Floats, reach: float) -> NDArray[np.bool_]:
-    """(row, col): pixels that see one surface, in light that changes little round about."""
+def away_from_edges(surface: NDArray[np.int64], direct: Floats, reach: float) -> NDArray[np.bool_]:
+    """(row, col): pixels that see one surface, in light that changes little round about.
+
+    Parameters
+    ----------
+    surface
+        (row, col) what is seen.
+    direct
+        (pattern, row, col, primary) direct light that is seen.
+    reach
+        Of the surroundings, pixels.
+    """
     window = 2 * max(1, int(np.ceil(reach))) + 1
     clear = maximum_filter(surface, window) == minimum_filter(surface, window)
     for one in direct:
@@ -255,7 +267,8 @@ def _averaged(
     kinds = np.array([numbers[int(kind)] for kind in surface[used][chosen[:, 0]]])
     places = Places(kinds, seen, each(direct))
     away = mean(place[0] ** 2 + place[1] ** 2)
-    # Pixels of a fisheye are about equal in solid angle; on the screen, so are they in area.
+    # Pixels of a fisheye are about equal in solid angle, and on the screen in area; a pinhole's are
+    # not, by which only the mean of black is a little off.
     area = np.where(kinds == 0, pixels, 0) / max(1, int(pixels[kinds == 0].sum()))
     variance = _variance(light, label, value, pixels)
     return Cells(places, u, v, away, area, value, variance, pixels, label)
@@ -268,28 +281,44 @@ def _variance(
     pairs = (label[:, 1:] == label[:, :-1]) & (label[:, 1:] >= 0)
     own = label[:, 1:][pairs]
     count = np.bincount(own, minlength=len(pixels))
-    usable = count >= 3
     result = np.empty_like(value)
     for one, primary in np.ndindex(len(light), 3):
         plane = light[one, ..., primary]
         half = (plane[:, 1:] - plane[:, :-1])[pairs] ** 2 / 2
         local = np.bincount(own, half, len(pixels)) / np.maximum(count, 1)
-        result[one, :, primary] = _smoothed(value[one, :, primary], local, count, usable) / pixels
+        levels = value[one, :, primary]
+        result[one, :, primary] = noise_variance(levels, local, count, levels) / pixels
     return result
 
 
-def _smoothed(
-    value: Floats, local: Floats, count: NDArray[np.int64], usable: NDArray[np.bool_]
+def noise_variance(
+    level: Floats, local: Floats, count: NDArray[np.int64], wanted: Floats
 ) -> Floats:
-    """(cell,) variance of a pixel as a + b light + c light², fitted to the cells' own."""
-    level = np.abs(value)
-    terms = np.stack([np.ones_like(level), level, level**2], 1)
-    scale = np.maximum(terms.max(0), 1e-300)
-    fitted = np.maximum(local, 1e-300)
-    guess = np.full_like(level, max(float(np.mean(local[usable])), 1e-300))
+    """Variance of a pixel as a + b light + c light², fitted to what areas show.
+
+    Parameters
+    ----------
+    level, local
+        (area,) mean light, and half of the neighbours' mean squared difference.
+    count
+        (area,) neighbours; areas of less than three do not count.
+    wanted
+        Light, any shape, at which the variance is wanted; infinite if no area counts.
+    """
+    usable = count >= 3
+    if not usable.any():
+        return np.full(np.shape(wanted), np.inf)
+    found, weight = np.zeros(3), np.sqrt(count[usable])
+    terms, target = _noise_terms(level[usable]), np.maximum(local[usable], 1e-300)
+    scale = np.maximum(_noise_terms(level).max(0), 1e-300)
+    guess = np.full(len(target), float(np.mean(target)))
     for _ in range(4):
-        weight = np.sqrt(count[usable]) / guess[usable]
-        target = fitted[usable] * weight
-        found, _ = nnls(terms[usable] / scale * weight[:, None], target)
-        guess = np.maximum(terms @ (found / scale), 1e-3 * guess)
-    return guess
+        whitened = terms / scale * (weight / guess)[:, None]
+        found = nnls(whitened, target * weight / guess)[0] / scale
+        guess = np.maximum(terms @ found, 1e-3 * guess)
+    return np.maximum(_noise_terms(wanted) @ found, 1e-3 * float(guess.min()))
+
+
+def _noise_terms(level: Floats) -> Floats:
+    size = np.abs(level)
+    return np.stack([np.ones_like(size), size, size**2], -1)

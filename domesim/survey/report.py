@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 def lines_of(task: Task, found: Survey) -> list[str]:
     """What was found, for a person."""
-    lines = []
+    lines = [] if task.registered is None else [task.registered.told()]
     unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
     for name, value, error, answered in zip(
         found.names, found.value, found.error, found.answered, strict=True

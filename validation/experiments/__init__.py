@@ -17,6 +17,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "What compensation does": (
         "wrong_model",
         "measured_dome",
+        "measured_transport",
         "contrast_sensitivity",
         "gamma_coded",
         "channels_alone",

@@ -76,6 +76,26 @@ def test_a_camera_that_is_turned_a_little_sees_the_same_cells():
     assert not np.allclose(without.value, without.places.direct)
 
 
+def test_a_pinhole_sees_the_same_cells():
+    camera = Camera(
+        (0.2, -2.0, 0.2), (0.2, 3.0, 0.4), np.radians(110), mapping="perspective", distortion=-0.05
+    )
+    size = 120, 160
+    surface, points = looked_at(THEATRE, camera, *places_in(*size))
+    assert {SCREEN, FLOOR} <= set(np.unique(surface))
+    on_screen = surface == SCREEN
+    directions = points[on_screen] @ THEATRE.dome.to_room
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    row, col = THEATRE.dome.pixel_of(directions, PATTERNS.shape[1])
+    light = np.zeros((len(PATTERNS), *size, 3))
+    light[:, on_screen] = PATTERNS[:, row, col]
+    count = len(PATTERNS)
+    taken = Photographs(camera, light, np.arange(count), np.ones(count))
+    found = cells_of(THEATRE, PATTERNS, taken)
+    assert np.allclose(found.value, found.places.direct)
+    assert found.label.shape == size
+
+
 def test_exposures_are_divided_out():
     light = np.ones((len(PATTERNS), 48, 48, 3))
     exposure = np.arange(1.0, len(PATTERNS) + 1)
