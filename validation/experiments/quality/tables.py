@@ -17,6 +17,8 @@ from validation.experiment import Cell as Entry
 from validation.experiment import Column, Table
 from validation.experiments.quality.gains import (
     SHORT,
+    alike,
+    falling_back,
     falls,
     gains,
     geometric,
@@ -29,6 +31,9 @@ from validation.experiments.quality.inputs import USUAL_LUMINANCE, Input, words
 from validation.experiments.quality.judging import Cells
 from validation.experiments.quality.ways import CHOSEN, MAIN, WAYS, Way
 from validation.statistics import estimate
+
+BACK = (1.0, 1.25, 1.5, 2.0, 3.0)
+"""Margins of a fall-back that are looked at."""
 
 
 def written(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Iterator[Table]:
@@ -51,6 +56,8 @@ def written(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Itera
         f"gain {PAIR_GAIN:g} and {DOME_GAIN:g}, chroma times {PAIR_CHROMA:g} and {DOME_CHROMA:g}; "
         f"of both: floor {usual.floor:g} cd/m², reach {usual.reach:g}°, most {usual.most:g}.",
     )
+    if judged:
+        yield _falling_back(cells)
     yield _by_place(cells)
 
 
@@ -148,6 +155,25 @@ def _ranking(cells: Cells, ways: Mapping[str, Way], caption: str) -> Table:
             Column(name="time", unit="s", digits=".2f"),
         ),
         rows=tuple(rows),
+    )
+
+
+def _falling_back(cells: Cells) -> Table:
+    compared, agreed = alike(cells, CHOSEN)
+    return Table(
+        caption=(
+            f"Could it know by itself when to leave a picture to subtraction? Its own visible "
+            f"error ranks it and nothing or subtraction as ColorVideoVDP does in {agreed} of "
+            f"{compared} cases in which that sees more than {SHORT:g} JOD between them. If it fell "
+            f"back on subtraction wherever its visible error is not so many times less:"
+        ),
+        columns=(
+            Column(name="times less", digits="g"),
+            Column(name="cases that fall back"),
+            Column(name="gain over subtraction, mean of all cases", unit="JOD", digits="+.3f"),
+            Column(name="worst shortfall", unit="JOD", digits="+.3f"),
+        ),
+        rows=tuple((times, *falling_back(cells, CHOSEN, times)) for times in BACK),
     )
 
 
