@@ -17,7 +17,6 @@ from compensate.devices import CPU, on_device
 from compensate.master import Figures
 from compensate.methods import METHODS, Solver
 from compensate.solver.admm import ADMM
-from compensate.weighting import PerceptualWeighting
 from domesim.batch.run import FRAME_TIMEOUT, Running
 from domesim.batch.work import Writing
 from domesim.choice import SceneChoice
@@ -81,8 +80,8 @@ LowFrequencyGain = Annotated[
     float | None,
     typer.Option(
         help="Perceptual: how much coarse luminance errors count, 0..1 of the most visible ones; "
-        "0.1 by default, 0.15 of --weighting contrast. Low values give up the black level for "
-        "detail, 1 comes close to subtraction.",
+        "by default 0.15 of pairs and 0.05 of domes, 0.1 of --weighting paper. Low values give up "
+        "the black level for detail, 1 comes close to subtraction.",
         show_default=False,
     ),
 ]
@@ -90,9 +89,9 @@ EyeName = Annotated[
     str | None,
     typer.Option(
         "--weighting",
-        help="Perceptual: paper, one adaptation luminance and Daly's sensitivity, which is what "
-        "domes and several seats get; or contrast, relative to the local luminance that one seat "
-        "sees, with castleCSF's sensitivities, which is what pairs get.",
+        help="Perceptual: contrast, relative to the local luminance that one seat sees, with "
+        "castleCSF's sensitivities, which is the default; or paper, one adaptation luminance and "
+        "Daly's sensitivity, which is what several seats get.",
         show_default=False,
     ),
 ]
@@ -267,7 +266,7 @@ def demo(
         frame = read_master([path])
     console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
     prepare_folder(out)
-    comparison = _compared(frame, theatre, console, solver, PerceptualWeighting())
+    comparison = _compared(frame, theatre, console, solver, weighting_of(preferred(theatre)))
     files = []
     for name, written in comparison.frames():
         write_master(written, [out / f"{name}.exr"])

@@ -166,11 +166,11 @@ class Compensating(Recipe):
 
 def preferred(theatre: Scene) -> str:
     """The vision model for those who name none (``validation/notes/0007``)."""
-    pair = isinstance(theatre, StereoScene) and len(theatre.chosen) == 1
-    return CONTRAST if pair else PAPER
+    several = isinstance(theatre, StereoScene) and len(theatre.chosen) > 1
+    return PAPER if several else CONTRAST
 
 
-def weighting_of(name: str, low_frequency_gain: float | None) -> Eye:
+def weighting_of(name: str, low_frequency_gain: float | None = None) -> Eye:
     """The vision model of that name.
 
     Raises

@@ -11,7 +11,8 @@ few minutes of arc, and c a luminance below which the eye loses contrast. Withou
 have to be exact. In a dome, L counts up to m l only (see `ContrastWeighting.most`).
 
 T takes light to the three mechanisms of castleCSF (`compensate.vision.castle`), achromatic,
-red-green and yellow-violet, each with its own sensitivity, in place of Daly's for all three.
+red-green and yellow-violet, each with its own sensitivity, in place of Daly's for all three; the
+chromatic ones count somewhat more, so that a lifted black keeps the master's hue.
 
 L is of what is *seen*, not of the master: where a ghost lies on black, it is the ghost's own light.
 That this, and these numbers, do better than others is measured by ``validate --only quality``; see
@@ -41,15 +42,31 @@ DETAIL = float(np.pi * 1.5**2)
 """Area of a pattern, deg²: castleCSF wants one. That of ColorVideoVDP's table, of 3° across."""
 
 
+PAIR_GAIN, DOME_GAIN = 0.15, 0.05
+"""Low-frequency gains of luminance."""
+
+PAIR_CHROMA, DOME_CHROMA = 1.5, 2.0
+"""How many times more than castleCSF has it chromatic errors count."""
+
+
 @final
 @dataclass(frozen=True)
 class ContrastWeighting:
     """The settings of the weighting of local contrast.
 
+    What a pair and what a dome gets by default differs: a ghost lies beside what is dark, a dome's
+    pollution lies over all of it, and takes its hue away.
+
     Parameters
     ----------
-    low_frequency, chroma_low_frequency
-        The low-frequency policies of the achromatic mechanism and of the chromatic ones.
+    low_frequency
+        The low-frequency policy of the achromatic mechanism. None: a floor of `PAIR_GAIN` or
+        `DOME_GAIN`.
+    chroma_low_frequency
+        That of the chromatic ones.
+    chroma
+        How many times more than castleCSF has it chromatic errors count. None: `PAIR_CHROMA` or
+        `DOME_CHROMA`.
     reach
         Standard deviation of the Gaussian that L is averaged by, degrees.
     floor
@@ -64,17 +81,20 @@ class ContrastWeighting:
     Raises
     ------
     InputError
-        If the reach is negative, the floor or `most` not above 0, or one is not finite.
+        If the reach is negative, the chroma, the floor or `most` not above 0, or one is not finite.
     """
 
-    low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(0.15))
+    low_frequency: LowFrequencyFloor | None = None
     chroma_low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(1.0))
-    reach: float = 0.1
+    chroma: float | None = None
+    reach: float = 0.08
     floor: float = 0.1
     most: float = 0.3
     padding: int = 64
 
     def __post_init__(self) -> None:
+        if self.chroma is not None and not 0 < self.chroma < np.inf:
+            raise InputError(f"contrast's chroma must be above 0, got {self.chroma:g}")
         if not 0 <= self.reach < np.inf:
             raise InputError(f"contrast reach must be at least 0 degrees, got {self.reach:g}")
         if not 0 < self.floor < np.inf:
@@ -87,14 +107,17 @@ class ContrastWeighting:
     ) -> CsfWeighting:
         """A_l T for `views` pictures with that `support` (row, col) seen that way.
 
-        Scaled so that the brightest primary's weight at the peaks is 1.
+        Scaled so that the brightest primary's weight at the peaks is 1. One view is a dome's.
         """
+        dome = views == 1
+        low_frequency = self.low_frequency or LowFrequencyFloor(DOME_GAIN if dome else PAIR_GAIN)
+        chroma = self.chroma or (DOME_CHROMA if dome else PAIR_CHROMA)
         rows, cols = support.shape
         padded = (padded_size(rows, self.padding), padded_size(cols, self.padding))
         gains: list[NDArray[np.floating[Any]]] = []
         peaks: list[float] = []
         for mechanism in MECHANISMS:
-            policy = self.chroma_low_frequency if gains else self.low_frequency
+            policy = self.chroma_low_frequency if gains else low_frequency
             sensitivity = partial(_at_any_orientation, mechanism, viewing.adaptation)
             omega, peak = gains_of(sensitivity, viewing, (rows, cols), padded, policy)
             gains.append(omega)
@@ -102,7 +125,8 @@ class ContrastWeighting:
         opponent = DKL_FROM_XYZ @ projector.to_xyz
         # Contrast is relative to the achromatic mechanism's response to white, and then to the
         # threshold at each mechanism's peak
-        opponent = np.array(peaks)[:, None] * opponent / opponent[0].sum()
+        counting = np.array(peaks) * (1, chroma, chroma)
+        opponent = counting[:, None] * opponent / opponent[0].sum()
         brightest = float(np.sqrt(np.sum(opponent**2, axis=0).max()))
         opponent /= brightest
         return CsfWeighting(np.stack(gains), opponent, support, padded, brightest, views)

@@ -233,7 +233,7 @@ def test_every_kind_of_system(run: Run, tmp_path: Path, out: Path, scene: str) -
 
 
 def test_pairs_are_weighted_by_contrast_unless_told(run: Run, tmp_path: Path, out: Path) -> None:
-    """Domes and several seats are not: validation/notes/0007."""
+    """Several seats are not: validation/notes/0007."""
     arguments = ("compensate", *pair(tmp_path / "in"), "--scene", SCENE)
 
     def after(name: str, *more: str) -> float:

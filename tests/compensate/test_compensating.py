@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensate.compensating import Compensating
+from compensate.compensating import CONTRAST, PAPER, Compensating, preferred
 from domesim.batch.estimate import estimate
 from domesim.batch.run import Done, Running, each_frame
 from domesim.batch.work import Recipe, Writing
@@ -167,3 +167,12 @@ def test_a_scene_that_was_changed_is_not_taken(tmp_path: Path, shows: dict[str, 
     other = Compensating(SceneChoice("dome_planetarium", content="0" * 64))
     with pytest.raises(Exception, match="another; its files were changed"):
         done(shows["dome_planetarium"], tmp_path, other, Running(0))
+
+
+def test_all_but_several_seats_are_weighted_by_contrast() -> None:
+    """The default: validation/notes/0007."""
+    pair = load_scene("stereo_polarised_paper")
+    assert preferred(load_scene("dome_planetarium")) == CONTRAST
+    assert preferred(pair) == CONTRAST
+    assert preferred(pair.seen_from("left")) == CONTRAST
+    assert preferred(pair.seen_from("left", "right")) == PAPER

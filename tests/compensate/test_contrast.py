@@ -10,7 +10,14 @@ from pairs import COLOURED, grey, pair, share
 from scipy.optimize import lsq_linear
 from theatres import closed_form, picture, viewing
 
-from compensate.contrast import DETAIL, ContrastWeighting
+from compensate.contrast import (
+    DETAIL,
+    DOME_CHROMA,
+    DOME_GAIN,
+    PAIR_CHROMA,
+    PAIR_GAIN,
+    ContrastWeighting,
+)
 from compensate.master import pose, solved
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
@@ -70,7 +77,8 @@ def test_a_grating_at_threshold_is_one_just_noticeable_difference(level):
     """Whatever the luminance that it lies on: castleCSF's threshold contrast at that frequency."""
     size, cycles = 128, 16
     scene = load_scene("stereo_polarised_paper")
-    eye, settings = scene.viewing, ContrastWeighting(padding=0, reach=0.0, floor=1e-9, most=99.0)
+    eye = scene.viewing
+    settings = ContrastWeighting(padding=0, reach=0.0, floor=1e-9, most=99.0, chroma=1.0)
     frequency = cycles / size * eye.pixels_per_degree(size, size)
     threshold = 1 / float(castle(frequency, eye.adaptation, ACHROMATIC, area=DETAIL))
     wave = np.cos(2 * np.pi * cycles * np.arange(size) / size)[None, None, :, None]
@@ -85,11 +93,29 @@ def test_a_grating_at_threshold_is_one_just_noticeable_difference(level):
     assert rms * np.sqrt(2) == pytest.approx(1, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("views", "gain", "chroma"), [(1, DOME_GAIN, DOME_CHROMA), (2, PAIR_GAIN, PAIR_CHROMA)]
+)
+def test_domes_and_pairs_have_settings_of_their_own(views, gain, chroma):
+    screen = np.ones((30, 40), bool)
+    usual, bare = (
+        settings.of(viewing(), PROJECTOR, screen, views)
+        for settings in (ContrastWeighting(), ContrastWeighting(chroma=1.0))
+    )
+    # In multiples of the threshold, colours count so many times more
+    ratio = usual.opponent * usual.peak / (bare.opponent * bare.peak)
+    assert ratio == pytest.approx(np.array([[1.0], [chroma], [chroma]]) * np.ones(3))
+    assert usual.gains[0, 0, 0] == pytest.approx(gain)
+    assert usual.gains[1:, 0, 0] == pytest.approx(1.0)
+
+
 def test_impossible_settings_are_refused():
     with pytest.raises(InputError, match="reach"):
         ContrastWeighting(reach=-1.0)
     with pytest.raises(InputError, match="floor"):
         ContrastWeighting(floor=0.0)
+    with pytest.raises(InputError, match="chroma"):
+        ContrastWeighting(chroma=0.0)
     with pytest.raises(InputError, match="most"):
         ContrastWeighting(most=np.nan)
 

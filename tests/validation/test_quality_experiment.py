@@ -40,7 +40,7 @@ def test_without_judges_the_laws_hold(tmp_path):
     assert quality.run(Work(store=tmp_path)) == finding  # killed and resumed
     assert "ColorVideoVDP: it needs pip install 'domesim[metrics]'" in finding.left_out
     assert [len(one.panels) for one in finding.pictures] == [5, 5]
-    assert [len(table.rows) for table in finding.tables] == [6, 15, 2]
+    assert [len(table.rows) for table in finding.tables] == [6, 17, 2]
     assert finding.figures["quality.generated.0.05.15.none.contour"] == pytest.approx(1)
     assert finding.figures["quality.night.0.5.15.none.contour"] is None
 
@@ -56,7 +56,7 @@ def test_a_full_run_says_what_the_judges_found(monkeypatch, tmp_path):
     assert any("pillars" in why and pairs.FOLDER in why for why in finding.left_out)
     assert any(check.what.startswith("local contrast: gain") for check in finding.checks)
     assert [len(one.panels) for one in finding.pictures] == [9, 9, 9]
-    assert [len(table.rows) for table in finding.tables] == [3, 6, 15, 6]
+    assert [len(table.rows) for table in finding.tables] == [3, 6, 17, 5, 6]
     assert len(finding.plots) == 3
     assert "3 inputs" in finding.result
     assert "FLIP" in finding.result
@@ -100,8 +100,8 @@ def test_a_brighter_scene_has_a_brighter_black():
 # What a way is worth
 
 
-def cell(jod, contour=None):
-    return Cell(0.5, 1.0, None, jod, contour, contour, 0.0, "CONVERGED", 0.0, None, ())
+def cell(jod, contour=None, error=1.0):
+    return Cell(0.5, error, None, jod, contour, contour, None, 0.0, "CONVERGED", 0.0, None, ())
 
 
 CELLS = {
@@ -132,6 +132,25 @@ def test_shortfalls_are_against_the_better_of_both():
     assert list(gains.shortfalls(CELLS, "contrast").values()) == pytest.approx(
         [-0.5, 0.1, 0.1, -0.05]
     )
+
+
+def test_errors_that_rank_as_the_judge_does():
+    cases = {
+        ("a", 0.1, 5.0): {
+            "none": cell(8.0, error=4.0),
+            "subtractive": cell(9.0, error=3.0),
+            "contrast": cell(9.5, error=2.0),
+        },
+        ("b", 0.1, 5.0): {
+            "none": cell(9.01, error=2.0),
+            "subtractive": cell(9.4, error=3.0),
+            "contrast": cell(9.0, error=2.5),
+        },
+    }
+    # Of b, nothing is too near; subtraction is better, and its error says that it is not
+    assert gains.alike(cases, "contrast") == (3, 2)
+    assert gains.falling_back(cases, "contrast", 1.0) == pytest.approx((0, 0.05, 0.4))
+    assert gains.falling_back(cases, "contrast", 1.3) == pytest.approx((1, 0.25, 0.0))
 
 
 def test_falls_of_the_contour_are_geometric_means_over_inputs():

@@ -25,6 +25,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "chroma_floor",
         "deghosting",
         "quality",
+        "whole_pictures",
         "flicker",
         "convergence",
     ),

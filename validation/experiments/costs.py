@@ -26,6 +26,7 @@ from typing import final
 
 import numpy as np
 
+from compensate.compensating import preferred, weighting_of
 from compensate.master import Stage, solve_frame
 from domesim.frames import read_master, write_master
 from domesim.light import Light
@@ -114,7 +115,8 @@ def _sequence(frames: list[Light]) -> Sequence:
         named = ("--left", f"{folder}/L.####.exr", "--right", f"{folder}/R.####.exr")
         out, alone = Path(folder) / "out", ("--workers", "0", "--json")
         job = run_command("compensate", *named, "--scene", _PAIRS, "--out", str(out), *alone)
-        stage, solver, files = Stage(load_scene(_PAIRS)), 0.0, 0.0
+        scene = load_scene(_PAIRS)
+        stage, solver, files = Stage(scene, weighting_of(preferred(scene))), 0.0, 0.0
         for paths in masters:
             results = [out / path.name for path in paths]
             result = read_master(results)

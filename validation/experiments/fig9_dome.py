@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from compensate.comparison import Comparison, compare_methods
+from compensate.compensating import preferred, weighting_of
 from compensate.solver.admm import ADMM
-from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import load_dome
 from validation.drawing import pictures
@@ -120,7 +120,8 @@ def measure(scene: str = THEATRE) -> Outcome:
     """The bundled night in a theatre."""
     frame = bundled_night()
     theatre = load_dome(scene)
-    comparison = compare_methods(frame, theatre, solver=ADMM(), weighting=PerceptualWeighting())
+    weighting = weighting_of(preferred(theatre))
+    comparison = compare_methods(frame, theatre, solver=ADMM(), weighting=weighting)
     best = comparison.outcomes["perceptual"].figures
     problem = comparison.posed.problem
     observed = {

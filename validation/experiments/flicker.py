@@ -270,8 +270,9 @@ def run(work: Work) -> Finding:
             scene = load_scene(name)
             frames = partial(_fade, small, scene, "black", count // 2)
             fades[f"pair from black, a {title}"] = Film(frames, scene)
-        contrast = partial(_fade, pair, stereo, "grey", count)
-        fades["pair from grey, local contrast"] = Film(contrast, stereo, ContrastWeighting())
+        for name, picture, scene in ((PAIR, pair, stereo), (DOME, dome, theatre)):
+            frames = partial(_fade, picture, scene, "grey", count)
+            fades[f"{name} from grey, local contrast"] = Film(frames, scene, ContrastWeighting())
     repeats = work.each(
         {f"{name}: in any order": film for name, film in cuts.items()}, float, differences
     )

@@ -16,17 +16,20 @@ Rationale
     hold nine tenths of the sum of |grad g|² there. It is given of light, and of contrast: of log(Y
     + 0.01) in place of the luminance Y (1 = white), which forgives what a veil hides. A *new
     artefact* is a place where ColorVideoVDP's heatmap has lost 0.5 JOD more than with subtraction
-    and more than with nothing. Pictures are averaged down by whole numbers of
-    pixels, and seen as large as the screen: with 10 pixels a degree at most, finer ringing cannot
-    be seen. Inputs are the sample: gains are averaged over an input's pollutions and luminances
-    first, and intervals are Student's over inputs. Pollutions and luminances weigh alike.
+    and more than with nothing. Of domemasters, in which pollution takes the hue of what is dark,
+    there is its shift in the darker half (u'v', around white). Pictures are averaged down by whole
+    numbers of pixels, and seen as large as the screen: with 10 pixels a degree at most, finer
+    ringing cannot be seen. Inputs are the sample: gains are averaged over an input's pollutions and
+    luminances first, and intervals are Student's over inputs. Pollutions and luminances weigh
+    alike.
 Expected
     Where subtraction leaves what is seen (its JOD is below 9.9), weighting local contrast gains at
     least 0.1 JOD over it on average, and the 95 % interval of the gain lies above 0; no frame is
     more than 0.02 JOD below the better of subtraction and nothing; the ghost contour where
-    subtraction clips falls to half of subtraction's; new artefacts cover at most 1 % of any
-    screen. Two laws hold whatever judges say: what minimises a visible error has the least of all,
-    well below subtraction's, and within its certified gap of 1e-3.
+    subtraction clips falls to half of subtraction's; new artefacts cover at most 1 % of any screen;
+    in domes the hue of the darker half shifts less than half as much as with subtraction. Two laws
+    hold whatever judges say: what minimises a visible error has the least of all, well below
+    subtraction's, and within its certified gap of 1e-3.
 """
 
 from __future__ import annotations

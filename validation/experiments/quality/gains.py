@@ -37,6 +37,44 @@ def shortfalls(cells: Cells, way: str) -> dict[Place, float]:
     }
 
 
+def alike(cells: Cells, way: str) -> tuple[int, int]:
+    """How often a way is compared with nothing or subtraction, and ranked as its errors rank them.
+
+    Only where ColorVideoVDP sees more than `SHORT` between them.
+    """
+    compared = agreed = 0
+    for ways in cells.values():
+        for other in ("none", "subtractive"):
+            gain = quality(ways[way]) - quality(ways[other])
+            if abs(gain) > SHORT:
+                compared += 1
+                agreed += (gain > 0) == (ways[way].error < ways[other].error)
+    return compared, agreed
+
+
+def falling_back(cells: Cells, way: str, times: float) -> tuple[int, float, float]:
+    """A way that falls back on subtraction unless its visible error is so many `times` less.
+
+    Returns
+    -------
+    cases
+        In how many cases it does.
+    gain
+        Mean over all cases, JOD over subtraction.
+    shortfall
+        The largest, JOD.
+    """
+    cases, gain, shortfall = 0, [], []
+    for ways in cells.values():
+        plain, ours = ways["subtractive"], ways[way]
+        back = ours.error * times > plain.error
+        chosen = plain if back else ours
+        cases += back
+        gain.append(quality(chosen) - quality(plain))
+        shortfall.append(max(quality(plain), quality(ways["none"])) - quality(chosen))
+    return cases, float(np.mean(gain)), max(shortfall)
+
+
 def falls(
     cells: Cells, way: str, of: Callable[[Cell], float | None] = lambda cell: cell.contour
 ) -> dict[Place, float]:

@@ -84,7 +84,7 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
     width = QUICK_WIDTH if work.quick else WIDEST
     size = QUICK_SIZE if work.quick else WIDEST
     generated = _of_pair(partial(pairs.generated, width, work.seed), quick=work.quick)
-    night = _of_dome(partial(_domemaster, masters.bundled_night, size), quick=work.quick)
+    night = _of_dome(partial(domemaster, masters.bundled_night, size), quick=work.quick)
     if work.quick:
         return {"generated": generated, "night": night}, ["The test data: with a full run"]
     present, left_out = pairs.present(PAIRS)
@@ -95,7 +95,7 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
     for name, file in DOMES.items():
         if (folder / file).is_file():
             read = partial(read_master, [folder / file], repair=True)
-            found[name] = _of_dome(partial(_domemaster, read, WIDEST), quick=False)
+            found[name] = _of_dome(partial(domemaster, read, WIDEST), quick=False)
         else:
             left_out.append(f"{name}: needs {folder / file}; set {pairs.FOLDER}")
     return found, left_out
@@ -156,7 +156,7 @@ def _pair(name: str) -> Light:
     return pairs.no_wider(light, WIDEST)
 
 
-def _domemaster(read: Callable[[], Master], size: int) -> Light:
+def domemaster(read: Callable[[], Master], size: int) -> Light:
     """The domemaster, no wider than `size`."""
     scene = load_scene(DOME_SCENE)
     light = decoded(read(), scene)

@@ -22,6 +22,7 @@ from validation.experiments.quality.contour import ghost_contours
 from validation.experiments.quality.inputs import Place
 from validation.experiments.quality.pictures import heatmap
 from validation.experiments.quality.ways import CHOSEN, WAYS, Way
+from validation.hue import shift_in_the_dark
 
 NEW = 0.5
 """JOD that a place loses over the worse of subtraction and nothing, to count as a new artefact."""
@@ -44,6 +45,8 @@ class Cell:
         FLIP, and ColorVideoVDP in JOD: means of both eyes; None if not installed.
     contour, contrast_contour
         Ghost contours where subtraction clips, of light and of contrast; None without one.
+    hue
+        Shift of hue of the darker half of a domemaster, degrees; None of a pair.
     seconds
         Of the solution.
     status
@@ -63,6 +66,7 @@ class Cell:
     quality: float | None
     contour: float | None
     contrast_contour: float | None
+    hue: float | None
     seconds: float
     status: str
     gap: float | None
@@ -173,6 +177,7 @@ def measure(case: Case, way: Way, *, pictures: bool = False) -> Cell:
         quality=quality,
         contour=contour,
         contrast_contour=contrast_contour,
+        hue=shift_in_the_dark(case.desired, seen, scene) if scene.views == 1 else None,
         seconds=seconds,
         status=result.status.name,
         gap=result.gap,

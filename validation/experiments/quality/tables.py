@@ -6,11 +6,19 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from compensate.contrast import ContrastWeighting
+from compensate.contrast import (
+    DOME_CHROMA,
+    DOME_GAIN,
+    PAIR_CHROMA,
+    PAIR_GAIN,
+    ContrastWeighting,
+)
 from validation.experiment import Cell as Entry
 from validation.experiment import Column, Table
 from validation.experiments.quality.gains import (
     SHORT,
+    alike,
+    falling_back,
     falls,
     gains,
     geometric,
@@ -23,6 +31,9 @@ from validation.experiments.quality.inputs import USUAL_LUMINANCE, Input, words
 from validation.experiments.quality.judging import Cells
 from validation.experiments.quality.ways import CHOSEN, MAIN, WAYS, Way
 from validation.statistics import estimate
+
+BACK = (1.0, 1.25, 1.5, 2.0, 3.0)
+"""Margins of a fall-back that are looked at."""
 
 
 def written(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Iterator[Table]:
@@ -41,10 +52,12 @@ def written(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Itera
         {place: ways for place, ways in cells.items() if place[2] == USUAL_LUMINANCE},
         WAYS,
         f"What each setting of the weighting of local contrast is worth, at "
-        f"{USUAL_LUMINANCE:g} cd/m² and all pollutions. Usual: low-frequency gain "
-        f"{usual.low_frequency.gain:g}, chromatic {usual.chroma_low_frequency.gain:g}, floor "
-        f"{usual.floor:g} cd/m², reach {usual.reach:g}°, most {usual.most:g}.",
+        f"{USUAL_LUMINANCE:g} cd/m² and all pollutions. Usual, of pairs and domes: low-frequency "
+        f"gain {PAIR_GAIN:g} and {DOME_GAIN:g}, chroma times {PAIR_CHROMA:g} and {DOME_CHROMA:g}; "
+        f"of both: floor {usual.floor:g} cd/m², reach {usual.reach:g}°, most {usual.most:g}.",
     )
+    if judged:
+        yield _falling_back(cells)
     yield _by_place(cells)
 
 
@@ -60,6 +73,7 @@ def by_name(cells: Cells) -> dict[str, float | None]:
                 f"{start}.flip": cell.flip,
                 f"{start}.contour": cell.contour,
                 f"{start}.new": cell.new,
+                f"{start}.hue": cell.hue,
             }
     for way in MAIN:
         overall = estimate(gains(cells, way).values())
@@ -105,6 +119,7 @@ def _ranking(cells: Cells, ways: Mapping[str, Way], caption: str) -> Table:
             for here in cells.values()
             if name in here and here[name].flip is not None
         ]
+        hues = [here[name].hue for here in cells.values()]
         rows.append(
             (
                 way.title,
@@ -117,6 +132,7 @@ def _ranking(cells: Cells, ways: Mapping[str, Way], caption: str) -> Table:
                 float(np.mean(flips)) if flips else None,
                 geometric(falls(cells, name)),
                 geometric(falls(cells, name, of_contrast)),
+                float(np.mean([hue for hue in hues if hue is not None])),
                 max(news(cells, name).values(), default=None),
                 float(np.mean([here[name].seconds for here in cells.values()])),
             )
@@ -134,10 +150,30 @@ def _ranking(cells: Cells, ways: Mapping[str, Way], caption: str) -> Table:
             Column(name="FLIP over subtraction's", digits="+.4f"),
             Column(name="ghost contour falls", unit="times", digits=".2f"),
             Column(name="of contrast", unit="times", digits=".2f"),
+            Column(name="hue shift, domes", unit="°", digits=".0f"),
             Column(name="new artefacts, most", unit="of the screen", digits=".1%"),
             Column(name="time", unit="s", digits=".2f"),
         ),
         rows=tuple(rows),
+    )
+
+
+def _falling_back(cells: Cells) -> Table:
+    compared, agreed = alike(cells, CHOSEN)
+    return Table(
+        caption=(
+            f"Could it know by itself when to leave a picture to subtraction? Its own visible "
+            f"error ranks it and nothing or subtraction as ColorVideoVDP does in {agreed} of "
+            f"{compared} cases in which that sees more than {SHORT:g} JOD between them. If it fell "
+            f"back on subtraction wherever its visible error is not so many times less:"
+        ),
+        columns=(
+            Column(name="times less", digits="g"),
+            Column(name="cases that fall back"),
+            Column(name="gain over subtraction, mean of all cases", unit="JOD", digits="+.3f"),
+            Column(name="worst shortfall", unit="JOD", digits="+.3f"),
+        ),
+        rows=tuple((times, *falling_back(cells, CHOSEN, times)) for times in BACK),
     )
 
 
@@ -157,6 +193,8 @@ def _by_place(cells: Cells) -> Table:
                 ours.new,
                 plain.contour,
                 ours.contour,
+                plain.hue,
+                ours.hue,
             )
         )
     return Table(
@@ -173,6 +211,8 @@ def _by_place(cells: Cells) -> Table:
             Column(name="new artefacts", unit="of the screen", digits=".1%"),
             Column(name="contour, subtraction", digits=".3f"),
             Column(name=f"contour, {WAYS[CHOSEN].title}", digits=".3f"),
+            Column(name="hue shift, subtraction", unit="°", digits=".0f"),
+            Column(name=f"hue shift, {WAYS[CHOSEN].title}", unit="°", digits=".0f"),
         ),
         rows=tuple(rows),
     )

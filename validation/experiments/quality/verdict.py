@@ -89,6 +89,13 @@ def expectations(cells: Cells) -> Iterator[Check]:
             geometric(contours),
             2,
         )
+    hues = {way: _hues(cells, way) for way in (CHOSEN, "subtractive")}
+    if hues[CHOSEN]:
+        yield at_most(
+            f"{title}: shift of hue of domemasters' darker half over subtraction's",
+            float(np.mean(hues[CHOSEN]) / np.mean(hues["subtractive"])),
+            0.5,
+        )
     yield _largest(
         f"{title}: share of the screen with a new artefact ({NEW:g} JOD worse than subtraction "
         f"and nothing), the largest",
@@ -150,6 +157,10 @@ def _over_the_least(ways: Mapping[str, Cell]) -> float:
 def _largest(what: str, values: Mapping[Place, float], bound: float, unit: str = "") -> Check:
     place = max(values, key=values.__getitem__)
     return at_most(f"{what} ({words(place)})", values[place], bound, unit)
+
+
+def _hues(cells: Cells, way: str) -> list[float]:
+    return [hue for hue in (ways[way].hue for ways in cells.values()) if hue is not None]
 
 
 def _by_flip(cells: Cells) -> str:

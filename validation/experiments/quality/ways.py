@@ -67,9 +67,9 @@ VARIANTS: Mapping[str, Way] = {
     for way in (
         *(
             Way.local(f"low-frequency gain {gain:g}", low_frequency=LowFrequencyFloor(gain))
-            for gain in (0.1, 0.3)
+            for gain in (0.05, 0.15, 0.3)
         ),
-        Way.local("chromatic low-frequency gain 0.2", chroma_low_frequency=LowFrequencyFloor(0.2)),
+        *(Way.local(f"chroma times {chroma:g}", chroma=chroma) for chroma in (1.0, 4.0)),
         *(Way.local(f"floor {floor:g} cd/m²", floor=floor) for floor in (0.03, 0.3)),
         *(Way.local(f"reach {reach:g}°", reach=reach) for reach in (0.0, 0.5)),
         *(Way.local(f"most {most:g} of the adaptation", most=most) for most in (1.0, np.inf)),
