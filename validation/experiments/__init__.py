@@ -17,6 +17,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "What compensation does": (
         "wrong_model",
         "measured_dome",
+        "caution",
         "contrast_sensitivity",
         "gamma_coded",
         "channels_alone",
