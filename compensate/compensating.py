@@ -216,4 +216,11 @@ def line_of(f: Figures) -> str:
             line += f" (what is seen, within {f.distance:.2g} JND rms)"
         parts.append(line)
     parts.append(f"{f.seconds:.1f} s. {f.status}")
+    if f.light_left is not None and f.error_left is not None:
+        low, likely, high = (100 * light for light in f.light_left)
+        least, error, most = f.error_left
+        parts.append(
+            f"as sure as the room was measured, {likely:.3g} % of white are left (95 %: "
+            f"{low:.3g} to {high:.3g}), visible error {error:.3g} ({least:.3g} to {most:.3g})"
+        )
     return "; ".join(parts)

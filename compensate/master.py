@@ -9,14 +9,16 @@ encoding, and the figures that say what was done and how good it is.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
 from typing import cast, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compensate.contrast import ContrastWeighting, Eye
+from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy
 from compensate.methods import Solver, methods_of, require_method
 from compensate.problem import Problem
@@ -32,6 +34,7 @@ from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.seats import SeveralSeats
+from domesim.observation.uncertain import Uncertain
 from domesim.scene import DomeScene, Scene, StereoScene
 from domesim.screening import decoded, encoded, mean_luminance, within_range
 from domesim.strips import in_strips
@@ -86,6 +89,10 @@ class Figures:
         Work done by the solver.
     seconds
         Time of the solution, without reading and writing.
+    light_left, error_left
+        Of a measured scene, what is left in fact: (low, likely, high) ends of the 95 % interval and
+        median of the residual's root-mean-square over the screen, 1 = projector white; and of
+        `error_after`, by the whole room and not by the closed form. None if nothing was measured.
     """
 
     method: str
@@ -104,6 +111,8 @@ class Figures:
     iterations: int
     ffts: int
     seconds: float
+    light_left: tuple[float, float, float] | None = None
+    error_left: tuple[float, float, float] | None = None
 
 
 @final
@@ -134,6 +143,8 @@ class Posed:
         computed while another frame is solved.
     exact
         Whether subtraction shows what is desired, to rounding.
+    uncertain
+        How sure the scene is of what is seen; None if nothing was measured.
     """
 
     scene: Scene
@@ -146,6 +157,7 @@ class Posed:
     areas: NDArray[np.floating]
     judge: CsfWeighting
     exact: bool
+    uncertain: Callable[[], Uncertain | None]
 
     @property
     def clipped(self) -> float:
@@ -235,6 +247,25 @@ class Posed:
         energy = self.judge.energy(self.problem.contrasted(residual))
         mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
         return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
+
+    def foreseen(self, light: Light) -> Foreseen | None:
+        """What is left of the pollution in fact; None if nothing of the scene was measured.
+
+        Its weighted residual is in just-noticeable differences, as `visible_error`.
+        """
+        uncertain = self.uncertain()
+        if uncertain is None:
+            return None
+        residual = uncertain.best.observe(light)
+        residual -= self.problem.desired
+        found = foreseen(
+            residual,
+            uncertain.changes(light),
+            lambda each: self.judge.apply(self.problem.contrasted(each)),
+        )
+        pixels = np.count_nonzero(self.screen) * self.scene.views
+        unit = _differences(self.scene, self.problem.weighting) / np.sqrt(pixels)
+        return replace(found, weighted=found.weighted.times(unit))
 
     def distance(self, result: Result) -> float | None:
         """How far, at most, what is seen is from what the optimum x* shows, JND rms; see `Figures`.
@@ -392,6 +423,7 @@ class Stage:
             areas=shared.areas,
             judge=shared.judge,
             exact=_is_rounding(seen - problem.desired),
+            uncertain=shared.uncertain,
         )
 
     def pose_frame(self, frame: Master) -> tuple[Posed, float]:
@@ -418,6 +450,7 @@ class _Shared:
     screen: NDArray[np.bool_]
     areas: NDArray[np.floating]
     negligible: float
+    uncertain: Callable[[], Uncertain | None]
 
     def subtracted(self, desired: Light) -> tuple[Problem, Light]:
         """The problem at the mean seat, and its exact clipped subtraction.
@@ -476,6 +509,7 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
         screen,
         scene.pixel_areas(rows, cols),
         float(negligible),
+        cache(partial(scene.uncertain, rows, cols)),
     )
 
 
@@ -567,6 +601,7 @@ class Solution:
         error_after = posed.error_subtractive
         if result.light is not posed.subtractive:
             error_after = posed.visible_error(result.light)
+        left = posed.foreseen(result.light)
         figures = Figures(
             method=self.method,
             clipped=posed.clipped,
@@ -584,6 +619,8 @@ class Solution:
             iterations=result.iterations,
             ffts=result.ffts,
             seconds=self.seconds,
+            light_left=None if left is None else left.light.told,
+            error_left=None if left is None else left.weighted.told,
         )
         return Outcome(stored, result.light, figures, posed)
 

@@ -30,6 +30,7 @@ from domesim.transfer import Gamma
 
 if TYPE_CHECKING:
     from domesim.measurement.crosstalk import MeasuredCrosstalk
+    from domesim.measurement.crosstalk_photographs import CrosstalkMap
     from domesim.measurement.grey_to_grey import MeasuredGreyToGrey
     from domesim.measurement.pair import MeasuredPair
     from domesim.measurement.readings import Black
@@ -269,6 +270,8 @@ def _photographed(
         black=photographs.black,
         to_left=_rows(maps[0].matrix),
         to_right=_rows(maps[1].matrix),
+        to_left_error=_error(maps[0]),
+        to_right_error=_error(maps[1]),
         seat=_quoted(SWEET_SPOT),
         source=_quoted(f"measured: {listed.name}, SHA-256 {photographs.digest[:16]}"),
         colours="assumed" if photographs.primaries is None else "given to domesim measure",
@@ -287,6 +290,8 @@ def _photographed(
             "measured": listed.name,
             "photographs": photographs.digest,
         },
+        _of_both([each.changes for each in maps])[None],
+        _of_both([each.matrix_changes for each in maps]),
     ).save(stored)
     for each in maps:
         for line in each.report():
@@ -526,6 +531,8 @@ black_cd_m2 = {black!r}
 [crosstalk]
 to_left = {to_left}
 to_right = {to_right}
+to_left_error = {to_left_error}
+to_right_error = {to_right_error}
 
 [[seats]]
 name = {seat}
@@ -537,6 +544,24 @@ name = {seat}
 "crosstalk" = {source}
 """,
 )
+
+
+def _error(map_: CrosstalkMap) -> str:
+    """Standard errors of a matrix for the scene file; one for all primaries that were not told."""
+    if not map_.of_primaries:
+        return f"{map_.system_error:.4g}"
+    return _rows(map_.matrix_error)
+
+
+def _of_both(changes: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """(change, view, ...) of each view's own (change, ...)."""
+    count = sum(len(each) for each in changes)
+    result = np.zeros((count, 2, *changes[0].shape[1:]))
+    start = 0
+    for view, each in enumerate(changes):
+        result[start : start + len(each), view] = each
+        start += len(each)
+    return result
 
 
 def _numbers(values: ArrayLike) -> str:

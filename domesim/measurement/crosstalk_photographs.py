@@ -32,6 +32,11 @@ Floats = NDArray[np.float64]
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Of camera channels, as if they were BT.709: the weights of the map, not of the matrices."""
+UNDERSTATED = 1.2
+"""Rms error of a map over pixels, over what smoothing says of its cells: beyond the outermost
+cells' middles it goes on as a straight line. Of made-up screens, of 5 to 15 pixels a cell."""
+_KEPT, _ROUNDING = 0.99, 1e-12
+"""Of a map's errors: share of the variance that is told, and what is none."""
 BLOCK, LEAST_PIXELS = 4, 400
 """Side of a block, pixels, and how many a cell must have for blocks to be told apart."""
 
@@ -51,6 +56,14 @@ class CrosstalkMap:
         Share of white that leaks, over the whole screen.
     share, share_error
         (row, col) what multiplies the matrix, and standard errors.
+    matrix_changes
+        (change, own primary, other primary) what independent errors, one standard deviation each,
+        change the matrix by.
+    changes
+        (change, row, col) what independent errors, one standard deviation each, change the share
+        by, while the whole screen's figure stays.
+    of_primaries
+        Whether primaries were photographed; else one figure stands for all.
     notes
         What a person should know, a line each.
     """
@@ -62,6 +75,9 @@ class CrosstalkMap:
     system_error: float
     share: Floats
     share_error: Floats
+    matrix_changes: Floats
+    changes: Floats
+    of_primaries: bool
     notes: tuple[str, ...]
 
     def report(self) -> list[str]:
@@ -160,20 +176,26 @@ class _Parts:
             float(np.sqrt(squares.sum()) / own.sum()),
         )
 
-    def spread(self, residual: Floats) -> float:
-        """Standard error of the sum over the screen of pixels that should be 0."""
-        return float(np.sqrt(self._squares(residual).sum()))
+    def covariance(self, residuals: Floats) -> Floats:
+        """(residual, residual) of sums over the screen of (residual, pixel) that should be 0."""
+        return np.array(
+            [[self._products(one, other).sum() for other in residuals] for one in residuals]
+        )
 
     def _squares(self, residual: Floats) -> Floats:
         """(cell,) squared standard error of the residual's sum."""
-        sums = np.bincount(self.block, residual)
-        of_block = np.zeros(len(sums), np.int64)
+        return self._products(residual, residual)
+
+    def _products(self, one: Floats, other: Floats) -> Floats:
+        """(cell,) covariance of two residuals' sums."""
+        products = np.bincount(self.block, one) * np.bincount(self.block, other)
+        of_block = np.zeros(len(products), np.int64)
         of_block[self.block] = self.cell
         count = self.cells[0] * self.cells[1]
         blocks = np.bincount(of_block, minlength=count)
-        squares = np.bincount(of_block, sums**2, count)
+        sums = np.bincount(of_block, products, count)
         # The cell's ratio was fitted to the same pixels.
-        return np.asarray(squares * blocks / np.maximum(blocks - 1, 1))
+        return np.asarray(sums * blocks / np.maximum(blocks - 1, 1))
 
 
 def _map(
@@ -185,7 +207,7 @@ def _map(
         (glass.white(projector)[parts.on] @ LUMINANCE).astype(np.float64)
         for projector in (eye, other)
     )
-    cells = np.bincount(parts.cell, own_light)
+    cells = np.asarray(np.bincount(parts.cell, own_light), np.float64)
     if not cells.min() > 0:
         raise InputError(
             f"{where}: the own picture's white must be brighter than black all over the screen, "
@@ -202,17 +224,18 @@ def _map(
             f"{where}: the other projector's white must be brighter than black, got {system:.2%} "
             f"of the own white; did the exposure or the room's light change?"
         )
-    share, share_error = smoothed(q, np.maximum(error, 1e-9), aspect)
+    share, covariance = smoothed(q, np.maximum(error, 1e-9), aspect)
     if not (system > 0 and share.min() > 0):
         raise InputError(
             f"{where}: no crosstalk above the noise ({system:.3%} ± {system_error:.3%}) on some "
             f"parts of the screen; expose longer, take more photographs, or use readings"
         )
     if glass.has_primaries:
-        matrix, matrix_error = _matrix(glass, eye, other, parts)
+        matrix, matrix_error, matrix_changes = _matrix(glass, eye, other, parts)
         matrix, notes = without_small_negatives(where, matrix, matrix_error, allow_negative)
     else:
         matrix, matrix_error = system * np.eye(3), system_error * np.eye(3)
+        matrix_changes = matrix_error[None]
         notes = ["of white alone: each primary is taken to leak as much, into its own only"]
     return CrosstalkMap(
         eye,
@@ -221,29 +244,54 @@ def _map(
         system,
         system_error,
         share / system,
-        share_error / system,
+        np.sqrt(np.maximum(np.diag(covariance), 0)).reshape(share.shape) / system,
+        matrix_changes,
+        _changes(share, covariance, cells.reshape(share.shape)) / system,
+        glass.has_primaries,
         tuple(notes),
     )
 
 
-def _matrix(glass: Glass, eye: str, other: str, parts: _Parts) -> tuple[Floats, Floats]:
-    """C of the whole screen, and standard errors to first order."""
+def _changes(share: Floats, covariance: Floats, light: Floats) -> Floats:
+    """(change, row, col) of a map's errors, without what the whole screen's figure is off by."""
+    mean = np.outer(share.ravel(), light.ravel()) / np.sum(share * light)
+    left = np.eye(share.size) - mean
+    values, vectors = np.linalg.eigh(left @ covariance @ left.T)
+    values, vectors = values[::-1], vectors[:, ::-1]
+    kept = np.cumsum(values) - values < _KEPT * values.sum()
+    kept &= values > _ROUNDING * share.mean() ** 2
+    scaled = UNDERSTATED * vectors[:, kept] * np.sqrt(values[kept])
+    return np.asarray(scaled.T.reshape(-1, *share.shape))
+
+
+def _matrix(glass: Glass, eye: str, other: str, parts: _Parts) -> tuple[Floats, Floats, Floats]:
+    """C of the whole screen, standard errors to first order, and what each of the ghosts' does."""
     own, leak = (
         [glass.net[projector][primary][parts.on].astype(np.float64) for primary in "RGB"]
         for projector in (eye, other)
     )
     a_own, a_other = (np.stack([p.sum(axis=0) for p in net], axis=1) for net in (own, leak))
     matrix = np.linalg.solve(a_own, a_other)
+    inverse = np.asarray(np.linalg.inv(a_own), np.float64)
     shape = np.sum(own, axis=0)
     variance = np.empty((3, 3))
-    for primary, net in enumerate(leak):
-        for channel in range(3):
-            # What a smooth map leaves of one photograph is its noise.
-            like = shape[:, channel]
-            q = np.bincount(parts.cell, net[:, channel]) / np.bincount(parts.cell, like)
-            variance[channel, primary] = parts.spread(net[:, channel] - q[parts.cell] * like) ** 2
-    inverse = np.asarray(np.linalg.inv(a_own), np.float64) ** 2
-    return matrix, np.sqrt(inverse @ (variance + variance @ matrix**2))
+    changes = []
+    for channel in range(3):
+        # What a smooth map leaves of one photograph is its noise.
+        like = shape[:, channel]
+        light = np.bincount(parts.cell, like)
+        shares = [np.bincount(parts.cell, net[:, channel]) / light for net in leak]
+        residuals = [
+            net[:, channel] - q[parts.cell] * like for net, q in zip(leak, shares, strict=True)
+        ]
+        # The same black was subtracted from all, and a channel sees several primaries.
+        covariance = parts.covariance(np.array(residuals))
+        variance[channel] = np.diag(covariance)
+        values, vectors = np.linalg.eigh(covariance)
+        factor = vectors * np.sqrt(np.maximum(values, 0))
+        changes += [np.outer(inverse[:, channel], change) for change in factor.T]
+    error = np.sqrt(inverse**2 @ (variance + variance @ matrix**2))
+    return matrix, error, np.array(changes)
 
 
 def _told(at: tuple[np.intp, ...], shape: tuple[int, ...]) -> str:

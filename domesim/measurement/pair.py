@@ -83,6 +83,32 @@ class MeasuredPair:
         own = np.linalg.inv(self.gamut.matrices)
         return np.stack([own[v] @ self.matrices[v] @ self.gamut.matrices[1 - v] for v in range(2)])
 
+    @property
+    def common_uncertainty(self) -> Floats:
+        """(change, view, primary, primary) of `common_matrices`, one standard deviation each.
+
+        Of readings of the ghosts: each component of each primary's colour is off by itself, black
+        in all three primaries at once. What own primaries are off by makes the own picture's
+        colours wrong, not the ghost.
+        """
+        inverse = np.linalg.inv(self.gamut.primaries)
+        changes = []
+        for view, leak in enumerate(self.leaks):
+            other = self.gamut.matrices[1 - view]
+            single = np.sqrt(leak.primaries_variance)
+            for xyz, primary in np.ndindex(3, 3):
+                seen = np.zeros((3, 3))
+                seen[xyz, primary] = single[xyz, primary]
+                changes.append((view, inverse @ seen @ other))
+            for xyz, error in enumerate(np.sqrt(leak.black_variance)):
+                seen = np.zeros((3, 3))
+                seen[xyz] = error
+                changes.append((view, inverse @ seen @ other))
+        result = np.zeros((len(changes), 2, 3, 3))
+        for number, (view, change) in enumerate(changes):
+            result[number, view] = change
+        return result
+
     def report(self) -> list[str]:
         """Lines for a person."""
         lines = [f"{self.source}: noise of a reading {self.noise}"]

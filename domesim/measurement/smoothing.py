@@ -1,9 +1,9 @@
 """A smooth map from noisy cells: Gaussian-process regression (kriging).
 
 Cells q = f + noise of known variance; f is a constant that nothing is known of, plus a Gaussian
-process of covariance s² exp(-d²/2 l²). Deviation s and length l are those of the largest marginal
-likelihood on a grid; s = 0, a flat map, is one of them. The posterior's mean is the map, its
-deviation the error, which holds what smoothing may have taken away.
+process of covariance s² exp(-d²/2 l²). Deviation s and length l are on a grid; s = 0, a flat map,
+is one of them. Posteriors of all are averaged by their marginal likelihoods: one alone would be too
+sure of itself. The mean is the map, and the covariance holds what smoothing may have taken away.
 
 C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes for Machine Learning*, MIT Press 2006,
 eqs. 2.42 (explicit basis, here one constant) and 2.45.
@@ -24,7 +24,7 @@ DEVIATIONS = (0.0, 0.1, 0.2, 0.35, 0.6, 1.0, 1.7)
 
 
 def smoothed(cells: Floats, error: Floats, aspect: float) -> tuple[Floats, Floats]:
-    """The map and its standard error.
+    """The map (row, col), and the covariance (cell, cell) of its errors, row by row.
 
     Parameters
     ----------
@@ -45,14 +45,19 @@ def smoothed(cells: Floats, error: Floats, aspect: float) -> tuple[Floats, Float
         for deviation in DEVIATIONS
         if deviation > 0 or length == LENGTHS[0]
     ]
-    _, mean, deviation = max(fits, key=lambda fit: fit[0])
-    return mean.reshape(cells.shape), deviation.reshape(cells.shape)
+    likelihoods, means, covariances = (np.array(part) for part in zip(*fits, strict=True))
+    weights = np.exp(likelihoods - likelihoods.max())
+    weights /= weights.sum()
+    mean = weights @ means
+    apart = means - mean
+    covariance = np.tensordot(weights, covariances, 1) + (weights * apart.T) @ apart
+    return mean.reshape(cells.shape), covariance
 
 
 def _posterior(
     q: Floats, variance: Floats, signal: float, shape: Floats
 ) -> tuple[float, Floats, Floats]:
-    """Log marginal likelihood, and the posterior's mean and deviation."""
+    """Log marginal likelihood, and the posterior's mean and covariance."""
     prior = signal * shape
     factor = cho_factor(prior + np.diag(variance), lower=True)
     ones = np.ones_like(q)
@@ -66,5 +71,4 @@ def _posterior(
     # What the constant's own uncertainty adds
     known = cho_solve(factor, prior)
     missing = 1 - prior @ solved[:, 0]
-    left = signal - np.einsum("ij,ij->j", prior, known) + missing**2 / weight
-    return likelihood, mean, np.sqrt(np.maximum(left, 0))
+    return likelihood, mean, prior - prior @ known + np.outer(missing, missing) / weight

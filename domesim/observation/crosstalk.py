@@ -232,6 +232,19 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
     return np.array(found)
 
 
+def over_pixels(coarse: NDArray[np.float64], rows: int, cols: int) -> NDArray[np.float64]:
+    """(view, row, col) of a map of cells: linear between their centres, and on beyond the last."""
+    result = np.asarray(coarse, np.float64)
+    for axis, count in ((1, rows), (2, cols)):
+        cells = result.shape[axis]
+        at = (np.arange(count) + 0.5) / count * cells - 0.5
+        low = np.clip(np.floor(at).astype(int), 0, max(cells - 2, 0))
+        part = (at - low).reshape((1, -1, 1) if axis == 1 else (1, 1, -1))
+        upper = np.minimum(low + 1, cells - 1)
+        result = (1 - part) * result.take(low, axis) + part * result.take(upper, axis)
+    return result
+
+
 def _require_possible(matrices: NDArray[np.float64], share: NDArray[np.float64]) -> None:
     for name, values in (("crosstalk", matrices), ("crosstalk map", share)):
         if not np.isfinite(values).all():

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.frames.arrays import read_arrays, write_arrays
-from domesim.light import Array, Light, kind, namespace
+from domesim.light import Array, Light, kind, namespace, on_host
 from domesim.observation.base import AdjointObservation
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.lowrank import LowRank, LowRankObservation
@@ -334,7 +334,8 @@ class TabulatedDome(AdjointObservation):
         self.transport = transport
         self._direct_gain = np.where(self._screen, seen, 1.0)
         areas = dome.screen_areas(rows, cols)
-        self._flux = areas * gain / areas.sum()
+        self._areas = areas / areas.sum()
+        self._flux = self._areas * gain
         nodes = transport.modes.shape[-1]
         places = (np.arange(rows) + 0.5) * (2 / rows) - 1
         self._weights = interpolation(places, nodes)
@@ -378,8 +379,49 @@ class TabulatedDome(AdjointObservation):
             light, k.screen, namespace(light).permute_dims(k.core, (0, 2, 1)), k.flux
         )
 
+    def excitation(self, light: Light) -> Floats:
+        """(primary, node, node): what a transport's modes collect of `light`, on their nodes.
+
+        Mode by mode its sum with a mode is the integral of m D x dA / A_s.
+        """
+        light = self._guarded(light, "collects")
+        return on_host(self._collected(light, self._like(light).flux))
+
+    def means(self, light: Light) -> Floats:
+        """(primary, node, node): by which a function on the nodes has its mean with `light`.
+
+        Over the screen's area; light off the screen does not count.
+        """
+        light = self._guarded(light, "averages")
+        repeated = np.repeat(self._areas * self._screen, self.shape[-1], axis=1)
+        xp = namespace(light)
+        return on_host(
+            self._collected(light, xp.asarray(repeated, dtype=light.dtype, device=light.device))
+        )
+
+    def on_pixels(self, grids: Floats, like: Light) -> Light:
+        """(1, row, col, primary) of functions (primary, node, node) on the screen; 0 off it."""
+        k, xp = self._like(like), namespace(like)
+        sent = xp.asarray(np.asarray(grids), dtype=like.dtype, device=like.device)
+        result = xp.zeros(self.shape, dtype=like.dtype, device=like.device)
+        self._spread(xp.reshape(result, (self.shape[1], -1)), sent, k.screen)
+        return result
+
     def _carried(self, light: Light, enter: Array, core: Array, leave: Array) -> Light:
         """D light + leave modes core modes' (enter light), in strips that fit a cache."""
+        xp, k = namespace(light), self._like(light)
+        rows, cols, primaries = light.shape[1:]
+        nodes = k.weights.shape[0]
+        sums = xp.reshape(self._collected(light, enter), (primaries, nodes * nodes))
+        excited = (core @ (sums @ xp.permute_dims(k.modes, (1, 0)))[:, :, None])[:, :, 0]
+        grids = xp.reshape(xp.astype(excited @ k.modes, light.dtype), (primaries, nodes, nodes))
+        flat = xp.reshape(light, (rows, cols * primaries))
+        result = xp.empty_like(flat)
+        self._spread(result, grids, leave, flat)
+        return xp.reshape(result, self.shape)
+
+    def _collected(self, light: Light, enter: Array) -> Array:
+        """(primary, node, node) float64 sums of enter times light, by the nodes' weights."""
         xp, k = namespace(light), self._like(light)
         rows, cols, primaries = light.shape[1:]
         nodes = k.weights.shape[0]
@@ -389,18 +431,22 @@ class TabulatedDome(AdjointObservation):
             strip = flat[first:last, :] * enter[first:last, :]
             down[low:high, :] += k.weights[low:high, first:last] @ strip
         down = xp.permute_dims(xp.reshape(down, (nodes, cols, primaries)), (2, 0, 1))
-        across = xp.permute_dims(k.weights, (1, 0))
-        sums = xp.astype(xp.reshape(down @ across, (primaries, nodes * nodes)), xp.float64)
-        excited = (core @ (sums @ xp.permute_dims(k.modes, (1, 0)))[:, :, None])[:, :, 0]
-        grids = xp.reshape(xp.astype(excited @ k.modes, light.dtype), (primaries, nodes, nodes))
+        return xp.astype(down @ xp.permute_dims(k.weights, (1, 0)), xp.float64)
+
+    def _spread(
+        self, result: Array, grids: Array, leave: Array, direct: Array | None = None
+    ) -> None:
+        """Fill `result` (row, col primary) with leave times grids, and D times direct light."""
+        k, xp = self._like(result), namespace(result)
+        cols, primaries = self.shape[2:]
+        nodes = k.weights.shape[0]
         wide = xp.reshape(xp.permute_dims(grids @ k.weights, (1, 2, 0)), (nodes, cols * primaries))
-        result = xp.empty_like(flat)
         for first, last, low, high in self._strips:
             part = xp.permute_dims(k.weights[low:high, first:last], (1, 0)) @ wide[low:high, :]
             part *= leave[first:last, :]
-            part += flat[first:last, :] * k.direct[first:last, :]
+            if direct is not None:
+                part += direct[first:last, :] * k.direct[first:last, :]
             result[first:last, :] = part
-        return xp.reshape(result, self.shape)
 
     def _direct_adjoint(self, light: Light) -> Light:
         return self._direct(light)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.observation.base import Observation
+from domesim.observation.uncertain import Uncertain
 from domesim.projector import Projector
 from domesim.viewing import Viewing
 
@@ -53,6 +54,10 @@ class Scene(ABC):
         InputError
             If frames of that size cannot be shown.
         """
+
+    @abstractmethod
+    def uncertain(self, rows: int, cols: int) -> Uncertain | None:
+        """What they see of such frames, and how sure that is; None if nothing was measured."""
 
     @abstractmethod
     def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:

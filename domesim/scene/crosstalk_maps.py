@@ -28,6 +28,11 @@ class CrosstalkMaps:
         Their names.
     share, standard_error
         (seat, eye, row, col) the other picture's light over the eye's own, and its error.
+    changes
+        (seat, change, eye, row, col) what independent errors, one standard deviation each, change
+        it by; None if they are not known as such.
+    matrix_changes
+        Likewise (change, eye, primary, primary) of the scene's matrices.
     provenance
         Of what scene, and how, as plain JSON.
     """
@@ -36,10 +41,8 @@ class CrosstalkMaps:
     share: NDArray[np.float64]
     standard_error: NDArray[np.float64]
     provenance: Mapping[str, Any]
-
-    def by_seat(self) -> dict[str, NDArray[np.float64]]:
-        """(eye, row, col) shares by the seats' names."""
-        return dict(zip(self.seats, self.share, strict=True))
+    changes: NDArray[np.float64] | None = None
+    matrix_changes: NDArray[np.float64] | None = None
 
     def save(self, path: Path) -> None:
         """Write the file, whole or not at all.
@@ -56,6 +59,8 @@ class CrosstalkMaps:
             "standard_error": self.standard_error,
             "facts": np.array(json.dumps(facts, sort_keys=True)),
         }
+        if self.changes is not None and self.matrix_changes is not None:
+            arrays |= {"changes": self.changes, "matrix_changes": self.matrix_changes}
         write_arrays(path, arrays)
 
 
@@ -74,8 +79,13 @@ def load_maps(path: Path) -> CrosstalkMaps:
         whole = share.ndim == 4 and share.shape[:2] == (len(seats), 2) and np.isfinite(share).all()
         if not whole or arrays["standard_error"].shape != share.shape:
             raise ValueError(f"shape {share.shape}")
+        changes, matrices = (arrays.get(name) for name in ("changes", "matrix_changes"))
+        if changes is not None and (len(changes), *changes.shape[2:]) != share.shape:
+            raise ValueError(f"shape {changes.shape}")
+        if matrices is not None and matrices.shape[1:] != (2, 3, 3):
+            raise ValueError(f"shape {matrices.shape}")
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(
             f"{path}: wanted crosstalk maps stored by 'domesim tabulate', these are damaged"
         ) from error
-    return CrosstalkMaps(seats, share, arrays["standard_error"], facts)
+    return CrosstalkMaps(seats, share, arrays["standard_error"], facts, changes, matrices)

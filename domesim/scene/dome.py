@@ -18,10 +18,12 @@ from domesim.lenses import lens_gains, seen_gain
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.spherical import ClosedFormDome, bare_gain
 from domesim.observation.transport import PHOTOGRAPHS, TabulatedDome, Transport
+from domesim.observation.uncertain import SIGMAS, UncertainDome
 from domesim.projector import Projector
 from domesim.scene.base import Scene
 from domesim.scene.dome_file import DomeFile, LampSection, MeasuredSection, ProjectorSection
 from domesim.scene.fields import three
+from domesim.scene.measured_dome import albedo_steps, whole_transport
 from domesim.theatre import (
     Cavity,
     Floor,
@@ -119,6 +121,23 @@ class DomeScene(Scene):
         exact = self.observation(rows, cols)
         return exact.low_rank() if isinstance(exact, TabulatedDome) else exact
 
+    def uncertain(self, rows: int, cols: int) -> UncertainDome | None:
+        """What is seen of a domemaster of that size, and how sure that is; None if nobody says.
+
+        Measured are all surfaces of a room; so without a stored transport, which they were traced
+        to, radiosity takes the place of the closed form.
+        """
+        stored = self.transport
+        if self.measured is None and (stored is None or not stored.provenance.get("measured")):
+            return None
+        if stored is None:
+            stored = whole_transport(self.theatre)
+        best = replace(self, transport=stored).observation(rows, cols)
+        assert isinstance(best, TabulatedDome)
+        if self.measured is None:
+            return UncertainDome(best, [], np.zeros((0, 3, 0)))
+        return UncertainDome(best, *albedo_steps(self.theatre, self.measured, stored))
+
     def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
         """(row, col): the domemaster's circle."""
         return self.dome.inside(rows, cols)
@@ -167,7 +186,7 @@ class DomeScene(Scene):
         errors = np.asarray(self.measured.standard_errors["screen"])
         albedo = np.asarray(self.albedo)
         gains = np.array([bare_gain(rho, self.dome) for rho in albedo])
-        return three(1.96 * errors / albedo * (1 + gains))
+        return three(SIGMAS * errors / albedo * (1 + gains))
 
     @property
     def approximation(self) -> str | None:

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     Field,
@@ -260,6 +262,8 @@ class MeasuredSection(Section):
 
     `values` and `standard_errors` have one number a primary for each of `parameters`; the gain is
     white by direct light alone, in `unit`. Albedos are with the screen's holes counted in.
+    `correlations` has a row of each parameter in each primary, as "R screen", in the order of
+    `parameters` of R, then of G, then of B; and so have its columns.
     """
 
     date: str
@@ -271,8 +275,29 @@ class MeasuredSection(Section):
     model_error: Number
     values: dict[str, Three]
     standard_errors: dict[str, Three]
-    correlations: dict[str, tuple[tuple[Number, ...], ...]]
+    correlations: dict[str, tuple[Annotated[Number, Field(ge=-1.001, le=1.001)], ...]]
     sha256: dict[str, str]
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        for name in ("values", "standard_errors"):
+            if sorted(getattr(self, name)) != sorted(self.parameters):
+                raise ValueError(f"{name} must have one row for each of {list(self.parameters)}")
+        rows = [f"{primary} {name}" for primary in "RGB" for name in self.parameters]
+        if list(self.correlations) != rows:
+            raise ValueError(f"correlations must have rows {rows}, got {list(self.correlations)}")
+        if any(len(row) != len(rows) for row in self.correlations.values()):
+            raise ValueError(f"correlations must have {len(rows)} numbers in each row")
+        return self
+
+    def covariance(self, names: Sequence[str]) -> NDArray[np.float64]:
+        """(name, primary, name, primary) of some parameters."""
+        count = len(self.parameters)
+        whole = np.array(list(self.correlations.values())).reshape(3, count, 3, count)
+        errors = np.array([self.standard_errors[name] for name in names])
+        mine = [self.parameters.index(name) for name in names]
+        chosen = whole[:, mine][:, :, :, mine].transpose(1, 0, 3, 2)
+        return np.asarray(errors[:, :, None, None] * chosen * errors)
 
 
 Standing: TypeAlias = WallSection | SeatingSection

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from domesim import viewing
 from domesim.errors import InputError
-from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from domesim.observation.crosstalk import Crosstalk, leak_matrices, over_pixels
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.seats import SeveralSeats
 from domesim.observation.stereo import StereoObservation
+from domesim.observation.uncertain import UncertainMap, UncertainPair
 from domesim.polarisation import crosstalk_estimate
 from domesim.projector import Projector
 from domesim.scene.base import Scene
@@ -52,11 +53,18 @@ class Seat:
         (view, row, col) coarse map that multiplies it, means over cells of the screen; or None.
     weight
         How much this seat counts among several.
+    uncertainty
+        (change, view, primary, primary) of the matrices, one standard deviation each, the same at
+        all seats; None if nobody says.
+    map_uncertainty
+        Likewise (change, view, row, col) of the map.
     """
 
     matrices: NDArray[np.float64]
     share: NDArray[np.float64] | None = None
     weight: float = 1.0
+    uncertainty: NDArray[np.float64] | None = None
+    map_uncertainty: NDArray[np.float64] | None = None
 
     def mean(self) -> float:
         """Mean share of the other picture's light, of grey pictures over the screen."""
@@ -165,8 +173,15 @@ class StereoScene(Scene):
                 f"the stored crosstalk maps are of {known!r}, or of {self.name!r} before it was "
                 f"changed; {way} again"
             )
-        found = maps.by_seat()
-        seats = {name: replace(seat, share=found[name]) for name, seat in self.seats.items()}
+        seats = dict(self.seats)
+        for number, name in enumerate(maps.seats):
+            seats[name] = replace(seats[name], share=maps.share[number])
+            if maps.changes is not None and maps.matrix_changes is not None:
+                seats[name] = replace(
+                    seats[name],
+                    uncertainty=maps.matrix_changes,
+                    map_uncertainty=maps.changes[number],
+                )
         model = f"measured: {measured}" if measured else "traced through the described hardware"
         return replace(self, seats=seats, model=model)
 
@@ -176,7 +191,12 @@ class StereoScene(Scene):
             levels, entries = self.table
             by_primary = np.repeat(entries[:, None], 3, axis=1)
             return GreyToGrey(rows, cols, levels, by_primary, black=self._black)
-        seats = [
+        seats = self._crosstalks(rows, cols)
+        return seats[0] if len(seats) == 1 else SeveralSeats(seats)
+
+    def _crosstalks(self, rows: int, cols: int) -> list[Crosstalk]:
+        """What each chosen seat's eyes see."""
+        return [
             Crosstalk(
                 rows,
                 cols,
@@ -186,7 +206,26 @@ class StereoScene(Scene):
             )
             for name in self.chosen
         ]
-        return seats[0] if len(seats) == 1 else SeveralSeats(seats)
+
+    def uncertain(self, rows: int, cols: int) -> UncertainPair | None:
+        """See `Scene`."""
+        seats = [self.seats[name] for name in self.chosen]
+        told = [seat.uncertainty is not None or seat.map_uncertainty is not None for seat in seats]
+        if self.table is not None or not any(told):
+            return None
+        each = self._crosstalks(rows, cols)
+        best = each[0] if len(each) == 1 else SeveralSeats(each)
+        matrices = seats[0].uncertainty
+        maps = []
+        for seat in seats:
+            share = np.ones((2, 1, 1)) if seat.share is None else seat.share
+            changes = seat.map_uncertainty
+            maps.append(
+                UncertainMap(share, np.zeros((0, *share.shape)) if changes is None else changes)
+            )
+        return UncertainPair(
+            best, each, np.zeros((0, 2, 3, 3)) if matrices is None else matrices, maps
+        )
 
     def mean_seat(self, rows: int, cols: int) -> Crosstalk:
         """What is seen on average over the chosen seats: what methods for one seat subtract.
@@ -202,7 +241,7 @@ class StereoScene(Scene):
         cells = [np.ones((2, 1, 1)) if seat.share is None else seat.share for seat in chosen]
         # Where matrices differ between seats, the maps are those of their whites.
         share = sum(
-            weight * _over_pixels(cell, rows, cols)
+            weight * over_pixels(cell, rows, cols)
             for weight, cell in zip(self.weights, cells, strict=True)
         )
         matrices = sum(
@@ -241,7 +280,7 @@ class StereoScene(Scene):
 
     def _share(self, name: str, rows: int, cols: int) -> NDArray[np.float64] | None:
         share = self.seats[name].share
-        return None if share is None else _over_pixels(share, rows, cols)
+        return None if share is None else np.maximum(over_pixels(share, rows, cols), 0)
 
 
 def built(file: StereoFile, folder: Path) -> StereoScene:
@@ -261,12 +300,14 @@ def _described(file: StereoFile, folder: Path) -> StereoScene:
     if isinstance(file.projector, MeasuredProjectorSection):
         system = measured_system(file.crosstalk, file.projector, folder)
         digest = hashlib.sha256(f"{file.digest} {system.digest}".encode()).hexdigest()
-        return _scene(file, system.projector, system.black, _seats(file, system.matrices), digest)
+        seats = _seats(file, system.matrices, system.uncertainty)
+        return _scene(file, system.projector, system.black, seats, digest)
     lit = file.projector
     projector = Projector(lit.primaries, lit.white_cd_m2, lit.black_cd_m2)
     black = np.full((2, 3), lit.black_cd_m2)
     if file.crosstalk.polarisation is None:
-        return _scene(file, projector, black, _seats(file, _figures(file.crosstalk)), file.digest)
+        seats = _seats(file, _figures(file.crosstalk), _errors(file.crosstalk))
+        return _scene(file, projector, black, seats, file.digest)
     theatre = _theatre(file, file.crosstalk.polarisation)
     scene = _scene(file, projector, black, _estimated(file, theatre), file.digest)
     return replace(scene, theatre=theatre)
@@ -336,10 +377,28 @@ def _figures(told: CrosstalkSection) -> NDArray[np.float64]:
     return leak_matrices(0.0)
 
 
-def _seats(file: StereoFile, matrices: NDArray[np.float64]) -> dict[str, Seat]:
+def _errors(told: CrosstalkSection) -> NDArray[np.float64] | None:
+    """(change, view, primary, primary) of what the file says of its figures' errors."""
+    changes = []
+    for view, errors in enumerate((told.to_left_error, told.to_right_error)):
+        if errors is None:
+            continue
+        # One number for all primaries is one error, numbers are independent ones.
+        for entries in np.ndindex(np.shape(errors)):
+            single = np.zeros(np.shape(errors))
+            single[entries] = np.asarray(errors)[entries]
+            change = np.zeros((2, 3, 3))
+            change[view] = leak_matrices(single)[0]
+            changes.append(change)
+    return np.stack(changes) if changes else None
+
+
+def _seats(
+    file: StereoFile, matrices: NDArray[np.float64], uncertainty: NDArray[np.float64] | None
+) -> dict[str, Seat]:
     if not file.seats:
-        return {SWEET_SPOT: Seat(matrices)}
-    return {seat.name: Seat(matrices, grids(seat), seat.weight) for seat in file.seats}
+        return {SWEET_SPOT: Seat(matrices, uncertainty=uncertainty)}
+    return {seat.name: Seat(matrices, grids(seat), seat.weight, uncertainty) for seat in file.seats}
 
 
 def _of_both(to_left: object, to_right: object) -> NDArray[np.float64]:
@@ -368,16 +427,3 @@ def _theatre(file: StereoFile, hardware: PolarisationSection) -> StereoTheatre:
         ),
         positions,
     )
-
-
-def _over_pixels(coarse: NDArray[np.float64], rows: int, cols: int) -> NDArray[np.float64]:
-    """(view, row, col) of a map of cells: linear between their centres, flat beyond them."""
-    result = np.asarray(coarse, np.float64)
-    for axis, count in ((1, rows), (2, cols)):
-        cells = result.shape[axis]
-        at = np.clip((np.arange(count) + 0.5) / count * cells - 0.5, 0, cells - 1)
-        low = np.minimum(at.astype(int), max(cells - 2, 0))
-        part = (at - low).reshape((1, -1, 1) if axis == 1 else (1, 1, -1))
-        upper = np.minimum(low + 1, cells - 1)
-        result = (1 - part) * result.take(low, axis) + part * result.take(upper, axis)
-    return result

@@ -50,6 +50,16 @@ LeakOfAView: TypeAlias = Annotated[
 ]
 """One number for all primaries, one for each, or three rows: what R, G, B of the eye see."""
 
+NoLeak = Annotated[Number, Field(ge=0, le=0.9)]
+_Errors = tuple[NoLeak, NoLeak, NoLeak]
+ErrorOfAView: TypeAlias = Annotated[
+    Annotated[NoLeak, Tag(_NUMBER)]
+    | Annotated[_Errors, Tag(_ROW)]
+    | Annotated[tuple[_Errors, _Errors, _Errors], Tag(_MATRIX)],
+    Discriminator(_form),
+]
+"""Standard errors of a `LeakOfAView`: one that all primaries share, or independent ones."""
+
 Grid = tuple[tuple[Annotated[Number, Field(ge=0, le=100)], ...], ...]
 """Rows of numbers over the screen, the first row at the top; all rows are as long."""
 
@@ -161,6 +171,7 @@ class PolarisationSection(Section):
 class CrosstalkSection(Section):
     """What each eye sees of the other's picture; one of the four ways to tell it.
 
+    ``to_left_error`` and ``to_right_error`` are standard errors of ``to_left`` and ``to_right``.
     ``readings`` is a path from the scene file's folder; ``black`` and ``allow_negative`` say how to
     take them (see `domesim.measurement.readings.read_readings` and
     `domesim.measurement.crosstalk.measured_crosstalk`).
@@ -169,6 +180,8 @@ class CrosstalkSection(Section):
     share: LeakOfAView | None = None
     to_left: LeakOfAView | None = None
     to_right: LeakOfAView | None = None
+    to_left_error: ErrorOfAView | None = None
+    to_right_error: ErrorOfAView | None = None
     table: TableSection | None = None
     polarisation: PolarisationSection | None = None
     readings: Annotated[str, Field(min_length=1)] | None = None
@@ -201,6 +214,9 @@ class CrosstalkSection(Section):
             )
         if one_direction and (self.to_left is None or self.to_right is None):
             raise ValueError("needs both to_left and to_right (or share, for both)")
+        for name in ("to_left_error", "to_right_error"):
+            if getattr(self, name) is not None and not one_direction:
+                raise ValueError(f"{name} is of {name.removesuffix('_error')}, got none")
         for name in ("black", "allow_negative"):
             if getattr(self, name) is not None and self.readings is None:
                 raise ValueError(f"{name} says how to take readings, got none: leave it out")
@@ -280,6 +296,8 @@ class StereoFile(Section):
         content = self.model_dump(mode="json", include=parts, warnings=False)
         for seat in content["seats"]:
             seat.pop("weight")
+        for view in ("left", "right"):
+            content["crosstalk"].pop(f"to_{view}_error")
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

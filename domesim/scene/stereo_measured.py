@@ -39,6 +39,8 @@ class MeasuredSystem:
         white picture that has as much of this primary, cd/m².
     matrices
         (view, primary, primary) crosstalk between pictures in the common gamut.
+    uncertainty
+        (change, view, primary, primary) of it, one standard deviation each.
     digest
         SHA-256 of the readings.
     """
@@ -46,6 +48,7 @@ class MeasuredSystem:
     projector: Projector
     black: NDArray[np.float64]
     matrices: NDArray[np.float64]
+    uncertainty: NDArray[np.float64]
     digest: str
 
 
@@ -78,6 +81,7 @@ def measured_system(
         Projector(MEASURED, white, black, relative_primaries(pair.gamut.primaries)),
         white * np.stack([_light(pair, xyz, black / white) for xyz in seen]),
         pair.common_matrices,
+        pair.common_uncertainty,
         hashlib.sha256(b"".join(file.read_bytes() for file in readings.files)).hexdigest(),
     )
 

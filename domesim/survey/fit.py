@@ -37,14 +37,13 @@ from scipy.optimize import OptimizeResult, brentq, least_squares
 from scipy.stats import chi2
 
 from domesim.errors import InputError
+from domesim.observation.uncertain import SIGMAS
 from domesim.survey.model import Interreflection, Places
 
 Floats = NDArray[np.float64]
 
 WIDEST = 0.1
 """Half of a 95 % interval from which a figure is no answer: of albedos, of a gain's logarithm."""
-SIGMAS = 1.96
-"""Standard errors to either side of a 95 % interval."""
 BRIGHTEST = 0.98
 """Largest albedo of a surface."""
 LARGEST_MODEL_ERROR = 0.03
@@ -121,7 +120,7 @@ class Survey:
     value, error
         (parameter, primary) and standard errors; the gain in the photographs' unit.
     covariance
-        (primary, parameter, parameter), of the gain's logarithm and of the albedos.
+        (primary, parameter, primary, parameter), of the gain's logarithm and of the albedos.
     answered
         (parameter, primary) whether the data (and what was known) determine it; nothing if the
         search did not end.
@@ -161,10 +160,13 @@ class Survey:
         """Whether noise alone explains the residuals."""
         return bool(chi2.sf(self.chi2, self.degrees) > 1e-3)
 
-    def correlation(self, primary: int) -> Floats:
-        """(parameter, parameter) in one primary."""
-        spread = np.sqrt(np.diag(self.covariance[primary]))
-        return np.asarray(self.covariance[primary] / np.outer(spread, spread))
+    @property
+    def correlations(self) -> Floats:
+        """(figure, figure): all of R, then of G and of B."""
+        size = 3 * len(self.names)
+        covariance = self.covariance.reshape(size, size)
+        spread = np.sqrt(np.diag(covariance))
+        return np.asarray(covariance / np.outer(spread, spread))
 
 
 def survey(
@@ -341,13 +343,13 @@ class _Problem:
         shown_error = error.copy()
         shown_error[:, 0] *= gain
         own = found.fun[: self.rows].reshape(self._evidence.value.shape)
-        blocks = np.stack([covariance[p * count :, p * count :][:count, :count] for p in range(3)])
+        shared = covariance[: 3 * count, : 3 * count].reshape(3, count, 3, count)
         eta = x[3 * count :], spread[3 * count :]
         return Survey(
             names=self._names,
             value=value.T,
             error=shown_error.T,
-            covariance=blocks,
+            covariance=shared,
             answered=answered.T,
             confusions=confusions,
             ambient=ambient / gain,

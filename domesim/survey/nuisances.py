@@ -48,8 +48,8 @@ class Errors:
     pointing_deg: float = 0.3
     vignetting: float = 0.02
     floor_m: float = 0.02
-    model_screen: float = 0.0005
-    model_others: float = 0.002
+    model_screen: float = 0.0004
+    model_others: float = 0.0012
 
 
 def effects_of(

@@ -179,7 +179,12 @@ def away_from_edges(surface: NDArray[np.int64], direct: Floats, reach: float) ->
         Of the surroundings, pixels.
     """
     window = 2 * max(1, int(np.ceil(reach))) + 1
-    clear = maximum_filter(surface, window) == minimum_filter(surface, window)
+    # Nobody knows what is beyond the picture's own edge.
+    highest, least = (
+        extreme(surface, window, mode="constant", cval=NOTHING)
+        for extreme in (maximum_filter, minimum_filter)
+    )
+    clear = highest == least
     for one in direct:
         brightest = one.max()
         for primary in range(3):

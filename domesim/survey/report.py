@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.observation.uncertain import SIGMAS
 from domesim.scene.writing import as_toml
 from domesim.survey.file import Task
-from domesim.survey.fit import GAIN, SIGMAS, Survey
+from domesim.survey.fit import GAIN, Survey
 from domesim.survey.photographs import Cells
 
 Floats = NDArray[np.float64]
@@ -64,7 +66,7 @@ def figures_of(found: Survey) -> dict[str, Any]:
     return {
         "values": table(found.value, found.answered),
         "standard_errors": table(found.error, np.ones_like(found.answered)),
-        "correlations": [found.correlation(p).tolist() for p in range(3)],
+        "correlations": found.correlations.tolist(),
         "ambient_of_white": found.ambient.tolist(),
         "ambient_standard_error": found.ambient_error.tolist(),
         "chi2": found.chi2,
@@ -126,7 +128,10 @@ def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
             n: _numbers(row) for n, row in zip(found.names, found.error, strict=True)
         },
         "correlations": {
-            "RGB"[p]: [_numbers(row) for row in found.correlation(p)] for p in range(3)
+            f"{primary} {name}": [float(f"{value:.5f}") for value in row]
+            for (primary, name), row in zip(
+                itertools.product("RGB", found.names), found.correlations, strict=True
+            )
         },
         "sha256": dict(task.digests),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,10 @@ def survey_of_spots(
     surfaces = surfaces_of(theatre)
     known = _with_wall(known, surfaces, albedos)
     light = Interreflection(theatre, shown)
-    return survey(light, seen, albedos, surfaces, known, profile=profile)
+    found = survey(light, seen, albedos, surfaces, known, profile=profile)
+    # The primaries are the same figures, so they are off together.
+    one = found.covariance[:1, :, :1]
+    return replace(found, covariance=np.tile(one, (3, 1, 3, 1)))
 
 
 def _with_wall(

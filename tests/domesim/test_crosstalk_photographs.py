@@ -267,7 +267,8 @@ def test_smoothing_keeps_what_is_there():
     v, u = ((np.arange(n) + 0.5) / n for n in (9, 15))
     shape = 1 + np.sin(3 * u)[None, :] * np.cos(2 * v)[:, None]
     error = np.where(u < 0.5, 0.02, 0.1)[None, :] * np.ones((9, 1))
-    mean, sure = smoothed(shape + error * rng.standard_normal(shape.shape), error, 15 / 9)
+    mean, covariance = smoothed(shape + error * rng.standard_normal(shape.shape), error, 15 / 9)
+    sure = np.sqrt(np.diag(covariance)).reshape(shape.shape)
     assert np.sqrt(np.mean((mean - shape) ** 2)) < 0.3 * np.sqrt(np.mean(error**2))
     assert (sure < error).all()
     assert sure[:, 12].mean() > 2 * sure[:, 2].mean()

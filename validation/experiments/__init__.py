@@ -18,6 +18,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "wrong_model",
         "measured_dome",
         "measured_transport",
+        "caution",
         "contrast_sensitivity",
         "gamma_coded",
         "channels_alone",

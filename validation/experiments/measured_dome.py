@@ -33,6 +33,7 @@ from compensate.master import pose
 from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.observation.radiosity import radiosity
+from domesim.observation.uncertain import SIGMAS
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.scene import DomeScene
@@ -40,7 +41,7 @@ from domesim.scene.fields import three
 from domesim.scene.loading import scene_of_text
 from domesim.scene.writing import as_toml
 from domesim.survey.camera import SURFACES, Camera, looked_at, places_in
-from domesim.survey.fit import SIGMAS, Known, Survey
+from domesim.survey.fit import Known, Survey
 from domesim.survey.model import nominal_albedos, surfaces_of
 from domesim.survey.nuisances import Errors
 from domesim.survey.photographs import Photographs

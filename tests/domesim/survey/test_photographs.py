@@ -96,6 +96,17 @@ def test_a_pinhole_sees_the_same_cells():
     assert found.label.shape == size
 
 
+def test_a_picture_ends_in_an_edge():
+    # Beyond its border there may be the edge of a pattern
+    size = 96
+    border = np.ones((size, size), bool)
+    border[2:-2, 2:-2] = False
+    surface, _ = looked_at(THEATRE, CAMERA, *places_in(size))
+    assert np.any(border & (surface == SCREEN))
+    found = cells_of(THEATRE, PATTERNS, shots(np.ones((len(PATTERNS), size, size, 3))))
+    assert not np.any(found.label[border] >= 0)
+
+
 def test_exposures_are_divided_out():
     light = np.ones((len(PATTERNS), 48, 48, 3))
     exposure = np.arange(1.0, len(PATTERNS) + 1)

@@ -1,0 +1,105 @@
+"""What a measured room will leave of the pollution, and how sure that is.
+
+What is seen of the light that is projected differs from what is wanted by
+
+    r(z) = r + sum_k z_k c_k
+
+with z_k independent standard normal numbers (`domesim.observation.uncertain`). So its mean square
+is a quadratic form in z, whose coefficients are the means of r², r c_k and c_k c_l. Its
+distribution is taken from draws of z, which cost nothing; they are the same ones for each frame.
+What is visible of r is likewise a quadratic form: of weighted r and c_k. There, only a few
+uncorrelated combinations of the c_k are weighted, those of the most light; of the light of the
+others the same share is taken to be seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.light import Array, Light, dot
+from domesim.observation.uncertain import Changes
+
+Floats = NDArray[np.float64]
+
+LEVEL = 0.95
+_DRAWS = 4000
+_NOTHING = 1e-300
+_MOST, _LEAST = 4, 0.003
+"""Combinations that are weighted: how many, and with what share of the strongest one's light."""
+
+
+@final
+@dataclass(frozen=True)
+class Interval:
+    """A figure that is not known exactly: median, and the ends of its 95 % interval."""
+
+    low: float
+    likely: float
+    high: float
+
+    @property
+    def told(self) -> tuple[float, float, float]:
+        """(low, likely, high)."""
+        return self.low, self.likely, self.high
+
+    def times(self, unit: float) -> Interval:
+        """The same in another unit."""
+        return Interval(unit * self.low, unit * self.likely, unit * self.high)
+
+
+@final
+@dataclass(frozen=True)
+class Foreseen:
+    """What will be left.
+
+    Parameters
+    ----------
+    light
+        Root-mean-square of the residual, over screen, views and primaries; 1 = projector white.
+    weighted
+        Norm of the weighted residual.
+    """
+
+    light: Interval
+    weighted: Interval
+
+
+def foreseen(residual: Light, changes: Changes, weigh: Callable[[Light], Array]) -> Foreseen:
+    """What a residual may be in fact.
+
+    Parameters
+    ----------
+    residual
+        (seen view, row, col, primary) by all that is known.
+    changes
+        Of what is seen.
+    weigh
+        The vision model, linear.
+    """
+    square, crossed, own = changes.products(residual)
+    z = np.random.default_rng(0).standard_normal((_DRAWS, len(own)))
+    light = _roots(square, crossed, own, z)
+    values, vectors = np.linalg.eigh(own)
+    strong = np.flatnonzero(values > _LEAST * values.max(initial=0.0))[-_MOST:]
+    seen = [weigh(residual), *(weigh(changes.seen(vectors[:, k])) for k in strong)]
+    products = np.array([[dot(one, other) for other in seen] for one in seen])
+    turned = z @ vectors
+    rest = np.delete(turned, strong, 1) ** 2 @ np.delete(values, strong)
+    share = np.trace(products[1:, 1:]) / max(values[strong].sum(), _NOTHING)
+    weighted = _roots(
+        products[0, 0] + share * rest, products[0, 1:], products[1:, 1:], turned[:, strong]
+    )
+    return Foreseen(light, weighted)
+
+
+def _roots(square: float | Floats, crossed: Floats, own: Floats, z: Floats) -> Interval:
+    """Of sqrt(square + 2 z'crossed + z'own z) over (draw, change) z."""
+    drawn = square + 2 * z @ crossed + np.sum((z @ own) * z, axis=1)
+    ends = [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2]
+    low, likely, high = np.sqrt(np.maximum(np.quantile(drawn, ends), 0))
+    return Interval(float(low), float(likely), float(high))

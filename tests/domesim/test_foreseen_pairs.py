@@ -1,0 +1,78 @@
+"""What measured pairs will leave of ghosts is what they leave: readings, photographs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from foreseeing import held, left, night, posed_in
+from test_crosstalk_photographs import NOISE, Studio, random_maps, store_all
+from test_measuring import run  # noqa: F401 - a fixture
+from test_readings import LEFT, RIGHT, TO_LEFT, TO_RIGHT, Rig
+
+from domesim.measurement.pair import measured_pair
+from domesim.measurement.readings import Noise, read_readings
+from domesim.observation.crosstalk import Crosstalk
+from domesim.scene import StereoScene, load_stereo
+from domesim.scene.crosstalk_maps import load_maps
+from domesim.scene.loading import scene_of_text
+
+RIG_TOML = """\
+name = "rig"
+[screen]
+width_m = 2.5
+height_m = 1.4
+[projector]
+primaries = "measured"
+[crosstalk]
+readings = "rig.csv"
+allow_negative = true
+[viewing]
+distance_m = 3.0
+adaptation_cd_m2 = 5.0
+"""
+
+
+def test_pairs_by_readings(tmp_path):
+    """The rig is as it is, and readings are noisy: each time another scene."""
+    rig = Rig(noise=Noise(0.003, 0.005), repeats=3, ramps=False)
+    found, seen = [], []
+    for seed in range(240):
+        (tmp_path / "rig.csv").write_text(rig.csv(seed))
+        scene = scene_of_text(RIG_TOML, "rig", tmp_path)
+        assert isinstance(scene, StereoScene)
+        posed = posed_in(scene, night(scene, 27, 48, lift=0.2))
+        found.append(posed.foreseen(posed.subtractive))
+        pair = measured_pair(read_readings(tmp_path / "rig.csv"), allow_negative=True)
+        # Ghosts as the rig has them, in the common gamut that was found
+        inverse, mixed = np.linalg.inv(pair.gamut.primaries), pair.gamut.matrices
+        leaks = [inverse @ LEFT @ TO_LEFT @ mixed[1], inverse @ RIGHT @ TO_RIGHT @ mixed[0]]
+        black = scene.ambient / scene.projector.white
+        room = Crosstalk(27, 48, np.stack(leaks), black=black)
+        seen.append(left(posed, posed.subtractive, room))
+    light, error = zip(*seen, strict=True)
+    assert 0.90 <= held([one.light for one in found], light) <= 0.98
+    assert 0.90 <= held([one.weighted for one in found], error) <= 0.98
+
+
+@pytest.mark.parametrize("primaries", [False, True])
+def test_pairs_by_photographs(tmp_path, run, primaries):  # noqa: F811
+    """Each time another screen."""
+    leaks = (0.015 * np.eye(3), 0.02 * np.eye(3))
+    rows, cols = 45, 75
+    found, seen = [], []
+    for seed in range(60):
+        maps = random_maps(np.random.default_rng(seed), (rows, cols))
+        studio = Studio(maps, NOISE, matrices=leaks)
+        path = store_all(tmp_path, studio, seed=1000 + seed, primaries=primaries)
+        out = tmp_path / "mine.toml"
+        code, _, err = run("measure", "crosstalk", path, "--out", out, "--allow-negative")
+        assert (code, err) == (0, "")
+        scene = load_stereo(out).with_maps(load_maps(out.with_suffix(".npz")))
+        posed = posed_in(scene, night(scene, rows, cols, lift=0.2))
+        found.append(posed.foreseen(posed.subtractive))
+        black = scene.ambient / scene.projector.white
+        room = Crosstalk(rows, cols, np.stack(leaks), share=maps, black=black)
+        seen.append(left(posed, posed.subtractive, room))
+    light, error = zip(*seen, strict=True)
+    assert 0.90 <= held([one.light for one in found], light) <= 0.985
+    assert 0.90 <= held([one.weighted for one in found], error) <= 0.985
