@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.observation.transport import NODES, PHOTOGRAPHS, Transport, node_places
+from domesim.observation.uncertain import SIGMAS
 from domesim.scene import DomeScene
 from domesim.scene.writing import as_toml
 from domesim.survey.file import Task
-from domesim.survey.fit import SIGMAS
 from domesim.survey.ranks import Ranks, cross_validated, modes_of
 from domesim.survey.reflected import Core, fitted
 from domesim.survey.responses import Responses, responses_of

@@ -33,13 +33,13 @@ from compensate.master import pose
 from domesim.errors import InputError
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.transport import Transport, sample_nodes
+from domesim.observation.uncertain import SIGMAS
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Tracer
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.loading import scene_of_text
 from domesim.scene.writing import as_toml
 from domesim.survey.camera import Camera
-from domesim.survey.fit import SIGMAS
 from domesim.survey.photographs import Photographs
 from domesim.survey.responses import responses_of
 from domesim.survey.without_geometry import DEGREE, Found, found_in
