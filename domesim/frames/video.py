@@ -222,12 +222,14 @@ def _looked_through(video: Path, size: int, changed: int) -> int:
     """How many frames there are, none missing."""
     container, stream = _opened(video)
     with container:
+        shown = []
         with _refused(video):
-            packets = [packet for packet in container.demux(stream) if packet.size]
+            for packet in container.demux(stream):  # none is kept: together they are the file
+                if packet.size and packet.is_corrupt:
+                    raise damaged(video, "video", "one that ends early")
+                if packet.size and not packet.is_discard:
+                    shown.append(packet.pts)
             stated = _stated_seconds(container, stream) * stream.guessed_rate
-        if any(packet.is_corrupt for packet in packets):
-            raise damaged(video, "video", "one that ends early")
-        shown = [packet.pts for packet in packets if not packet.is_discard]
         if not shown or None in shown:
             raise InputError(f"{video}: wanted frames with times, got none. Convert it to FFV1.")
         step = _step(stream)

@@ -31,10 +31,11 @@ from domesim.batch.run import Done, Running, each_frame
 from domesim.batch.work import Writing
 from domesim.console import Console
 from domesim.errors import InputError
-from domesim.frames import read_frame, read_master
+from domesim.frames import Frame, read_frame, read_master
 from domesim.frames.dithering import seed_of
 from domesim.frames.encodings import encoding_named
-from domesim.frames.video import _decoder, frame_paths
+from domesim.frames.film import write_film
+from domesim.frames.video import Timing, _decoder, frame_paths
 from domesim.shows import find_show
 
 pytest.importorskip("av")
@@ -531,6 +532,26 @@ def test_frames_that_a_video_has_lost_are_named(film: Path, tmp_path: Path) -> N
     for number, reason in zip(lost, done.failed, strict=True):
         assert f"film.mkv/film.{number:04d}.mkv: wanted a complete video, got" in reason
         assert "\n" not in reason
+
+
+def test_a_long_video_needs_no_memory(tmp_path: Path) -> None:
+    """It is looked through before its first frame is used: hundreds of GB for some shows."""
+    path = tmp_path / "film.mkv"
+    colour = encoding_named("bt709")
+    noise = np.random.default_rng(1).random((512, 512, 3), np.float32)
+    frames = (Frame(noise, tmp_path / "a.png", colour, 16, False) for _ in range(24))
+    write_film(path, frames, 24, colour, Timing(Fraction(24)))
+    look = (
+        "import re, sys; from pathlib import Path; import av\n"
+        "from domesim.frames.video import frame_paths\n"
+        "def peak():\n"
+        "    said = Path('/proc/self/status').read_text()\n"
+        "    return 1024 * int(re.search(r'VmHWM:\\s*(\\d+)', said)[1])\n"
+        "before = peak(); frame_paths(Path(sys.argv[1])); print(peak() - before)"
+    )
+    grown = int(subprocess.check_output([sys.executable, "-c", look, path]))
+    assert path.stat().st_size > 30e6
+    assert 0 < grown < 0.4 * path.stat().st_size
 
 
 def test_a_video_is_hashed_once(
