@@ -310,16 +310,19 @@ class _Problem:
         second = second - first * np.sum(first * second, 0)
         second = second / np.linalg.norm(second, axis=0)
         functions, scaled = self.functions[:, here], self.functions[:, here] * local.gain[here]
-        count, size = len(functions), int(here.sum())
+        count = len(functions)
         # Rows of the Jacobian at a place are its functions times (photograph, function) `enters`.
         enters = root.T[..., None] * self._excitation
         inner = np.einsum("bkf,bkg->bfg", enters, enters, optimize=True)
         for along in (first, second):
             part = np.einsum("kb,bkf->bf", along, enters, optimize=True)
             inner -= part[:, :, None] * part[:, None, :]
-        outer = (scaled[:, None] * scaled[None]).reshape(count**2, size)
-        matrix = (outer @ inner.reshape(size, count**2)).reshape((count,) * 4)
-        matrix = matrix.transpose(0, 2, 1, 3).reshape(count**2, count**2)
+        # Both are symmetric in their functions: half of the pairs is enough.
+        i, j = np.triu_indices(count)
+        half = (scaled[i] * scaled[j]) @ inner[:, i, j]
+        pair = np.zeros((count, count), np.int64)
+        pair[i, j] = pair[j, i] = np.arange(len(i))
+        matrix = half[pair[:, None, :, None], pair[None, :, None, :]].reshape(count**2, count**2)
         slope = scaled @ ((root * local.residual[:, here]).T[:, :, None] * enters).sum(1)
         return _System(matrix, slope.ravel() + matrix @ core.ravel(), self.degrees)
 
