@@ -232,12 +232,18 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
     return np.array(found)
 
 
-def over_pixels(coarse: NDArray[np.float64], rows: int, cols: int) -> NDArray[np.float64]:
-    """(view, row, col) of a map of cells: linear between their centres, and on beyond the last."""
+def over_pixels(
+    coarse: NDArray[np.float64], rows: int, cols: int, *, sloping: bool = True
+) -> NDArray[np.float64]:
+    """(view, row, col) of a map of cells: linear between their centres.
+
+    Beyond the last it goes on as it slopes, or is flat.
+    """
     result = np.asarray(coarse, np.float64)
     for axis, count in ((1, rows), (2, cols)):
         cells = result.shape[axis]
         at = (np.arange(count) + 0.5) / count * cells - 0.5
+        at = at if sloping else np.clip(at, 0, cells - 1)
         low = np.clip(np.floor(at).astype(int), 0, max(cells - 2, 0))
         part = (at - low).reshape((1, -1, 1) if axis == 1 else (1, 1, -1))
         upper = np.minimum(low + 1, cells - 1)

@@ -53,6 +53,9 @@ class Seat:
         (view, row, col) coarse map that multiplies it, means over cells of the screen; or None.
     weight
         How much this seat counts among several.
+    sloping
+        Whether the map goes on as it slopes beyond its outermost cells' middles, or is flat there,
+        as one that a person wrote.
     uncertainty
         (change, view, primary, primary) of the matrices, one standard deviation each, the same at
         all seats; None if nobody says.
@@ -63,6 +66,7 @@ class Seat:
     matrices: NDArray[np.float64]
     share: NDArray[np.float64] | None = None
     weight: float = 1.0
+    sloping: bool = False
     uncertainty: NDArray[np.float64] | None = None
     map_uncertainty: NDArray[np.float64] | None = None
 
@@ -175,7 +179,7 @@ class StereoScene(Scene):
             )
         seats = dict(self.seats)
         for number, name in enumerate(maps.seats):
-            seats[name] = replace(seats[name], share=maps.share[number])
+            seats[name] = replace(seats[name], share=maps.share[number], sloping=True)
             if maps.changes is not None and maps.matrix_changes is not None:
                 seats[name] = replace(
                     seats[name],
@@ -241,8 +245,8 @@ class StereoScene(Scene):
         cells = [np.ones((2, 1, 1)) if seat.share is None else seat.share for seat in chosen]
         # Where matrices differ between seats, the maps are those of their whites.
         share = sum(
-            weight * over_pixels(cell, rows, cols)
-            for weight, cell in zip(self.weights, cells, strict=True)
+            weight * over_pixels(cell, rows, cols, sloping=seat.sloping)
+            for weight, cell, seat in zip(self.weights, cells, chosen, strict=True)
         )
         matrices = sum(
             weight * seat.matrices for weight, seat in zip(self.weights, chosen, strict=True)
@@ -279,8 +283,10 @@ class StereoScene(Scene):
         return np.reshape(self.ambient, (2, -1)) / self.projector.white
 
     def _share(self, name: str, rows: int, cols: int) -> NDArray[np.float64] | None:
-        share = self.seats[name].share
-        return None if share is None else np.maximum(over_pixels(share, rows, cols), 0)
+        seat = self.seats[name]
+        if seat.share is None:
+            return None
+        return np.maximum(over_pixels(seat.share, rows, cols, sloping=seat.sloping), 0)
 
 
 def built(file: StereoFile, folder: Path) -> StereoScene:
@@ -398,7 +404,10 @@ def _seats(
 ) -> dict[str, Seat]:
     if not file.seats:
         return {SWEET_SPOT: Seat(matrices, uncertainty=uncertainty)}
-    return {seat.name: Seat(matrices, grids(seat), seat.weight, uncertainty) for seat in file.seats}
+    return {
+        seat.name: Seat(matrices, grids(seat), seat.weight, uncertainty=uncertainty)
+        for seat in file.seats
+    }
 
 
 def _of_both(to_left: object, to_right: object) -> NDArray[np.float64]:

@@ -1,4 +1,7 @@
-"""A scene's content as TOML text: the standard library reads TOML, but does not write it."""
+"""A scene's content as TOML text: the standard library reads TOML, but does not write it.
+
+`tomli-w` does, but with each number of an array on a line of its own.
+"""
 
 from __future__ import annotations
 

@@ -96,6 +96,7 @@ class Interreflection:
                 f"wanted a theatre of Lambertian screen, floor and wall, got "
                 f"{', '.join(theatre.beyond_enclosure)}"
             )
+        self.resolution = resolution
         self._room = Enclosure(theatre, resolution)
         self._surfaces = surfaces_of(theatre)
         self._symmetric = self._room.exchange()

@@ -64,7 +64,7 @@ def effects_of(
     nominal = _shown(light, theatre, cells.places)
     names, effects = [], []
     for name, other, moved in _changed(theatre, camera, errors):
-        model = light if other is theatre else Interreflection(other, patterns)
+        model = light if other is theatre else Interreflection(other, patterns, light.resolution)
         places = _again(cells, other, moved)
         shown = _shown(model, theatre, places)
         change = np.divide(shown - nominal, nominal, out=np.zeros_like(nominal), where=nominal > 0)

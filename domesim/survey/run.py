@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from domesim.scene.fields import three
 from domesim.survey.file import Task
 from domesim.survey.fit import Evidence, Known, Survey, survey
-from domesim.survey.model import Interreflection, nominal_albedos, surfaces_of
+from domesim.survey.model import RESOLUTION, Interreflection, nominal_albedos, surfaces_of
 from domesim.survey.nuisances import Errors, effects_of
 from domesim.survey.photographs import Cells, Photographs, cells_of
 from domesim.survey.spots import Reading, evidence_of, grey
@@ -93,6 +93,7 @@ def survey_of(
     errors: Errors,
     *,
     profile: bool = True,
+    resolution: int = RESOLUTION,
 ) -> tuple[Cells, Survey]:
     """The cells of photographs, and what they tell of the theatre.
 
@@ -111,6 +112,8 @@ def survey_of(
         Of the description.
     profile
         As for `survey`.
+    resolution
+        As for `Interreflection`.
 
     Raises
     ------
@@ -118,7 +121,7 @@ def survey_of(
         If the theatre is beyond the model, or the photographs cannot be used.
     """
     surfaces, albedos = surfaces_of(theatre), nominal_albedos(theatre)
-    light = Interreflection(theatre, patterns)
+    light = Interreflection(theatre, patterns, resolution)
     cells = cells_of(theatre, patterns, photographs)
     names, effects = effects_of(theatre, photographs.camera, cells, patterns, light, errors)
     known = _with_wall(known, surfaces, albedos)
