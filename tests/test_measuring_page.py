@@ -38,6 +38,8 @@ white_cd_m2 = 8.0
 adaptation_cd_m2 = 0.5
 """
 """That of `made_up_domes`, as far as it is described."""
+PROJECTED = (*range(6), 6, 8, 10, *range(12, 17))
+"""Black, white, halves, every second sector, rings and boards."""
 
 
 def commands():
@@ -60,7 +62,7 @@ def folder(tmp_path_factory):
         each for each in re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S) if "corners" in each
     )
     made_up(path, toml)
-    store_survey(path, THEATRE, [*range(9), 9, 11, 13, 15, 16])
+    store_survey(path, THEATRE, PROJECTED)
     return path
 
 

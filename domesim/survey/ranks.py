@@ -33,6 +33,8 @@ HIGHEST = 12
 """Most modes that are tried."""
 FEWEST = 4
 """Modes that patterns should be able to tell: measured rooms had 3 to 7."""
+NEGLIGIBLE = 1e-3
+"""Relative error of reflected light that nobody sees."""
 _SUM = 0.02
 """Rms over the screen's places within which a pattern is a sum of others."""
 
@@ -62,7 +64,10 @@ class Ranks:
     @property
     def exhausted(self) -> bool:
         """Whether more patterns would tell more, or could."""
-        return self.rank == len(self.error) or len(self.error) < FEWEST
+        if len(self.error) < FEWEST:
+            return True
+        gained = self.error[-2] - self.error[-1]
+        return self.rank == len(self.error) and bool(gained > NEGLIGIBLE)
 
 
 def modes_of(cores: Sequence[Floats]) -> Floats:
@@ -91,7 +96,7 @@ def cross_validated(responses: Responses, cores: Sequence[Core]) -> Ranks | None
         (pattern, kept)
         for pattern in np.unique(responses.pattern)
         if responses.excitation[responses.pattern == pattern].any()
-        and _independent(responses.only(kept := _without(responses, int(pattern)))) >= 2
+        and _independent(responses.only(kept := independent_of(responses, int(pattern)))) >= 2
     ]
     if not folds:
         return None
@@ -136,8 +141,8 @@ def _claimed(responses: Responses, found: Core, primary: int, photograph: int) -
     return np.asarray(np.sum(responses.functions * (carried @ responses.functions), 0))
 
 
-def _without(responses: Responses, pattern: int) -> NDArray[np.bool_]:
-    """(photograph,): those from which a pattern cannot be added up."""
+def independent_of(responses: Responses, pattern: int) -> NDArray[np.bool_]:
+    """(photograph,) bool: those from which a pattern cannot be added up."""
     light = responses.direct.transpose(0, 2, 1).reshape(len(responses.pattern), -1)
     own = light[np.argmax(responses.pattern == pattern)]
     kept = np.asarray(responses.pattern != pattern)

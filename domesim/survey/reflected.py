@@ -334,7 +334,7 @@ class _System:
     def __init__(self, matrix: Floats, right: Floats, degrees: NDArray[np.int64]) -> None:
         self._count = len(degrees)
         self._degrees = degrees
-        self._turn = _both_ways(self._count)
+        self._turn = both_ways(self._count)
         self._matrix = self._turn @ (self._turn @ matrix).T
         self._right = self._turn @ right
 
@@ -379,7 +379,7 @@ class _System:
         return np.concatenate([spread[sums], expectation.one_way * spread[differences]])
 
 
-def _both_ways(count: int) -> csr_array:
+def both_ways(count: int) -> csr_array:
     """(part, function²) orthogonal: sums C_il + C_li of the core's parts, then differences."""
     place = np.arange(count**2).reshape(count, count)
     i, j = np.triu_indices(count)

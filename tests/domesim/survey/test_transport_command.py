@@ -14,8 +14,8 @@ from domesim.frames import read_frame
 from domesim.observation.transport import load_transport
 from domesim.scene import load_dome
 
-KEPT = (0, 1, 2, 3, 6, 7, 9, 11, 13)
-"""Patterns: black, white, two halves, two rings, three sectors."""
+KEPT = (0, 1, 2, 3, 6, 8, 10, 12, 13)
+"""Patterns: black, white, two halves, three sectors, two rings."""
 PLAN = f"""\
 name = "plan"
 description = "A theatre with whatever is in it."
