@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from foreseeing import held, left, night, posed_in
 from test_crosstalk_photographs import NOISE, Studio, random_maps, store_all
-from test_measuring import run  # noqa: F401 - a fixture
+from test_measuring import masters, run  # noqa: F401 - a fixture
 from test_readings import LEFT, RIGHT, TO_LEFT, TO_RIGHT, Rig
 
 from domesim.measurement.pair import measured_pair
@@ -52,6 +54,26 @@ def test_pairs_by_readings(tmp_path):
     light, error = zip(*seen, strict=True)
     assert 0.90 <= held([one.light for one in found], light) <= 0.98
     assert 0.90 <= held([one.weighted for one in found], error) <= 0.98
+
+
+def test_the_command_says_what_is_left(run, tmp_path):  # noqa: F811
+    (tmp_path / "rig.csv").write_text(Rig(noise=Noise(0.003, 0.005), ramps=False).csv())
+    (tmp_path / "rig.toml").write_text(RIG_TOML)
+    left_file, right_file = masters(tmp_path)
+    given = ("compensate", "--left", left_file, "--right", right_file, "--out", tmp_path / "out")
+    said, figures = [], []
+    for scene in (tmp_path / "rig.toml", "stereo_cinema_silver"):
+        code, out, err = run(*given, "--scene", scene, "--anew")
+        assert (code, err) == (0, "")
+        said.append("as sure as the room was measured" in out)
+        code, out, err = run(*given, "--scene", scene, "--anew", "--json")
+        assert (code, err) == (0, "")
+        figures.append(json.loads(out)["frames"][0])
+    assert said == [True, False]
+    for name in ("light_left", "error_left"):
+        low, likely, high = figures[0][name]
+        assert 0 < low < likely < high
+        assert figures[1][name] is None
 
 
 @pytest.mark.parametrize("primaries", [False, True])
