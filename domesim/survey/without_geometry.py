@@ -35,6 +35,8 @@ DEGREE = 6
 _AMBIENT_DEGREE = 3
 _FADING = 0.4
 """Standard deviation of ambient light's parts of one degree over that of the degree below."""
+_LARGE = 0.01
+"""Error of the reflected light of patterns left out that is told as one."""
 _MOST_MISFIT = 4.0
 """Chi² over its degrees of freedom from which nothing is answered."""
 
@@ -229,6 +231,12 @@ def lines_of(task: Task, found: Found) -> list[str]:
         lines.append(
             f"patterns left out are foretold worse than claimed: errors have been widened "
             f"{ranks.widening:.2f} times"
+        )
+    left = float(ranks.error[ranks.rank - 1])
+    if left > _LARGE:
+        lines.append(
+            f"check the room: smooth modes leave {left:.1%} of the reflected light unexplained, as "
+            f"of a glossy screen, shadows before a projector, or a floor that meets the screen"
         )
     if ranks.exhausted:
         lines.append(

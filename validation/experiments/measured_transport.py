@@ -15,7 +15,8 @@ Expected
     tabulated truth leaves. Of a day, where nothing clips, at most 2 % of the reflected light
     remain, and more with the closed form. Reflected light of both is within 1 % (quick: 2 %). At
     least 90 % of the 95 % intervals of the rooms' cores hold the truth (quick: 80 %). Black and
-    white alone are refused; few patterns are told to be too few or refused.
+    white alone are refused; few patterns are told to be too few or refused. None of this is claimed
+    of a glossy, bright screen (dome_led): there cross-validation must own up to the error.
 """
 
 from __future__ import annotations
@@ -64,7 +65,9 @@ Floats = NDArray[np.float64]
 NOISE = 0.01
 PATTERN, FIELD = 128, np.radians(200.0)
 SMALL = "a small theatre"
-ROOMS = (SMALL, "dome_planetarium", "dome_imax", "dome_led")
+GLOSSY = "dome_led"
+"""A gain screen with much light: its reflected light is not smooth, which must be noticed."""
+ROOMS = (SMALL, "dome_planetarium", "dome_imax", GLOSSY)
 AMBIENT = (0.002, 0.003, 0.004)
 
 _SMALL: Mapping[str, Any] = {
@@ -214,7 +217,8 @@ def room(name: str, effort: Effort, seed: int) -> Room:
     ).transport
     # Light is measured in units of what a white picture shows directly, in which a lobe has a part.
     size = effort.size
-    bright = float(tracer.seen_gain(size, size, (0.0, 0.0, 0.0))[scene.screen(size, size)].mean())
+    gains = tracer.seen_gain(size, size, (0.0, 0.0, 0.0))[scene.screen(size, size)]
+    bright = float(np.median(gains))
     truth = replace(truth, core=truth.core / bright, core_error=truth.core_error / bright)
     bare = replace(scene, theatre=replace(scene.theatre, lobe=None))
     models = {
@@ -295,13 +299,15 @@ def run(work: Work) -> Finding:
         {name: name for name in names}, Room, lambda name: room(name, effort, work.seed)
     )
     few = work.each({name: name for name in CASES}, str, lambda name: said(name, QUICK, work.seed))
-    worst = max(each.night["measured"] / each.night["truth"] for each in rooms.values())
-    off = max(max(each.off) for each in rooms.values())
+    claimed = {name: each for name, each in rooms.items() if name != GLOSSY}
+    worst = max(each.night["measured"] / each.night["truth"] for each in claimed.values())
+    off = max(max(each.off) for each in claimed.values())
+    closed = max(max(each.closed_off) for each in claimed.values())
     return Finding(
         result=(
-            f"Reflected light of {'a room' if len(rooms) == 1 else f'{len(rooms)} rooms'} with "
+            f"Reflected light of {'a room' if len(claimed) == 1 else f'{len(claimed)} rooms'} with "
             f"seats, measured from 17 photographs with noise of {NOISE:.0%} a pixel, was off by at "
-            f"most {off:.2%} (rms; closed form {max(max(r.closed_off) for r in rooms.values()):.0%}"
+            f"most {off:.2%} (rms; closed form {closed:.0%}"
             f"). A night, compensated with it and seen in the room as it is, is left with at most "
             f"{worst:.3f} times the residual that the tabulated truth leaves."
         ),
@@ -313,14 +319,15 @@ def run(work: Work) -> Finding:
         figures={
             "reflected_off": off,
             "residual_over_truth": worst,
-            "intervals_that_hold": float(np.mean([each.held for each in rooms.values()])),
+            "intervals_that_hold": float(np.mean([each.held for each in claimed.values()])),
         },
     )
 
 
 def _checks(rooms: Mapping[str, Room], few: Mapping[str, str], *, quick: bool) -> tuple[Check, ...]:
     checks = []
-    for name, each in rooms.items():
+    claimed = {name: each for name, each in rooms.items() if name != GLOSSY}
+    for name, each in claimed.items():
         night, day = each.night, each.day
         checks += [
             at_most(f"{name}: reflected light, error", max(each.off), 0.02 if quick else 0.01),
@@ -330,8 +337,12 @@ def _checks(rooms: Mapping[str, Room], few: Mapping[str, str], *, quick: bool) -
             equal(f"{name}: more patterns asked for", int(each.exhausted), 0),
         ]
     # Of all rooms together: parts of one room's core share its geometry.
-    held = float(np.mean([each.held for each in rooms.values()]))
+    held = float(np.mean([each.held for each in claimed.values()]))
     checks.append(at_least("intervals that hold the truth", held, 0.8 if quick else 0.9))
+    if GLOSSY in rooms:
+        each = rooms[GLOSSY]
+        owned = each.by_rank[each.rank - 1] / max(each.off)
+        checks.append(at_least(f"{GLOSSY}: error of patterns left out, over its own", owned, 1.0))
     unsaid = sum(not what for what in few.values())
     checks.append(equal("few patterns that were taken to be enough", unsaid, 0))
     return tuple(checks)

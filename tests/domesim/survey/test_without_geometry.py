@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from domesim.survey.photographs import Photographs
 from domesim.survey.ranks import Ranks, cross_validated, independent_of
 from domesim.survey.reflected import DECAY, MIXING, both_ways, fitted
 from domesim.survey.responses import Responses, excitations, responses_of
-from domesim.survey.without_geometry import Found, found_in
+from domesim.survey.without_geometry import Found, found_in, lines_of
 from domesim.theatre import Lens, Lobe
 from validation.masters import night
 from validation.statistics import calibration
@@ -132,6 +133,19 @@ def test_patterns_that_are_too_few_are_told():
     assert four.exhausted
     assert not replace(four, rank=3).exhausted
     assert not replace(four, error=np.array([0.02, 0.001, 0.0009, 0.0003])).exhausted
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [(0.04, "smooth modes leave 4.0% of the reflected light unexplained"), (0.004, None)],
+)
+def test_a_room_that_smooth_modes_do_not_explain_is_told(whole, error, told):
+    ranks = Ranks(np.array([0.05, 0.045, 0.041, 0.0405, error]), 5, 9, 1.0)
+    task = SimpleNamespace(registered=None, file=SimpleNamespace(absolute=False))
+    lines = [
+        line for line in lines_of(task, replace(whole, ranks=ranks)) if "check the room" in line
+    ]
+    assert [told is not None and told in line for line in lines] == [True] * (told is not None)
 
 
 def of_rank(rank: int) -> Transport:
