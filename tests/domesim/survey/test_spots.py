@@ -67,6 +67,10 @@ def test_readings_of_the_model_give_its_albedos_back():
     assert np.allclose(found.value, found.value[:, :1])
     assert found.ambient * GAIN == pytest.approx([0.02] * 3, rel=1e-4)
     assert found.degrees == 3 * (len(ALL) - 4 - 3)
+    # One figure for all primaries is off by one error
+    count = len(found.names)
+    assert np.allclose(np.diag(found.correlations, count), 1)
+    assert np.allclose(np.diag(found.correlations, 2 * count), 1)
 
 
 def test_errors_of_readings_become_errors_of_albedos():
