@@ -124,17 +124,19 @@ class DomeScene(Scene):
     def uncertain(self, rows: int, cols: int) -> UncertainDome | None:
         """What is seen of a domemaster of that size, and how sure that is; None if nobody says.
 
-        Measured are all surfaces of a room; so without a stored transport, which they were traced
-        to, radiosity takes the place of the closed form.
+        A transport that was measured itself knows all of it. Else albedos were: of all surfaces, so
+        that without a stored transport, which they were traced to, radiosity takes the place of the
+        closed form.
         """
         stored = self.transport
-        if self.measured is None and (stored is None or not stored.provenance.get("measured")):
+        alone = stored is not None and bool(stored.provenance.get("measured"))
+        if self.measured is None and not alone:
             return None
         if stored is None:
             stored = whole_transport(self.theatre)
         best = replace(self, transport=stored).observation(rows, cols)
         assert isinstance(best, TabulatedDome)
-        if self.measured is None:
+        if alone or self.measured is None:
             return UncertainDome(best, [], np.zeros((0, 3, 0)))
         return UncertainDome(best, *albedo_steps(self.theatre, self.measured, stored))
 

@@ -188,7 +188,7 @@ def stored(found: Found, scene: DomeScene, survey: Path) -> Transport:
             "scene": scene.name,
             "digest": scene.digest,
             "method": PHOTOGRAPHS,
-            "survey": survey.name,
+            "measured": survey.name,
             "rank": found.ranks.rank,
             "cross_validated_error": found.ranks.error.tolist(),
             "relative_error": found.transport.relative_error(),
@@ -302,13 +302,16 @@ def measured_scene(task: Task, found: Found, name: str, survey: Path) -> str:
                 "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
                 "survey": survey.name,
                 "unit": "cd/m2" if task.file.absolute else "camera",
-                "parameters": ["gain", "screen"],
+                "parameters": ["screen"],
                 "chi2": found.chi2,
                 "degrees_of_freedom": found.degrees,
                 "model_error": float(found.ranks.error[found.ranks.rank - 1]),
-                "values": {"gain": _numbers(found.gain), "screen": _numbers(albedo)},
+                "values": {"screen": _numbers(albedo)},
                 "standard_errors": {"screen": _numbers(slope * found.white_error)},
-                "correlations": {},
+                "correlations": {
+                    f"{primary} screen": row
+                    for primary, row in zip("RGB", np.eye(3).tolist(), strict=True)
+                },
                 "sha256": dict(task.digests),
             },
         }

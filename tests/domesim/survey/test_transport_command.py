@@ -98,9 +98,12 @@ def test_the_scene_and_its_transport_compensate(folder, run):
     # And the rest of the program takes both.
     master, result = folder / "master.exr", folder / "compensated"
     store(master, (0.3 * light[0]).astype(np.float32))
-    both = ("--scene", out, "--transport", folder / "measured.npz", "--out", result, "--quiet")
-    code, _, complaint = run("compensate", master, *both)
+    both = ("--scene", out, "--transport", folder / "measured.npz", "--out", result, "--json")
+    code, said, complaint = run("compensate", master, *both)
     assert (code, complaint) == (0, "")
+    # As sure as the transport is: what is left of an even picture is a small part of what bounces
+    low, likely, high = json.loads(said)["frames"][0]["light_left"]
+    assert 0 < low < likely < high < 0.05 * 0.3 * white.max()
     middle = np.asarray(read_frame(result / "master.exr").pixels, np.float64)[12:20, 12:20].mean(
         (0, 1)
     )
