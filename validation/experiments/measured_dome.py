@@ -34,8 +34,7 @@ from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.observation.radiosity import radiosity
 from domesim.observation.uncertain import SIGMAS
-from domesim.pathtrace.observation import PathTracedDome
-from domesim.pathtrace.tracer import Settings, Tracer
+from domesim.pathtrace.tracer import Tracer
 from domesim.scene import DomeScene
 from domesim.scene.fields import three
 from domesim.scene.loading import scene_of_text
@@ -61,9 +60,8 @@ from validation.experiment import (
     equal,
     require_tracer,
 )
-from validation.laboratory import Faults, patterns_for, photographed
+from validation.laboratory import Faults, left_over, patterns_for, photographed
 from validation.masters import night
-from validation.statistics import rms_difference
 
 Floats = NDArray[np.float64]
 
@@ -346,13 +344,11 @@ def compensated(
         "closed_measured": measured,
     }
     tracer = Tracer(real.theatre)
-    share = real.dome.screen_areas(size, size)
-    share = share / share.sum()
     dark = night(size, seed) * real.dome.inside(size, size)[..., None]
     bright = (0.35 + 0.6 * dark) * real.dome.inside(size, size)[..., None]
     return (
-        _residuals(models, tracer, dark.astype(np.float32), share, walks, seed),
-        _residuals(models, tracer, bright.astype(np.float32), share, walks, seed),
+        _residuals(models, tracer, dark.astype(np.float32), walks, seed),
+        _residuals(models, tracer, bright.astype(np.float32), walks, seed),
     )
 
 
@@ -360,25 +356,13 @@ def _residuals(
     models: Mapping[str, DomeScene],
     tracer: Tracer,
     desired: NDArray[np.float32],
-    share: Floats,
     walks: int,
     seed: int,
 ) -> Residuals:
-    rows, cols = desired.shape[1:3]
     lights = {"untouched": desired} | {
         name: pose(desired, scene).subtractive for name, scene in models.items()
     }
-
-    def seen(light: NDArray[np.float32], repeat: int) -> Floats:
-        settings = Settings(least=walks, most=walks, seed=1000 * seed + repeat)
-        real = PathTracedDome(tracer.theatre, rows, cols, settings, tracer=tracer)
-        return np.asarray(real.observe(light)[0], np.float64)
-
-    found = {
-        name: rms_difference(desired[0], seen(light, 1), seen(light, 2), share)
-        for name, light in lights.items()
-    }
-    return Residuals(**found)
+    return Residuals(**left_over(tracer, desired, lights, walks, seed))
 
 
 def run(work: Work) -> Finding:
