@@ -23,7 +23,7 @@
     pattern = "patterns/white.png"   # the domemaster that was projected
     exposure = 1.0
 
-    [[readings]]                     # instead of camera and photographs: a meter's
+    [[readings]]                     # a meter's; beside photographs, or instead of them
     pattern = "patterns/white.png"
     place_m = [0.0, 5.0, 1.0]
     unit = "cd/m2"                   # or "lux"
@@ -170,12 +170,12 @@ class SurveyFile(Section):
     errors: ErrorsSection = ErrorsSection()
 
     @model_validator(mode="after")
-    def _of_one_kind(self) -> Self:
-        if bool(self.photographs) == bool(self.readings):
-            raise ValueError("wanted either photographs or readings")
+    def _of_some_kind(self) -> Self:
+        if not self.photographs and not self.readings:
+            raise ValueError("wanted photographs, readings or both")
         if self.photographs and self.camera is None:
             raise ValueError("photographs need a [camera]")
-        if self.colours is not None and self.absolute:
+        if self.colours is not None and (self.unit == "cd/m2" or not self.photographs):
             raise ValueError("[colours] are of photographs with unit camera: they tell no cd/m2")
         return self
 
@@ -207,7 +207,7 @@ class Task:
     patterns
         (pattern, row, col, primary) light of the projected domemasters.
     photographs, readings
-        What was seen of them: one or the other.
+        What was seen of them; one of both may be missing.
     registered
         The camera as the registration pattern tells it, if that was photographed.
     known, errors

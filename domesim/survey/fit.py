@@ -11,6 +11,10 @@ so a place that was photographed under one pattern only tells nothing. What is k
 and of the camera only within an error enters as nuisances eta_s, of mean 0 and variance 1, whose
 effects e are relative changes of the light; so do albedos that are known from elsewhere.
 
+A meter sees all primaries at once: sum_p w_p g_p f_jb(rho_p) + a_b, with the primaries' shares w_p
+in the luminance of white. Beside photographs in a unit of their own, whose gains g_p are arbitrary,
+it shows L sum_p w_p f_jb(rho_p) + a_b, where white's luminance L is one more unknown.
+
 With whitened residuals r and Jacobian J (nuisances' and known values' rows included) the covariance
 is (J'J)^-1. Directions in which J is nearly 0 are explanations that the data cannot tell apart.
 What is uncertain by more than `WIDEST` is not answered. An interval that the linear covariance
@@ -81,6 +85,27 @@ class Known:
 
 @final
 @dataclass(frozen=True, eq=False)
+class Meter:
+    """Which places a meter read, beside photographs of the others.
+
+    Parameters
+    ----------
+    places
+        (place,) whether a meter read it; its readings stand where those of the first primary would.
+    weights
+        (primary,) shares of the primaries in the luminance of white.
+    white
+        Whether white's luminance is an unknown of its own, as photographs do not tell it; otherwise
+        the photographs' gain is in cd/m².
+    """
+
+    places: NDArray[np.bool_]
+    weights: Floats
+    white: bool
+
+
+@final
+@dataclass(frozen=True, eq=False)
 class Evidence:
     """What was seen.
 
@@ -97,6 +122,8 @@ class Evidence:
     names, effects
         Of nuisances: (nuisance, pattern, place, primary) relative changes of light by one standard
         deviation of each.
+    meter
+        If some places were read by a meter that sees all primaries at once.
     """
 
     places: Places
@@ -106,6 +133,7 @@ class Evidence:
     area: Floats
     names: tuple[str, ...] = ()
     effects: Floats | None = None
+    meter: Meter | None = None
 
 
 @final
@@ -118,7 +146,8 @@ class Survey:
     names
         (parameter,) such as ``screen``; the same for each primary.
     value, error
-        (parameter, primary) and standard errors; the gain in the photographs' unit.
+        (parameter, primary) and standard errors; the gain in the photographs' unit, or in cd/m² and
+        the same for all primaries if a meter alone tells it.
     covariance
         (primary, parameter, primary, parameter), of the gain's logarithm and of the albedos.
     answered
@@ -217,7 +246,10 @@ def survey(
 
 @final
 class _Problem:
-    """Residuals and their Jacobian; parameters: (primary, [ln gain, albedos]), then nuisances."""
+    """Residuals and their Jacobian.
+
+    Parameters: (primary, [ln gain, albedos]), then nuisances, then ln white if that is one.
+    """
 
     def __init__(
         self,
@@ -232,6 +264,7 @@ class _Problem:
         self._known = known
         self._effects = evidence.effects
         self._nuisances = 0 if evidence.effects is None else len(evidence.effects)
+        self._white = evidence.meter is not None and evidence.meter.white
         self._model_error = 0.0
         self._last: tuple[bytes, tuple[Floats, Floats]] | None = None
         self._held: dict[int, float] = {}
@@ -245,6 +278,8 @@ class _Problem:
     def degrees(self) -> int:
         """Of freedom: data less ambient light and parameters."""
         free = 3 * sum(name not in self._known for name in self._names)
+        if self._white:
+            free += 3 if GAIN in self._known else 1
         seen = np.isfinite(self._evidence.variance)
         return int(seen.sum() - seen.any(0).sum()) - free
 
@@ -253,6 +288,8 @@ class _Problem:
         places, value = self._evidence.places, self._evidence.value
         direct = places.direct[self._evidence.pattern]
         seen = np.isfinite(self._evidence.variance)
+        if self._evidence.meter is not None:
+            seen[:, self._evidence.meter.places] = False
         guess = np.zeros((3, self._count))
         for p in range(3):
             steps, rises = (_range(part[..., p], seen[..., p]) for part in (direct, value))
@@ -269,15 +306,47 @@ class _Problem:
             guess[p, 1:] = np.clip(albedos[:, p], 0.02, BRIGHTEST - 0.02)
             for name, what in self._known.items():
                 at = self._names.index(name)
-                guess[p, at] = np.log(what.value[p]) if name == GAIN else what.value[p]
-        return np.concatenate([guess.ravel(), np.zeros(self._nuisances)])
+                if name != GAIN:
+                    guess[p, at] = what.value[p]
+                elif not self._white:
+                    guess[p, at] = np.log(what.value[p])
+        begin = np.concatenate([guess.ravel(), np.zeros(self._nuisances + self._white)])
+        if self._white:
+            begin[-1] = self._first_white(begin)
+        return begin
+
+    def _first_white(self, x: Floats) -> float:
+        """Logarithm of white's luminance, by readings at a first guess of all else."""
+        seen = np.isfinite(self._evidence.variance[..., 0]) & self._metered
+        modelled, _ = self._modelled(x)
+        steps, rises = (_range(part[..., 0], seen) for part in (modelled, self._evidence.value))
+        lit = steps > 0.5 * max(steps.max(initial=0.0), 1e-9)
+        if not lit.any() or not np.median(rises[lit]) > 0:
+            raise InputError(
+                "no place was read lit and unlit; add readings of another pattern, black first"
+            )
+        return float(np.log(np.median(rises[lit] / steps[lit])))
+
+    @property
+    def _metered(self) -> NDArray[np.bool_]:
+        """(place,) whether a meter read it, beside photographs."""
+        meter = self._evidence.meter
+        return np.zeros(self._evidence.area.shape, bool) if meter is None else meter.places
+
+    @property
+    def _told(self) -> NDArray[np.int64]:
+        """(primary, figure) index of the parameter that tells each figure."""
+        index = np.arange(3 * self._count).reshape(3, self._count)
+        if self._white:
+            index[:, 0] = 3 * self._count + self._nuisances
+        return index
 
     def solved(self, start: Floats, held: Mapping[int, float] | None = None) -> OptimizeResult:
         """The best fit; some parameters held."""
         self._held = {} if held is None else dict(held)
         low = np.concatenate([np.tile([-np.inf] + [0.0] * (self._count - 1), 3)])
         high = np.concatenate([np.tile([np.inf] + [BRIGHTEST] * (self._count - 1), 3)])
-        loose = np.full(self._nuisances, np.inf)
+        loose = np.full(self._nuisances + self._white, np.inf)
         start = start.copy()
         for at, value in self._held.items():
             start[at] = value
@@ -318,17 +387,18 @@ class _Problem:
         x, jacobian = found.x, found.jac
         covariance = _inverse(jacobian, self._scales())
         spread = np.sqrt(np.diag(covariance))
-        count = self._count
-        error = spread[: 3 * count].reshape(3, count)
+        figures = self._told
+        error = spread[figures]
         answered = (SIGMAS * error < WIDEST) & (found.status > 0)
         wrong = self._model_error > LARGEST_MODEL_ERROR
         unsure = answered & (SIGMAS * error > _NARROW) & (profile and not wrong)
         for p, at in zip(*np.nonzero(unsure), strict=True):
             name = self._names[at]
             exact = name in self._known and self._known[name].error[p] == 0
-            if not exact and not self._rises(found, p * count + int(at), float(error[p, at])):
+            if not exact and not self._rises(found, int(figures[p, at]), float(error[p, at])):
                 answered[p, at] = False
-        confusions = self._confusions(covariance, answered)
+        shared = covariance[np.ix_(figures.ravel(), figures.ravel())]
+        confusions = self._confusions(shared, answered)
         if wrong:
             answered[:] = False
             confusions = (
@@ -336,20 +406,21 @@ class _Problem:
                 f"{self._model_error:.1%}; check the geometry, the camera, which pattern each "
                 f"photograph shows, exposures, and what is held",
             )
-        value = x[: 3 * count].reshape(3, count).copy()
-        gain = np.exp(value[:, 0])
+        value = x[figures]
+        value[:, 0] = np.exp(value[:, 0])
+        # Ambient light is told by photographs
+        gain = np.exp(x[: 3 * self._count : self._count])
         ambient, ambient_error = self._ambient(x, covariance)
-        value[:, 0] = gain
         shown_error = error.copy()
-        shown_error[:, 0] *= gain
+        shown_error[:, 0] *= value[:, 0]
         own = found.fun[: self.rows].reshape(self._evidence.value.shape)
-        shared = covariance[: 3 * count, : 3 * count].reshape(3, count, 3, count)
-        eta = x[3 * count :], spread[3 * count :]
+        mine = slice(3 * self._count, 3 * self._count + self._nuisances)
+        eta = x[mine], spread[mine]
         return Survey(
             names=self._names,
             value=value.T,
             error=shown_error.T,
-            covariance=shared,
+            covariance=shared.reshape(*figures.shape, *figures.shape),
             answered=answered.T,
             confusions=confusions,
             ambient=ambient / gain,
@@ -367,13 +438,14 @@ class _Problem:
     def _scales(self) -> Floats:
         """What a parameter may plausibly differ by."""
         return np.concatenate([np.tile([1.0] + [0.3] * (self._count - 1), 3),
-                               np.ones(self._nuisances)])  # fmt: skip
+                               np.ones(self._nuisances + self._white)])  # fmt: skip
 
     def _rises(self, found: OptimizeResult, at: int, error: float) -> bool:
         """Whether chi² rises by what it should to both ends of an interval."""
         for side in (-1, 1):
             end = found.x[at] + side * SIGMAS * error
-            if at % self._count and not 0 < end < BRIGHTEST:
+            albedo = at < 3 * self._count and at % self._count > 0
+            if albedo and not 0 < end < BRIGHTEST:
                 continue  # albedos end there by themselves
             other = self.solved(found.x, {at: end})
             self._held = {}
@@ -426,7 +498,7 @@ class _Problem:
         if self._last is not None and self._last[0] == key:
             return self._last[1]
         count, evidence = self._count, self._evidence
-        eta = x[3 * count :]
+        eta = x[3 * count : 3 * count + self._nuisances]
         light = np.empty(evidence.value.shape)
         slopes = np.zeros((len(x), *light.shape))
         for p in range(3):
@@ -437,14 +509,29 @@ class _Problem:
             if self._effects is not None:
                 bent += np.tensordot(eta, self._effects[..., p], 1)
                 effects = gain * shown * self._effects[..., p]
-                slopes[3 * count :, ..., p] = effects[:, evidence.pattern]
+                slopes[3 * count : 3 * count + len(eta), ..., p] = effects[:, evidence.pattern]
             light[..., p] = (gain * shown * bent)[evidence.pattern]
             slopes[p * count, ..., p] = light[..., p]
             slopes[p * count + 1 : (p + 1) * count, ..., p] = (gain * change * bent)[
                 :, evidence.pattern
             ]
+        if evidence.meter is not None:
+            self._mix(x, light, slopes, evidence.meter)
         self._last = key, (light, slopes)
         return light, slopes
+
+    def _mix(self, x: Floats, light: Floats, slopes: Floats, meter: Meter) -> None:
+        """Put what a meter sees where it read."""
+        gains = slice(0, 3 * self._count, self._count)
+        here = meter.places
+        # What the meter sees of what photographs would show in each primary
+        weights = meter.weights * np.exp(x[-1] - x[gains]) if self._white else meter.weights
+        luminance, change = light[:, here] @ weights, slopes[:, :, here] @ weights
+        if self._white:
+            change[gains] = 0
+            change[-1] = luminance
+        light[:, here], slopes[:, :, here] = 0, 0
+        light[:, here, 0], slopes[:, :, here, 0] = luminance, change
 
     def _residual(self, x: Floats) -> Floats:
         modelled, _ = self._modelled(x)
@@ -482,6 +569,12 @@ class _Problem:
 
         for name, what in self._known.items():
             at = self._names.index(name)
+            if name == GAIN and self._white:
+                assert self._evidence.meter is not None
+                weights = self._evidence.meter.weights
+                value, error = float(weights @ what.value), float(weights @ what.error)
+                add(len(x) - 1, float(np.log(value)), error / value)
+                continue
             for p in range(3):
                 value, error = what.value[p], what.error[p]
                 if name == GAIN:

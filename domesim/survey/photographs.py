@@ -154,7 +154,8 @@ def cells_of(
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     row, col = theatre.dome.pixel_of(directions, lit.shape[1])
     direct[:, on_screen] = lit[:, row, col]
-    clear = away_from_edges(surface, direct, camera.pixels_in(margin, size[1]))
+    shown = direct[np.unique(photographs.pattern)]
+    clear = away_from_edges(surface, shown, camera.pixels_in(margin, size[1]))
     label = _labels(theatre, surface, points)
     label[~clear] = -1
     label = _of_some_size(label)

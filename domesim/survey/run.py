@@ -1,4 +1,4 @@
-"""A survey from photographs or readings to figures."""
+"""A survey from photographs, readings or both to figures."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.errors import InputError
 from domesim.scene.fields import three
 from domesim.survey.file import Task
 from domesim.survey.fit import Evidence, Known, Survey, survey
 from domesim.survey.model import RESOLUTION, Interreflection, nominal_albedos, surfaces_of
 from domesim.survey.nuisances import Errors, effects_of
 from domesim.survey.photographs import Cells, Photographs, cells_of
-from domesim.survey.spots import Reading, evidence_of, grey
+from domesim.survey.spots import Metered, Reading, evidence_of, grey, with_readings
 from domesim.theatre import Theatre
 
 Floats = NDArray[np.float64]
@@ -32,9 +33,14 @@ def surveyed(task: Task, known: Mapping[str, Known]) -> tuple[Cells | None, Surv
     """
     known = {**task.known, **known}
     theatre = task.scene.theatre
-    if task.photographs is not None:
-        return survey_of(theatre, task.patterns, task.photographs, known, task.errors)
     weights = task.scene.projector.luminance_weights
+    if task.photographs is not None:
+        metered = None
+        if task.readings:
+            metered = Metered(task.readings, weights, white=task.file.unit == "camera")
+        return survey_of(
+            theatre, task.patterns, task.photographs, known, task.errors, metered=metered
+        )
     return None, survey_of_spots(theatre, task.patterns, task.readings, known, weights)
 
 
@@ -61,10 +67,13 @@ def survey_of_spots(
     Raises
     ------
     InputError
-        If the theatre is beyond the model, or the readings cannot be used.
+        If the theatre is beyond the model, no place on the screen was read in cd/m², or the
+        readings cannot be used.
     """
     shown = grey(patterns, weights)
     seen = evidence_of(theatre, shown, readings)
+    if not seen.area.any():
+        raise InputError("wanted readings in cd/m2 of the screen, which tell white and black")
     albedos = np.repeat((nominal_albedos(theatre) @ weights)[:, None], 3, 1)
     surfaces = surfaces_of(theatre)
     known = _with_wall(known, surfaces, albedos)
@@ -92,6 +101,7 @@ def survey_of(
     known: Mapping[str, Known],
     errors: Errors,
     *,
+    metered: Metered | None = None,
     profile: bool = True,
     resolution: int = RESOLUTION,
 ) -> tuple[Cells, Survey]:
@@ -110,6 +120,8 @@ def survey_of(
         Of gain, screen, floor and wall.
     errors
         Of the description.
+    metered
+        Readings that there are beside the photographs.
     profile
         As for `survey`.
     resolution
@@ -118,7 +130,7 @@ def survey_of(
     Raises
     ------
     InputError
-        If the theatre is beyond the model, or the photographs cannot be used.
+        If the theatre is beyond the model, or the photographs or readings cannot be used.
     """
     surfaces, albedos = surfaces_of(theatre), nominal_albedos(theatre)
     light = Interreflection(theatre, patterns, resolution)
@@ -134,4 +146,8 @@ def survey_of(
         names,
         effects if names else None,
     )
-    return cells, survey(light, evidence, albedos, surfaces, known, profile=profile)
+    if metered is not None:
+        evidence = with_readings(evidence, theatre, patterns, metered)
+    found = survey(light, evidence, albedos, surfaces, known, profile=profile)
+    shots, places = cells.value.shape[:2]
+    return cells, replace(found, residual=found.residual[:shots, :places])

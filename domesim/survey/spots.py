@@ -3,19 +3,22 @@
 A meter sees all primaries at once. Patterns are taken by their luminance, and the theatre as grey:
 exact if its albedos are the same in all primaries, and what a meter can tell in any case. A lux
 meter on the lit screen beside a luminance meter's reading of it tells the albedo without any model.
+
+Beside photographs, which tell the primaries apart, a reading is what it is: the sum of what the
+primaries show, each by its share in the luminance of white.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.survey.fit import Evidence
+from domesim.survey.fit import Evidence, Meter
 from domesim.survey.model import Places, surfaces_of
 from domesim.survey.photographs import direct_light
 from domesim.theatre import Point, Theatre
@@ -50,26 +53,44 @@ class Reading:
     error: float
 
 
+@final
+@dataclass(frozen=True, eq=False)
+class Metered:
+    """Readings beside photographs.
+
+    Parameters
+    ----------
+    readings
+        Of a luminance or lux meter.
+    weights
+        (primary,) shares of the primaries in the luminance of white.
+    white
+        As for `Meter`.
+    """
+
+    readings: Sequence[Reading]
+    weights: Floats
+    white: bool
+
+
 def grey(patterns: Floats, weights: Floats) -> Floats:
     """Patterns (pattern, row, col, primary) by their luminance, the same in all primaries."""
     return np.repeat((patterns @ weights)[..., None], 3, -1)
 
 
 def evidence_of(theatre: Theatre, patterns: Floats, readings: Sequence[Reading]) -> Evidence:
-    """Readings as evidence; `patterns` are grey.
+    """Readings as evidence, the same in all primaries.
 
     Raises
     ------
     InputError
-        If a place is on no surface, or no place on the screen was read in cd/m².
+        If a place is on no surface.
     """
     spots = list(dict.fromkeys((reading.place, reading.unit) for reading in readings))
     on, points = zip(*(_surface(theatre, place) for place, _ in spots), strict=True)
     surface = np.array(on)
     lux = np.array([unit == "lux" for _, unit in spots])
     seen_screen = (surface == 0) & ~lux
-    if not seen_screen.any():
-        raise InputError("wanted readings in cd/m2 of the screen, which tell white and black")
     lit = direct_light(theatre, patterns)
     direct = np.zeros((len(patterns), len(spots), 3))
     for spot in np.flatnonzero(surface == 0):
@@ -86,7 +107,51 @@ def evidence_of(theatre: Theatre, patterns: Floats, readings: Sequence[Reading])
         np.array([reading.pattern for reading in readings]),
         value,
         variance,
-        seen_screen / seen_screen.sum(),
+        seen_screen / max(1, seen_screen.sum()),
+    )
+
+
+def with_readings(
+    photographed: Evidence, theatre: Theatre, patterns: Floats, metered: Metered
+) -> Evidence:
+    """Evidence of photographs and of readings; photographs and their places come first.
+
+    Nuisances are taken not to change readings: most are the camera's, and the others are small
+    beside a meter's errors.
+
+    Raises
+    ------
+    InputError
+        If a place is on no surface.
+    """
+    read = evidence_of(theatre, patterns, metered.readings)
+    first, then = photographed.places, read.places
+    assert then.lux is not None
+    cells, spots = len(first.surface), len(then.surface)
+    points = np.repeat(then.points, first.points.shape[1], 1)
+    shape = len(photographed.pattern) + len(read.pattern), cells + spots, 3
+    value, variance = np.zeros(shape), np.full(shape, np.inf)
+    value[: len(photographed.pattern), :cells] = photographed.value
+    variance[: len(photographed.pattern), :cells] = photographed.variance
+    value[len(photographed.pattern) :, cells:, 0] = read.value[..., 0]
+    variance[len(photographed.pattern) :, cells:, 0] = read.variance[..., 0]
+    effects = photographed.effects
+    if effects is not None:
+        effects = np.pad(effects, ((0, 0), (0, 0), (0, spots), (0, 0)))
+    return replace(
+        photographed,
+        places=Places(
+            np.concatenate([first.surface, then.surface]),
+            np.concatenate([first.points, points]),
+            np.concatenate([first.direct, then.direct], 1),
+            np.concatenate([np.zeros(cells, bool), then.lux]),
+        ),
+        pattern=np.concatenate([photographed.pattern, read.pattern]),
+        value=value,
+        variance=variance,
+        area=np.concatenate([photographed.area, np.zeros(spots)]),
+        effects=effects,
+        meter=Meter(np.arange(cells + spots) >= cells, metered.weights, metered.white),
     )
 
 

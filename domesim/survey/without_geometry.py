@@ -94,10 +94,12 @@ def surveyed_alone(task: Task) -> Found:
     Raises
     ------
     InputError
-        If it has none, or they tell too little.
+        If it has none, if there are readings as well, or if they tell too little.
     """
     if task.photographs is None:
         raise InputError("--without-geometry needs photographs, got readings of a meter")
+    if task.readings:
+        raise InputError("--without-geometry takes photographs only; leave the readings out")
     return found_in(
         responses_of(task.scene.theatre, task.patterns, task.photographs, DEGREE),
         task.scene.theatre,

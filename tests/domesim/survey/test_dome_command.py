@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import outcome_of
+from matplotlib.image import imread
 
 from domesim.frames import ColourTag, Frame, write_frame
+from domesim.observation.radiosity import radiosity
 from domesim.scene import load_dome
 from domesim.scene.writing import as_toml
 from domesim.survey.camera import Camera
@@ -177,6 +179,40 @@ def test_readings_of_a_meter_are_enough(folder, run):
     assert scene.measured.unit == "cd/m2"
     assert 4 < scene.projector.white < 6
     assert scene.ambient == pytest.approx(0.05, rel=1e-3)
+
+
+def test_photographs_and_a_meter_tell_white(folder, run):
+    true = load_dome(folder / "true.toml")
+    patterns = patterns_for(true.theatre.dome, 64)
+    seen_by_all = radiosity(true.theatre, resolution=8).observation(64, 64)
+    light = [seen_by_all.observe(pattern[None])[0] for pattern in patterns[:2]]
+    local = true.theatre.dome.points(64, 64)[40, 24] @ true.theatre.dome.to_room.T
+    rows = "".join(
+        f'\n[[readings]]\npattern = "pattern_{pattern}.exr"\nplace_m = {local.tolist()}\n'
+        f'unit = "cd/m2"\nvalue = {value}\nerror = {value / 100}\n'
+        for pattern, value in (
+            (name, 0.02 + 5.5 * float(true.projector.luminance_weights @ seen[40, 24]))
+            for name, seen in zip(NAMES, light, strict=False)
+        )
+    )
+    survey, out, picture = (folder / f"both{end}" for end in (".toml", "_measured.toml", ".png"))
+    survey.write_text(SURVEY + shots(NAMES) + rows)
+    code, said, _ = run(survey, "--out", out, "--residual", picture, "--json")
+    assert code == 0
+    figures = json.loads(said)
+    white, error = (figures[name]["gain"][0] for name in ("values", "standard_errors"))
+    assert_unbiased(white, error, 5.5)
+    assert 0.009 < error / white < 0.012
+    scene = load_dome(out)
+    assert scene.measured.unit == "cd/m2"
+    assert scene.projector.white == pytest.approx(white)
+    weights = scene.projector.luminance_weights
+    assert scene.ambient == pytest.approx(white * (weights @ figures["ambient_of_white"]))
+    height, width = imread(picture).shape[:2]
+    assert width == len(NAMES) * height
+    code, _, complaint = run(survey, "--out", out, "--without-geometry")
+    assert code == 2
+    assert "takes photographs only; leave the readings out" in complaint
 
 
 @pytest.mark.parametrize(

@@ -118,4 +118,4 @@ def test_places_in_the_air():
 
 def test_readings_of_lux_only():
     with pytest.raises(InputError, match="wanted readings in cd/m2 of the screen"):
-        evidence_of(GREY, PATTERNS, [Reading(0, FRONT_PLACE, "lux", 1.0, 0.1)])
+        survey_of_spots(GREY, PATTERNS, read(GREY, [(0, FRONT_PLACE, "lux")]), {}, WEIGHTS)
