@@ -141,6 +141,9 @@ def test_lux_and_luminance_tell_what_white_and_black_do_not():
         return float(np.sqrt(WEIGHTS @ one.covariance[:, 1, :, 1] @ WEIGHTS))
 
     assert luminous(found) < 0.005 < luminous(alone)
+    # The camera's gains, which stay open, are none of the meter's.
+    assert np.allclose(found.value[0], LUMINANCE, rtol=1e-4)
+    assert np.all(found.error[0] < 0.005 * LUMINANCE)
 
 
 def test_white_from_elsewhere_is_weighed_with_the_meter():
@@ -161,6 +164,20 @@ def test_readings_of_one_pattern():
     one = [each for each in ALL if each[0] == WHITE]
     with pytest.raises(InputError, match="no place was read lit and unlit; add readings"):
         both(evidence(), read(one))
+
+
+def test_readings_are_no_photographs_of_another_pattern():
+    with pytest.raises(InputError, match="primary R: no place on the screen was photographed lit"):
+        both(only(evidence(), [WHITE]), read())
+
+
+def test_nuisances_of_photographs_do_not_change_readings():
+    seen = evidence(noise=1e-4)
+    effects = np.ones((1, len(PATTERNS), *seen.value.shape[1:]))
+    found = both(replace(seen, names=("a shutter",), effects=0.5 * effects), read())
+    plain = both(seen, read())
+    assert found.nuisances["a shutter"][1] == pytest.approx(1, rel=1e-3)
+    assert np.allclose(found.error[0], plain.error[0], rtol=1e-3)
 
 
 def test_patterns_that_are_only_read_leave_no_edges_in_photographs():
