@@ -35,6 +35,7 @@ Future: TypeAlias = Any
 """Dask's, which is imported late."""
 
 _LOOK = 1.0  # s: how often to look for new workers
+_SETTLING = 1.0  # s: after frames have been let go of, until the client has seen why
 
 
 def in_cluster(
@@ -88,6 +89,7 @@ def in_cluster(
                     else:
                         end(*ended)
                 except Exception:
+                    time.sleep(_SETTLING)
                     hall.require_scheduler()  # of which everything else may be a consequence
                     raise
         if interrupted:
@@ -189,6 +191,7 @@ class _Desk:
         given = self.running.pop(key)
         outcome = self._outcome(given)
         if outcome is None:
+            time.sleep(_SETTLING)
             self._cancelled[given.order] += 1
             if self._cancelled[given.order] <= DEATHS:
                 self.waiting.append(given.order)
