@@ -728,4 +728,4 @@ def test_a_render_farm_does_each_frame_once(tmp_path: Path) -> None:
     assert len(list((tmp_path / "out").glob("in.*.exr"))) == 3
     assert len(records(tmp_path)) == 3
     assert frames_told(tmp_path, "-1-2") == ["0001", "0002"]
-    assert frames_told(tmp_path, "-3") == ["0003"]
+    assert frames_told(tmp_path, "-3-3") == ["0003"]
