@@ -43,11 +43,14 @@ class OnlyVisible:
     def __call__(self, problem: Problem, start: Light) -> Result:
         """Solve it from exact subtraction; elsewhere that stays."""
         mask = remaining(self.posed, self.prediction).mask
-        density = self.posed.scene.viewing.pixels_per_degree(*self.posed.screen.shape)
-        boxes = regions(mask, round(MARGIN * density))
+        boxes = regions(mask, _pixels(MARGIN, self.posed))
         return Windows(tuple(boxes), reach_of(self.posed), self.solver)(problem, start)
 
 
 def reach_of(posed: Posed) -> int:
     """`REACH` in pixels."""
-    return round(REACH * posed.scene.viewing.pixels_per_degree(*posed.screen.shape))
+    return _pixels(REACH, posed)
+
+
+def _pixels(degrees: float, posed: Posed) -> int:
+    return round(degrees * posed.scene.viewing.pixels_per_degree(*posed.screen.shape))

@@ -13,9 +13,8 @@ solution on a coarser plane goes over to the finer one without blurring the pict
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeAlias, final
 
 from compensate.fourier import Fourier
@@ -31,6 +30,9 @@ Planes: TypeAlias = list[Array]
 Value: TypeAlias = float | Array
 """Of all pixels, or (row, col)."""
 
+Rows: TypeAlias = Callable[[slice], Array]
+"""A plane's (row, col) picture, by its rows."""
+
 
 class Level(ABC):
     """The problem at one resolution.
@@ -45,6 +47,8 @@ class Level(ABC):
         The least of M.
     lower
         (row, col) lower bounds of each plane's light.
+    width
+        How far up the upper ones are; planes may share one.
     offset
         (row, col) o on the picture's part of each plane, or None where it is 0.
     cost
@@ -55,6 +59,7 @@ class Level(ABC):
     target: Spectra
     least_damping: float
     lower: Planes
+    width: Sequence[Value]
     offset: Planes | None
     cost: float
 
@@ -97,7 +102,6 @@ class Level(ABC):
             g_F.
         """
 
-    @property
     @abstractmethod
     def coarser(self) -> Level:
         """The problem on planes of half the rows and columns; its target and cost are to be set."""
@@ -140,12 +144,74 @@ class Level(ABC):
             [enlarged(plane * ratio) for plane in dual],
         )
 
+    def bounds(self, p: int, rows: slice) -> tuple[Array, Array]:
+        """Lower and upper bounds of rows of a plane's light."""
+        lower = self.lower[p][rows, :]
+        return lower, lower + rows_of(self.width[p], rows)
+
     def _inner(self, strip: slice) -> tuple[slice, slice] | None:
         """The picture's part of a strip of padded rows."""
         rows, cols = self.lower[0].shape
         if strip.start >= rows:
             return None
         return slice(strip.start, min(strip.stop, rows)), slice(0, cols)
+
+    def _plane_towards(self, s: Array, weight: float, z: Rows) -> Array:
+        """`towards` of a plane, whose z is given."""
+        result = namespace(s).empty_like(s)
+
+        def work(strip: slice) -> None:
+            result[strip, :] = s[strip, :] * -weight
+            if inner := self._inner(strip):
+                result[inner] += z(inner[0]) * (2 * weight)
+
+        each_strip(work, s)
+        return result
+
+    def _move_plane(self, s: Array, w: Array, relaxation: float, z: Rows) -> None:
+        """`move` of a plane, whose z is given."""
+
+        def work(strip: slice) -> None:
+            w[strip, :] *= relaxation
+            if inner := self._inner(strip):
+                w[inner] -= z(inner[0]) * relaxation
+            s[strip, :] += w[strip, :]
+
+        each_strip(work, s)
+
+    def _reweigh_plane(self, s: Array, ratio: float, z: Rows) -> None:
+        """`reweigh` of a plane, whose z is given."""
+
+        def work(strip: slice) -> None:
+            inner = self._inner(strip)
+            kept = z(inner[0]) * (1 - ratio) if inner else None
+            s[strip, :] *= ratio
+            if inner:
+                s[inner] += kept
+
+        each_strip(work, s)
+
+    def _slope_at(
+        self, p: int, s: Array, w: Array, weight: float, strip: slice, z: Rows, damping: Any
+    ) -> tuple[float, Array]:
+        """`lower_bound`'s gradient at w, of a strip of a plane, and what is known but for bounds.
+
+        The padding is pinned: all of it is known.
+        """
+        at = w[strip, :]
+        slope, away = (s[strip, :] + at) * -weight, at + 0
+        if inner := self._inner(strip):
+            part = (slice(0, inner[0].stop - inner[0].start), inner[1])
+            slope[part] += z(inner[0]) * (2 * weight)
+            if self.offset is not None:
+                away[part] -= self.offset[p][inner[0], :]
+        damped = away * damping
+        known = 0.5 * (float(total(at * slope)) + float(total(damped * away)))
+        slope += damped
+        known -= float(total(at * slope))
+        if not inner:
+            return known, slope[:0, :]
+        return known + float(total(at[part] * slope[part])), slope[part]
 
 
 @final
@@ -155,10 +221,8 @@ class BoxLevel(Level):
 
     Attributes
     ----------
-    hessian, target, least_damping, lower, offset, cost
+    hessian, target, least_damping, lower, width, offset, cost
         See `Level`. Light is z, the picture's part of each plane.
-    width
-        How far up the upper ones are: a number, or (row, col); planes may share one.
     damping
         M: a number, or (padded row, padded col).
     """
@@ -171,11 +235,6 @@ class BoxLevel(Level):
     least_damping: float
     offset: Planes | None = None
     cost: float = 0.0
-    _size: tuple[int, int] = field(init=False)
-
-    def __post_init__(self) -> None:
-        rows, cols = self.lower[0].shape
-        self._size = int(rows), int(cols)
 
     def feasible(self, s: Planes, weights: list[float]) -> Planes:
         """See `Level`."""
@@ -193,7 +252,7 @@ class BoxLevel(Level):
     def reweigh(self, s: Planes, weights: list[float], ratio: float) -> None:
         """See `Level`."""
         for p, weight in enumerate(weights):
-            self._reweigh(p, s[p], weight, ratio)
+            self._reweigh_plane(s[p], ratio, self._z(p, s[p], weight))
 
     def lower_bound(
         self, s: Planes, w: Planes, weights: list[float]
@@ -210,7 +269,7 @@ class BoxLevel(Level):
         return max(self._kkt_residual(p, z[p], gradient[p], mu) for p in range(len(z)))
 
     def _feasible(self, p: int, s: Array, weight: float) -> Array:
-        rows, cols = self._size
+        rows, cols = self.lower[0].shape
         z = namespace(s).empty_like(self.lower[p])
 
         def work(strip: slice) -> None:
@@ -220,73 +279,30 @@ class BoxLevel(Level):
         return z
 
     def _towards(self, p: int, s: Array, weight: float) -> Array:
-        result = namespace(s).empty_like(s)
         if self.offset is None and (compiled := loops(s)):
+            result = namespace(s).empty_like(s)
             compiled.towards(result, s, *self._numbers(p, weight))
             return result
-
-        def work(strip: slice) -> None:
-            result[strip, :] = s[strip, :] * -weight
-            if inner := self._inner(strip):
-                result[inner] += self._nearest(p, s, inner[0], weight) * (2 * weight)
-
-        each_strip(work, s)
-        return result
+        return self._plane_towards(s, weight, self._z(p, s, weight))
 
     def _move(self, p: int, s: Array, w: Array, weight: float, relaxation: float) -> None:
         if self.offset is None and (compiled := loops(s)):
             compiled.move(s, w, *self._numbers(p, weight), s.dtype.type(relaxation))
-            return
-
-        def work(strip: slice) -> None:
-            r = w[strip, :] * relaxation
-            w[strip, :] = r
-            if inner := self._inner(strip):
-                w[inner] -= self._nearest(p, s, inner[0], weight) * relaxation
-            s[strip, :] += w[strip, :]
-
-        each_strip(work, s)
-
-    def _reweigh(self, p: int, s: Array, weight: float, ratio: float) -> None:
-
-        def work(strip: slice) -> None:
-            z: Any = 0.0
-            if inner := self._inner(strip):
-                z = self._nearest(p, s, inner[0], weight) * (1 - ratio)
-            s[strip, :] *= ratio
-            if inner:
-                s[inner] += z
-
-        each_strip(work, s)
+        else:
+            self._move_plane(s, w, relaxation, self._z(p, s, weight))
 
     def _lower_bound(self, p: int, s: Array, w: Array, weight: float) -> tuple[float, Array]:
-        free = namespace(s).empty_like(s)
         if self.offset is None and (compiled := loops(s)):
-            curvature = s.dtype.type(CURVATURE)
+            free, curvature = namespace(s).empty_like(s), s.dtype.type(CURVATURE)
             known = compiled.lower_bound(free, s, w, *self._numbers(p, weight), curvature)
             return float(known), free
+        free, z = namespace(s).zeros_like(s), self._z(p, s, weight)
 
         def work(strip: slice) -> float:
-            at = w[strip, :]
-            slope = (s[strip, :] + at) * -weight
-            away = at + 0
-            inner = self._inner(strip)
-            if inner:
-                part = (slice(0, inner[0].stop - inner[0].start), inner[1])
-                slope[part] += self._nearest(p, s, inner[0], weight) * (2 * weight)
-                if self.offset is not None:
-                    away[part] -= self.offset[p][inner[0], :]
-            damped = away * self._damping(strip)
-            known = 0.5 * (float(total(at * slope)) + float(total(damped * away)))
-            slope += damped
-            # The padding is pinned: all of it is known
-            known -= float(total(at * slope))
-            free[strip, :] = 0 * at
-            if inner:
-                inside, g = at[part], slope[part]
-                at_bounds, rest = parted(inside, g, *self.bounds(p, inner[0]))
-                known += float(total(inside * g)) - at_bounds
-                free[inner] = rest
+            known, slope = self._slope_at(p, s, w, weight, strip, z, self._damping(strip))
+            if inner := self._inner(strip):
+                at_bounds, free[inner] = parted(w[inner], slope, *self.bounds(p, inner[0]))
+                known -= at_bounds
             return known
 
         return sum(each_strip(work, s)), free
@@ -316,7 +332,6 @@ class BoxLevel(Level):
 
         return max(each_strip(work, z))
 
-    @cached_property
     def coarser(self) -> BoxLevel:
         """See `Level`."""
         halves: dict[int, Any] = {}
@@ -362,7 +377,7 @@ class BoxLevel(Level):
         return lower, *plain, number(weight)
 
     def _nearest(self, p: int, s: Array, rows: slice, weight: float) -> Array:
-        xp, cols = namespace(s), self._size[1]
+        xp, cols = namespace(s), self.lower[0].shape[1]
         damping = self._damping(rows, inner=True)
         z = s[rows, :cols] * (weight / (weight + damping))
         if self.offset is not None:
@@ -370,15 +385,14 @@ class BoxLevel(Level):
         lower, upper = self.bounds(p, rows)
         return xp.minimum(xp.maximum(z, lower), upper)
 
-    def bounds(self, p: int, rows: slice) -> tuple[Array, Array]:
-        """Lower and upper bounds of rows of a plane's picture."""
-        lower, width = self.lower[p][rows, :], self.width[p]
-        return lower, lower + (width if isinstance(width, float) else width[rows, :])
+    def _z(self, p: int, s: Array, weight: float) -> Rows:
+        return lambda rows: self._nearest(p, s, rows, weight)
 
     def _damping(self, rows: slice, *, inner: bool = False) -> Any:
         if isinstance(self.damping, float):
             return self.damping
-        return self.damping[rows, : self._size[1]] if inner else self.damping[rows, :]
+        cols = self.lower[0].shape[1]
+        return self.damping[rows, :cols] if inner else self.damping[rows, :]
 
     def _away(self, p: int, z: Array, rows: slice) -> Array:
         return z[rows, :] if self.offset is None else z[rows, :] - self.offset[p][rows, :]

@@ -18,14 +18,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, final
 
 from compensate.solver.blocks import Spectra, each_strip
 from compensate.solver.certificate import CURVATURE
 from compensate.solver.fused import loops
 from compensate.solver.hessian import Hessian
-from compensate.solver.level import Level, Planes, Value, coarsened, coarsened_value, rows_of
+from compensate.solver.level import (
+    Level,
+    Planes,
+    Rows,
+    Value,
+    coarsened,
+    coarsened_value,
+    rows_of,
+)
 from compensate.solver.two_eyes import TwoEyes
 from domesim.light import Array, namespace, total
 
@@ -37,14 +44,12 @@ class SeenLevel(Level):
 
     Attributes
     ----------
-    hessian, target, least_damping, lower, offset, cost
+    hessian, target, least_damping, lower, width, offset, cost
         See `Level`. Light is d.
     eyes
         M.
     contrast
         (row, col) K of each eye.
-    width
-        How far up the upper bounds are; planes may share one.
     """
 
     hessian: Hessian
@@ -98,29 +103,23 @@ class SeenLevel(Level):
         """See `Level`; z is kept for `move`."""
         z = self.feasible(s, weights)
         self._kept = s, z
-        return (self._towards(*pair) for pair in zip(s, z, weights, strict=True))
+        return (
+            self._plane_towards(plane, weight, _rows(inner))
+            for plane, inner, weight in zip(s, z, weights, strict=True)
+        )
 
     def move(self, s: Planes, w: Planes, weights: list[float], relaxation: float) -> None:
         """See `Level`."""
         z = self._feasible_again(s, weights)
         self._kept = None
-
-        def work(strip: slice) -> None:
-            for p, plane in enumerate(z):
-                w[p][strip, :] *= relaxation
-                if inner := self._inner(strip):
-                    w[p][inner] -= plane[inner[0], :] * relaxation
-                s[p][strip, :] += w[p][strip, :]
-
-        each_strip(work, s[0])
+        for p, inner in enumerate(z):
+            self._move_plane(s[p], w[p], relaxation, _rows(inner))
 
     def reweigh(self, s: Planes, weights: list[float], ratio: float) -> None:
         """See `Level`."""
         self._kept = None
-        for p, z in enumerate(self.feasible(s, weights)):
-            rows, cols = z.shape
-            s[p] *= ratio
-            s[p][:rows, :cols] += z * (1 - ratio)
+        for p, inner in enumerate(self.feasible(s, weights)):
+            self._reweigh_plane(s[p], ratio, _rows(inner))
 
     def state(self, s: Planes, weights: list[float]) -> tuple[Planes, Planes]:
         """See `Level`."""
@@ -132,7 +131,7 @@ class SeenLevel(Level):
     def of_state(self, light: Planes, dual: Planes) -> Planes:
         """See `Level`."""
         for p, plane in enumerate(light):
-            xp, (lower, upper) = namespace(plane), self._bounds(p, slice(None))
+            xp, (lower, upper) = namespace(plane), self.bounds(p, slice(None))
             light[p] = xp.minimum(xp.maximum(plane, lower), upper)
         self._add_seen(dual, light, 1.0)
         return dual
@@ -141,32 +140,18 @@ class SeenLevel(Level):
         self, s: Planes, w: Planes, weights: list[float]
     ) -> Iterator[tuple[float, Array]]:
         """See `Level`: the first part is everything that is known."""
-        z = self._feasible_again(s, weights)
+        z = [_rows(plane) for plane in self._feasible_again(s, weights)]
         free = [namespace(plane).zeros_like(plane) for plane in s]
 
         def work(strip: slice) -> float:
             known, gradient = 0.0, []
-            inner = self._inner(strip)
             for p, weight in enumerate(weights):
-                at = w[p][strip, :]
-                slope, away = (s[p][strip, :] + at) * -weight, at + 0
-                if inner:
-                    part = (slice(0, inner[0].stop - inner[0].start), inner[1])
-                    slope[part] += z[p][inner[0], :] * (2 * weight)
-                    if self.offset is not None:
-                        away[part] -= self.offset[p][inner[0], :]
-                damped = away * self.least_damping
-                known += 0.5 * (float(total(at * slope)) + float(total(damped * away)))
-                slope += damped
-                # The padding is pinned: all of it is known
-                known -= float(total(at * slope))
-                if inner:
-                    gradient.append(slope[part])
-            if not inner:
+                part, slope = self._slope_at(p, s[p], w[p], weight, strip, z[p], self.least_damping)
+                known += part
+                gradient.append(slope)
+            if not (inner := self._inner(strip)):
                 return known
-            inside = [plane[inner] for plane in w]
-            known += sum(float(total(a * b)) for a, b in zip(inside, gradient, strict=True))
-            at_bounds, rest = self._parted(inside, gradient, inner[0])
+            at_bounds, rest = self._parted([plane[inner] for plane in w], gradient, inner[0])
             for plane, left in zip(free, rest, strict=True):
                 plane[inner] = left
             return known + at_bounds
@@ -195,14 +180,13 @@ class SeenLevel(Level):
             z = z - self.offset[p]
         return z * self.least_damping
 
-    @cached_property
     def coarser(self) -> SeenLevel:
         """See `Level`."""
         return SeenLevel(
             self.hessian.coarser,
             [],
             self.least_damping,
-            self.eyes.coarser,
+            self.eyes.coarser(),
             [coarsened(plane) for plane in self.contrast],
             [coarsened(plane) for plane in self.lower],
             [coarsened_value(value) for value in self.width],
@@ -240,12 +224,8 @@ class SeenLevel(Level):
         metric = [1.0] * count
         if weights is not None:
             metric = [weight + self.least_damping for weight in weights[:count]]
-        bounds = [self._bounds(p, rows) for p in range(len(wanted))]
+        bounds = [self.bounds(p, rows) for p in range(len(wanted))]
         return self.eyes.nearest(wanted, k, metric, bounds, rows)
-
-    def _bounds(self, p: int, rows: slice) -> tuple[Array, Array]:
-        lower = self.lower[p][rows, :]
-        return lower, lower + rows_of(self.width[p], rows)
 
     def _parted(self, w: Planes, gradient: Planes, rows: slice) -> tuple[float, Planes]:
         """What the bounds allow at most to win of a gradient at w, and the rest of it."""
@@ -258,7 +238,7 @@ class SeenLevel(Level):
 
         chosen = []
         for p, q in enumerate(back(gradient)):
-            lower, upper = self._bounds(p, rows)
+            lower, upper = self.bounds(p, rows)
             distance = xp.where(q > 0, change[p] - lower, upper - change[p])
             own = k[p] * rows_of(eyes.own[p // eyes.primaries][p % eyes.primaries], rows)
             # What bounds allow to win, against the quadratic's share
@@ -269,7 +249,7 @@ class SeenLevel(Level):
         ]
         known = 0.0
         for p, q in enumerate(back(at_bounds)):
-            lower, upper = self._bounds(p, rows)
+            lower, upper = self.bounds(p, rows)
             known += float(total(q * xp.where(q > 0, lower, upper)))
             known -= float(total(at_bounds[p] * w[p]))
         return known, [g - part for g, part in zip(gradient, at_bounds, strict=True)]
@@ -285,19 +265,12 @@ class SeenLevel(Level):
 
         each_strip(work, light[0])
 
-    def _towards(self, s: Array, z: Array, weight: float) -> Array:
-        result = namespace(s).empty_like(s)
-
-        def work(strip: slice) -> None:
-            result[strip, :] = s[strip, :] * -weight
-            if inner := self._inner(strip):
-                result[inner] += z[inner[0], :] * (2 * weight)
-
-        each_strip(work, s)
-        return result
-
     def _feasible_again(self, s: Planes, weights: list[float]) -> Planes:
         """`feasible`, as `towards` found it if s is the same still."""
         if self._kept is not None and self._kept[0] is s:
             return self._kept[1]
         return self.feasible(s, weights)
+
+
+def _rows(plane: Array) -> Rows:
+    return lambda rows: plane[rows, :]

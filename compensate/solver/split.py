@@ -161,7 +161,7 @@ def _add_coarser(levels: list[Level], residual: Planes) -> None:
         if fine.hessian.coarser.weights < _WORTH * weights:
             return
         residual = [coarsened(plane) for plane in residual]
-        fine = fine.coarser
+        fine = fine.coarser()
         _aim(fine, list(residual))
         levels.append(fine)
 

@@ -16,7 +16,7 @@ Where primaries leak into others, these problems of one primary are solved in tu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias, final
@@ -77,7 +77,6 @@ class TwoEyes:
         """Whether primaries leak into others."""
         return bool(np.any(np.asarray(self.leak) * (1 - np.eye(self.primaries))))
 
-    @cached_property
     def coarser(self) -> TwoEyes:
         """The same on planes of half the rows and columns."""
         own, share = (
@@ -231,14 +230,16 @@ class TwoEyes:
         """
         count, light = self.primaries, list(light)
         missing = [m - w for m, w in zip(self.seen(light, slice(None)), wanted, strict=True)]
-        curvature = [self._curvature_of(p, squares, metric) for p in range(count)]
         weights = [squares[v] * metric[r] for v, r in np.ndindex(2, count)]
+        # What each primary of the left view shows to both eyes, and of the right one
+        columns = [(self._column(0, p), self._column(1, p)) for p in range(count)]
+        curvature = [_curvature_of(*both, weights) for both in columns]
         for _ in range(sweeps):
             steps = []
             for p, (hx, hy, cross) in enumerate(curvature):
-                # What a primary of the left view shows to both eyes, and of the right one
-                columns = [self._column(v, p) for v in range(2)]
-                g, h = (sum(c * weights[r] * missing[r] for r, c in each) for each in columns)
+                g, h = (
+                    sum(c * weights[r] * missing[r] for r, c in each.items()) for each in columns[p]
+                )
                 determinant = hx * hy - cross * cross
                 old = light[p], light[p + count]
                 free = (
@@ -248,36 +249,24 @@ class TwoEyes:
                 lower, upper = zip(bounds[p], bounds[p + count], strict=True)
                 new = nearest_of_two(free, lower, upper, hx, hy, cross)
                 light[p], light[p + count] = new
-                for column, after, before in zip(columns, new, old, strict=True):
+                for column, after, before in zip(columns[p], new, old, strict=True):
                     step = after - before
-                    for r, c in column:
+                    for r, c in column.items():
                         missing[r] = missing[r] + c * step
                     steps.append(step)
             if _settled(steps, light):
                 break
         return light
 
-    def _column(self, v: int, p: int) -> list[tuple[int, Value]]:
+    def _column(self, v: int, p: int) -> dict[int, Value]:
         """M's entries of a primary of a view that are not 0, by the plane that sees it."""
         count, u = self.primaries, 1 - v
-        leaked = [
-            (u * count + r, self.leak[u][r][p] * self.share[u][r])
+        leaked = {
+            u * count + r: self.leak[u][r][p] * self.share[u][r]
             for r in range(count)
             if self.leak[u][r][p]
-        ]
-        return [(v * count + p, self.own[v][p]), *leaked]
-
-    def _curvature_of(self, p: int, squares: Two, metric: Sequence[float]) -> tuple[Any, Any, Any]:
-        """H = M' K² M of a primary that leaks into others: its diagonal, and the other entry."""
-        columns = [dict(self._column(v, p)) for v in range(2)]
-
-        def product(left: dict[int, Value], right: dict[int, Value]) -> Any:
-            return sum(
-                left[at] * right[at] * metric[at % self.primaries] * squares[at // self.primaries]
-                for at in left.keys() & right.keys()
-            )
-
-        return product(columns[0], columns[0]), product(columns[1], columns[1]), product(*columns)
+        }
+        return {v * count + p: self.own[v][p], **leaked}
 
 
 def nearest_of_two(free: Two, lower: Two, upper: Two, hx: Any, hy: Any, cross: Any) -> Two:
@@ -347,6 +336,17 @@ def _curvature(squares: Two, own: Two, other: Two) -> tuple[Any, Any, Any]:
         kl * (b * b) + _scaled(kr, f * f),
         kl * (a * b) + kr * (e * f),
     )
+
+
+def _curvature_of(
+    left: Mapping[int, Value], right: Mapping[int, Value], weights: Sequence[Any]
+) -> tuple[Any, Any, Any]:
+    """H = M' K² M of a primary that leaks into others: its diagonal, and the other entry."""
+
+    def product(one: Mapping[int, Value], other: Mapping[int, Value]) -> Any:
+        return sum(one[at] * other[at] * weights[at] for at in one.keys() & other.keys())
+
+    return product(left, left), product(right, right), product(left, right)
 
 
 def _settled(steps: Planes, values: Planes) -> bool:
