@@ -27,15 +27,15 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
-from compensate.fourier import padded_size
+from compensate.fourier import Fourier, padded_size
 from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, gains_of
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.projector import Projector
+from domesim.strips import in_strips
 from domesim.viewing import Viewing
 
 DETAIL = float(np.pi * 1.5**2)
@@ -47,6 +47,8 @@ PAIR_GAIN, DOME_GAIN = 0.15, 0.05
 
 PAIR_CHROMA, DOME_CHROMA = 1.5, 2.0
 """How many times more than castleCSF has it chromatic errors count."""
+
+_TAILS = 4  # standard deviations of a Gaussian that are kept from the other side
 
 
 @final
@@ -132,26 +134,80 @@ class ContrastWeighting:
         return CsfWeighting(np.stack(gains), opponent, support, padded, brightest, views)
 
     def contrast(
-        self,
-        seen: Light,
-        viewing: Viewing,
-        projector: Projector,
-        screen: NDArray[np.bool_],
-    ) -> NDArray[np.floating[Any]]:
-        """K, (view, row, col, 1) like `seen` (view, row, col, primary); 1 off the screen."""
-        density = viewing.pixels_per_degree(*screen.shape)
-        weights = projector.luminance_weights.astype(seen.dtype)
+        self, viewing: Viewing, projector: Projector, screen: NDArray[np.bool_], views: int
+    ) -> LocalContrast:
+        """K of `views` pictures on a screen (row, col), of what is seen there."""
+        reach = self.reach * viewing.pixels_per_degree(*screen.shape)
         level = viewing.adaptation / projector.white
-        on = screen.astype(seen.dtype)
-        around = np.maximum(gaussian_filter(on, self.reach * density, mode="constant"), 1e-3)
-        result = np.ones((*seen.shape[:3], 1), seen.dtype)
-        for view, light in enumerate(seen):
-            luminance = np.maximum(light @ weights, 0) * on
-            local = gaussian_filter(luminance, self.reach * density, mode="constant") / around
-            if len(seen) == 1:
-                local = np.minimum(local, self.most * level)
-            result[view, screen, 0] = level / (local[screen] + self.floor / projector.white)
+        most = self.most * level if views == 1 else np.inf
+        floor = self.floor / projector.white
+        return LocalContrast(screen, projector.luminance_weights, reach, level, floor, most)
+
+
+@final
+class LocalContrast:
+    """K = l / (L + c) of the pictures on a screen; call it with what is seen.
+
+    Parameters
+    ----------
+    screen
+        (row, col) bool.
+    weights
+        (primary,) of luminance.
+    reach
+        Standard deviation of the Gaussian that L is averaged by, pixels.
+    level, floor, most
+        l, c and the limit to L, 1 = projector white.
+    """
+
+    def __init__(
+        self,
+        screen: NDArray[np.bool_],
+        weights: NDArray[np.floating[Any]],
+        reach: float,
+        level: float,
+        floor: float,
+        most: float,
+    ) -> None:
+        self._screen, self._weights = screen, weights
+        self._level, self._floor, self._most = level, floor, most
+        margin = int(np.ceil(_TAILS * reach))
+        rows, cols = (padded_size(side, margin) for side in screen.shape)
+        self._fourier = Fourier(rows, cols)
+        along, across = self._fourier.frequencies(1.0)
+        blur = np.exp(-2 * (np.pi * reach) ** 2 * (along**2 + across**2))
+        self._blur = blur.astype(np.float32)
+        on = np.zeros((rows, cols), np.float32)
+        on[: screen.shape[0], : screen.shape[1]] = screen
+        # Of the screen alone: what is off it does not count
+        self._around = np.maximum(self._averaged(on), 1e-3)
+
+    def __call__(self, seen: Light) -> Light:
+        """K, (view, row, col, 1) like `seen` (view, row, col, primary); 1 off the screen."""
+        cols = self._screen.shape[1]
+        weights = self._weights.astype(seen.dtype)
+        planes = np.zeros((len(seen), self._fourier.rows, self._fourier.cols), seen.dtype)
+        result = np.empty((*seen.shape[:3], 1), seen.dtype)
+
+        def fill(view: int, strip: slice) -> None:
+            luminance = np.maximum(seen[view, strip] @ weights, 0)
+            planes[view, strip, :cols] = luminance * self._screen[strip]
+
+        def finish(view: int, strip: slice) -> None:
+            local = np.maximum(planes[view, strip, :cols], 0) / self._around[strip, :cols]
+            contrast = self._level / (np.minimum(local, self._most) + self._floor)
+            result[view, strip, :, 0] = np.where(self._screen[strip], contrast, 1)
+
+        in_strips(fill, seen.shape)
+        planes = self._averaged(planes)
+        in_strips(finish, seen.shape)
         return result
+
+    def _averaged(self, planes: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+        spectrum = self._fourier.forward(planes)
+        spectrum *= self._blur
+        averaged: NDArray[np.floating[Any]] = self._fourier.inverse(spectrum)
+        return averaged
 
 
 def _at_any_orientation(

@@ -17,7 +17,7 @@ from typing import cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.contrast import ContrastWeighting, Eye
+from compensate.contrast import ContrastWeighting, Eye, LocalContrast
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy
 from compensate.methods import Solver, methods_of, require_method
@@ -408,9 +408,7 @@ class Stage:
             anchor=subtractive,
             regularisation=REGULARISATION,
             negligible=shared.negligible,
-            contrast=self._settings.contrast(
-                seen, self._scene.viewing, self._scene.projector, shared.screen
-            ),
+            contrast=shared.contrast(seen) if shared.contrast else None,
         )
         return Posed(
             scene=self._scene,
@@ -450,6 +448,7 @@ class _Shared:
     screen: NDArray[np.bool_]
     areas: NDArray[np.floating]
     negligible: float
+    contrast: LocalContrast | None
     uncertain: Callable[[], Uncertain | None]
 
     def subtracted(self, desired: Light) -> tuple[Problem, Light]:
@@ -509,6 +508,7 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
         screen,
         scene.pixel_areas(rows, cols),
         float(negligible),
+        settings.contrast(scene.viewing, scene.projector, screen, scene.views),
         cache(partial(scene.uncertain, rows, cols)),
     )
 

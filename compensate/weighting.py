@@ -338,7 +338,7 @@ class PerceptualWeighting:
         return self(viewing, projector.luminance_weights, support, views)
 
     def contrast(
-        self, seen: Light, viewing: Viewing, projector: Projector, screen: NDArray[np.bool_]
+        self, viewing: Viewing, projector: Projector, screen: NDArray[np.bool_], views: int
     ) -> None:
         """None: one adaptation luminance for the whole picture, as in the paper."""
 

@@ -36,7 +36,8 @@ PROJECTOR = Projector("BT.709", 20.0)
 
 def contrast(seen, screen=None, **settings):
     screen = np.ones(seen.shape[1:3], bool) if screen is None else screen
-    return ContrastWeighting(**settings).contrast(seen, viewing(), PROJECTOR, screen)
+    of_screen = ContrastWeighting(**settings).contrast(viewing(), PROJECTOR, screen, len(seen))
+    return of_screen(seen)
 
 
 def test_contrast_is_relative_to_the_luminance_that_is_seen():
@@ -86,7 +87,7 @@ def test_a_grating_at_threshold_is_one_just_noticeable_difference(level):
     residual = level * threshold * wave * np.ones_like(background)
     screen = np.ones((size, size), bool)
     weighting = settings.of(eye, scene.projector, screen, 1)
-    k = settings.contrast(background, eye, scene.projector, screen)
+    k = settings.contrast(eye, scene.projector, screen, len(background))(background)
     differences = scene.projector.white / eye.adaptation * weighting.peak
     rms = np.sqrt(weighting.energy(residual * k) / size**2) * differences
     # White is not quite without colour in the cone fundamentals
