@@ -114,10 +114,14 @@ class Problem:
     def quadratic(self, light: Light) -> tuple[float, Light]:
         """The objective and its gradient, sharing their transforms."""
         energy, weighted = self.weighting.quadratic(self.residual(light))
+        return 0.5 * energy + self.penalty(light), self.gradient_of(light, weighted)
+
+    def gradient_of(self, light: Light, weighted: Light) -> Light:
+        """The gradient, of lambda'lambda of the residual."""
         gradient = self.observation.adjoint(self.contrasted(weighted))
         if self.anchor is not None:
             gradient = gradient + self._damped(light - self.anchor)
-        return 0.5 * energy + self.penalty(light), gradient
+        return gradient
 
     def curvature(self, direction: Light) -> tuple[float, Light]:
         """<d, H d> and H d of the (constant) Hessian H."""

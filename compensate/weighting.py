@@ -52,7 +52,7 @@ class Weighting(ABC):
     def _apply(self, residual: Light) -> Array: ...
 
     @abstractmethod
-    def _adjoint(self, weighted: Array) -> Light: ...
+    def _adjoint(self, weighted: Array, *, whole: bool = False) -> Light: ...
 
     def apply(self, residual: Light) -> Array:
         """(view, channel, padded row, padded col) planes lambda(r).
@@ -74,10 +74,14 @@ class Weighting(ABC):
         weighted = self.apply(residual)
         return dot(weighted, weighted)
 
-    def quadratic(self, residual: Light) -> tuple[float, Light]:
-        """||lambda(r)||² and lambda'(lambda(r)), sharing their transforms."""
+    def quadratic(self, residual: Light, *, whole: bool = False) -> tuple[float, Light]:
+        """||lambda(r)||² and lambda'(lambda(r)), sharing their transforms.
+
+        As residuals are 0 off the support and on the padding, lambda' ends on the support; the
+        `whole` of lambda'(lambda(r)) is on the padded grid, as if all of it were support.
+        """
         weighted = self.apply(residual)
-        return dot(weighted, weighted), self._adjoint(weighted)
+        return dot(weighted, weighted), self._adjoint(weighted, whole=whole)
 
 
 @final
@@ -194,22 +198,22 @@ class CsfWeighting(Weighting):
         spectrum = self._weighted_spectrum(residual)
         return self._fourier.dot(spectrum, spectrum)
 
-    def quadratic(self, residual: Light) -> tuple[float, Light]:
-        """||lambda(r)||² and lambda'(lambda(r)), with two FFTs a channel."""
+    def quadratic(self, residual: Light, *, whole: bool = False) -> tuple[float, Light]:
+        """See `Weighting`; with two FFTs a channel."""
         spectrum = self._weighted_spectrum(residual)
         energy = self._fourier.dot(spectrum, spectrum)
         gains = self._like(residual)[0]
         spectrum *= gains
-        return energy, self._to_light(self._fourier.inverse(spectrum))
+        return energy, self._to_light(self._fourier.inverse(spectrum), whole=whole)
 
     def _apply(self, residual: Light) -> Array:
         return self._fourier.inverse(self._weighted_spectrum(residual))
 
-    def _adjoint(self, weighted: Array) -> Light:
+    def _adjoint(self, weighted: Array, *, whole: bool = False) -> Light:
         # A_l is its own adjoint: real gains, even in frequency
         spectrum = self._fourier.forward(weighted)
         spectrum *= self._like(weighted)[0]
-        return self._to_light(self._fourier.inverse(spectrum))
+        return self._to_light(self._fourier.inverse(spectrum), whole=whole)
 
     def _weighted_spectrum(self, residual: Light) -> Array:
         gains, opponent, support, _ = self._like(residual)
@@ -231,18 +235,21 @@ class CsfWeighting(Weighting):
         spectrum *= gains
         return spectrum
 
-    def _to_light(self, planes: Array) -> Light:
+    def _to_light(self, planes: Array, *, whole: bool) -> Light:
         _, opponent, support, _ = self._like(planes)
-        xp = namespace(planes)
-        light = xp.empty(self.shape, dtype=planes.dtype, device=planes.device)
+        xp, shape = namespace(planes), self.shape
+        if whole:
+            support = xp.ones(self.padded, dtype=support.dtype, device=planes.device)
+            shape = (shape[0], *self.padded, shape[3])
+        light = xp.empty(shape, dtype=planes.dtype, device=planes.device)
         counting = self._counting(planes, support)
-        cols = self.shape[2]
+        cols = shape[2]
 
         def fill(view: int, rows: slice) -> None:
             channels = planes[view, :, rows, :cols] * counting(view, rows)
             light[view, rows, ...] = xp.permute_dims(channels, (1, 2, 0)) @ opponent
 
-        in_parts(fill, self.shape, planes)
+        in_parts(fill, shape, planes)
         return light
 
     def _counting(self, light: Light, support: Array) -> Callable[[int, slice], Array]:
@@ -302,8 +309,8 @@ class Masked(Weighting):
         weighted = self.inner.apply(residual)
         return weighted * self._like(weighted)
 
-    def _adjoint(self, weighted: Array) -> Light:
-        return self.inner.adjoint(weighted * self._like(weighted))
+    def _adjoint(self, weighted: Array, *, whole: bool = False) -> Light:
+        return self.inner._adjoint(weighted * self._like(weighted), whole=whole)
 
     def _like(self, planes: Array) -> Array:
         return namespace(planes).asarray(self.mask, dtype=planes.dtype, device=planes.device)

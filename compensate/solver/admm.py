@@ -329,7 +329,7 @@ class _Run:
         level, varying = self._level, self._varying
         assert varying is not None
         picture = level.feasible(s, weights)
-        cost, gradient = varying.quadratic(picture)
+        cost, gradient, around = varying.quadratic(picture)
         if due:
             self._bounds.raise_to(cost - varying.gap(picture, gradient))
             status = self._checked(cost, iteration)
@@ -340,7 +340,9 @@ class _Run:
         fourier, spectra = level.hessian.fourier, []
         for p, weight in enumerate(weights):
             # -f'(z) - rho P (s - z)
-            right = s[p] * -weight
+            right = around.pop(0)
+            right *= -1
+            right -= s[p] * weight
             right[:rows, :cols] += picture[p] * weight
             right[:rows, :cols] += level.slope(p, picture[p]) - gradient[p]
             spectra.append(fourier.forward(right))

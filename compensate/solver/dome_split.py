@@ -62,6 +62,10 @@ class DomeSplit(BoxSplit):
             gradient = gradient * self._support
         return planes_of(gradient if self._gain is None else gradient / self._gain)
 
+    def pinned_gradient(self, weighted: Light) -> Planes:
+        """See `BoxSplit`: no light goes there."""
+        return planes_of(weighted)
+
     def _hessian(self) -> DomeHessian:
         if self.problem.contrast is None:
             return hessian_of(self._observation, self.weighting, self.base)

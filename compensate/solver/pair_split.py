@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from typing import final
 
+import numpy as np
+
 from compensate.problem import Problem
 from compensate.solver.hessian import PairHessian
 from compensate.solver.level import Planes
@@ -52,6 +54,19 @@ class PairSplit(BoxSplit):
     def from_gradient(self, gradient: Light) -> Planes:
         """Planes, as they are."""
         return planes_of(gradient)
+
+    def pinned_gradient(self, weighted: Light) -> Planes:
+        """See `BoxSplit`: crosstalk is the central matrix there."""
+        primaries = weighted.shape[3]
+        central = self._observation.central
+        result = []
+        for view, p in np.ndindex(2, primaries):
+            plane = 0 * weighted[0, :, :, 0]
+            for seen, q in np.ndindex(weighted.shape[0], primaries):
+                if central[seen, q, view, p]:
+                    plane += weighted[seen, :, :, q] * float(central[seen, q, view, p])
+            result.append(plane)
+        return result
 
     def _hessian(self) -> PairHessian:
         squares = self.weighting.squares(self.base)

@@ -118,6 +118,10 @@ class BoxSplit(Split):
         """The gradient in planes, of one in light."""
 
     @abstractmethod
+    def pinned_gradient(self, weighted: Light) -> Planes:
+        """The gradient in padded planes off the support, of lambda'lambda of the residual there."""
+
+    @abstractmethod
     def _hessian(self) -> Hessian: ...
 
     def _finest(self) -> Level:

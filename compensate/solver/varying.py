@@ -64,10 +64,27 @@ class Varying:
         self._mu = self._level.least_damping
         self.scale = self._needed_scale(rho)
 
-    def quadratic(self, planes: Planes) -> tuple[float, Planes]:
-        """Cost, and gradient on the picture, with two FFTs a channel of each seen view."""
-        cost, gradient = self._problem.quadratic(self._plain.light(planes))
-        return cost, self._plain.from_gradient(gradient)
+    def quadratic(self, planes: Planes) -> tuple[float, Planes, Planes]:
+        """With two FFTs a channel of each seen view.
+
+        Returns
+        -------
+        Cost, its gradient on the picture, and the quadratic's gradient around it: on the padded
+        planes, 0 on the support. (Light is pinned there. But the plain problem has a gradient
+        there, and so its dual is not 0: without it the iteration diverges.)
+        """
+        plain, problem = self._plain, self._problem
+        light = plain.light(planes)
+        energy, whole = problem.weighting.quadratic(problem.residual(light), whole=True)
+        xp = namespace(whole)
+        support = xp.asarray(plain.weighting.support, dtype=whole.dtype, device=whole.device)
+        rows, cols = support.shape
+        weighted = whole[:, :rows, :cols, :] * support[None, :, :, None]
+        gradient = plain.from_gradient(problem.gradient_of(light, weighted))
+        around = plain.pinned_gradient(whole)
+        for plane in around:
+            plane[:rows, :cols] *= 1 - support
+        return 0.5 * energy + problem.penalty(light), gradient, around
 
     def solve(self, spectra: Spectra, sigma: list[float]) -> None:
         """(scale H_0 + diag(sigma))^-1, in place."""

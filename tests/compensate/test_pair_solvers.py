@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pairs import OBSERVATIONS, grey, pair, pair_problem, two_views
 from scipy.optimize import lsq_linear, minimize
+from theatres import problem as dome_problem
 
 from compensate.problem import Problem
 from compensate.solver import varying
@@ -15,6 +16,7 @@ from compensate.solver.pair_split import PairSplit
 from compensate.solver.relinearised import Relinearised, true_cost
 from compensate.solver.result import Status
 from compensate.solver.worst_seat import WorstSeat, seat_importance
+from compensate.weighting import Masked
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -157,6 +159,37 @@ def test_a_grey_to_grey_table_is_minimised_as_it_is():
         options=options,
     )
     assert found.cost <= scipy.fun * 1.001
+
+
+def stepped(posed: Problem, start: np.ndarray, steps: int) -> np.ndarray:
+    solver = ADMM(tolerance=1e-12, max_iterations=steps, coarse=(0, 0), memory=0)
+    light = solver(posed, start).light
+    assert np.abs(light - start).max() > 0.01
+    return light
+
+
+@pytest.mark.parametrize("name", ["constant", "by direction", "3x3"])
+def test_crosstalk_that_hardly_varies_is_solved_as_if_it_did_not(name):
+    """Step by step, on the padding as well: a picture's dual is not 0 there."""
+    plain = OBSERVATIONS[name](24, 31)
+    hardly = 1 + 1e-12 * np.random.default_rng(0).random((2, 24, 31))
+    varies = Crosstalk(24, 31, plain.matrices, share=hardly, black=plain.black)
+    assert plain.uniform
+    assert not varies.uniform
+    posed, start = pair_problem(plain)
+    wanted = stepped(posed, start, 8)
+    # It is known before a step what light it is from
+    found = stepped(pair_problem(varies)[0], start, 9)
+    assert found == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize("views", [1, 2])
+def test_a_mask_of_ones_is_none(views):
+    """As above; off a dome's screen as well."""
+    posed, start = dome_problem(24) if views == 1 else pair_problem(OBSERVATIONS["3x3"](24, 31))
+    masked = Masked(np.ones(posed.weighting.shape[1:3]), posed.weighting)
+    found = stepped(posed.weighted_by(masked), start, 9)
+    assert found == pytest.approx(stepped(posed, start, 8), abs=1e-9)
 
 
 @pytest.mark.parametrize("peak", [0.4, 0.6])
