@@ -21,14 +21,17 @@ That this, and these numbers, do better than others is measured by ``validate --
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, maximum_filter
 
 from compensate.fourier import Fourier, padded_size
+from compensate.ghosts import BEST_FREQUENCY, FINEST_SIGMA
 from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, gains_of
@@ -48,7 +51,114 @@ PAIR_GAIN, DOME_GAIN = 0.15, 0.05
 PAIR_CHROMA, DOME_CHROMA = 1.5, 2.0
 """How many times more than castleCSF has it chromatic errors count."""
 
+_FAINT = 0.02  # contrast of a step that is about to be seen
+_K1, _K2 = 6 ** (-7 / 3), 6 ** (10 / 3)
 _TAILS = 4  # standard deviations of a Gaussian that are kept from the other side
+
+
+Plane: TypeAlias = NDArray[np.floating[Any]]
+"""(row, col)."""
+
+Planes: TypeAlias = NDArray[np.floating[Any]]
+"""(view, row, col)."""
+
+Factor: TypeAlias = Callable[[Planes, Planes], Planes]
+"""How much more an error counts, of the master and what subtraction leaves of pollution in it."""
+
+
+@final
+@dataclass(frozen=True)
+class Contours:
+    """Errors count more at the edges of ghosts that subtraction leaves.
+
+    The paper's reason to compensate is that such edges hinder fusion; the eye's weights alone leave
+    as much of them as of other errors. K is multiplied by 1 + strength e, with e -> 1 where an edge
+    of contrast is within reach (half of it at `_FAINT`):
+
+        e = max over the reach of a / (a + `_FAINT`),   a = sigma sqrt(2 pi) |grad G_sigma r|
+
+    where r is what subtraction leaves over the local luminance, a the height of a step in it, and
+    sigma as of the ghost edge energy (`compensate.ghosts`).
+
+    Parameters
+    ----------
+    strength
+        How much more they count at most.
+    reach
+        Degrees on either side.
+
+    Raises
+    ------
+    InputError
+        If one is not above 0 or not finite.
+    """
+
+    strength: float = 2.0
+    reach: float = 0.3
+
+    def __post_init__(self) -> None:
+        for name, value in (("strength", self.strength), ("reach", self.reach)):
+            if not 0 < value < np.inf:
+                raise InputError(f"the {name} of contours must be above 0, got {value:g}")
+
+    def at(self, density: float) -> Factor:
+        """The factor at so many pixels per degree."""
+        sigma = max(FINEST_SIGMA, density / (2 * np.pi * BEST_FREQUENCY))
+        size = 2 * round(self.reach * density) + 1
+
+        def of_view(left: Plane) -> Plane:
+            steps = gaussian_gradient_magnitude(left, sigma, mode="nearest")
+            steps *= sigma * np.sqrt(2 * np.pi)
+            near = maximum_filter(steps / (steps + _FAINT), size, mode="nearest")
+            return 1 + self.strength * gaussian_filter(near, size / 4, mode="nearest")
+
+        return lambda _, left: np.stack([of_view(plane) for plane in left])
+
+
+@final
+@dataclass(frozen=True)
+class Texture:
+    """Errors count less in the master's own texture, which masks them.
+
+    Daly's threshold elevation (S. Daly, "The Visible Differences Predictor", in *Digital Images and
+    Human Vision*, MIT Press 1993, pp. 179-206), of one band for all, at the eye's most sensitive:
+
+        K / T,   T = (1 + (k_1 (k_2 m)^s)^b)^(1/b),   k_1 = 6^(-7/3), k_2 = 6^(10/3), b = 4
+
+    m is the root-mean-square of the master over the local luminance, less its mean, within reach.
+
+    Parameters
+    ----------
+    slope
+        s: 0.7 of textures that the eye knows, 1 of noise.
+    reach
+        Standard deviation of the means, degrees.
+
+    Raises
+    ------
+    InputError
+        If one is not above 0 or not finite.
+    """
+
+    slope: float = 0.7
+    reach: float = 0.25
+
+    def __post_init__(self) -> None:
+        for name, value in (("slope", self.slope), ("reach", self.reach)):
+            if not 0 < value < np.inf:
+                raise InputError(f"the {name} of texture must be above 0, got {value:g}")
+
+    def at(self, density: float) -> Factor:
+        """The factor at so many pixels per degree."""
+        sigma = self.reach * density
+
+        def of_view(master: Plane) -> Plane:
+            mean = gaussian_filter(master, sigma, mode="nearest")
+            square = gaussian_filter(master**2, sigma, mode="nearest")
+            contrast = np.sqrt(np.maximum(square - mean**2, 0))
+            return (1 + (_K1 * (_K2 * contrast) ** self.slope) ** 4) ** -0.25
+
+        return lambda master, _: np.stack([of_view(plane) for plane in master])
 
 
 @final
@@ -77,6 +187,10 @@ class ContrastWeighting:
         In a dome, L counts up to this many times the adaptation luminance. Without a limit, errors
         in bright places cost next to nothing; and as every light pollutes the dark, the least cost
         would be to take the blue and the red out of whatever is bright.
+    contours
+        How much more errors count at the edges of what subtraction leaves; None: no more.
+    texture
+        How much less they count in the master's own texture; None: no less.
     padding
         As for `PerceptualWeighting`.
 
@@ -92,6 +206,8 @@ class ContrastWeighting:
     reach: float = 0.08
     floor: float = 0.1
     most: float = 0.3
+    contours: Contours | None = None
+    texture: Texture | None = None
     padding: int = 64
 
     def __post_init__(self) -> None:
@@ -137,77 +253,104 @@ class ContrastWeighting:
         self, viewing: Viewing, projector: Projector, screen: NDArray[np.bool_], views: int
     ) -> LocalContrast:
         """K of `views` pictures on a screen (row, col), of what is seen there."""
-        reach = self.reach * viewing.pixels_per_degree(*screen.shape)
+        density = viewing.pixels_per_degree(*screen.shape)
+        factors = [each.at(density) for each in (self.contours, self.texture) if each]
         level = viewing.adaptation / projector.white
         most = self.most * level if views == 1 else np.inf
         floor = self.floor / projector.white
-        return LocalContrast(screen, projector.luminance_weights, reach, level, floor, most)
+        blur = Averaging(screen, self.reach * density)
+        weights = projector.luminance_weights
+        return LocalContrast(blur, weights, level, floor, most, factors)
 
 
 @final
-class LocalContrast:
-    """K = l / (L + c) of the pictures on a screen; call it with what is seen.
+class Averaging:
+    """Gaussian means over the pixels of a screen, by FFT.
 
     Parameters
     ----------
     screen
         (row, col) bool.
-    weights
-        (primary,) of luminance.
     reach
-        Standard deviation of the Gaussian that L is averaged by, pixels.
-    level, floor, most
-        l, c and the limit to L, 1 = projector white.
+        Standard deviation, pixels.
     """
 
-    def __init__(
-        self,
-        screen: NDArray[np.bool_],
-        weights: NDArray[np.floating[Any]],
-        reach: float,
-        level: float,
-        floor: float,
-        most: float,
-    ) -> None:
-        self._screen, self._weights = screen, weights
-        self._level, self._floor, self._most = level, floor, most
+    def __init__(self, screen: NDArray[np.bool_], reach: float) -> None:
+        self.screen = screen
         margin = int(np.ceil(_TAILS * reach))
         rows, cols = (padded_size(side, margin) for side in screen.shape)
         self._fourier = Fourier(rows, cols)
         along, across = self._fourier.frequencies(1.0)
         blur = np.exp(-2 * (np.pi * reach) ** 2 * (along**2 + across**2))
         self._blur = blur.astype(np.float32)
-        on = np.zeros((rows, cols), np.float32)
-        on[: screen.shape[0], : screen.shape[1]] = screen
-        # Of the screen alone: what is off it does not count
-        self._around = np.maximum(self._averaged(on), 1e-3)
+        self._around = np.float32(1)
+        self._around = np.maximum(self(screen[None].astype(np.float32))[0], 1e-3)
 
-    def __call__(self, seen: Light) -> Light:
-        """K, (view, row, col, 1) like `seen` (view, row, col, primary); 1 off the screen."""
-        cols = self._screen.shape[1]
-        weights = self._weights.astype(seen.dtype)
-        planes = np.zeros((len(seen), self._fourier.rows, self._fourier.cols), seen.dtype)
-        result = np.empty((*seen.shape[:3], 1), seen.dtype)
-
-        def fill(view: int, strip: slice) -> None:
-            luminance = np.maximum(seen[view, strip] @ weights, 0)
-            planes[view, strip, :cols] = luminance * self._screen[strip]
-
-        def finish(view: int, strip: slice) -> None:
-            local = np.maximum(planes[view, strip, :cols], 0) / self._around[strip, :cols]
-            contrast = self._level / (np.minimum(local, self._most) + self._floor)
-            result[view, strip, :, 0] = np.where(self._screen[strip], contrast, 1)
-
-        in_strips(fill, seen.shape)
-        planes = self._averaged(planes)
-        in_strips(finish, seen.shape)
-        return result
-
-    def _averaged(self, planes: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-        spectrum = self._fourier.forward(planes)
+    def __call__(self, planes: Planes) -> Planes:
+        """(view, row, col) means; what is off the screen does not count."""
+        rows, cols = self.screen.shape
+        padded = np.zeros((len(planes), self._fourier.rows, self._fourier.cols), planes.dtype)
+        np.multiply(planes, self.screen, out=padded[:, :rows, :cols])
+        spectrum = self._fourier.forward(padded)
         spectrum *= self._blur
-        averaged: NDArray[np.floating[Any]] = self._fourier.inverse(spectrum)
+        averaged: Planes = self._fourier.inverse(spectrum)[:, :rows, :cols]
+        averaged /= self._around
         return averaged
+
+
+@final
+@dataclass(frozen=True)
+class LocalContrast:
+    """K = l / (L + c) of the pictures on a screen, and factors; call it with what is seen.
+
+    Parameters
+    ----------
+    averaging
+        What L is averaged by.
+    weights
+        (primary,) of luminance.
+    level, floor, most
+        l, c and the limit to L, 1 = projector white.
+    factors
+        Of the master and what is seen too much, (view, row, col) luminance over L + c.
+    """
+
+    averaging: Averaging
+    weights: NDArray[np.floating[Any]]
+    level: float
+    floor: float
+    most: float
+    factors: Sequence[Factor] = ()
+
+    def __call__(self, seen: Light, desired: Light) -> Light:
+        """K, (view, row, col, 1) like `seen` (view, row, col, primary); 1 off the screen.
+
+        Parameters
+        ----------
+        seen, desired
+            What the best subtraction shows, and what it should.
+        """
+        local = np.maximum(self.averaging(self._luminance(seen)), 0)
+        below = np.minimum(local, self.most) + self.floor
+        contrast = self.level / below
+        if self.factors:
+            master = self._luminance(desired)
+            left = (self._luminance(seen) - master) / below
+            master /= below
+            for factor in self.factors:
+                contrast *= factor(master, left)
+        result: Light = np.where(self.averaging.screen, contrast, 1)[..., None]
+        return result.astype(seen.dtype, copy=False)
+
+    def _luminance(self, light: Light) -> Planes:
+        planes = np.empty(light.shape[:3], light.dtype)
+        weights = self.weights.astype(light.dtype)
+
+        def fill(view: int, rows: slice) -> None:
+            planes[view, rows] = np.maximum(light[view, rows] @ weights, 0)
+
+        in_strips(fill, light.shape)
+        return planes
 
 
 def _at_any_orientation(

@@ -399,16 +399,16 @@ class Stage:
         solvable = single.observation
         if isinstance(shared.observation, SeveralSeats):
             solvable = shared.observation
-        seen = shared.observation.observe(subtractive)
+        seen, wanted = shared.observation.observe(subtractive), solvable.direct(desired)
         problem = Problem(
             solvable,
             shared.weighting,
-            solvable.direct(desired),
+            wanted,
             (single.lower, single.upper),
             anchor=subtractive,
             regularisation=REGULARISATION,
             negligible=shared.negligible,
-            contrast=shared.contrast(seen) if shared.contrast else None,
+            contrast=shared.contrast(seen, wanted) if shared.contrast else None,
         )
         return Posed(
             scene=self._scene,
@@ -420,7 +420,7 @@ class Stage:
             screen=shared.screen,
             areas=shared.areas,
             judge=shared.judge,
-            exact=_is_rounding(seen - problem.desired),
+            exact=_is_rounding(seen - wanted),
             uncertain=shared.uncertain,
         )
 

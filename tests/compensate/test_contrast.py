@@ -16,7 +16,9 @@ from compensate.contrast import (
     DOME_GAIN,
     PAIR_CHROMA,
     PAIR_GAIN,
+    Contours,
     ContrastWeighting,
+    Texture,
 )
 from compensate.master import pose, solved
 from compensate.problem import Problem
@@ -37,7 +39,7 @@ PROJECTOR = Projector("BT.709", 20.0)
 def contrast(seen, screen=None, **settings):
     screen = np.ones(seen.shape[1:3], bool) if screen is None else screen
     of_screen = ContrastWeighting(**settings).contrast(viewing(), PROJECTOR, screen, len(seen))
-    return of_screen(seen)
+    return of_screen(seen, seen)
 
 
 def test_contrast_is_relative_to_the_luminance_that_is_seen():
@@ -73,6 +75,52 @@ def test_the_same_error_matters_more_in_the_dark():
     assert factor[0, 0, 50, 0] / factor[0, 0, 5, 0] == pytest.approx((10.0 + 0.1) / (0.2 + 0.1))
 
 
+def test_errors_count_more_beside_the_edges_of_what_subtraction_leaves():
+    density = 40.0
+    left = np.zeros((2, 120, 200))
+    left[1, :, 100:] = 0.5
+    factor = Contours(strength=3.0, reach=0.25).at(density)(np.ones_like(left), left)
+    assert (factor[0] == 1).all()
+    assert (factor[1] >= 1).all()
+    # Most of it at the edge, none three times as far off as it reaches
+    assert factor[1, :, 98:102].min() > 1 + 0.9 * 3.0
+    assert factor[1, :, :70] == pytest.approx(1, abs=0.02)
+    assert factor[1, :, 130:] == pytest.approx(1, abs=0.02)
+    assert (np.diff(factor[1, 60, :95]) >= -1e-12).all()
+
+
+def test_the_fainter_an_edge_the_less_errors_count_there():
+    left = np.zeros((1, 40, 60))
+    left[:, :, 30:] = 1.0
+    of_contrast = [
+        float(Contours().at(20.0)(left, contrast * left).max()) for contrast in (0.001, 0.02, 1.0)
+    ]
+    assert of_contrast[0] < 1.2
+    # A step of 0.02 is about to be seen: half of the strength
+    assert of_contrast[1] == pytest.approx(1 + 0.5 * Contours().strength, rel=0.15)
+    assert of_contrast[2] > 1 + 0.9 * Contours().strength
+
+
+def test_texture_masks_as_daly_has_it():
+    flat = np.full((1, 64, 64), 0.7)
+    assert (Texture().at(20.0)(flat, flat) == 1).all()
+    wave = np.cos(2 * np.pi * np.arange(64) / 8)[None, None, :] * np.ones((1, 64, 1))
+    factor = Texture(slope=0.7, reach=0.5).at(20.0)(1 + 0.6 * wave, flat)
+    elevation = (1 + (0.0153 * (392.5 * 0.6 / np.sqrt(2)) ** 0.7) ** 4) ** 0.25
+    assert factor[0, 32, 20:44] == pytest.approx(1 / elevation, rel=1e-3)
+
+
+@pytest.mark.parametrize("settings", [{"contours": Contours()}, {"texture": Texture(1.0)}])
+def test_factors_change_what_is_projected(settings):
+    scene = load_scene("stereo_polarised_paper")
+    master = generated(128)[:, :72]
+    plain, other = (
+        pose(master, scene, ContrastWeighting(**each)).problem for each in ({}, settings)
+    )
+    assert other.contrast.shape == plain.contrast.shape
+    assert np.abs(other.contrast / plain.contrast - 1).max() > 0.05
+
+
 @pytest.mark.parametrize("level", [0.05, 0.4])
 def test_a_grating_at_threshold_is_one_just_noticeable_difference(level):
     """Whatever the luminance that it lies on: castleCSF's threshold contrast at that frequency."""
@@ -87,7 +135,7 @@ def test_a_grating_at_threshold_is_one_just_noticeable_difference(level):
     residual = level * threshold * wave * np.ones_like(background)
     screen = np.ones((size, size), bool)
     weighting = settings.of(eye, scene.projector, screen, 1)
-    k = settings.contrast(eye, scene.projector, screen, len(background))(background)
+    k = settings.contrast(eye, scene.projector, screen, len(background))(background, background)
     differences = scene.projector.white / eye.adaptation * weighting.peak
     rms = np.sqrt(weighting.energy(residual * k) / size**2) * differences
     # White is not quite without colour in the cone fundamentals
