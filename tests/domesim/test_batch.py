@@ -255,6 +255,21 @@ def test_parts_of_a_show_belong_to_one_job(tmp_path: Path, recipe: Harmful) -> N
     assert frames_told(tmp_path) == ["0001", "0002", "0003", "0004"]
 
 
+@pytest.mark.parametrize(
+    ("same", "report"),
+    [(("3-3", "3"), "report-3.html"), (("1-4x2", "3, 1", "1,3"), "report-1,3.html")],
+)
+def test_frames_have_one_report_however_they_are_written(
+    tmp_path: Path, recipe: Harmful, same: tuple[str, ...], report: str
+) -> None:
+    """Farms hand out one frame as 3-3; a person says 3."""
+    make_show(tmp_path / "in", 4)
+    for part in same:
+        show = show_of(tmp_path / "in", part)
+        each_frame(show, tmp_path / "out", recipe, Console(quiet=True), what="copying")
+        assert [path.name for path in (tmp_path / "out/job").glob("report*.html")] == [report]
+
+
 def frames_told(folder: Path, part: str = "") -> list[str]:
     """Numbers of the frames in a table of the job's."""
     lines = (folder / f"out/job/frames{part}.csv").read_text().splitlines()
@@ -728,4 +743,4 @@ def test_a_render_farm_does_each_frame_once(tmp_path: Path) -> None:
     assert len(list((tmp_path / "out").glob("in.*.exr"))) == 3
     assert len(records(tmp_path)) == 3
     assert frames_told(tmp_path, "-1-2") == ["0001", "0002"]
-    assert frames_told(tmp_path, "-3-3") == ["0003"]
+    assert frames_told(tmp_path, "-3") == ["0003"]
