@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from batches import LINEAR, Harmful, copied, make_show, show_of
+from batches import LINEAR, Harmful, copied, do_show, harmful_in, make_show, show_of
 from pyarrow import parquet
 
 from domesim.batch import cluster, crew, job, report
@@ -41,9 +41,7 @@ TESTS = Path(__file__).parents[1]
 
 @pytest.fixture
 def recipe(tmp_path: Path) -> Harmful:
-    log = tmp_path / "log"
-    log.mkdir()
-    return Harmful(log)
+    return harmful_in(tmp_path)
 
 
 @pytest.fixture(autouse=True)
@@ -111,14 +109,7 @@ def test_what_was_half_written_is_removed(tmp_path: Path, recipe: Harmful) -> No
 def test_anew_is_of_the_frames_that_are_named(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 3)
     copied(tmp_path, recipe, 0)
-    each_frame(
-        show_of(tmp_path / "in", "2"),
-        tmp_path / "out",
-        recipe,
-        Console(quiet=True),
-        what="copying",
-        running=Running(0, anew=True),
-    )
+    do_show(show_of(tmp_path / "in", "2"), tmp_path, recipe, anew=True)
     assert recipe.begun().count("in.0002.exr") == 2
     assert copied(tmp_path, recipe, 0).kept == 3
 
@@ -265,8 +256,7 @@ def test_frames_have_one_report_however_they_are_written(
     """Farms hand out one frame as 3-3; a person says 3."""
     make_show(tmp_path / "in", 4)
     for part in same:
-        show = show_of(tmp_path / "in", part)
-        each_frame(show, tmp_path / "out", recipe, Console(quiet=True), what="copying")
+        do_show(show_of(tmp_path / "in", part), tmp_path, recipe)
         assert [path.name for path in (tmp_path / "out/job").glob("report*.html")] == [report]
 
 
@@ -279,13 +269,9 @@ def frames_told(folder: Path, part: str = "") -> list[str]:
 PART = """
 import sys
 from pathlib import Path
-from batches import Harmful, show_of
-from domesim.batch.run import Running, each_frame
-from domesim.console import Console
+from batches import do_show, harmful_in, show_of
 folder = Path(sys.argv[1])
-show = show_of(folder / "in", sys.argv[2])
-each_frame(show, folder / "out", Harmful(folder / "log"), Console(quiet=True), what="copying",
-           running=Running(0))
+do_show(show_of(folder / "in", sys.argv[2]), folder, harmful_in(folder))
 """
 
 
@@ -317,15 +303,8 @@ def test_the_settings_of_each_frame_stay_known(tmp_path: Path, recipe: Harmful) 
     make_show(tmp_path / "in", 3)
     copied(tmp_path, recipe, 0)
     (tmp_path / "out/in.0002.exr").unlink()
-    dithered = each_frame(
-        show_of(tmp_path / "in"),
-        tmp_path / "out",
-        recipe,
-        Console(quiet=True),
-        what="copying",
-        writing=Writing(dither=True),
-        running=Running(0, mixed=True),
-    )
+    show = show_of(tmp_path / "in")
+    dithered = do_show(show, tmp_path, recipe, Writing(dither=True), mixed=True)
     assert dithered.kept == 2
     for number in (1, 2, 3):
         record = json.loads((tmp_path / f"out/job/in.{number:04d}.exr.json").read_text())
@@ -342,15 +321,7 @@ def test_the_settings_of_each_frame_stay_known(tmp_path: Path, recipe: Harmful) 
 def test_settings_are_the_same_however_they_are_named(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 2)
     for suffix in (None, ".exr", None):
-        done = each_frame(
-            show_of(tmp_path / "in"),
-            tmp_path / "out",
-            recipe,
-            Console(quiet=True),
-            what="copying",
-            writing=Writing(suffix),
-            running=Running(0),
-        )
+        done = do_show(show_of(tmp_path / "in"), tmp_path, recipe, Writing(suffix))
     assert done.kept == 2
 
 
