@@ -5,15 +5,14 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import exit_code
 from made_up_domes import store_survey
 from made_up_photographs import made_up
 
-from domesim import cli
 from domesim.frames import read_frame
 
 FOLDER = Path(__file__).parents[1] / "docs"
@@ -67,34 +66,18 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("command", "said"), list(commands()))
-def test_commands_say_what_the_page_says(folder, command, said, monkeypatch, capfd):
+def test_commands_say_what_the_page_says(folder, command, said, monkeypatch, run):
     arguments = [SMALLER.get(word, word) for word in shlex.split(command)]
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", arguments)
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
-    with pytest.raises(SystemExit):
-        cli.run()
-    seen = capfd.readouterr()
-    told = (seen.out + seen.err).replace("64 x 64", "4096 x 4096").replace("96 x 64", "2048 x 1080")
+    _, out, err = run(*arguments[1:])
+    told = (out + err).replace("64 x 64", "4096 x 4096").replace("96 x 64", "2048 x 1080")
     assert told == said
 
 
 @pytest.mark.parametrize(("kind", "size"), [("dome", "160"), ("stereo", "160x84")])
-def test_pictures_are_what_the_program_writes(tmp_path, kind, size, monkeypatch):
-    command = [
-        "domesim",
-        "measure",
-        "patterns",
-        f"--{kind}",
-        "--size",
-        size,
-        "--out",
-        str(tmp_path),
-    ]
-    monkeypatch.setattr(sys, "argv", [*command, "--quiet"])
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
-    with pytest.raises(SystemExit):
-        cli.run()
+def test_pictures_are_what_the_program_writes(tmp_path, kind, size):
+    options = ("--size", size, "--out", tmp_path, "--quiet")
+    assert not exit_code("measure", "patterns", f"--{kind}", *options)
     kept = sorted((FOLDER / "measuring").glob(f"{kind}-*.png"))
     assert len(kept) >= 3
     for picture in kept:

@@ -89,9 +89,9 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def run(monkeypatch, capfd):
+def run(capfd):
     """The command: its exit code, standard output and standard error."""
-    return lambda *arguments: outcome_of(monkeypatch, capfd, "measure", "dome", *arguments)
+    return lambda *arguments: outcome_of(capfd, "measure", "dome", *arguments)
 
 
 def test_a_theatre_is_measured_and_its_scene_loads(folder, run):

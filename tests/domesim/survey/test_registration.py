@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from command_line import outcome_of
+from command_line import exit_code
 from image_files import store
 from scipy.spatial.transform import Rotation
 
@@ -179,17 +179,14 @@ adaptation_cd_m2 = 0.5
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, capfd):
+def folder(tmp_path):
     """A survey of one photograph, of a rectangular picture, with its patterns."""
     theatre = THEATRE.format(half_angle=85.0, tilt=float(np.degrees(DOME.tilt)))
     (tmp_path / "theatre.toml").write_text(theatre)
     (tmp_path / "survey.toml").write_text(SURVEY)
     store(tmp_path / "dots.exr", photograph(PINHOLE, 480, 640).astype(np.float32))
     made = ("--dome", "--scene", tmp_path / "theatre.toml", "--size", "64")
-    code, _, _ = outcome_of(
-        monkeypatch, capfd, "measure", "patterns", *made, "--out", tmp_path / "patterns", "--quiet"
-    )
-    assert code == 0
+    assert not exit_code("measure", "patterns", *made, "--out", tmp_path / "patterns", "--quiet")
     return tmp_path
 
 
