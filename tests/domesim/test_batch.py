@@ -12,10 +12,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -594,6 +595,56 @@ def test_a_lost_scheduler_is_told_and_nothing_is_lost(tmp_path: Path, recipe: Ha
     done = copied(tmp_path, recipe, 0)
     assert done.kept == len(before) >= 1
     assert is_whole(tmp_path, 6)
+
+
+class Losing:
+    """A client that lets go of all frames, and sees a little later that its scheduler is lost."""
+
+    cluster = None
+
+    def __init__(self, seconds: float) -> None:
+        self.lost = time.monotonic() + seconds
+
+    @property
+    def status(self) -> str:
+        return "running" if time.monotonic() < self.lost else "connecting"
+
+    def submit(self, *arguments: Any, **options: Any) -> Any:
+        future = SimpleNamespace(key=str(time.monotonic_ns()), status="cancelled")
+        future.add_done_callback = lambda tell: tell(future)
+        return future
+
+
+class Breaking(Losing):
+    """One whose calls fail first."""
+
+    def submit(self, *arguments: Any, **options: Any) -> Any:
+        raise OSError("the connection was closed")
+
+
+@pytest.mark.parametrize("kind", [Losing, Breaking])
+def test_no_frame_is_blamed_for_a_lost_scheduler(
+    tmp_path: Path, recipe: Harmful, monkeypatch: Any, kind: type[Losing]
+) -> None:
+    """Whatever is heard of first."""
+    make_show(tmp_path / "in", 2)
+    monkeypatch.setattr(cluster, "client_of", lambda crew, tell: nullcontext(kind(0.3)))
+    began = time.monotonic()
+    with pytest.raises(InputError, match="lost it"):
+        copied(tmp_path, recipe, 2)
+    assert time.monotonic() - began < 0.3 + cluster._SETTLING  # no longer than needed
+
+
+def test_frames_that_a_scheduler_keeps_cancelling_are_given_up(
+    tmp_path: Path, recipe: Harmful, monkeypatch: Any
+) -> None:
+    make_show(tmp_path / "in", 2)
+    monkeypatch.setattr(cluster, "_SETTLING", 0.1)
+    monkeypatch.setattr(cluster, "client_of", lambda crew, tell: nullcontext(Losing(PATIENCE)))
+    done = copied(tmp_path, recipe, 2)
+    assert [reason.split(": ")[1] for reason in done.failed] == [
+        "the scheduler keeps cancelling it"
+    ] * 2
 
 
 def test_no_scheduler_is_told(tmp_path: Path, recipe: Harmful, monkeypatch: Any) -> None:
