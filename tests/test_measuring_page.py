@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import exit_code
-from made_up_domes import store_survey
+from made_up_domes import THEATRE, described, store_survey
 from made_up_photographs import made_up
 
 from domesim.frames import read_frame
@@ -19,24 +19,6 @@ FOLDER = Path(__file__).parents[1] / "docs"
 PAGE = (FOLDER / "measuring.md").read_text()
 SMALLER = {"4096": "64", "2048x1080": "96x64"}
 """Sizes of the page's patterns, and those of a test."""
-THEATRE = """\
-name = "theatre"
-
-[dome]
-radius_m = 4.0
-half_angle_deg = 85.0
-tilt_deg = 11.459155902616466
-
-[screen]
-albedo = 0.5
-
-[projector]
-white_cd_m2 = 8.0
-
-[viewing]
-adaptation_cd_m2 = 0.5
-"""
-"""That of `made_up_domes`, as far as it is described."""
 PROJECTED = (*range(6), 6, 8, 10, *range(12, 17))
 """Black, white, halves, every second sector, rings and boards."""
 
@@ -61,7 +43,7 @@ def folder(tmp_path_factory):
         each for each in re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S) if "corners" in each
     )
     made_up(path, toml)
-    store_survey(path, THEATRE, PROJECTED)
+    store_survey(path, described(THEATRE.dome), PROJECTED)
     return path
 
 
