@@ -89,10 +89,9 @@ class Compensating(Recipe):
         require_method(self.method, theatre)
         if not 0 < self.tolerance < 1:
             raise InputError(f"tolerance must lie between 0 and 1, got {self.tolerance:g}")
-        several = isinstance(theatre, StereoScene) and len(theatre.chosen) > 1
         if self.only_visible:
             table = isinstance(theatre, StereoScene) and theatre.table is not None
-            if self.method != "perceptual" or several or table or self.device != CPU:
+            if self.method != "perceptual" or theatre.several_seats or table or self.device != CPU:
                 raise InputError(
                     "--only-visible is for --method perceptual, one seat without a grey-to-grey "
                     "table, and the processor; leave it out"
@@ -102,7 +101,7 @@ class Compensating(Recipe):
                 raise InputError(
                     f"--device {self.device}: {self.method} is computed on the processor only"
                 )
-            if several and self.scene.seat == "worst":
+            if theatre.several_seats and self.scene.seat == "worst":
                 raise InputError(
                     f"--seat worst: {self.method} knows one seat or the mean of all; use "
                     f"--seat all, name one, or leave --method out"
@@ -166,8 +165,7 @@ class Compensating(Recipe):
 
 def preferred(theatre: Scene) -> str:
     """The vision model for those who name none (``validation/notes/0007``)."""
-    several = isinstance(theatre, StereoScene) and len(theatre.chosen) > 1
-    return PAPER if several else CONTRAST
+    return PAPER if theatre.several_seats else CONTRAST
 
 
 def weighting_of(name: str, low_frequency_gain: float | None = None) -> Eye:

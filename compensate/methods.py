@@ -55,7 +55,7 @@ def perceptual(
         return admm
     if scene.table is not None:
         return Relinearised(admm, tolerance)
-    if worst and len(scene.chosen) > 1:
+    if worst and scene.several_seats:
         inner = replace(admm, tolerance=tolerance / 5, stop_when_invisible=False)
         return WorstSeat(inner, tolerance=5 * tolerance)
     return admm

@@ -53,6 +53,7 @@ from domesim.cli import (
     Workers,
     about_scene,
     do_show,
+    require_one_seat,
     scene_of,
 )
 from domesim.console import Console
@@ -63,7 +64,6 @@ from domesim.frames.png import with_colour_chunks
 from domesim.frames.whole import write_together
 from domesim.frames.writing import bare_specification, encode, state_exr_compression
 from domesim.observation.stereo import VIEWS
-from domesim.scene import StereoScene
 from domesim.shows import Show, find_show
 
 Threshold = Annotated[
@@ -156,11 +156,7 @@ def predict(
     settings = _settings(threshold, combination, saliency, mesopic)
     choice = SceneChoice(scene, transport, seat)
     theatre = scene_of(choice, console)
-    if isinstance(theatre, StereoScene) and len(theatre.chosen) > 1:
-        raise InputError(
-            f"--seat {seat}: pollution is predicted for one seat; name one of "
-            f"{', '.join(theatre.chosen)}"
-        )
+    require_one_seat(theatre, seat, "pollution is predicted for one seat")
     show = find_show(
         master,
         left,

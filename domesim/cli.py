@@ -225,11 +225,7 @@ def observe(
     console = Console(quiet=quiet, json=json)
     choice = SceneChoice(scene, transport, seat)
     theatre = scene_of(choice, console)
-    if isinstance(theatre, StereoScene) and len(theatre.chosen) > 1:
-        raise InputError(
-            f"--seat {seat}: what is seen is seen from one seat; name one of "
-            f"{', '.join(theatre.chosen)}"
-        )
+    require_one_seat(theatre, seat, "what is seen is seen from one seat")
     show = find_show(
         master,
         left,
@@ -310,6 +306,18 @@ def scene_of(choice: SceneChoice, console: Console) -> Scene:
     if scene.approximation is not None:
         console.say(f"{scene.name}: {scene.approximation}")
     return scene
+
+
+def require_one_seat(scene: Scene, seat: str | None, why: str) -> None:
+    """See that a scene is looked at from one seat.
+
+    Raises
+    ------
+    InputError
+        If it is looked at from several, by ``--seat SEAT``; it says why not.
+    """
+    if isinstance(scene, StereoScene) and scene.several_seats:
+        raise InputError(f"--seat {seat}: {why}; name one of {', '.join(scene.chosen)}")
 
 
 def suffix_of(file_format: str | None) -> str | None:

@@ -161,6 +161,11 @@ class Dome:
             return inside
         return inside & (self._room_height(u, v) >= self.truncated_below)
 
+    def toward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(..., xyz): unit vectors of the dome's frame towards points of the room (..., xyz), m."""
+        local = points @ self.to_room
+        return np.asarray(local / np.maximum(np.linalg.norm(local, axis=-1, keepdims=True), 1e-300))
+
     def pixel_of(
         self, directions: NDArray[np.float64], size: int
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -100,6 +100,11 @@ def parse_frames(text: str) -> fileseq.FrameSet:
     return numbers
 
 
+def ranges_of(numbers: Iterable[int]) -> str:
+    """Frame numbers as one text that `parse_frames` reads: 1-3,7 for these, in any order."""
+    return str(fileseq.framesToFrameRange(sorted(numbers)))
+
+
 def output_paths(
     sources: Sequence[Path], folder: Path, suffix: str | None = None
 ) -> tuple[Path, ...]:
@@ -191,7 +196,7 @@ def _chosen(path: Path, found: dict[int, Path], frames: str | None) -> dict[int 
     numbers = sorted(found)
     if frames:
         numbers = sorted(parse_frames(frames))
-        missing = _ranges([number for number in numbers if number not in found])
+        missing = ranges_of(number for number in numbers if number not in found)
         wanted, way = frames, "choose from"
     else:
         missing = _gaps(numbers)
@@ -199,7 +204,7 @@ def _chosen(path: Path, found: dict[int, Path], frames: str | None) -> dict[int 
     if missing:
         raise InputError(
             f"{path}: wanted frames {wanted}, missing {missing}. "
-            f"Render what is missing, or {way} --frames {_ranges(sorted(found))}"
+            f"Render what is missing, or {way} --frames {ranges_of(found)}"
         )
     return {number: found[number] for number in numbers}
 
@@ -220,9 +225,9 @@ def _refuse_unmatched(where: str, left: set[Any], right: set[Any]) -> None:
     if not any(missing.values()):
         return
     sides = " and ".join(
-        f"{_ranges(sorted(numbers))} on the {side}" for side, numbers in missing.items() if numbers
+        f"{ranges_of(numbers)} on the {side}" for side, numbers in missing.items() if numbers
     )
-    both = _ranges(sorted(left & right))
+    both = ranges_of(left & right)
     way = f"name those that both have: --frames {both}" if both else "check the patterns."
     raise InputError(
         f"{where}: wanted the same frames on both sides, missing {sides}. "
@@ -329,8 +334,3 @@ def _gaps(numbers: list[int]) -> str:
         for before, after in pairwise(numbers)
         if after - before > 1
     )
-
-
-def _ranges(numbers: list[int]) -> str:
-    """Sorted `numbers` as one text that `parse_frames` reads: 1-3,7."""
-    return str(fileseq.framesToFrameRange(numbers)) if numbers else ""

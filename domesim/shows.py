@@ -10,7 +10,14 @@ from domesim.errors import InputError
 from domesim.frames import ColourTag, Master, Packing, read_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.mistaken import refuse_one_file
-from domesim.sequences import find_frames, find_pairs, output_pairs, output_paths
+from domesim.sequences import (
+    find_frames,
+    find_pairs,
+    output_pairs,
+    output_paths,
+    parse_frames,
+    ranges_of,
+)
 
 PACKINGS = tuple(kind for kind in get_args(Packing) if kind not in ("single", "files"))
 """How left and right may lie in one file."""
@@ -34,7 +41,7 @@ class Show:
     numbered
         Whether they are frames of a sequence, be it one of its frames.
     part
-        Which of a sequence's frames were asked for, such as ``1-100x10``; "" for all.
+        Which of a sequence's frames were asked for, as `ranges_of` writes them; "" for all.
     """
 
     moments: tuple[tuple[Path, ...], ...]
@@ -103,6 +110,7 @@ def find_show(
         as for `find_frames` and `find_pairs`.
     """
     colour = None if encoding is None else encoding_named(encoding)
+    part = ranges_of(parse_frames(frames)) if frames else ""
     if packing is not None and packing not in PACKINGS:
         raise InputError(f"--packing {packing!r} is not known; use one of {', '.join(PACKINGS)}")
     if master is not None and (left is not None or right is not None):
@@ -114,7 +122,7 @@ def find_show(
         found = find_frames(master, frames)
         moments = tuple((path,) for path in found)
         numbered = moments != ((Path(master),),)
-        return Show(moments, packing, allow_identical, colour, numbered, frames or "")
+        return Show(moments, packing, allow_identical, colour, numbered, part)
     if left is None or right is None:
         if left is None and right is None:
             raise InputError(
@@ -136,4 +144,4 @@ def find_show(
         for pair in pairs:
             refuse_one_file(*pair)
     numbered = pairs != ((Path(left), Path(right)),)
-    return Show(pairs, None, allow_identical, colour, numbered, frames or "")
+    return Show(pairs, None, allow_identical, colour, numbered, part)

@@ -17,7 +17,7 @@ from typing import Any, final
 import numpy as np
 
 from domesim.batch.run import Done, Running, each_frame
-from domesim.batch.work import Column, Note, Recipe, Work, Write
+from domesim.batch.work import Column, Note, Recipe, Work, Write, Writing
 from domesim.console import Console
 from domesim.frames import ColourTag, Frame, Master, write_frame
 from domesim.shows import Show, find_show
@@ -115,15 +115,33 @@ def show_of(folder: Path, frames: str | None = None) -> Show:
     return find_show(str(folder / "in.####.exr"), frames=frames)
 
 
+def harmful_in(folder: Path, **options: Any) -> Harmful:
+    """Work that is told of in ``folder/log``."""
+    (folder / "log").mkdir(parents=True, exist_ok=True)
+    return Harmful(folder / "log", **options)
+
+
+def do_show(
+    show: Show, folder: Path, recipe: Recipe, writing: Writing | None = None, **running: Any
+) -> Done:
+    """Do it as `running` says, by itself if nothing; results go to ``folder/out``."""
+    return each_frame(
+        show,
+        folder / "out",
+        recipe,
+        Console(quiet=True),
+        what="copying",
+        writing=writing,
+        running=Running(**{"workers": 0, **running}),
+    )
+
+
 def copied(
     folder: Path, recipe: Recipe, workers: int, *, scheduler: str | None = None, **options: Any
 ) -> Done:
     """Do the show of ``folder/in``; results go to ``folder/out``."""
-    running = Running(None if scheduler else workers, scheduler=scheduler, **options)
-    show = show_of(folder / "in")
-    return each_frame(
-        show, folder / "out", recipe, Console(quiet=True), what="copying", running=running
-    )
+    options |= {"workers": None if scheduler else workers, "scheduler": scheduler}
+    return do_show(show_of(folder / "in"), folder, recipe, **options)
 
 
 def main() -> None:

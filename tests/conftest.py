@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -27,6 +28,20 @@ ARGUMENTS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., Any]:
+    """The command in this process."""
+    from command_line import outcome_of  # noqa: PLC0415 - loads NumPy
+
+    return lambda *arguments: outcome_of(capfd, *arguments)
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """Where its results go; not there yet."""
+    return tmp_path / "results"
 
 
 @pytest.fixture(scope="session")

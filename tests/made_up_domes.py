@@ -12,6 +12,7 @@ from image_files import store
 from domesim.dome import Dome
 from domesim.observation.radiosity import radiosity
 from domesim.observation.transport import Transport
+from domesim.scene.writing import as_toml
 from domesim.survey.camera import SURFACES, Camera, looked_at, places_in
 from domesim.survey.photographs import Photographs
 from domesim.survey.responses import screen_alone
@@ -56,14 +57,30 @@ def seen(
     u, v = places_in(size)
     surface, points = looked_at(screen_alone(theatre), camera, u, v)
     on = surface == SURFACES["screen"]
-    rays = points[on] @ theatre.dome.to_room
-    row, col = theatre.dome.pixel_of(rays / np.linalg.norm(rays, axis=-1, keepdims=True), rows)
+    row, col = theatre.dome.pixel_of(theatre.dome.toward(points[on]), rows)
     light = np.zeros((len(lit), size, size, 3))
     light[:, on] = shown[:, row, col] * GAIN
     light *= (1 - vignetting * (u**2 + v**2))[..., None]
     spread = np.hypot(noise * light, read_out * np.array(GAIN))
     light += spread * np.random.default_rng(seed).standard_normal(light.shape)
     return Photographs(camera, light, np.arange(len(lit)), np.ones(len(lit)))
+
+
+def described(dome: Dome) -> str:
+    """A theatre's file that tells of its dome, and of the rest as little as can be."""
+    return as_toml(
+        {
+            "name": "theatre",
+            "dome": {
+                "radius_m": dome.radius,
+                "half_angle_deg": float(np.degrees(dome.half_angle)),
+                "tilt_deg": float(np.degrees(dome.tilt)),
+            },
+            "screen": {"albedo": 0.5},
+            "projector": {"white_cd_m2": 8.0},
+            "viewing": {"adaptation_cd_m2": 0.5},
+        }
+    )
 
 
 def store_survey(

@@ -10,14 +10,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
+from command_line import Run, run_for_real
 
-from domesim import cli
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.observation.transport import Transport
 from domesim.scene import load_scene, scene_names
@@ -31,65 +31,6 @@ screen = { albedo = 0.45 }
 projector = { white_cd_m2 = 13.7 }
 viewing = { adaptation_cd_m2 = 1.4 }
 """
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a run of the command did, as far as whoever started it sees."""
-
-    code: int
-    out: str
-    err: str
-
-    def __post_init__(self) -> None:
-        assert "Traceback" not in self.out + self.err
-
-    def is_refused(self, *words: str) -> None:
-        """Exit code 2, and one line on standard error that has all `words`."""
-        assert self.code == 2, self
-        assert len(self.err.splitlines()) == 1, self.err
-        assert self.err.startswith("domesim: ")
-        for word in words:
-            assert word in self.err
-
-
-Run = Callable[..., Outcome]
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
-    """The command in this process. Descriptors are captured, for C++ libraries print, too."""
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
-
-    def run(*arguments: object) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["domesim", *map(str, arguments)])
-        capfd.readouterr()
-        code: object = 0
-        try:
-            cli.run()
-        except SystemExit as end:
-            code = end.code or 0
-        assert isinstance(code, int)
-        return Outcome(code, *capfd.readouterr())
-
-    return run
-
-
-def run_for_real(*arguments: object, **options: object) -> Outcome:
-    """The command in a process of its own."""
-    done = subprocess.run(
-        [sys.executable, "-m", "domesim", *map(str, arguments)],
-        text=True,
-        check=False,
-        timeout=60,
-        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
-    )
-    return Outcome(done.returncode, done.stdout or "", done.stderr)
-
-
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
-    return tmp_path / "results"
 
 
 def written(folder: Path) -> list[str]:

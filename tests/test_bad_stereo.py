@@ -9,15 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import test_bad_input
-from test_bad_input import Run, store, touched, truncated, with_sample, written
+from command_line import Run
+from test_bad_input import store, touched, truncated, with_sample, written
 
 from domesim.observation.transport import Transport
 from domesim.scene import load_dome, load_stereo
 from domesim.scene.crosstalk_maps import CrosstalkMaps
-
-run = test_bad_input.run
-out = test_bad_input.out
 
 SCENE = "stereo_polarised_paper"
 ROWS, COLS = 12, 20

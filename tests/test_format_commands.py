@@ -9,16 +9,13 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
-import test_bad_input
+from command_line import Run
 from image_files import store
 from plain_files import DPX_SAMPLE, read_dpx, read_tiff, write_dpx, write_tiff
-from test_bad_input import Run, written
+from test_bad_input import written
 
 from domesim.frames import read_frame
 from domesim.frames.encodings import ENCODINGS
-
-run = test_bad_input.run
-out = test_bad_input.out
 
 DOME, PAIR = "dome_hemisphere", "stereo_polarised_paper"
 SIDE = 40
@@ -85,9 +82,8 @@ STORAGE = ("oiio:ColorSpace", "tiff:RowsPerStrip", "compression")
 
 def none(run: Run, out: Path, *arguments: object) -> dict[str, object]:
     """`compensate --method none`: its figures for the one frame."""
-    outcome = run("compensate", *arguments, "--method", "none", "--out", out, "--json")
-    assert (outcome.code, outcome.err) == (0, "")
-    (frame,) = json.loads(outcome.out)["frames"]
+    told = run("compensate", *arguments, "--method", "none", "--out", out, "--json").figures()
+    (frame,) = told["frames"]
     return frame
 
 

@@ -5,39 +5,20 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_domes import store_survey
+from command_line import exit_code
+from made_up_domes import THEATRE, described, store_survey
 from made_up_photographs import made_up
 
-from domesim import cli
 from domesim.frames import read_frame
 
 FOLDER = Path(__file__).parents[1] / "docs"
 PAGE = (FOLDER / "measuring.md").read_text()
 SMALLER = {"4096": "64", "2048x1080": "96x64"}
 """Sizes of the page's patterns, and those of a test."""
-THEATRE = """\
-name = "theatre"
-
-[dome]
-radius_m = 4.0
-half_angle_deg = 85.0
-tilt_deg = 11.459155902616466
-
-[screen]
-albedo = 0.5
-
-[projector]
-white_cd_m2 = 8.0
-
-[viewing]
-adaptation_cd_m2 = 0.5
-"""
-"""That of `made_up_domes`, as far as it is described."""
 PROJECTED = (*range(6), 6, 8, 10, *range(12, 17))
 """Black, white, halves, every second sector, rings and boards."""
 
@@ -62,39 +43,23 @@ def folder(tmp_path_factory):
         each for each in re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S) if "corners" in each
     )
     made_up(path, toml)
-    store_survey(path, THEATRE, PROJECTED)
+    store_survey(path, described(THEATRE.dome), PROJECTED)
     return path
 
 
 @pytest.mark.parametrize(("command", "said"), list(commands()))
-def test_commands_say_what_the_page_says(folder, command, said, monkeypatch, capfd):
+def test_commands_say_what_the_page_says(folder, command, said, monkeypatch, run):
     arguments = [SMALLER.get(word, word) for word in shlex.split(command)]
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", arguments)
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
-    with pytest.raises(SystemExit):
-        cli.run()
-    seen = capfd.readouterr()
-    told = (seen.out + seen.err).replace("64 x 64", "4096 x 4096").replace("96 x 64", "2048 x 1080")
+    _, out, err = run(*arguments[1:])
+    told = (out + err).replace("64 x 64", "4096 x 4096").replace("96 x 64", "2048 x 1080")
     assert told == said
 
 
 @pytest.mark.parametrize(("kind", "size"), [("dome", "160"), ("stereo", "160x84")])
-def test_pictures_are_what_the_program_writes(tmp_path, kind, size, monkeypatch):
-    command = [
-        "domesim",
-        "measure",
-        "patterns",
-        f"--{kind}",
-        "--size",
-        size,
-        "--out",
-        str(tmp_path),
-    ]
-    monkeypatch.setattr(sys, "argv", [*command, "--quiet"])
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
-    with pytest.raises(SystemExit):
-        cli.run()
+def test_pictures_are_what_the_program_writes(tmp_path, kind, size):
+    options = ("--size", size, "--out", tmp_path, "--quiet")
+    assert not exit_code("measure", "patterns", f"--{kind}", *options)
     kept = sorted((FOLDER / "measuring").glob(f"{kind}-*.png"))
     assert len(kept) >= 3
     for picture in kept:

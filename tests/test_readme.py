@@ -15,10 +15,11 @@ from typing import get_args
 import jsonschema
 import numpy as np
 import pytest
+from command_line import exit_code
 from pydantic import BaseModel
 
 from compensate.methods import STEREO
-from domesim import cli, scene
+from domesim import scene
 from domesim.errors import InputError
 from domesim.frames import read_frame, write_frame
 from domesim.pathtrace import tabulate
@@ -98,11 +99,7 @@ def test_commands_on_a_small_picture(small_folder, command, monkeypatch):
     """One after the other: later ones take what earlier ones wrote."""
     arguments = [QUICKER.get(word, word) for word in shlex.split(command)]
     monkeypatch.chdir(small_folder)
-    monkeypatch.setattr(sys, "argv", arguments)
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
-    with pytest.raises(SystemExit) as end:
-        cli.run()
-    assert not end.value.code
+    assert not exit_code(*arguments[1:])
     out = Path(arguments[arguments.index("--out") + 1])
     assert out.exists() != ("--dry-run" in arguments)
 

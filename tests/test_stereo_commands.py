@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
-import test_bad_input
-from test_bad_input import Run, store, touched, written
+from command_line import Run
+from test_bad_input import store, touched, written
 
 from domesim import rendering
 from domesim.frames import read_frame, read_master
 from domesim.pathtrace.llvm import backend
 from domesim.scene import load_stereo
 from domesim.screening import decoded
-
-run = test_bad_input.run
-out = test_bad_input.out
 
 SCENE = "stereo_polarised_paper"
 ROWS, COLS = 12, 20
@@ -48,13 +44,7 @@ def pair(folder: Path) -> tuple[object, ...]:
 
 
 def figures(run: Run, *arguments: object) -> dict[str, object]:
-    """The one JSON object that the command prints."""
-    outcome = run(*arguments, "--json")
-    assert (outcome.code, outcome.err) == (0, "")
-    found = json.loads(outcome.out)
-    assert isinstance(found, dict)
-    assert found["failed"] == [] if "failed" in found else True
-    return found
+    return run(*arguments, "--json").figures()
 
 
 def test_a_sequence_of_left_and_right(run: Run, tmp_path: Path, out: Path) -> None:

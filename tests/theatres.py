@@ -14,6 +14,7 @@ from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, csf_gains, linear_ycbcr
 from domesim.dome import Dome
 from domesim.observation.spherical import ClosedFormDome
+from domesim.stereo import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
 from domesim.viewing import Viewing
 
 DATA = Path(os.environ.get("DOMESIM_DATA", Path(__file__).parents[2] / "shared" / "data"))
@@ -37,6 +38,28 @@ def closed_form(size: int, primaries: int = 3, *, falloff: bool = True) -> Close
         lens_gain=cap.lens_gain(size, size, (0.6, -0.4, 0.9)) if falloff else None,
         ambient=np.arange(1, primaries + 1) / 100,
         primaries=primaries,
+    )
+
+
+def cinema(
+    screen: SilverScreen,
+    leaks: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
+    lenses: tuple[tuple[float, float, float], ...] = ((-0.4, -24, 2), (0.3, -23, 1.5)),
+) -> StereoTheatre:
+    """Nothing is in the middle, and nothing left like its right."""
+    hands = ("left", "right", "right", "left")
+    filters = [CircularFilter(hand, leak) for hand, leak in zip(hands, leaks, strict=True)]
+    return StereoTheatre(
+        screen,
+        (PolarisedProjector(lenses[0], filters[0]), PolarisedProjector(lenses[1], filters[1])),
+        (filters[2], filters[3]),
+        {
+            "sweet spot": (0, -15, -1),
+            "right": (6, -15, -1),
+            "low": (0, -12, -4),
+            "aisle": (4, -15, -1),
+            "corner": (6, -8, -2),
+        },
     )
 
 

@@ -9,23 +9,27 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, final
+from typing import TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.master import pose
 from domesim.dome import Dome
 from domesim.measurement.patterns import Codes
 from domesim.measurement.patterns_dome import dome_patterns
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tracer import Settings, Tracer
+from domesim.scene import DomeScene, Scene
 from domesim.scene.fields import three
 from domesim.survey.camera import Camera, places_in
 from domesim.survey.photographs import Photographs
 from domesim.theatre import Theatre
+from validation.masters import night
 from validation.statistics import rms_difference
 
 Floats = NDArray[np.float64]
+Picture: TypeAlias = NDArray[np.float32]
 
 LEVELS = 4
 """Steps of ramps, of which no photographs are taken."""
@@ -59,6 +63,12 @@ class Faults:
     camera_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turn_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     bits: int = 16
+
+
+NOISE = 0.01
+"""Of a pixel of an ordinary camera's, as of `Faults`."""
+ORDINARY = Faults(NOISE, vignetting=0.02, camera_m=(0.02, -0.01, 0.02), turn_deg=(0.2, 0.3, -0.2))
+"""Of a camera that was placed with some care."""
 
 
 def patterns_for(dome: Dome, size: int) -> Floats:
@@ -162,10 +172,24 @@ def photographed(
     return Photographs(camera, result, np.arange(len(patterns)), np.ones(len(patterns)))
 
 
+def night_and_day(scene: DomeScene, size: int, seed: int) -> tuple[Picture, Picture]:
+    """(1, row, col, primary): a night, part of which clips, and a day, where nothing does."""
+    inside = scene.screen(size, size)[..., None]
+    dark = night(size, seed) * inside
+    bright = (0.35 + 0.6 * dark) * inside
+    return dark.astype(np.float32), bright.astype(np.float32)
+
+
 def left_over(
-    tracer: Tracer, desired: NDArray[np.float32], lights: Mapping[str, Any], walks: int, seed: int
+    tracer: Tracer,
+    desired: Picture,
+    models: Mapping[str, Scene],
+    walks: int,
+    seed: int,
 ) -> dict[str, float]:
-    """What is seen in a theatre besides what should be: rms over the screen, for each of `lights`.
+    """What is seen in a theatre besides what should be: rms over the screen, of white.
+
+    After exact subtraction by each of `models`, and "untouched".
 
     Parameters
     ----------
@@ -173,8 +197,8 @@ def left_over(
         Of the theatre.
     desired
         (1, row, col, primary) light whose direct light alone should be seen.
-    lights
-        Name -> light that is projected.
+    models
+        Name -> what is taken for the theatre.
     walks
         Traced a pixel, twice: what is only noise of one is left out.
     seed
@@ -187,6 +211,9 @@ def left_over(
         settings = Settings(least=walks, most=walks, seed=1000 * seed + repeat)
         return PathTracedDome(tracer.theatre, rows, cols, settings, tracer=tracer)
 
+    lights = {"untouched": desired} | {
+        name: pose(desired, scene).subtractive for name, scene in models.items()
+    }
     wanted = np.asarray(theatre(0).direct(desired)[0], np.float64)
     return {
         name: rms_difference(
@@ -197,3 +224,10 @@ def left_over(
         )
         for name, light in lights.items()
     }
+
+
+LEFT = (
+    "Light that should not be there (rms over the screen, % of white), seen in the path-traced "
+    "theatre after exact subtraction by each model."
+)
+"""What a table of `left_over` shows."""

@@ -35,7 +35,8 @@ Future: TypeAlias = Any
 """Dask's, which is imported late."""
 
 _LOOK = 1.0  # s: how often to look for new workers
-_SETTLING = 1.0  # s: after frames have been let go of, until the client has seen why
+_SETTLING = 1.0  # s: until the client has seen that what went wrong is its scheduler
+_GLANCE = 0.02  # s: how often to look meanwhile
 
 
 def in_cluster(
@@ -79,21 +80,32 @@ def in_cluster(
                     desk.waiting.clear()
                     count = len(desk.running)
                     tell(f"Ending the {count} frames under way; Ctrl-C again leaves them")
-                    continue
-                try:
-                    while desk.waiting and len(desk.running) < hall.places():
-                        begin(desk.hand_out())
-                    ended = desk.hear()
-                    if ended is None:
-                        hall.require_scheduler()
-                    else:
-                        end(*ended)
-                except Exception:
-                    time.sleep(_SETTLING)
-                    hall.require_scheduler()  # of which everything else may be a consequence
-                    raise
+                else:
+                    _serve(desk, hall, begin, end)
         if interrupted:
             raise KeyboardInterrupt
+
+
+def _serve(
+    desk: _Desk,
+    hall: _Hall,
+    begin: Callable[[Order], None],
+    end: Callable[[Order, Finished | Failed], None],
+) -> None:
+    """Hand out frames to whoever is free, and hear of the next that ends, if one does soon."""
+    try:
+        while desk.waiting and len(desk.running) < hall.places():
+            begin(desk.hand_out())
+        ended = desk.hear()
+        if ended is None:
+            hall.require_scheduler()
+        elif ended.outcome is None:
+            hall.require_scheduler(_SETTLING)
+        else:
+            end(ended.order, ended.outcome)
+    except Exception:
+        hall.require_scheduler(_SETTLING)  # of which everything else may be a consequence
+        raise
 
 
 def do(order: Order, limit: float | None = None) -> Finished | Failed:
@@ -140,6 +152,15 @@ class _Given:
 
 
 @final
+@dataclass(frozen=True)
+class _Heard:
+    """How a frame has ended; None if it was let go of, and waits again."""
+
+    order: Order
+    outcome: Finished | Failed | None
+
+
+@final
 class _Desk:
     """Hands out frames, and hears of their ends.
 
@@ -177,8 +198,8 @@ class _Desk:
         future.add_done_callback(lambda future: self._ended.put(future.key))
         return order
 
-    def hear(self) -> tuple[Order, Finished | Failed] | None:
-        """The next that ends, and how; None if none does for a while.
+    def hear(self) -> _Heard | None:
+        """The next that ends; None if none does for a while.
 
         One that is hopeless leaves none waiting.
         """
@@ -191,15 +212,14 @@ class _Desk:
         given = self.running.pop(key)
         outcome = self._outcome(given)
         if outcome is None:
-            time.sleep(_SETTLING)
             self._cancelled[given.order] += 1
             if self._cancelled[given.order] <= DEATHS:
                 self.waiting.append(given.order)
-                return None
+                return _Heard(given.order, None)
             outcome = Failed(f"{given.order.moment[0]}: the scheduler keeps cancelling it")
         if isinstance(outcome, Failed) and outcome.hopeless:
             self.waiting.clear()
-        return given.order, outcome
+        return _Heard(given.order, outcome)
 
     def _outcome(self, given: _Given) -> Finished | Failed | None:
         """What became of a frame; None if the scheduler let go of it."""
@@ -266,13 +286,20 @@ class _Hall:
         there = [worker.get("resources", {}) for worker in known]
         return sum(all(each.get(name, 0) >= least for name, least in needed) for each in there)
 
-    def require_scheduler(self) -> None:
-        """See that the scheduler is there."""
-        if self._client.status != "running":
-            raise InputError(
-                f"{self._crew.scheduler or 'the scheduler'}: lost it. What is done is kept: the "
-                f"same command goes on with the rest"
-            )
+    def require_scheduler(self, patience: float = 0.0) -> None:
+        """See that the scheduler is there, and that the client still thinks so after `patience`, s.
+
+        It may be told of frames and calls that broke off before it has seen why.
+        """
+        sure = time.monotonic() + patience
+        while self._client.status == "running":
+            if time.monotonic() >= sure:
+                return
+            time.sleep(_GLANCE)
+        raise InputError(
+            f"{self._crew.scheduler or 'the scheduler'}: lost it. What is done is kept: the "
+            f"same command goes on with the rest"
+        )
 
 
 @contextmanager

@@ -91,7 +91,7 @@ class Report:
         *,
         checked_last: Sequence[Order] = (),
     ) -> None:
-        self._mark = f"-{part.replace(' ', '')[:_LONGEST]}" if part else ""
+        self._mark = f"-{part[:_LONGEST]}" if part else ""
         self.page = job.folder / f"report{self._mark}.html"
         self._job, self._orders, self._what = job, orders, what
         self._unchecked = {order.output[0].name for order in checked_last}

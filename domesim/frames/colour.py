@@ -59,6 +59,10 @@ class ColourTag:
         return transfer if self.primaries == "BT.709" else f"{transfer} {self.primaries}"
 
 
+BT709_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""(RGB,) shares in luminance as ITU-R BT.709-6, 3.2 rounds them; they sum to 1."""
+
+
 def colour_of(path: Path, spec: Any, name: str, container: Container) -> ColourTag:
     """What the file says of its colour, or else what is usual for its format."""
     if name == "openexr":

@@ -21,7 +21,7 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.frames.colour import colour_chunks, state_colour
+from domesim.frames.colour import BT709_LUMINANCE, colour_chunks, state_colour
 from domesim.frames.dithering import Seed, dither, seed_of
 from domesim.frames.formats import DEPTHS, LABELS, LARGEST_SIDE, SUFFIXES, code_range, label
 from domesim.frames.frame import Frame, Pixels
@@ -217,9 +217,8 @@ def interleaved(planes: Sequence[NDArray[Any]], kinds: Sequence[str]) -> NDArray
 
 
 def _luminance(pixels: Pixels) -> NDArray[np.float64]:
-    """(row, col) by ITU-R BT.709-6, 3.2; in float64, so that grey comes back to the bit."""
-    weights = np.array([0.2126, 0.7152, 0.0722])
-    luminance: NDArray[np.float64] = pixels.astype(np.float64) @ weights
+    """(row, col) of BT.709; in float64, so that grey comes back to the bit."""
+    luminance: NDArray[np.float64] = pixels.astype(np.float64) @ BT709_LUMINANCE
     return luminance
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames.colour import BT709_LUMINANCE
 from domesim.measurement.crosstalk import BRIGHTEST_LEAK, without_small_negatives
 from domesim.measurement.photographs import Glass, Photographs, on_screen
 from domesim.measurement.readings import EYES
@@ -30,8 +31,6 @@ from domesim.measurement.smoothing import smoothed
 
 Floats = NDArray[np.float64]
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Of camera channels, as if they were BT.709: the weights of the map, not of the matrices."""
 UNDERSTATED = 1.2
 """Rms error of a map over pixels, over what smoothing says of its cells: beyond the outermost
 cells' middles it goes on as a straight line. Of made-up screens, of 5 to 15 pixels a cell."""
@@ -204,7 +203,8 @@ def _map(
     eye, other = glass.eye, EYES[1 - EYES.index(glass.eye)]
     where = f"{photographs.source}: crosstalk to the {eye} eye"
     own_light, leak = (
-        (glass.white(projector)[parts.on] @ LUMINANCE).astype(np.float64)
+        # As if the camera's channels were BT.709's: weights of the map, not of the matrices
+        (glass.white(projector)[parts.on] @ BT709_LUMINANCE).astype(np.float64)
         for projector in (eye, other)
     )
     cells = np.asarray(np.bincount(parts.cell, own_light), np.float64)

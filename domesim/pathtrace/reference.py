@@ -194,9 +194,6 @@ def _thrown(
         hit = room.hit(start, ray, leaving, leaving == NOTHING)  # type: ignore[arg-type]
     on = np.asarray(hit.surface == SCREEN)
     points = np.where(on[:, None], np.stack(hit.position, -1), dome.to_room[:, 2])
-    toward = points @ dome.to_room
-    row, col = dome.pixel_of(
-        toward / np.linalg.norm(toward, axis=-1, keepdims=True), light.shape[0]
-    )
+    row, col = dome.pixel_of(dome.toward(points), light.shape[0])
     weight = field_weight(theatre.lenses[0], points * dome.radius) * on
     return np.asarray(light[row, col] * weight[:, None], np.float32).reshape(detail, detail, 3)

@@ -42,6 +42,11 @@ class Scene(ABC):
 
     @property
     @abstractmethod
+    def several_seats(self) -> bool:
+        """Whether it is looked at from several seats at once."""
+
+    @property
+    @abstractmethod
     def approximation(self) -> str | None:
         """Why `observation` is only an approximation of it, in one line; None if not."""
 

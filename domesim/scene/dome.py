@@ -82,6 +82,11 @@ class DomeScene(Scene):
         return 1
 
     @property
+    def several_seats(self) -> bool:
+        """False: a dome has one viewing."""
+        return False
+
+    @property
     def dome(self) -> Dome:
         """The screen's shape."""
         return self.theatre.dome

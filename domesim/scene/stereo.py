@@ -131,6 +131,11 @@ class StereoScene(Scene):
         return 2
 
     @property
+    def several_seats(self) -> bool:
+        """Whether more than one is chosen."""
+        return len(self.chosen) > 1
+
+    @property
     def approximation(self) -> str | None:
         """None: what is described is computed as described."""
         return None

@@ -150,9 +150,7 @@ def cells_of(
             f"the camera at {camera.position} m sees nothing of the screen; is it below the floor, "
             f"or does it look elsewhere?"
         )
-    directions = points[on_screen] @ theatre.dome.to_room
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    row, col = theatre.dome.pixel_of(directions, lit.shape[1])
+    row, col = theatre.dome.pixel_of(theatre.dome.toward(points[on_screen]), lit.shape[1])
     direct[:, on_screen] = lit[:, row, col]
     shown = direct[np.unique(photographs.pattern)]
     clear = away_from_edges(surface, shown, camera.pixels_in(margin, size[1]))

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
-import itertools
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +12,7 @@ from domesim.observation.uncertain import SIGMAS
 from domesim.scene.writing import as_toml
 from domesim.survey.file import Task
 from domesim.survey.fit import GAIN, Survey
+from domesim.survey.measured import described, measured_section, numbers, projector_section
 from domesim.survey.photographs import Cells
 
 Floats = NDArray[np.float64]
@@ -87,23 +85,21 @@ def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
     """
     if not found.complete:
         raise ValueError("a scene needs all of its figures answered")
-    content: dict[str, Any] = {key: _copied(value) for key, value in task.content.items()}
+    scene = task.scene
     values = dict(zip(found.names, found.value, strict=True))
+    content = described(task)
     content["name"] = name
-    content["description"] = f"{task.scene.description} As measured: {survey.name}."
-    kept = 1 - task.scene.theatre.perforation
-    content["screen"]["albedo"] = _numbers(values["screen"] / kept)
+    content["description"] = f"{scene.description} As measured: {survey.name}."
+    kept = 1 - scene.theatre.perforation
+    content["screen"]["albedo"] = numbers(values["screen"] / kept)
     for surface in ("floor", "wall"):
         if surface in values:
-            content[surface]["albedo"] = _numbers(values[surface])
-    weights = task.scene.projector.luminance_weights
-    white = task.scene.projector.white
-    projector = content["projector"]
-    if task.file.absolute:
-        white = float(weights @ values[GAIN])
-        projector.pop("lumens", None)
-        projector["white_cd_m2"] = white
-    projector["black_cd_m2"] = max(0.0, float(weights @ found.ambient) * white)
+            content[surface]["albedo"] = numbers(values[surface])
+    white = scene.projector.white
+    if "lumens" in content["projector"]:
+        weights = scene.projector.luminance_weights
+        white *= float(weights @ values["screen"] / (weights @ scene.theatre.screen_albedo))
+    content["projector"] = projector_section(task, white, values[GAIN], found.ambient)
     content["ambient"] = {"luminance_cd_m2": 0.0}
     content.pop("lamps", None)
     measured = ", ".join(f"{surface}.albedo" for surface in found.names[1:])
@@ -115,26 +111,17 @@ def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
         },
         f"{measured}, projector.black_cd_m2": f"measured: {survey.name}",
     }
-    content["measured"] = {
-        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
-        "survey": survey.name,
-        "unit": "cd/m2" if task.file.absolute else "camera",
-        "parameters": list(found.names),
-        "chi2": found.chi2,
-        "degrees_of_freedom": found.degrees,
-        "model_error": found.model_error,
-        "values": {n: _numbers(row) for n, row in zip(found.names, found.value, strict=True)},
-        "standard_errors": {
-            n: _numbers(row) for n, row in zip(found.names, found.error, strict=True)
-        },
-        "correlations": {
-            f"{primary} {name}": [float(f"{value:.5f}") for value in row]
-            for (primary, name), row in zip(
-                itertools.product("RGB", found.names), found.correlations, strict=True
-            )
-        },
-        "sha256": dict(task.digests),
-    }
+    content["measured"] = measured_section(
+        task,
+        survey,
+        names=found.names,
+        values=found.value,
+        errors=found.error,
+        correlations=found.correlations,
+        chi2=found.chi2,
+        degrees=found.degrees,
+        model_error=found.model_error,
+    )
     return as_toml(content)
 
 
@@ -153,11 +140,3 @@ def residual_picture(cells: Cells, found: Survey) -> NDArray[np.uint8]:
         shown[used] = colours(np.clip(0.5 + residual / 10, 0, 1))[cells.label[used], :3]
         pictures.append(shown)
     return np.asarray(np.round(np.concatenate(pictures, 1) * 255), np.uint8)
-
-
-def _numbers(values: Floats) -> list[float]:
-    return [float(f"{value:.8g}") for value in values]
-
-
-def _copied(value: Any) -> Any:
-    return dict(value) if isinstance(value, Mapping) else value

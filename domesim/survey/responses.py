@@ -119,8 +119,7 @@ def responses_of(
         )
     lit = direct_light(bare, patterns)
     dome = bare.dome
-    rays = points @ dome.to_room
-    rays /= np.maximum(np.linalg.norm(rays, axis=-1, keepdims=True), 1e-300)
+    rays = dome.toward(points)
     row, col = dome.pixel_of(rays[on_screen], lit.shape[1])
     reach = camera.pixels_in(margin, size[1])
     step = -(-max(size) // BINS)

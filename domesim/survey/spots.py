@@ -94,8 +94,8 @@ def evidence_of(theatre: Theatre, patterns: Floats, readings: Sequence[Reading])
     lit = direct_light(theatre, patterns)
     direct = np.zeros((len(patterns), len(spots), 3))
     for spot in np.flatnonzero(surface == 0):
-        ray = np.asarray(points[spot]) @ theatre.dome.to_room
-        row, col = theatre.dome.pixel_of(ray / np.linalg.norm(ray), lit.shape[1])
+        ray = theatre.dome.toward(np.asarray(points[spot]))
+        row, col = theatre.dome.pixel_of(ray, lit.shape[1])
         direct[:, spot] = lit[:, row, col]
     shape = len(readings), len(spots), 3
     value, variance = np.zeros(shape), np.full(shape, np.inf)
@@ -161,7 +161,7 @@ def _surface(theatre: Theatre, place: Point) -> tuple[int, Point]:
     near: list[tuple[float, str, Floats]] = []
     length = float(np.linalg.norm(point))
     if length > 0:
-        local = point / length @ dome.to_room
+        local = dome.toward(point)
         away = float(dome.distance(local))
         if np.arccos(np.clip(local[2], -1, 1)) < dome.half_angle + 1e-9:
             near.append((abs(away - length), "screen", point * (away / length)))

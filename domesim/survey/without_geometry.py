@@ -7,8 +7,6 @@ form of the bare screen reflects as much of a white picture.
 
 from __future__ import annotations
 
-import datetime
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +21,7 @@ from domesim.observation.uncertain import SIGMAS
 from domesim.scene import DomeScene
 from domesim.scene.writing import as_toml
 from domesim.survey.file import Task
+from domesim.survey.measured import described, measured_section, numbers, projector_section
 from domesim.survey.ranks import Ranks, cross_validated, modes_of
 from domesim.survey.reflected import Core, fitted
 from domesim.survey.responses import Responses, responses_of
@@ -268,29 +267,19 @@ def figures_of(found: Found) -> dict[str, Any]:
 
 def measured_scene(task: Task, found: Found, name: str, survey: Path) -> str:
     """A scene of the bare screen that goes with the transport."""
-    content: dict[str, Any] = {
-        key: dict(value) if isinstance(value, Mapping) else value
-        for key, value in task.content.items()
-        if key in ("dome", "projector", "viewing", "viewpoints")
-    }
+    content = described(task, ("dome", "projector", "viewing", "viewpoints"))
     share = task.scene.dome.screen_area / (4 * np.pi * task.scene.dome.radius**2)
     albedo = found.white / (share * (1 + found.white))
     slope = 1 / (share * (1 + found.white) ** 2)
-    weights = task.scene.projector.luminance_weights
     white = task.scene.projector.white
-    projector = content["projector"]
-    projector.pop("lumens", None)
-    if task.file.absolute:
-        white = float(weights @ found.gain)
-    projector["white_cd_m2"] = white
-    projector["black_cd_m2"] = max(0.0, float(weights @ found.ambient) * white)
+    content["projector"] = projector_section(task, white, found.gain, found.ambient)
     return as_toml(
         {
             "name": name,
             "description": f"{task.scene.description} Reflected light as measured: {survey.name}; "
             f"its transport goes with it.",
             **content,
-            "screen": {"albedo": _numbers(np.clip(albedo, 0.0, 0.98))},
+            "screen": {"albedo": numbers(np.clip(albedo, 0.0, 0.98))},
             "sources": {
                 "screen.albedo": f"measured: {survey.name}; not the paint's, but that of a bare "
                 f"screen that reflects as much of white as the whole room does",
@@ -300,22 +289,17 @@ def measured_scene(task: Task, found: Found, name: str, survey: Path) -> str:
                     if key.startswith(("dome", "projector", "viewing", "viewpoints"))
                 },
             },
-            "measured": {
-                "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
-                "survey": survey.name,
-                "unit": "cd/m2" if task.file.absolute else "camera",
-                "parameters": ["screen"],
-                "chi2": found.chi2,
-                "degrees_of_freedom": found.degrees,
-                "model_error": float(found.ranks.error[found.ranks.rank - 1]),
-                "values": {"screen": _numbers(albedo)},
-                "standard_errors": {"screen": _numbers(slope * found.white_error)},
-                "correlations": {
-                    f"{primary} screen": row
-                    for primary, row in zip("RGB", np.eye(3).tolist(), strict=True)
-                },
-                "sha256": dict(task.digests),
-            },
+            "measured": measured_section(
+                task,
+                survey,
+                names=("screen",),
+                values=albedo[None],
+                errors=(slope * found.white_error)[None],
+                correlations=np.eye(3),
+                chi2=found.chi2,
+                degrees=found.degrees,
+                model_error=float(found.ranks.error[found.ranks.rank - 1]),
+            ),
         }
     )
 
@@ -326,7 +310,3 @@ def _each(parts: Any) -> str:
 
 def _share(part: float) -> str:
     return f"{part:.2%}" if part > 0 else "as small as noise"
-
-
-def _numbers(values: Floats) -> list[float]:
-    return [float(f"{value:.8g}") for value in values]

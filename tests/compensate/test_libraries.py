@@ -6,8 +6,6 @@ A GPU is not needed: what PyTorch does there, it does on the processor too.
 from __future__ import annotations
 
 import importlib
-import json
-import sys
 import types
 
 import array_api_strict
@@ -26,7 +24,6 @@ from compensate.solver.relinearised import Relinearised
 from compensate.solver.result import Status
 from compensate.solver.worst_seat import WorstSeat
 from compensate.weighting import Masked
-from domesim import cli
 from domesim.errors import InputError
 from domesim.light import on_host
 
@@ -252,11 +249,6 @@ def test_a_device_that_is_not_known(device):
         on_device(ADMM(), device)
 
 
-def commanded(monkeypatch, *arguments: object) -> None:
-    monkeypatch.setattr(sys, "argv", ["domesim", *map(str, arguments)])
-    cli.run()
-
-
 @pytest.mark.parametrize(
     ("command", "options", "message"),
     [
@@ -271,39 +263,26 @@ def commanded(monkeypatch, *arguments: object) -> None:
         ("demo", ("--device", "cuda"), "--device cuda needs torch"),
     ],
 )
-def test_the_command_says_so_before_it_works(
-    command, options, message, tmp_path, monkeypatch, capsys
-):
+def test_the_command_says_so_before_it_works(command, options, message, tmp_path, monkeypatch, run):
     without(monkeypatch, "torch")
     master, out = tmp_path / "master.png", tmp_path / "out"
     named = () if command == "demo" else (master, "--scene", "dome_imax")
     store(master, kind="uint8")
     page = out / "page.html" if command == "compare" else out
-    with pytest.raises(SystemExit) as end:
-        commanded(monkeypatch, command, *named, "--out", page, *options)
-    assert end.value.code == 2
-    told = capsys.readouterr().err
-    assert message in told
-    assert len(told.splitlines()) == 1
+    run(command, *named, "--out", page, *options).is_refused(message)
     assert not out.exists()
 
 
-def test_the_command_computes_there(tmp_path, monkeypatch, capsys):
+def test_the_command_computes_there(tmp_path, run):
     pytest.importorskip("torch")
     master = tmp_path / "master.exr"
     store(master, picture(24, dtype=np.float32)[0])
     figures = []
     for device in ("cpu", "torch"):
         out = tmp_path / device
-        with pytest.raises(SystemExit) as end:
-            commanded(
-                monkeypatch,
-                *("compensate", master, "--scene", "dome_imax", "--out", out),
-                *("--device", device, "--json"),
-            )
-        assert not end.value.code
-        (frame,) = json.loads(capsys.readouterr().out)["frames"]
-        figures.append(frame)
+        options = ("--out", out, "--device", device, "--json")
+        told = run("compensate", master, "--scene", "dome_imax", *options).figures()
+        figures += told["frames"]
     assert figures[0]["iterations"] > 0
     for name in ("iterations", "ffts"):
         assert figures[1][name] == figures[0][name]

@@ -12,15 +12,16 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from batches import LINEAR, Harmful, copied, make_show, show_of
+from batches import LINEAR, Harmful, copied, do_show, harmful_in, make_show, show_of
 from pyarrow import parquet
 
 from domesim.batch import cluster, crew, job, report
@@ -41,9 +42,7 @@ TESTS = Path(__file__).parents[1]
 
 @pytest.fixture
 def recipe(tmp_path: Path) -> Harmful:
-    log = tmp_path / "log"
-    log.mkdir()
-    return Harmful(log)
+    return harmful_in(tmp_path)
 
 
 @pytest.fixture(autouse=True)
@@ -111,14 +110,7 @@ def test_what_was_half_written_is_removed(tmp_path: Path, recipe: Harmful) -> No
 def test_anew_is_of_the_frames_that_are_named(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 3)
     copied(tmp_path, recipe, 0)
-    each_frame(
-        show_of(tmp_path / "in", "2"),
-        tmp_path / "out",
-        recipe,
-        Console(quiet=True),
-        what="copying",
-        running=Running(0, anew=True),
-    )
+    do_show(show_of(tmp_path / "in", "2"), tmp_path, recipe, anew=True)
     assert recipe.begun().count("in.0002.exr") == 2
     assert copied(tmp_path, recipe, 0).kept == 3
 
@@ -255,6 +247,20 @@ def test_parts_of_a_show_belong_to_one_job(tmp_path: Path, recipe: Harmful) -> N
     assert frames_told(tmp_path) == ["0001", "0002", "0003", "0004"]
 
 
+@pytest.mark.parametrize(
+    ("same", "report"),
+    [(("3-3", "3"), "report-3.html"), (("1-4x2", "3, 1", "1,3"), "report-1,3.html")],
+)
+def test_frames_have_one_report_however_they_are_written(
+    tmp_path: Path, recipe: Harmful, same: tuple[str, ...], report: str
+) -> None:
+    """Farms hand out one frame as 3-3; a person says 3."""
+    make_show(tmp_path / "in", 4)
+    for part in same:
+        do_show(show_of(tmp_path / "in", part), tmp_path, recipe)
+        assert [path.name for path in (tmp_path / "out/job").glob("report*.html")] == [report]
+
+
 def frames_told(folder: Path, part: str = "") -> list[str]:
     """Numbers of the frames in a table of the job's."""
     lines = (folder / f"out/job/frames{part}.csv").read_text().splitlines()
@@ -264,13 +270,9 @@ def frames_told(folder: Path, part: str = "") -> list[str]:
 PART = """
 import sys
 from pathlib import Path
-from batches import Harmful, show_of
-from domesim.batch.run import Running, each_frame
-from domesim.console import Console
+from batches import do_show, harmful_in, show_of
 folder = Path(sys.argv[1])
-show = show_of(folder / "in", sys.argv[2])
-each_frame(show, folder / "out", Harmful(folder / "log"), Console(quiet=True), what="copying",
-           running=Running(0))
+do_show(show_of(folder / "in", sys.argv[2]), folder, harmful_in(folder))
 """
 
 
@@ -302,15 +304,8 @@ def test_the_settings_of_each_frame_stay_known(tmp_path: Path, recipe: Harmful) 
     make_show(tmp_path / "in", 3)
     copied(tmp_path, recipe, 0)
     (tmp_path / "out/in.0002.exr").unlink()
-    dithered = each_frame(
-        show_of(tmp_path / "in"),
-        tmp_path / "out",
-        recipe,
-        Console(quiet=True),
-        what="copying",
-        writing=Writing(dither=True),
-        running=Running(0, mixed=True),
-    )
+    show = show_of(tmp_path / "in")
+    dithered = do_show(show, tmp_path, recipe, Writing(dither=True), mixed=True)
     assert dithered.kept == 2
     for number in (1, 2, 3):
         record = json.loads((tmp_path / f"out/job/in.{number:04d}.exr.json").read_text())
@@ -327,15 +322,7 @@ def test_the_settings_of_each_frame_stay_known(tmp_path: Path, recipe: Harmful) 
 def test_settings_are_the_same_however_they_are_named(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 2)
     for suffix in (None, ".exr", None):
-        done = each_frame(
-            show_of(tmp_path / "in"),
-            tmp_path / "out",
-            recipe,
-            Console(quiet=True),
-            what="copying",
-            writing=Writing(suffix),
-            running=Running(0),
-        )
+        done = do_show(show_of(tmp_path / "in"), tmp_path, recipe, Writing(suffix))
     assert done.kept == 2
 
 
@@ -610,6 +597,56 @@ def test_a_lost_scheduler_is_told_and_nothing_is_lost(tmp_path: Path, recipe: Ha
     assert is_whole(tmp_path, 6)
 
 
+class Losing:
+    """A client that lets go of all frames, and sees a little later that its scheduler is lost."""
+
+    cluster = None
+
+    def __init__(self, seconds: float) -> None:
+        self.lost = time.monotonic() + seconds
+
+    @property
+    def status(self) -> str:
+        return "running" if time.monotonic() < self.lost else "connecting"
+
+    def submit(self, *arguments: Any, **options: Any) -> Any:
+        future = SimpleNamespace(key=str(time.monotonic_ns()), status="cancelled")
+        future.add_done_callback = lambda tell: tell(future)
+        return future
+
+
+class Breaking(Losing):
+    """One whose calls fail first."""
+
+    def submit(self, *arguments: Any, **options: Any) -> Any:
+        raise OSError("the connection was closed")
+
+
+@pytest.mark.parametrize("kind", [Losing, Breaking])
+def test_no_frame_is_blamed_for_a_lost_scheduler(
+    tmp_path: Path, recipe: Harmful, monkeypatch: Any, kind: type[Losing]
+) -> None:
+    """Whatever is heard of first."""
+    make_show(tmp_path / "in", 2)
+    monkeypatch.setattr(cluster, "client_of", lambda crew, tell: nullcontext(kind(0.3)))
+    began = time.monotonic()
+    with pytest.raises(InputError, match="lost it"):
+        copied(tmp_path, recipe, 2)
+    assert time.monotonic() - began < 0.3 + cluster._SETTLING  # no longer than needed
+
+
+def test_frames_that_a_scheduler_keeps_cancelling_are_given_up(
+    tmp_path: Path, recipe: Harmful, monkeypatch: Any
+) -> None:
+    make_show(tmp_path / "in", 2)
+    monkeypatch.setattr(cluster, "_SETTLING", 0.1)
+    monkeypatch.setattr(cluster, "client_of", lambda crew, tell: nullcontext(Losing(PATIENCE)))
+    done = copied(tmp_path, recipe, 2)
+    assert [reason.split(": ")[1] for reason in done.failed] == [
+        "the scheduler keeps cancelling it"
+    ] * 2
+
+
 def test_no_scheduler_is_told(tmp_path: Path, recipe: Harmful, monkeypatch: Any) -> None:
     monkeypatch.setattr(crew, "_PATIENCE", 1.0)
     make_show(tmp_path / "in", 2)
@@ -728,4 +765,4 @@ def test_a_render_farm_does_each_frame_once(tmp_path: Path) -> None:
     assert len(list((tmp_path / "out").glob("in.*.exr"))) == 3
     assert len(records(tmp_path)) == 3
     assert frames_told(tmp_path, "-1-2") == ["0001", "0002"]
-    assert frames_told(tmp_path, "-3-3") == ["0003"]
+    assert frames_told(tmp_path, "-3") == ["0003"]

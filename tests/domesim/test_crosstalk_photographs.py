@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from image_files import store
-from test_measuring import refused, run  # noqa: F401 - a fixture
+from test_measuring import refused
 from test_readings import LEFT, RIGHT, TO_LEFT, TO_RIGHT, Rig
 
 from domesim.errors import InputError
@@ -280,7 +280,7 @@ def test_smoothing_keeps_what_is_there():
 
 
 @pytest.mark.parametrize("primaries", [False, True])
-def test_a_scene_and_its_map(run, tmp_path, primaries):  # noqa: F811
+def test_a_scene_and_its_map(run, tmp_path, primaries):
     size = (90, 150)
     studio = Studio(random_maps(np.random.default_rng(5), size), NOISE)
     path = store_all(tmp_path, studio, primaries=primaries)
@@ -306,7 +306,7 @@ def test_a_scene_and_its_map(run, tmp_path, primaries):  # noqa: F811
     assert share.std() < 0.02
 
 
-def test_figures_and_a_map_of_another_scene(run, tmp_path):  # noqa: F811
+def test_figures_and_a_map_of_another_scene(run, tmp_path):
     path = store_all(tmp_path, Studio(random_maps(np.random.default_rng(6), (90, 150)), NOISE))
     one, two = tmp_path / "one.toml", tmp_path / "two.toml"
     code, out, _ = run("measure", "crosstalk", path, "--out", one, "--json")
@@ -414,7 +414,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("spoil", "word"), REFUSED.values(), ids=REFUSED)
-def test_what_is_refused(run, tmp_path, spoil, word):  # noqa: F811
+def test_what_is_refused(run, tmp_path, spoil, word):
     path = store_all(tmp_path, Studio(np.ones((2, *SIZE)), NOISE))
     path.write_text(spoil(tmp_path, path.read_text()))
     before = {file.name for file in tmp_path.iterdir()}
@@ -423,7 +423,7 @@ def test_what_is_refused(run, tmp_path, spoil, word):  # noqa: F811
     assert {file.name for file in tmp_path.iterdir()} == before
 
 
-def test_black_is_in_the_photographs(run, tmp_path):  # noqa: F811
+def test_black_is_in_the_photographs(run, tmp_path):
     path = store_all(tmp_path, Studio(np.ones((2, *SIZE))))
     outcome = run("measure", "crosstalk", path, "--out", tmp_path / "o.toml", "--black", "included")
     assert len(refused(outcome, "photographs have their own of black")) == 1

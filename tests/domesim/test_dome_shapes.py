@@ -245,6 +245,17 @@ def test_pixel_of_inverts_directions(half_angle: float, size: int) -> None:
     assert row[2] == max(0, int((1 - below / half_angle) * size / 2))
 
 
+def test_towards_a_point_of_the_screen_is_its_direction() -> None:
+    dome = Dome(3.0, np.radians(80), 0.3, 0.8)
+    theta, azimuth = np.meshgrid([0.0, 0.4, 1.3], [0.1, 2.0, -1.0])
+    points = dome.surface(theta, azimuth) @ dome.to_room.T
+    assert dome.toward(points) == pytest.approx(unit(theta, azimuth), abs=1e-14)
+    # The zenith leans to the front
+    zenith = np.array([0.0, np.sin(0.3), np.cos(0.3)])
+    assert dome.toward(5 * zenith) == pytest.approx(np.array([0.0, 0.0, 1.0]), abs=1e-14)
+    assert np.isfinite(dome.toward(np.zeros(3))).all()
+
+
 def test_the_zenith_leans_to_the_front() -> None:
     turn = Dome(1.0, 1.0, 0.3).to_room
     assert turn @ turn.T == pytest.approx(np.eye(3), abs=1e-15)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from batches import Harmful
+from batches import do_show, harmful_in
 from numpy.typing import NDArray
 from videos import KINDS, number_of, write_numbered
 
@@ -18,7 +18,7 @@ from domesim.batch import job
 from domesim.batch.estimate import estimate
 from domesim.batch.film import Films, _exact
 from domesim.batch.job import open_job, sha256
-from domesim.batch.run import Done, Running, each_frame
+from domesim.batch.run import Done, Running
 from domesim.batch.work import Writing
 from domesim.cli import suffix_of
 from domesim.console import Console
@@ -125,18 +125,9 @@ def sequence(folder: Path, count: int = 5, **attributes: Any) -> str:
 
 
 def filmed(master: str, folder: Path, suffix: str = ".mkv", **options: Any) -> Done:
-    (folder / "log").mkdir(exist_ok=True, parents=True)
     show = find_show(master, frames=options.pop("frames", None))
-    recipe = Harmful(folder / "log", faulty=options.pop("faulty", ""))
-    return each_frame(
-        show,
-        folder / "out",
-        recipe,
-        Console(quiet=True),
-        what="copying",
-        writing=Writing(suffix, **options),
-        running=Running(0),
-    )
+    recipe = harmful_in(folder, faulty=options.pop("faulty", ""))
+    return do_show(show, folder, recipe, Writing(suffix, **options))
 
 
 def levels(path: Path) -> list[int]:
@@ -232,15 +223,8 @@ def test_a_dry_run_counts_the_film(tmp_path: Path) -> None:
         frame = Frame(noise * np.float32(number / 12), tmp_path, VIDEO, 16, False)
         write_frame(frame, tmp_path / f"in/show.{number + 1:04d}.png")
     show = find_show(str(tmp_path / "in/show.####.png"))
-    (tmp_path / "log").mkdir()
-    promised = estimate(
-        show,
-        tmp_path / "dry",
-        Harmful(tmp_path / "log"),
-        Console(quiet=True),
-        Writing(".mkv"),
-        Running(0),
-    )
+    quiet, recipe = Console(quiet=True), harmful_in(tmp_path)
+    promised = estimate(show, tmp_path / "dry", recipe, quiet, Writing(".mkv"), Running(0))
     (film,) = filmed(str(tmp_path / "in/show.####.png"), tmp_path).films
     assert promised["disk_video"] == pytest.approx(film.stat().st_size, rel=0.2)
     assert promised["disk_total"] == 12 * promised["disk_frame"] + promised["disk_video"]
@@ -262,7 +246,6 @@ def test_there_is_no_film_of_frames_that_were_changed(
 ) -> None:
     """After they were done, and before the film is made of them: no other picture, no fewer."""
     master = sequence(tmp_path / "in")
-    (tmp_path / "log").mkdir()
 
     def frames(self: Films, *arguments: Any) -> Any:
         found = original(self, *arguments)
@@ -289,7 +272,6 @@ def test_there_is_no_film_of_frames_that_were_changed(
 def test_left_and_right_become_two(tmp_path: Path) -> None:
     for eye in ("L", "R"):
         sequence(tmp_path / eye, 3)
-    (tmp_path / "log").mkdir()
     show = find_show(
         None,
         str(tmp_path / "L/show.####.png"),
@@ -297,15 +279,7 @@ def test_left_and_right_become_two(tmp_path: Path) -> None:
         allow_identical=True,
     )
     for kept in (0, 3):
-        done = each_frame(
-            show,
-            tmp_path / "out",
-            Harmful(tmp_path / "log"),
-            Console(quiet=True),
-            what="copying",
-            writing=Writing(".mkv"),
-            running=Running(0),
-        )
+        done = do_show(show, tmp_path, harmful_in(tmp_path), Writing(".mkv"))
         assert done.films == (tmp_path / "out/left/show.mkv", tmp_path / "out/right/show.mkv")
         assert done.kept == kept
     assert [levels(film) for film in done.films] == [[1, 2, 3]] * 2

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from foreseeing import held, left, night, posed_in
 from test_crosstalk_photographs import NOISE, Studio, random_maps, store_all
-from test_measuring import masters, run  # noqa: F401 - a fixture
+from test_measuring import masters
 from test_readings import LEFT, RIGHT, TO_LEFT, TO_RIGHT, Rig
 
 from domesim.measurement.pair import measured_pair
@@ -57,7 +57,7 @@ def test_pairs_by_readings(tmp_path, noise):
     assert 0.90 <= held([one.weighted for one in found], error) <= 0.98
 
 
-def test_the_command_says_what_is_left(run, tmp_path):  # noqa: F811
+def test_the_command_says_what_is_left(run, tmp_path):
     (tmp_path / "rig.csv").write_text(Rig(noise=Noise(0.003, 0.005), ramps=False).csv())
     (tmp_path / "rig.toml").write_text(RIG_TOML)
     left_file, right_file = masters(tmp_path)
@@ -78,7 +78,7 @@ def test_the_command_says_what_is_left(run, tmp_path):  # noqa: F811
 
 
 @pytest.mark.parametrize("primaries", [False, True])
-def test_pairs_by_photographs(tmp_path, run, primaries):  # noqa: F811
+def test_pairs_by_photographs(tmp_path, run, primaries):
     """Each time another screen."""
     leaks = (0.015 * np.eye(3), 0.02 * np.eye(3))
     rows, cols = 45, 75

@@ -371,7 +371,7 @@ def test_channels_of_several_types_survive(tmp_path: Path) -> None:
     spec.channelnames = ("R", "G", "B", "A", "Z", "id")
     kinds = ("half", "half", "half", "half", "float", "uint")
     spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in kinds)
-    save(tmp_path / "in.exr", spec, samples)
+    save(tmp_path / "in.exr", (spec, samples))
     read = read_frame(tmp_path / "in.exr")
     assert (read.bits, read.floating) == (16, True)
     write_frame(read, tmp_path / "out.exr")
@@ -384,7 +384,7 @@ def test_channels_of_several_types_survive(tmp_path: Path) -> None:
     assert after.read_image(0, 0, 5, 6, "uint").max() == identity.max()
 
     samples[2, 2, 5] = 1.0
-    save(tmp_path / "large.exr", spec, samples)
+    save(tmp_path / "large.exr", (spec, samples))
     assert "integers below 4194304 in channel id" in refusal(tmp_path / "large.exr")
 
 
@@ -438,7 +438,7 @@ def test_only_the_display_window_of_an_exr_is_read(tmp_path: Path) -> None:
     spec = oiio.ImageSpec(COLS, ROWS, 4, "half")
     spec.x, spec.y = 12, 23
     spec.full_x, spec.full_y, spec.full_width, spec.full_height = 10, 20, 40, 30
-    save(tmp_path / "in.exr", spec, samples)
+    save(tmp_path / "in.exr", (spec, samples))
     read = read_frame(tmp_path / "in.exr")
     expected = np.zeros((30, 40, 4), np.float32)
     expected[3 : 3 + ROWS, 2 : 2 + COLS] = samples
@@ -450,7 +450,7 @@ def test_only_the_display_window_of_an_exr_is_read(tmp_path: Path) -> None:
     assert (header.full_width, header.full_height) == (40, 30)
 
     spec.full_width = COLS
-    save(tmp_path / "overscan.exr", spec, samples)
+    save(tmp_path / "overscan.exr", (spec, samples))
     assert "overscan 31x23+12+23. Crop it" in refusal(tmp_path / "overscan.exr")
 
 

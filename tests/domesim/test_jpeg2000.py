@@ -169,7 +169,7 @@ def cinema(path: Path) -> Path:
     spec.attribute("oiio:BitsPerSample", 12)
     spec.attribute("jpeg2000:Cinema2K", oiio.TypeDesc("uint"), 24)
     smooth = np.linspace(0, 65535, ROWS * COLS).astype(np.uint16).reshape(ROWS, COLS, 1)
-    save(path, spec, np.broadcast_to(smooth, (ROWS, COLS, 3)))
+    save(path, (spec, np.broadcast_to(smooth, (ROWS, COLS, 3))))
     return path
 
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from command_line import outcome_of
 from test_readings import BLACK, CRT, LEFT, NOISE, RIGHT, TO_LEFT, TO_RIGHT, Rig, real
 
 from domesim.errors import InputError
@@ -23,12 +22,6 @@ from domesim.transfer import SRGB, Linear
 RIG = Rig(noise=NOISE, repeats=3, ramps=False)
 OWN, LEAKS = (LEFT, RIGHT), (TO_LEFT, TO_RIGHT)
 ROWS, COLS = 5, 7
-
-
-@pytest.fixture
-def run(monkeypatch, capfd):
-    """The command: its exit code, standard output and standard error."""
-    return lambda *arguments: outcome_of(monkeypatch, capfd, *arguments)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from test_measuring import refused, run  # noqa: F401 - a fixture
+from test_measuring import refused
 
 from domesim.dome import Dome
 from domesim.errors import InputError
@@ -186,7 +186,7 @@ def test_markers_off_a_truncated_screen_are_left_out():
         (["--format", "exr"], None),
     ],
 )
-def test_codes_come_back_exactly(run, tmp_path, options, largest):  # noqa: F811
+def test_codes_come_back_exactly(run, tmp_path, options, largest):
     code, out, err = run(
         "measure", "patterns", "--dome", "--size", "64", "--levels", "4", "--out", tmp_path,
         *options, "--json",
@@ -208,7 +208,7 @@ def test_codes_come_back_exactly(run, tmp_path, options, largest):  # noqa: F811
             assert stored == pytest.approx(round(stored), abs=1e-9)
 
 
-def test_what_a_folder_of_a_dome_has(run, tmp_path):  # noqa: F811
+def test_what_a_folder_of_a_dome_has(run, tmp_path):
     options = ("--size", "64", "--levels", "5", "--scene", "dome_planetarium")
     code, out, err = run("measure", "patterns", "--dome", *options, "--out", tmp_path)
     assert (code, err) == (0, "")
@@ -233,7 +233,7 @@ def test_what_a_folder_of_a_dome_has(run, tmp_path):  # noqa: F811
     assert all(each.name in page for each in listed.patterns)
 
 
-def test_tables_to_fill_in_are_read(run, tmp_path):  # noqa: F811
+def test_tables_to_fill_in_are_read(run, tmp_path):
     """With figures in them, of course; without, each row is told."""
     run("measure", "patterns", "--stereo", "--size", "96x64", "--levels", "4", "--out", tmp_path)
     path = tmp_path / "readings.csv"
@@ -254,7 +254,7 @@ def test_tables_to_fill_in_are_read(run, tmp_path):  # noqa: F811
     assert len(pairs) == len(greys) == 2 * 25
 
 
-def test_left_is_left(run, tmp_path):  # noqa: F811
+def test_left_is_left(run, tmp_path):
     run("measure", "patterns", "--stereo", "--size", "96x64", "--levels", "4", "--out", tmp_path)
     listed = {each.name: each for each in read_patterns(tmp_path).patterns}
     green, grey = listed["left-green"], listed["grey-1-3"]
@@ -287,7 +287,7 @@ def test_left_is_left(run, tmp_path):  # noqa: F811
         (["--dome", "--scene", "stereo_shutter"], "wanted a dome theatre"),
     ],
 )
-def test_refused_options(run, tmp_path, options, word):  # noqa: F811
+def test_refused_options(run, tmp_path, options, word):
     out = tmp_path / "out"
     lines = refused(run("measure", "patterns", *options, "--out", out), word)
     assert len(lines) == 1

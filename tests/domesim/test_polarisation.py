@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from theatres import cinema
 
 from domesim.errors import InputError
 from domesim.lenses import lobe_gain
@@ -16,18 +17,7 @@ from domesim.theatre import Lobe
 LEFT, RIGHT = CircularFilter("left"), CircularFilter("right")
 SCREEN = SilverScreen(10.0, 5.3, depolarising_share=0.05, roughness=0.305)
 CENTRE = np.zeros(3)
-
-
-def cinema(screen=SCREEN, leaks=(0.0, 0.0, 0.0, 0.0), lenses=((-0.4, -24, 2), (0.3, -23, 1.5))):
-    """Nothing is in the middle, and nothing left like its right."""
-    hands = ("left", "right", "right", "left")
-    filters = [CircularFilter(hand, leak) for hand, leak in zip(hands, leaks, strict=True)]
-    return StereoTheatre(
-        screen,
-        (PolarisedProjector(lenses[0], filters[0]), PolarisedProjector(lenses[1], filters[1])),
-        (filters[2], filters[3]),
-        {"sweet spot": (0, -15, -1), "right": (6, -15, -1), "low": (0, -12, -4)},
-    )
+CINEMA = cinema(SCREEN)
 
 
 def on_axis(screen, leak_of_lens=0.0, leak_of_glass=0.0):
@@ -123,16 +113,16 @@ def test_crosstalk_rises_off_axis():
 
 def test_crosstalk_rises_where_the_mirrored_projector_is_far():
     """Row 0 is the top, col 0 the audience's left."""
-    right = crosstalk_estimate(cinema(), "right", 5, 7)
+    right = crosstalk_estimate(CINEMA, "right", 5, 7)
     assert np.all(np.diff(right[:, 2, :4], axis=-1) < 0)
     assert np.all(right[..., 0] > 2 * right[..., -1])
-    low = crosstalk_estimate(cinema(lenses=((0, -24, -4), (0, -24, -4))), "low", 5, 7)
+    low = crosstalk_estimate(cinema(SCREEN, lenses=((0, -24, -4), (0, -24, -4))), "low", 5, 7)
     assert np.all(low[:, 0] > 1.5 * low[:, -1])
 
 
 def test_a_mirrored_theatre_has_a_mirrored_map():
     leaks = (0.001, 0.002, 0.003, 0.004)
-    here = cinema(leaks=leaks)
+    here = cinema(SCREEN, leaks)
     lens = [((-x, y, z), projector.filter.leak) for projector in here.projectors
             for x, y, z in [projector.position]]  # fmt: skip
     mirrored = StereoTheatre(
@@ -151,7 +141,7 @@ def test_a_mirrored_theatre_has_a_mirrored_map():
 
 
 def test_a_cell_is_the_mean_of_its_light():
-    theatre = cinema(leaks=(0.001, 0.002, 0.003, 0.004))
+    theatre = cinema(SCREEN, (0.001, 0.002, 0.003, 0.004))
     x, z = np.meshgrid((np.arange(300) + 0.5) / 300, (np.arange(200) + 0.5) / 200)
     points = np.stack([(x - 0.5) * 10.0, 0 * x, (0.5 - z) * 5.3], -1)
     own, other = (
@@ -176,12 +166,12 @@ def test_a_cell_is_the_mean_of_its_light():
         (lambda: CircularFilter("left", 1.0), "leak must be at least 0 and below 1, got 1"),
         (lambda: PolarisedProjector((0, 9, 0), LEFT), "projector must be before the screen"),
         (lambda: PolarisedProjector((0, -9), LEFT), r"three numbers \(x, y, z\)"),
-        (lambda: replace(cinema(), seats={}), "no seats"),
-        (lambda: replace(cinema(), seats={"A1": (0, 0, 0)}), "seat 'A1' must be before the screen"),
-        (lambda: replace(cinema(), eyewear=(LEFT, RIGHT)), "swap the glasses"),
-        (lambda: replace(cinema(), projectors=cinema().projectors[:1] * 2), "both projectors send"),
-        (lambda: crosstalk_estimate(cinema(), "Z9", 2, 2), "no seat 'Z9'; there are sweet spot"),
-        (lambda: crosstalk_estimate(cinema(), "low", 0, 2), "at least 1, got 0 x 2"),
+        (lambda: replace(CINEMA, seats={}), "no seats"),
+        (lambda: replace(CINEMA, seats={"A1": (0, 0, 0)}), "seat 'A1' must be before the screen"),
+        (lambda: replace(CINEMA, eyewear=(LEFT, RIGHT)), "swap the glasses"),
+        (lambda: replace(CINEMA, projectors=CINEMA.projectors[:1] * 2), "both projectors send"),
+        (lambda: crosstalk_estimate(CINEMA, "Z9", 2, 2), "no seat 'Z9'; there are sweet spot"),
+        (lambda: crosstalk_estimate(CINEMA, "low", 0, 2), "at least 1, got 0 x 2"),
     ],
 )
 def test_what_cannot_be_is_refused(wrong, words):

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
+from command_line import Outcome, exit_code, outcome
 from numpy.typing import NDArray
 
-from domesim import cli
 from domesim.dome import Dome
 from domesim.frames import read_frame
 from domesim.observation import radiosity as radiosity_module
@@ -71,39 +71,12 @@ luminance_cd_m2 = [20.0, 40.0, 10.0]
 """
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What a run of the command did."""
-
-    code: int
-    out: str
-    err: str
-
-    def figures(self) -> dict[str, Any]:
-        assert (self.code, self.err) == (0, ""), self
-        figures = json.loads(self.out)
-        assert isinstance(figures, dict)
-        return figures
-
-    def is_refused(self, *words: str) -> None:
-        assert (self.code, len(self.err.splitlines())) == (2, 1), self
-        for word in ("domesim: ", *words):
-            assert word in self.err
-
-
 def domesim(*arguments: object) -> Outcome:
-    """The command in this process."""
+    """The command in this process, where there is no fixture of a test's."""
     out, err = io.StringIO(), io.StringIO()
-    code: object = 0
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
-        patch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
-        patch.setattr(sys, "argv", ["domesim", *map(str, arguments)])
-        try:
-            cli.run()
-        except SystemExit as end:
-            code = end.code or 0
-    assert isinstance(code, int)
-    return Outcome(code, out.getvalue(), err.getvalue())
+    with redirect_stdout(out), redirect_stderr(err):
+        code = exit_code(*arguments)
+    return outcome(code, out.getvalue(), err.getvalue())
 
 
 @dataclass(frozen=True)

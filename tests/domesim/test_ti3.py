@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from test_measuring import refused, run  # noqa: F401 - a fixture
+from test_measuring import refused
 from test_readings import CRT, LEFT, RIGHT, Rig, real
 
 from domesim.measurement.pair import measured_pair
@@ -125,7 +125,7 @@ def test_the_real_table_as_ti3_says_what_it_says_as_csv(table):
     assert other.response.transfer.light == pytest.approx(one.response.transfer.light, abs=1e-4)
 
 
-def test_the_command(run, table):  # noqa: F811
+def test_the_command(run, table):
     code, out, err = run("measure", "response", table(ti3()))
     assert (code, err) == (0, "")
     assert f"white {LEFT.sum(1)[1]:.4g} cd/m²" in out
@@ -182,7 +182,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize(("text", "word"), BROKEN.values(), ids=BROKEN)
-def test_broken_tables(run, table, text, word):  # noqa: F811
+def test_broken_tables(run, table, text, word):
     lines = refused(run("measure", "response", table(text)), "rig.ti3", word)
     if "has" not in lines[0]:
         assert len(lines) == 1
@@ -217,7 +217,7 @@ def four(table):
     return table("\n".join(sections), "rig.toml")
 
 
-def test_four_tables_are_a_pair(run, four, tmp_path):  # noqa: F811
+def test_four_tables_are_a_pair(run, four, tmp_path):
     pair = measured_pair(read_readings(four))
     rig = Rig()
     wanted = [np.array(rig.to_left), np.linalg.solve(RIGHT, rig.primaries("left", "right"))]
@@ -240,7 +240,7 @@ def test_four_tables_are_a_pair(run, four, tmp_path):  # noqa: F811
         ("left-left.ti3", "none.ti3", "none.ti3: wanted a file of readings"),
     ],
 )
-def test_wrong_names_of_tables(run, four, tmp_path, pattern, replacement, word):  # noqa: F811
+def test_wrong_names_of_tables(run, four, tmp_path, pattern, replacement, word):
     four.write_text(four.read_text().replace(pattern, replacement, 1))
     lines = refused(run("measure", "crosstalk", four, "--out", tmp_path / "o.toml"), word)
     assert len(lines) == 1

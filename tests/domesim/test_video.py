@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from batches import Harmful
+from batches import do_show, harmful_in
 from videos import (
     FFV1,
     KINDS,
@@ -27,9 +27,8 @@ from videos import (
 )
 
 from domesim.batch import job
-from domesim.batch.run import Done, Running, each_frame
+from domesim.batch.run import Done
 from domesim.batch.work import Writing
-from domesim.console import Console
 from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, read_master
 from domesim.frames.dithering import seed_of
@@ -477,17 +476,8 @@ def test_two_views_may_lie_side_by_side(film: Path) -> None:
 
 
 def copied(film: Path, folder: Path, workers: int, **options: Any) -> Done:
-    (folder / "log").mkdir(exist_ok=True)
     show = find_show(str(film), frames=options.pop("frames", None))
-    return each_frame(
-        show,
-        folder / "out",
-        Harmful(folder / "log"),
-        Console(quiet=True),
-        what="copying",
-        writing=Writing(**options),
-        running=Running(workers),
-    )
+    return do_show(show, folder, harmful_in(folder), Writing(**options), workers=workers)
 
 
 def test_workers_do_a_videos_frames_and_go_on(
@@ -514,15 +504,7 @@ def test_frames_that_a_video_has_lost_are_named(film: Path, tmp_path: Path) -> N
     path.write_bytes(film.read_bytes())
     show = find_show(str(path))
     path.write_bytes(film.read_bytes()[: film.stat().st_size // 2])
-    (tmp_path / "log").mkdir()
-    done = each_frame(
-        show,
-        tmp_path / "out",
-        Harmful(tmp_path / "log"),
-        Console(quiet=True),
-        what="copying",
-        running=Running(0),
-    )
+    done = do_show(show, tmp_path, harmful_in(tmp_path))
     assert len(done.frames) + len(done.failed) == 12
     assert len(done.frames) >= 4
     for frame in done.frames:

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
+from image_files import save, say
 from theatres import DATA, needs_data
 
 from domesim.errors import InputError
@@ -50,25 +51,8 @@ def spec_of(
         spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", "zip")
     spec.attribute("oiio:UnassociatedAlpha", 1)
-    for name, value in attributes.items():
-        key = name.replace("__", ":")
-        if isinstance(value, tuple):
-            spec.attribute(key, oiio.TypeDesc(value[0]), value[1])
-        else:
-            spec.attribute(key, value)
+    say(spec, **attributes)
     return spec
-
-
-def save(path: Path, *parts: tuple[oiio.ImageSpec, np.ndarray]) -> Path:
-    """Write an image, or an EXR of several parts, by OpenImageIO alone."""
-    writer = oiio.ImageOutput.create(str(path))
-    specs = tuple(spec for spec, _ in parts)
-    assert writer.open(str(path), specs[0] if len(specs) == 1 else specs), writer.geterror()
-    for k, (spec, samples) in enumerate(parts):
-        assert k == 0 or writer.open(str(path), spec, "AppendSubimage"), writer.geterror()
-        assert writer.write_image(np.ascontiguousarray(samples)), writer.geterror()
-    assert writer.close()
-    return path
 
 
 def texture(channels: int, dtype: str = "float16", seed: int = 5) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from laws.test_linear_maps import LIBRARIES, dot, scale
+from laws.test_linear_maps import LIBRARIES, assert_affine, dot
 from theatres import BT709, viewing
 
 from compensate.problem import Problem
@@ -73,18 +73,9 @@ def test_crosstalk_is_affine_with_an_adjoint(name, dtype, convert):
     random = np.random.default_rng(2)
     x, z, y = (convert(random.standard_normal((2, ROWS, COLS, 3)).astype(dtype)) for _ in range(3))
     tolerance = 1e-6 if dtype == np.float32 else 1e-13
-    forward = observation.linear(x)
     assert observation.shape == (2, ROWS, COLS, 3)
-    assert forward.dtype == x.dtype
     assert observation.observe(x).dtype == x.dtype
-    gap = dot(forward, y) - dot(x, observation.adjoint(y))
-    assert abs(gap) <= tolerance * scale(forward, y)
-    gap = dot(observation.direct(x), y) - dot(x, observation.direct_adjoint(y))
-    assert abs(gap) <= tolerance * scale(x, y)
-    mixed = observation.linear(2 * x - 3 * z) - (2 * forward - 3 * observation.linear(z))
-    assert np.abs(np.asarray(mixed)).max() <= 20 * tolerance
-    affine = observation.observe(x) - observation.observe(0 * x) - forward
-    assert np.abs(np.asarray(affine)).max() <= 20 * tolerance
+    assert_affine(observation, x, z, y, tolerance)
 
 
 @pytest.mark.parametrize("convert", LIBRARIES)

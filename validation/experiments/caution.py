@@ -192,7 +192,6 @@ def run(work: Work) -> Finding:
         most, mean = max(worth.values()), float(np.mean(list(worth.values())))
         checks.append(at_most("most that caution 1 is worth", most, WORTH, "JOD"))
         said.append(f"ColorVideoVDP gives it {mean:+.3f} JOD in the mean, at most {most:+.3f}")
-    verdicts = {"ColorVideoVDP": "quality", "FLIP": "flip"}
     return Finding(
         result=(
             f"If the pollution is known within {USUAL:.0%}, and one standard error less is "
@@ -206,8 +205,10 @@ def run(work: Work) -> Finding:
         left_out=tuple(
             judges.left_out(
                 {
-                    judge: [getattr(seen, name) for one in found.values() for seen in one.values()]
-                    for judge, name in verdicts.items()
+                    _COLUMNS[judge].name: [
+                        getattr(seen, judge) for one in found.values() for seen in one.values()
+                    ]
+                    for judge in ("quality", "flip")
                 }
             )
         ),
@@ -228,30 +229,29 @@ def _over(
 
 def _sides(found: Mapping[str, Pictured], sigmas: Sequence[float]) -> Table:
     """What too little and too much cost in one room."""
-    rows: list[tuple[str | float | None, ...]] = []
-    for name, one in found.items():
-        for sigma in sigmas:
-            sides = [one[_key(side * sigma, 0.0)] for side in (-1, 0, 1)]
-            rows.append(
-                (
-                    name,
-                    100 * sigma,
-                    *(seen.quality for seen in sides),
-                    *(seen.flip for seen in sides),
-                    *(seen.weighted for seen in sides),
-                )
-            )
-    which = ("too little", "right", "too much")
-    kinds = (("ColorVideoVDP", "JOD", ".3f"), ("FLIP", "", ".4f"), ("error", "JND rms", ".4g"))
+    sides = {"too little": -1, "right": 0, "too much": 1}
+    rows: list[tuple[str | float | None, ...]] = [
+        (
+            name,
+            100 * sigma,
+            *(
+                getattr(one[_key(side * sigma, 0.0)], judge)
+                for judge in _COLUMNS
+                for side in sides.values()
+            ),
+        )
+        for name, one in found.items()
+        for sigma in sigmas
+    ]
     return Table(
         caption="One room, compensated for too little, for all, and for too much pollution.",
         columns=(
             Column(name="picture"),
             Column(name="off by", unit="%"),
             *(
-                Column(name=f"{kind}, {side}", unit=unit, digits=digits)
-                for kind, unit, digits in kinds
-                for side in which
+                column.model_copy(update={"name": f"{column.name}, {side}"})
+                for column in _COLUMNS.values()
+                for side in sides
             ),
         ),
         rows=tuple(rows),
@@ -262,7 +262,7 @@ def _expectations(
     found: Mapping[str, Pictured], sigmas: Sequence[float], cautions: Sequence[float]
 ) -> Table:
     rows: list[tuple[str | float | None, ...]] = [
-        (name, 100 * sigma, k, *(expected(one, judge, sigma, k) for judge in _JUDGES))
+        (name, 100 * sigma, k, *(expected(one, judge, sigma, k) for judge in _COLUMNS))
         for name, one in found.items()
         for sigma in sigmas
         for k in cautions
@@ -273,12 +273,15 @@ def _expectations(
             Column(name="picture"),
             Column(name="standard error", unit="%"),
             Column(name="caution"),
-            Column(name="ColorVideoVDP", unit="JOD", digits=".4f"),
-            Column(name="FLIP", digits=".4f"),
-            Column(name="error", unit="JND rms", digits=".4g"),
+            *_COLUMNS.values(),
         ),
         rows=tuple(rows),
     )
 
 
-_JUDGES = ("quality", "flip", "weighted")
+_COLUMNS = {
+    "quality": Column(name="ColorVideoVDP", unit="JOD", digits=".4f"),
+    "flip": Column(name="FLIP", digits=".4f"),
+    "weighted": Column(name="error", unit="JND rms", digits=".4g"),
+}
+"""Of `Seen`."""

@@ -37,6 +37,7 @@ from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.gpcg import GPCG
 from compensate.weighting import PerceptualWeighting
 from domesim.dome import Dome
+from domesim.frames.colour import BT709_LUMINANCE
 from domesim.light import Light, dot
 from domesim.observation.base import AdjointObservation
 from domesim.observation.radiosity import radiosity
@@ -138,8 +139,7 @@ def _small(size: int, seed: int) -> tuple[Problem, Light]:
     bounds = (np.where(on, 0, master), np.where(on, 1, master))
     # So large that it holds frequencies on both sides of the most visible one
     viewing = Viewing(extent=2.0, image_area=4.0, distance=3.0, adaptation=1.4)
-    weights = np.array([0.2126, 0.7152, 0.0722])
-    weighting = PerceptualWeighting(padding=5)(viewing, weights, observation.screen)
+    weighting = PerceptualWeighting(padding=5)(viewing, BT709_LUMINANCE, observation.screen)
     seen = observation.direct(master)
     start, _ = clipped_subtraction(Problem(observation, weighting, seen, bounds))
     posed = Problem(observation, weighting, seen, bounds, anchor=start, regularisation=1e-3)

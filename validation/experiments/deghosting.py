@@ -444,6 +444,21 @@ def _range(values: Iterable[float]) -> str:
     return f"{found[0]:.2f} to {found[-1]:.2f}"
 
 
+_SEEN = (
+    Column(name="visible error", unit="JND rms", digits=".3f"),
+    Column(name="residual", unit="cd/m² rms", digits=".3f"),
+    Column(name="edge energy", digits=".3f"),
+    Column(name="ghost left", digits=".3f"),
+    Column(name="FLIP", digits=".4f"),
+    Column(name="ColorVideoVDP", unit="JOD", digits=".2f"),
+)
+
+
+def _seen(cell: Cell) -> tuple[float | None, ...]:
+    """Of `_SEEN`."""
+    return cell.error, cell.rms, cell.edges, cell.left, cell.flip, cell.quality
+
+
 def _table(name: str, shape: Shape, cells: Mapping[Place, Mapping[str, Cell]]) -> Table:
     here = {level: methods for (pair, level), methods in cells.items() if pair == name}
     clipped = ", ".join(
@@ -458,12 +473,7 @@ def _table(name: str, shape: Shape, cells: Mapping[Place, Mapping[str, Cell]]) -
         columns=(
             Column(name="crosstalk"),
             Column(name="method"),
-            Column(name="visible error", unit="JND rms", digits=".3f"),
-            Column(name="residual", unit="cd/m² rms", digits=".3f"),
-            Column(name="edge energy", digits=".3f"),
-            Column(name="ghost left", digits=".3f"),
-            Column(name="FLIP", digits=".4f"),
-            Column(name="ColorVideoVDP", unit="JOD", digits=".2f"),
+            *_SEEN,
             Column(name="time", unit="s", digits=".1f"),
             Column(name="FFTs"),
         ),
@@ -471,12 +481,7 @@ def _table(name: str, shape: Shape, cells: Mapping[Place, Mapping[str, Cell]]) -
             (
                 f"{level:.0%}",
                 TITLES[method],
-                cell.error,
-                cell.rms,
-                cell.edges,
-                cell.left,
-                cell.flip,
-                cell.quality,
+                *_seen(cell),
                 cell.seconds,
                 cell.ffts,
             )
@@ -503,17 +508,9 @@ def _gains(cells: Mapping[Place, Mapping[str, Cell]], gained: Mapping[Place, Cel
         columns=(
             Column(name="pair"),
             Column(name="low-frequency gain"),
-            Column(name="visible error", unit="JND rms", digits=".3f"),
-            Column(name="residual", unit="cd/m² rms", digits=".3f"),
-            Column(name="edge energy", digits=".3f"),
-            Column(name="ghost left", digits=".3f"),
-            Column(name="FLIP", digits=".4f"),
-            Column(name="ColorVideoVDP", unit="JOD", digits=".2f"),
+            *_SEEN,
         ),
-        rows=tuple(
-            (name, title, one.error, one.rms, one.edges, one.left, one.flip, one.quality)
-            for name, title, one in rows
-        ),
+        rows=tuple((name, title, *_seen(one)) for name, title, one in rows),
     )
 
 

@@ -39,16 +39,15 @@ from validation.experiment import (
 )
 from validation.experiments.fig2_fig6_deghosting import (
     EYES,
-    GENERATED,
     exposure,
     ghosted_eye,
     listed,
+    looked_at,
     pair,
     panels,
     project,
     uncorrectable,
 )
-from validation.pairs import present
 
 SCENES = ("stereo_polarised_paper", "stereo_cinema_silver")
 DATA = ("beachball 1", "motorcycle")
@@ -155,15 +154,7 @@ def measure(scene_name: str, name: str, width: int, seed: int = 0) -> Outcome:
 def run(work: Work) -> Finding:
     """Measure, and say whether it is as expected."""
     width = 64 if work.quick else 256
-    names: tuple[str, ...] = (GENERATED,)
-    left_out: tuple[str, ...] = ()
-    if work.quick:
-        left_out = ("The test data's pairs: they take minutes.",)
-    else:
-        there, _ = present(DATA)
-        names = (GENERATED, *there)
-        if missing := [name for name in DATA if name not in there]:
-            left_out = (f"The pairs {', '.join(missing)}: DOMESIM_DATA has no such files.",)
+    names, left_out = looked_at(work, DATA)
     found = {
         (name, scene): work.step(
             f"{name} in {scene}, {width} wide",

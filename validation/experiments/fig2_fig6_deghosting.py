@@ -20,7 +20,7 @@ Expected
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -274,18 +274,18 @@ def _pictures(
     )
 
 
+def looked_at(work: Work, data: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Pairs, those of the test data in full runs only, and what is left out."""
+    if work.quick:
+        return (GENERATED,), ("The test data's pairs: they take minutes.",)
+    found, left_out = present(data)
+    return (GENERATED, *found), tuple(left_out)
+
+
 def run(work: Work) -> Finding:
     """Measure, and say whether it is as expected."""
     width = 128 if work.quick else 256
-    names: tuple[str, ...] = (GENERATED,)
-    left_out: tuple[str, ...] = ()
-    if work.quick:
-        left_out = ("The test data's pairs: they take minutes.",)
-    else:
-        found_data, _ = present(DATA)
-        names = (GENERATED, *found_data)
-        if missing := [name for name in DATA if name not in found_data]:
-            left_out = (f"The pairs {', '.join(missing)}: DOMESIM_DATA has no such files.",)
+    names, left_out = looked_at(work, DATA)
     found = {
         name: work.step(
             f"{name}, {width} wide",

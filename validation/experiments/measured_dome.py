@@ -29,7 +29,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from compensate.master import pose
 from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.observation.radiosity import radiosity
@@ -60,12 +59,19 @@ from validation.experiment import (
     equal,
     require_tracer,
 )
-from validation.laboratory import Faults, left_over, patterns_for, photographed
-from validation.masters import night
+from validation.laboratory import (
+    LEFT,
+    NOISE,
+    ORDINARY,
+    Faults,
+    left_over,
+    night_and_day,
+    patterns_for,
+    photographed,
+)
 
 Floats = NDArray[np.float64]
 
-NOISE = 0.01
 ASSUMED = Errors()
 """What the fit is told; the laboratory's errors are drawn from the same."""
 QUICK, FULL = 1, 100
@@ -326,8 +332,7 @@ def compensated(
     real, described = _scene({}), _scene({"screen": [0.45] * 3, "floor": [0.1] * 3})
     patterns = patterns_for(real.dome, PATTERN)
     camera = Camera((0.2, -0.8, -0.3), (0.2, 0.7, 0.7), FIELD)
-    faults = Faults(NOISE, vignetting=0.02, camera_m=(0.02, -0.01, 0.02), turn_deg=(0.2, 0.3, -0.2))
-    shots = photographed(real.theatre, camera, patterns, faults, seed=seed)
+    shots = photographed(real.theatre, camera, patterns, ORDINARY, seed=seed)
     _, found = survey_of(
         described.theatre, patterns, shots, {}, ASSUMED, profile=False, resolution=resolution
     )
@@ -344,25 +349,11 @@ def compensated(
         "closed_measured": measured,
     }
     tracer = Tracer(real.theatre)
-    dark = night(size, seed) * real.dome.inside(size, size)[..., None]
-    bright = (0.35 + 0.6 * dark) * real.dome.inside(size, size)[..., None]
-    return (
-        _residuals(models, tracer, dark.astype(np.float32), walks, seed),
-        _residuals(models, tracer, bright.astype(np.float32), walks, seed),
+    dark, bright = (
+        Residuals(**left_over(tracer, picture, models, walks, seed))
+        for picture in night_and_day(real, size, seed)
     )
-
-
-def _residuals(
-    models: Mapping[str, DomeScene],
-    tracer: Tracer,
-    desired: NDArray[np.float32],
-    walks: int,
-    seed: int,
-) -> Residuals:
-    lights = {"untouched": desired} | {
-        name: pose(desired, scene).subtractive for name, scene in models.items()
-    }
-    return Residuals(**left_over(tracer, desired, lights, walks, seed))
+    return dark, bright
 
 
 def run(work: Work) -> Finding:
@@ -529,8 +520,7 @@ def _residual_table(dark: Residuals, bright: Residuals) -> Table:
         "closed": "closed form, described albedo",
     }
     return Table(
-        caption="Light that should not be there (rms over the screen, % of white), seen in the "
-        "path-traced theatre after exact subtraction by each model.",
+        caption=LEFT,
         columns=(
             Column(name="compensation"),
             Column(name="night", unit="%"),

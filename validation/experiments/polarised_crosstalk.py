@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.observation.uncertain import SIGMAS
 from domesim.pathtrace.polarised import crosstalk_map
 from domesim.polarisation import crosstalk_estimate, screen_gain
 from domesim.scene import load_stereo
@@ -51,8 +52,6 @@ SCENE = "stereo_cinema_silver"
 SWEET_SPOT = "sweet spot"
 CELLS = (5, 9)
 """Rows and cols of the screen; the middle cell is about a metre either way."""
-INTERVAL = 1.96
-"""Standard errors in half a 95 % interval."""
 BIAS = 0.005
 """Of crosstalk, relative, that must not go unnoticed."""
 
@@ -88,7 +87,7 @@ class Seat:
     def interval(self) -> tuple[float, float]:
         """95 % interval in the middle of the screen."""
         share, error, _ = self.middle()
-        return share - INTERVAL * error, share + INTERVAL * error
+        return share - SIGMAS * error, share + SIGMAS * error
 
 
 def measure(aside: float, *, samples: int, seed: int) -> Seat:
@@ -176,8 +175,8 @@ def run(work: Work) -> Finding:
     return Finding(
         result=(
             f"In the middle of the screen crosstalk rises from {first[0]:.3%} "
-            f"(± {100 * INTERVAL * first[1]:.1g}%, 95 %) at the sweet spot to {last[0]:.2%} "
-            f"(± {100 * INTERVAL * last[1]:.1g}%) {seats[-1].aside:g} m to the side. "
+            f"(± {100 * SIGMAS * first[1]:.1g}%, 95 %) at the sweet spot to {last[0]:.2%} "
+            f"(± {100 * SIGMAS * last[1]:.1g}%) {seats[-1].aside:g} m to the side. "
             f"{len(share)} figures, of cells, eyes and seats, {agree} with Mueller calculus "
             f"(chi-square p {spread:.2f}, common bias p {shared:.2f}, z-scores normal p "
             f"{normal:.2f}; a bias of {BIAS:.1%} would be noticed). The "
@@ -248,7 +247,7 @@ def _table(seats: tuple[Seat, ...]) -> Table:
         whole = np.array(seat.share).mean()
         return (
             seat.aside,
-            *(100 * x for x in (share, INTERVAL * error, estimate, seat.by_hand, whole)),
+            *(100 * x for x in (share, SIGMAS * error, estimate, seat.by_hand, whole)),
         )
 
     return Table(
@@ -278,7 +277,7 @@ def _row(seats: tuple[Seat, ...]) -> Plot:
         axes.plot(aside, line, "--", color=COLOURS[2], label="(s/2) / (gain - s/2) + leaks")
         axes.plot(places, 100 * estimate, "x", color=COLOURS[1], ms=8, label="Mueller calculus")
         axes.errorbar(
-            places, 100 * share, 100 * INTERVAL * error, fmt="o", color=COLOURS[0], ms=3.5,
+            places, 100 * share, 100 * SIGMAS * error, fmt="o", color=COLOURS[0], ms=3.5,
             capsize=4, label="traced, 95 %",
         )  # fmt: skip
         axes.set(
@@ -309,7 +308,7 @@ def _across(seats: tuple[Seat, ...]) -> Plot:
             )
             name = "sweet spot" if seat.aside == 0 else f"{seat.aside:g} m to the right"
             axes.errorbar(
-                places, share, INTERVAL * error, fmt="o", color=colour, ms=3.5, capsize=4,
+                places, share, SIGMAS * error, fmt="o", color=colour, ms=3.5, capsize=4,
                 label=f"{name}, traced, 95 %",
             )  # fmt: skip
             axes.plot(places, estimate, "-", color=colour, lw=1)

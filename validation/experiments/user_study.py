@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from domesim.observation.uncertain import SIGMAS
 from validation.drawing import COLOURS, plot
 from validation.experiment import Column, Finding, Plot, Table, Work, at_least, at_most, equal
 from validation.study import (
@@ -221,7 +222,7 @@ def run(work: Work) -> Finding:
             at_least(
                 "stills: least lead on a Bradley-Terry scale over its standard error",
                 still.lead / still.lead_error,
-                1.96,
+                SIGMAS,
             ),
         ),
         tables=(_pairs(still), _scales(still), _videos(meanings)),

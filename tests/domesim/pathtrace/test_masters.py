@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
+from command_line import exit_code
 from numpy.typing import NDArray
 
 from domesim import cli
@@ -235,15 +235,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Run:
     entry = EntryPoint("master", "domesim.mastering:master", "domesim.commands")
     other = EntryPoint("observe", "domesim.cli:observe", "domesim.commands")
     monkeypatch.setattr(cli, "entry_points", lambda group: [entry, other])
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
-
-    def run(*arguments: object) -> int:
-        monkeypatch.setattr(sys, "argv", ["domesim", "master", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            cli.run()
-        return int(end.value.code or 0)
-
-    return run
+    return lambda *arguments: exit_code("master", *arguments)
 
 
 SMALL = ("--size", 32, "--samples", 1)

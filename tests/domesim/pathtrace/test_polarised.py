@@ -8,40 +8,30 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from theatres import cinema
 
 from domesim.errors import InputError
 from domesim.pathtrace import polarised
 from domesim.pathtrace.llvm import Backend, backend, load_mitsuba
 from domesim.pathtrace.polarised import crosstalk_map
 from domesim.polarisation import crosstalk_estimate
-from domesim.stereo import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
+from domesim.stereo import SilverScreen
 from validation.statistics import assert_unbiased, calibration
 
 pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
 SCREEN = SilverScreen(10.0, 5.3, depolarising_share=0.05, roughness=0.305, albedo=0.9)
 LEAKS = (0.001, 0.002, 0.003, 0.004)
-
-
-def cinema(screen=SCREEN, leaks=LEAKS, lenses=((-0.4, -24, 2), (0.3, -23, 1.5))):
-    """Nothing is in the middle, and nothing left like its right."""
-    hands = ("left", "right", "right", "left")
-    filters = [CircularFilter(hand, leak) for hand, leak in zip(hands, leaks, strict=True)]
-    return StereoTheatre(
-        screen,
-        (PolarisedProjector(lenses[0], filters[0]), PolarisedProjector(lenses[1], filters[1])),
-        (filters[2], filters[3]),
-        {"sweet spot": (0, -15, -1), "aisle": (4, -15, -1), "corner": (6, -8, -2)},
-    )
+CINEMA = cinema(SCREEN, LEAKS)
 
 
 @pytest.mark.parametrize(
     ("theatre", "seat"),
     [
-        (cinema(), "sweet spot"),
-        (cinema(), "corner"),
-        (cinema(replace(SCREEN, roughness=0.15, depolarising_share=0.3)), "aisle"),
-        (cinema(leaks=(0.0, 0.2, 0.1, 0.0)), "aisle"),
+        (CINEMA, "sweet spot"),
+        (CINEMA, "corner"),
+        (cinema(replace(SCREEN, roughness=0.15, depolarising_share=0.3), LEAKS), "aisle"),
+        (cinema(SCREEN, (0.0, 0.2, 0.1, 0.0)), "aisle"),
         # What oblique aluminium does to circular light, and nothing else
         (cinema(replace(SCREEN, depolarising_share=0.0), (0.0, 0.0, 0.0, 0.0)), "corner"),
     ],
@@ -54,15 +44,15 @@ def test_simulation_agrees_with_mueller_calculus(theatre, seat):
 
 
 def test_it_would_notice_a_bias_of_a_hundredth():
-    found = crosstalk_map(cinema(), "corner", 5, 7, samples=1024, seed=1)
-    estimate = crosstalk_estimate(cinema(), "corner", 5, 7)
+    found = crosstalk_map(CINEMA, "corner", 5, 7, samples=1024, seed=1)
+    estimate = crosstalk_estimate(CINEMA, "corner", 5, 7)
     with pytest.raises(AssertionError, match="biased"):
         assert_unbiased(found.share, found.standard_error, 1.01 * estimate)
 
 
 def test_its_standard_errors_are_honest():
-    found = crosstalk_map(cinema(), "aisle", 12, 20, samples=256, seed=2)
-    z = (found.share - crosstalk_estimate(cinema(), "aisle", 12, 20)) / found.standard_error
+    found = crosstalk_map(CINEMA, "aisle", 12, 20, samples=256, seed=2)
+    z = (found.share - crosstalk_estimate(CINEMA, "aisle", 12, 20)) / found.standard_error
     assert calibration(z) > 1e-3
 
 
@@ -85,7 +75,7 @@ def test_everything_does_on_a_screen_that_forgets_polarisation():
 def test_crosstalk_rises_off_axis():
     """In the middle of the screen, seat by seat; intervals of 99.9 % do not touch."""
     maps = [
-        crosstalk_map(cinema(), seat, 3, 3, samples=256, seed=4)
+        crosstalk_map(CINEMA, seat, 3, 3, samples=256, seed=4)
         for seat in ("sweet spot", "aisle", "corner")
     ]
     middle = np.array([(m.share[:, 1, 1], m.standard_error[:, 1, 1]) for m in maps])
@@ -94,20 +84,20 @@ def test_crosstalk_rises_off_axis():
 
 
 def test_the_same_arguments_give_the_same_map():
-    first, again = (crosstalk_map(cinema(), "aisle", 2, 3, samples=32, seed=5) for _ in range(2))
+    first, again = (crosstalk_map(CINEMA, "aisle", 2, 3, samples=32, seed=5) for _ in range(2))
     np.testing.assert_array_equal(first.share, again.share)
     np.testing.assert_array_equal(first.standard_error, again.standard_error)
-    other = crosstalk_map(cinema(), "aisle", 2, 3, samples=32, seed=6)
+    other = crosstalk_map(CINEMA, "aisle", 2, 3, samples=32, seed=6)
     assert np.all(first.share != other.share)
 
 
 def test_launches_are_added_up(monkeypatch):
     monkeypatch.setattr(polarised, "_LAUNCH", 6 * 40)
     told = []
-    found = crosstalk_map(cinema(), "aisle", 2, 3, samples=100, seed=7, progress=told.append)
+    found = crosstalk_map(CINEMA, "aisle", 2, 3, samples=100, seed=7, progress=told.append)
     assert told == [0.4, 0.8, 1.0]
     assert found.samples == 100
-    assert_unbiased(found.share, found.standard_error, crosstalk_estimate(cinema(), "aisle", 2, 3))
+    assert_unbiased(found.share, found.standard_error, crosstalk_estimate(CINEMA, "aisle", 2, 3))
 
 
 def test_a_quotient_s_error_is_that_of_its_parts():
@@ -128,7 +118,7 @@ def test_a_quotient_s_error_is_that_of_its_parts():
 def test_mitsuba_s_variant_is_left_as_it_was():
     mi = load_mitsuba()
     before = mi.variant()
-    crosstalk_map(cinema(), "aisle", 1, 1, samples=2)
+    crosstalk_map(CINEMA, "aisle", 1, 1, samples=2)
     assert mi.variant() == before
 
 
@@ -142,7 +132,7 @@ def test_ctrl_c_waits_for_the_launch_and_leaves_no_map(monkeypatch):
         os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
-        crosstalk_map(cinema(), "aisle", 2, 3, samples=100, progress=press)
+        crosstalk_map(CINEMA, "aisle", 2, 3, samples=100, progress=press)
     assert told == [0.1]
     assert mi.variant() == before
 
@@ -158,11 +148,11 @@ def test_ctrl_c_waits_for_the_launch_and_leaves_no_map(monkeypatch):
 def test_what_cannot_be_is_refused(arguments, words):
     *place, samples = arguments
     with pytest.raises(InputError, match=words):
-        crosstalk_map(cinema(), *place, samples=samples)
+        crosstalk_map(CINEMA, *place, samples=samples)
 
 
 def test_without_a_vectorised_mitsuba_it_says_so(monkeypatch):
     scalar = Backend("scalar_rgb", "no usable libLLVM", remedy="pip install karellen-llvm-core")
     monkeypatch.setattr(polarised, "backend", lambda: scalar)
     with pytest.raises(InputError, match=r"wants a vectorised Mitsuba.*pip install"):
-        crosstalk_map(cinema(), "aisle", 2, 3, samples=8)
+        crosstalk_map(CINEMA, "aisle", 2, 3, samples=8)

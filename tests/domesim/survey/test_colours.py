@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from image_files import store
-from made_up_domes import CAMERA, GAIN, THEATRE, patterns, seen, truth
+from made_up_domes import CAMERA, GAIN, THEATRE, described, patterns, seen, truth
 
 from domesim.errors import InputError
 from domesim.survey.colours import mixing, unmixed
@@ -59,11 +59,7 @@ def folder(tmp_path_factory):
         store(place / f"p{number}.png", np.round(255 * pattern).astype(np.uint8))
         store(place / f"{number}.exr", light.astype(np.float32))
         text += f'[[photographs]]\nfile = "{number}.exr"\npattern = "p{number}.png"\n'
-    (place / "theatre.toml").write_text(
-        'name = "theatre"\n[dome]\nradius_m = 4.0\nhalf_angle_deg = 85.0\n'
-        f"tilt_deg = {float(np.degrees(THEATRE.dome.tilt))!r}\n[screen]\nalbedo = 0.5\n"
-        "[projector]\nwhite_cd_m2 = 8.0\n[viewing]\nadaptation_cd_m2 = 0.5\n"
-    )
+    (place / "theatre.toml").write_text(described(THEATRE.dome))
     (place / "survey.toml").write_text(text)
     return place
 

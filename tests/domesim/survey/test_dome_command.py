@@ -89,9 +89,9 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def run(monkeypatch, capfd):
+def run(capfd):
     """The command: its exit code, standard output and standard error."""
-    return lambda *arguments: outcome_of(monkeypatch, capfd, "measure", "dome", *arguments)
+    return lambda *arguments: outcome_of(capfd, "measure", "dome", *arguments)
 
 
 def test_a_theatre_is_measured_and_its_scene_loads(folder, run):
@@ -123,6 +123,26 @@ def test_a_theatre_is_measured_and_its_scene_loads(folder, run):
     content.pop("measured")
     out.write_text(as_toml(content))
     assert load_dome(out).digest == scene.digest
+
+
+def test_white_of_so_many_lumens_is_that_of_the_measured_screen(folder, run):
+    """Black is a share of it: the described screen, half as bright, would have another."""
+    plan = PLAN.replace("white_cd_m2 = 8.0", "lumens = 5000.0")
+    (folder / "lumens.toml").write_text(plan)
+    (folder / "of_lumens.toml").write_text(
+        SURVEY.replace("plan.toml", "lumens.toml") + shots(NAMES)
+    )
+    out = folder / "of_lumens_measured.toml"
+    code, said, _ = run(folder / "of_lumens.toml", "--out", out, "--json")
+    assert code == 0
+    figures = json.loads(said)
+    (folder / "lumens.toml").write_text(
+        plan.replace("albedo = 0.5", f"albedo = {[v / 0.8 for v in figures['values']['screen']]}")
+    )
+    scene, white = load_dome(out), load_dome(folder / "lumens.toml").projector.white
+    assert scene.projector.white == pytest.approx(white)
+    weights = scene.projector.luminance_weights
+    assert scene.ambient == pytest.approx(white * (weights @ figures["ambient_of_white"]))
 
 
 def test_what_the_photographs_do_not_tell_is_not_answered(folder, run):

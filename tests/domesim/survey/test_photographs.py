@@ -64,9 +64,7 @@ def test_a_camera_that_is_turned_a_little_sees_the_same_cells():
     turned = replace(CAMERA, turn=(0.02, -0.02, 0.03))
     surface, points = looked_at(THEATRE, turned, *places_in(size))
     on_screen = surface == SCREEN
-    directions = points[on_screen] @ THEATRE.dome.to_room
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    row, col = THEATRE.dome.pixel_of(directions, PATTERNS.shape[1])
+    row, col = THEATRE.dome.pixel_of(THEATRE.dome.toward(points[on_screen]), PATTERNS.shape[1])
     light = np.zeros((len(PATTERNS), size, size, 3))
     light[:, on_screen] = PATTERNS[:, row, col]
     found = cells_of(THEATRE, PATTERNS, shots(light))
@@ -84,9 +82,7 @@ def test_a_pinhole_sees_the_same_cells():
     surface, points = looked_at(THEATRE, camera, *places_in(*size))
     assert {SCREEN, FLOOR} <= set(np.unique(surface))
     on_screen = surface == SCREEN
-    directions = points[on_screen] @ THEATRE.dome.to_room
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    row, col = THEATRE.dome.pixel_of(directions, PATTERNS.shape[1])
+    row, col = THEATRE.dome.pixel_of(THEATRE.dome.toward(points[on_screen]), PATTERNS.shape[1])
     light = np.zeros((len(PATTERNS), *size, 3))
     light[:, on_screen] = PATTERNS[:, row, col]
     count = len(PATTERNS)

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from command_line import outcome_of
+from command_line import exit_code
 from image_files import store
+from made_up_domes import described
 from scipy.spatial.transform import Rotation
 
 from domesim.dome import Dome
@@ -45,8 +46,7 @@ def photograph(camera: Camera, rows=640, cols=640, noise=0.02, lit=LIT):
     u, v = places_in(rows, cols)
     surface, points = looked_at(Theatre(DOME, (0.5, 0.5, 0.5)), camera, u, v)
     on = surface == SURFACES["screen"]
-    rays = points[on] @ DOME.to_room
-    row, col = DOME.pixel_of(rays / np.linalg.norm(rays, axis=-1, keepdims=True), len(lit))
+    row, col = DOME.pixel_of(DOME.toward(points[on]), len(lit))
     light = np.full((rows, cols, 3), 0.6)
     light[on] += lit[row, col]
     light[-30:-24, 200:212] = 1.5
@@ -159,37 +159,16 @@ registration = "dots.exr"
 file = "dots.exr"
 pattern = "patterns/0001_registration.png"
 """
-THEATRE = """\
-name = "theatre"
-
-[dome]
-radius_m = 5.0
-half_angle_deg = {half_angle}
-tilt_deg = {tilt!r}
-
-[screen]
-albedo = 0.5
-
-[projector]
-white_cd_m2 = 8.0
-
-[viewing]
-adaptation_cd_m2 = 0.5
-"""
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, capfd):
+def folder(tmp_path):
     """A survey of one photograph, of a rectangular picture, with its patterns."""
-    theatre = THEATRE.format(half_angle=85.0, tilt=float(np.degrees(DOME.tilt)))
-    (tmp_path / "theatre.toml").write_text(theatre)
+    (tmp_path / "theatre.toml").write_text(described(DOME))
     (tmp_path / "survey.toml").write_text(SURVEY)
     store(tmp_path / "dots.exr", photograph(PINHOLE, 480, 640).astype(np.float32))
     made = ("--dome", "--scene", tmp_path / "theatre.toml", "--size", "64")
-    code, _, _ = outcome_of(
-        monkeypatch, capfd, "measure", "patterns", *made, "--out", tmp_path / "patterns", "--quiet"
-    )
-    assert code == 0
+    assert not exit_code("measure", "patterns", *made, "--out", tmp_path / "patterns", "--quiet")
     return tmp_path
 
 
@@ -222,7 +201,6 @@ def test_mistakes_of_a_camera(folder, change, message):
 
 
 def test_patterns_of_another_dome_are_refused(folder):
-    theatre = THEATRE.format(half_angle=90.0, tilt=float(np.degrees(DOME.tilt)))
-    (folder / "theatre.toml").write_text(theatre)
+    (folder / "theatre.toml").write_text(described(replace(DOME, half_angle=np.radians(90))))
     with pytest.raises(InputError, match="half-angle of 90 degrees; write patterns of this"):
         read_survey(folder / "survey.toml")

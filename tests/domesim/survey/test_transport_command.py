@@ -6,7 +6,6 @@ import json
 
 import numpy as np
 import pytest
-from command_line import outcome_of
 from image_files import store
 from made_up_domes import GAIN, THEATRE, store_survey, truth
 
@@ -59,11 +58,6 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("survey")
     store_survey(place, PLAN, KEPT)
     return place
-
-
-@pytest.fixture
-def run(monkeypatch, capfd):
-    return lambda *arguments: outcome_of(monkeypatch, capfd, *arguments)
 
 
 def test_the_scene_and_its_transport_compensate(folder, run):
