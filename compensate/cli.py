@@ -90,8 +90,9 @@ EyeName = Annotated[
     typer.Option(
         "--weighting",
         help="Perceptual: contrast, relative to the local luminance that one seat sees, with "
-        "castleCSF's sensitivities, which is the default; or paper, one adaptation luminance and "
-        "Daly's sensitivity, which is what several seats get.",
+        "castleCSF's sensitivities, which is the default; contours, the same for pairs whose "
+        "ghosts hinder fusion: half of their edges, under wider veils; or paper, one adaptation "
+        "luminance and Daly's sensitivity, which is what several seats get.",
         show_default=False,
     ),
 ]

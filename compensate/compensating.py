@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 
 from compensate.comparison import compare_methods
-from compensate.contrast import ContrastWeighting, Eye
+from compensate.contrast import Contours, ContrastWeighting, Eye
 from compensate.devices import CPU, on_device
 from compensate.master import Figures, Posed, Solution, Stage, solve_frame
 from compensate.methods import Solver, perceptual, require_method
@@ -20,7 +22,7 @@ from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.scene import Scene, StereoScene
 
-PAPER, CONTRAST = "paper", "contrast"
+PAPER, CONTRAST, CONTOURS = "paper", "contrast", "contours"
 """Names of the vision models."""
 
 INVISIBLE = 0.01
@@ -44,7 +46,7 @@ class Compensating(Recipe):
     tolerance
         Of the perceptual method.
     eye
-        Name of the vision model: "paper" or "contrast".
+        Name of the vision model: "paper", "contrast" or, of a pair, "contours".
     low_frequency_gain
         Of the vision model; None for its own.
     device
@@ -86,6 +88,10 @@ class Compensating(Recipe):
             If they do not.
         """
         weighting_of(self.eye, self.low_frequency_gain)
+        if self.eye == CONTOURS and not isinstance(theatre, StereoScene):
+            raise InputError(
+                f"--weighting {CONTOURS}: ghosts are a stereo pair's; a dome takes {CONTRAST}"
+            )
         require_method(self.method, theatre)
         if not 0 < self.tolerance < 1:
             raise InputError(f"tolerance must lie between 0 and 1, got {self.tolerance:g}")
@@ -176,7 +182,12 @@ def weighting_of(name: str, low_frequency_gain: float | None = None) -> Eye:
     InputError
         If there is none.
     """
-    settings: dict[str, type[Eye]] = {PAPER: PerceptualWeighting, CONTRAST: ContrastWeighting}
+    settings: dict[str, Callable[..., Eye]] = {
+        PAPER: PerceptualWeighting,
+        CONTRAST: ContrastWeighting,
+        # Half of the edges that subtraction leaves, for a tenth of a JOD (validation/notes/0007)
+        CONTOURS: partial(ContrastWeighting, reach=0.3, contours=Contours()),
+    }
     if name not in settings:
         raise InputError(f"--weighting {name!r} is not known; use one of {', '.join(settings)}")
     if low_frequency_gain is None:

@@ -5,13 +5,22 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from compensate.compensating import CONTRAST, PAPER, Compensating, preferred
+from compensate.compensating import (
+    CONTOURS,
+    CONTRAST,
+    PAPER,
+    Compensating,
+    preferred,
+    weighting_of,
+)
+from compensate.master import solved
 from domesim.batch.estimate import estimate
 from domesim.batch.run import Done, Running, each_frame
 from domesim.batch.work import Recipe, Writing
@@ -22,6 +31,9 @@ from domesim.frames import ColourTag, Frame, write_frame
 from domesim.scene import load_scene
 from domesim.shows import Show, find_show
 from validation.benchmarks.schedulers import scheduler
+from validation.experiments.quality import inputs
+from validation.experiments.quality.judging import Case
+from validation.pairs import generated
 
 LINEAR = ColourTag("linear", "BT.709", "the test")
 COUNT = 4
@@ -176,3 +188,20 @@ def test_all_but_several_seats_are_weighted_by_contrast() -> None:
     assert preferred(pair) == CONTRAST
     assert preferred(pair.seen_from("left")) == CONTRAST
     assert preferred(pair.seen_from("left", "right")) == PAPER
+
+
+def test_contours_of_ghosts_can_be_softened() -> None:
+    """More than by default, and no more is needed of the command than its name."""
+    scene = inputs.stereo_at(0.05, 15.0)
+    left = {}
+    for name in (CONTRAST, CONTOURS):
+        case = Case(partial(generated, 256), scene)
+        left[name] = case.contours(solved(case.posed(weighting_of(name)), "perceptual").light)
+    assert max(left[CONTOURS]) < 0.5
+    assert max(left[CONTOURS]) < 0.8 * min(left[CONTRAST])
+
+
+def test_domes_have_no_ghosts_to_soften() -> None:
+    recipe = Compensating(SceneChoice("dome_imax"), eye=CONTOURS)
+    with pytest.raises(InputError, match="ghosts are a stereo pair's; a dome takes contrast"):
+        recipe.require_sense(load_scene("dome_imax"))

@@ -11,6 +11,7 @@ from validation.experiment import Work
 from validation.experiments import quality
 from validation.experiments.quality import gains, inputs, judging
 from validation.experiments.quality.judging import Cell
+from validation.experiments.quality.ways import WAYS
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +41,7 @@ def test_without_judges_the_laws_hold(tmp_path):
     assert quality.run(Work(store=tmp_path)) == finding  # killed and resumed
     assert "ColorVideoVDP: it needs pip install 'domesim[metrics]'" in finding.left_out
     assert [len(one.panels) for one in finding.pictures] == [5, 5]
-    assert [len(table.rows) for table in finding.tables] == [6, 17, 2]
+    assert [len(table.rows) for table in finding.tables] == [6, len(WAYS), 2]
     assert finding.figures["quality.generated.0.05.15.none.contour"] == pytest.approx(1)
     assert finding.figures["quality.night.0.5.15.none.contour"] is None
 
@@ -56,7 +57,7 @@ def test_a_full_run_says_what_the_judges_found(monkeypatch, tmp_path):
     assert any("pillars" in why and pairs.FOLDER in why for why in finding.left_out)
     assert any(check.what.startswith("local contrast: gain") for check in finding.checks)
     assert [len(one.panels) for one in finding.pictures] == [9, 9, 9]
-    assert [len(table.rows) for table in finding.tables] == [3, 6, 17, 5, 6]
+    assert [len(table.rows) for table in finding.tables] == [3, 6, len(WAYS), 5, 6]
     assert len(finding.plots) == 3
     assert "3 inputs" in finding.result
     assert "FLIP" in finding.result
