@@ -185,8 +185,8 @@ def weighting_of(name: str, low_frequency_gain: float | None = None) -> Eye:
     settings: dict[str, Callable[..., Eye]] = {
         PAPER: PerceptualWeighting,
         CONTRAST: ContrastWeighting,
-        # Half of the edges that subtraction leaves, for a tenth of a JOD (validation/notes/0007)
-        CONTOURS: partial(ContrastWeighting, reach=0.3, contours=Contours()),
+        # Half of the edges that subtraction leaves, for 0.07 JOD (validation/notes/0007)
+        CONTOURS: partial(ContrastWeighting, reach=0.35, contours=Contours()),
     }
     if name not in settings:
         raise InputError(f"--weighting {name!r} is not known; use one of {', '.join(settings)}")

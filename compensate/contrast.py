@@ -28,7 +28,7 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, maximum_filter
+from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude
 
 from compensate.fourier import Fourier, padded_size
 from compensate.ghosts import BEST_FREQUENCY, FINEST_SIGMA
@@ -75,17 +75,19 @@ class Contours:
     as much of them as of other errors. K is multiplied by 1 + strength e, with e -> 1 where an edge
     of contrast is within reach (half of it at `_FAINT`):
 
-        e = max over the reach of a / (a + `_FAINT`),   a = sigma sqrt(2 pi) |grad G_sigma r|
+        q = a / (a + `_FAINT`),   a = sigma sqrt(2 pi) |grad G_sigma r|
+        e = min(1, (1 + (w / sigma)²)^1/2 G_w q)
 
-    where r is what subtraction leaves over the local luminance, a the height of a step in it, and
-    sigma as of the ghost edge energy (`compensate.ghosts`).
+    where r is what subtraction leaves over the local luminance, a the height of a step in it, sigma
+    as of the ghost edge energy (`compensate.ghosts`), and w the reach: a line keeps its height, and
+    falls off smoothly, for a veil has the shape that K has.
 
     Parameters
     ----------
     strength
         How much more they count at most.
     reach
-        Degrees on either side.
+        w, degrees.
 
     Raises
     ------
@@ -93,8 +95,8 @@ class Contours:
         If one is not above 0 or not finite.
     """
 
-    strength: float = 2.0
-    reach: float = 0.3
+    strength: float = 1.0
+    reach: float = 0.4
 
     def __post_init__(self) -> None:
         for name, value in (("strength", self.strength), ("reach", self.reach)):
@@ -104,13 +106,15 @@ class Contours:
     def at(self, density: float) -> Factor:
         """The factor at so many pixels per degree."""
         sigma = max(FINEST_SIGMA, density / (2 * np.pi * BEST_FREQUENCY))
-        size = 2 * round(self.reach * density) + 1
+        reach = self.reach * density
+        height = np.hypot(1, reach / sigma)
 
         def of_view(left: Plane) -> Plane:
             steps = gaussian_gradient_magnitude(left, sigma, mode="nearest")
             steps *= sigma * np.sqrt(2 * np.pi)
-            near = maximum_filter(steps / (steps + _FAINT), size, mode="nearest")
-            return 1 + self.strength * gaussian_filter(near, size / 4, mode="nearest")
+            near: Plane = gaussian_filter(steps / (steps + _FAINT), reach, mode="nearest")
+            near *= height
+            return 1 + self.strength * np.minimum(near, 1, out=near)
 
         return lambda _, left: np.stack([of_view(plane) for plane in left])
 

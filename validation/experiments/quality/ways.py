@@ -73,8 +73,8 @@ VARIANTS: Mapping[str, Way] = {
         *(Way.local(f"floor {floor:g} cd/m²", floor=floor) for floor in (0.03, 0.3)),
         *(Way.local(f"reach {reach:g}°", reach=reach) for reach in (0.0, 0.5)),
         *(Way.local(f"most {most:g} of the adaptation", most=most) for most in (1.0, np.inf)),
-        Way.local("contours count 3 times", contours=Contours()),
-        Way.local("the same, reach 0.3°", contours=Contours(), reach=0.3),
+        Way.local("contours count twice", contours=Contours()),
+        Way.local("the same, reach 0.35°", contours=Contours(), reach=0.35),
         *(
             Way.local(f"texture masks, slope {slope:g}", texture=Texture(slope))
             for slope in (0.7, 1)
