@@ -227,7 +227,9 @@ class CsfWeighting(Weighting):
         cols = self.shape[2]
 
         def fill(view: int, rows: slice) -> None:
-            channels = xp.permute_dims(residual[view, rows, ...] @ opponent.T, (2, 0, 1))
+            part = residual[view, rows, ...]
+            channels = opponent @ xp.reshape(part, (-1, part.shape[2])).T
+            channels = xp.reshape(channels, (-1, *part.shape[:2]))
             planes[view, :, rows, :cols] = channels * counting(view, rows)
 
         in_parts(fill, self.shape, residual)
