@@ -44,6 +44,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
@@ -350,20 +351,35 @@ class _Eye:
         self._per_degree = finest / step
         # of very coarse pictures, the widest mechanism that they can hold
         self._lowest = min(settings.cortex.lowest, self._per_degree / 2)
-        views = posed.scene.views
-        desired = self._grid.mean(posed.problem.desired[:views])
-        self._desired = self._luminance(desired)
-        room = posed.seen(np.zeros_like(posed.desired))
-        self._with_room = self._desired + self._luminance(self._grid.mean(room))
-        self._adaptation = adaptation_luminance(
-            self._with_room, self._per_degree, self._grid.screen
-        )
-        self._threshold = threshold(self._adaptation, settings.blend)
+        self._room = posed.seen(np.zeros_like(posed.desired))
         by_contrast = settings.combination is Combination.LOCAL_CONTRAST
-        self._contrasts = _Contrasts(posed, room, finest) if by_contrast else None
-        pictures = [self._salient(eye) for eye in self._projector.to_display(desired)]
-        # the pollution of one eye is the other's picture (eq. 14)
-        self._saliency = np.stack(pictures[::-1])
+        self._contrasts = _Contrasts(posed, self._room, finest) if by_contrast else None
+
+    @cached_property
+    def _picture(self) -> Light:
+        return self._grid.mean(self._posed.problem.desired[: self._posed.scene.views])
+
+    @cached_property
+    def _desired(self) -> Planes:
+        return self._luminance(self._picture)
+
+    @cached_property
+    def _with_room(self) -> Planes:
+        return self._desired + self._luminance(self._grid.mean(self._room))
+
+    @cached_property
+    def _adaptation(self) -> Planes:
+        return adaptation_luminance(self._with_room, self._per_degree, self._grid.screen)
+
+    @cached_property
+    def _threshold(self) -> NDArray[np.floating[Any]]:
+        return threshold(self._adaptation, self._settings.blend)
+
+    @cached_property
+    def _saliency(self) -> Planes:
+        """Of eq. 14: the pollution of one eye is the other's picture."""
+        pictures = [self._salient(eye) for eye in self._projector.to_display(self._picture)]
+        return np.stack(pictures[::-1])
 
     def predicts(self, light: Light) -> Predicted:
         """All maps of projected `light`."""

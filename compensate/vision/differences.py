@@ -36,16 +36,18 @@ Trans. Commun. 31(4), 532-540, a = 0.4.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import correlate1d, gaussian_filter
 
 from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, castle
 from domesim.errors import InputError
+from domesim.strips import in_strips
 
 Floats = NDArray[np.floating[Any]]
 Planes = NDArray[np.float32]
@@ -131,8 +133,9 @@ def bands(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Band]:
 def masked_difference(wanted: Planes, seen: Planes) -> Planes:
     """D_k of T and T', (..., mechanism, row, col): 1 for a difference at threshold on nothing."""
     both = np.minimum(np.abs(wanted), np.abs(seen))
-    reach = (0,) * (both.ndim - 2) + (_REACH, _REACH)
-    both = np.float32(_MASKING) * gaussian_filter(both, reach, truncate=2)
+    both = np.float32(_MASKING) * _filtered(
+        both, partial(gaussian_filter, sigma=_REACH, truncate=2)
+    )
     result = np.abs(seen - wanted) ** np.float32(_P)
     for k, q in enumerate(_Q):
         result[..., k, :, :] /= 1 + both[..., k, :, :] ** np.float32(q)
@@ -141,27 +144,27 @@ def masked_difference(wanted: Planes, seen: Planes) -> Planes:
 
 def reduced(planes: Planes) -> Planes:
     """The next level of the Gaussian pyramid, (..., row, col): every second pixel, smoothed."""
-    for axis in (-2, -1):
-        lines = np.moveaxis(planes, axis, -1)
-        count = -(-lines.shape[-1] // 2)
-        around = np.pad(lines, [(0, 0)] * (lines.ndim - 1) + [(2, 3)], mode="symmetric")
-        taken = (around[..., k : k + 2 * count : 2] for k in range(len(_TAPS)))
-        result = sum(np.float32(tap) * part for tap, part in zip(_TAPS, taken, strict=True))
-        planes = np.moveaxis(np.asarray(result), -1, axis)
-    return planes
+    fewer_rows = _filtered(planes, lambda plane: correlate1d(plane, _TAPS, 0)[::2])
+    return _filtered(fewer_rows, lambda plane: correlate1d(plane, _TAPS, 1)[:, ::2])
 
 
 def expanded(planes: Planes, size: tuple[int, ...]) -> Planes:
     """The level below, of `size` (row, col), that has as much light."""
     outer, between, middle = (np.float32(2 * tap) for tap in _TAPS[:3])
     for axis, count in zip((-2, -1), size, strict=True):
-        lines = np.moveaxis(planes, axis, -1)
-        around = np.pad(lines, [(0, 0)] * (lines.ndim - 1) + [(1, 1)], mode="edge")
-        before, at, after = around[..., :-2], around[..., 1:-1], around[..., 2:]
-        result = np.empty((*lines.shape[:-1], count), planes.dtype)
-        result[..., ::2] = (middle * at + outer * (before + after))[..., : -(-count // 2)]
-        result[..., 1::2] = (between * (at + after))[..., : count // 2]
-        planes = np.moveaxis(result, -1, axis)
+        shape = list(planes.shape)
+        shape[axis] = count
+        result = np.empty(shape, planes.dtype)
+        lines, finer = np.moveaxis(planes, axis, 0), np.moveaxis(result, axis, 0)
+        before, after = lines[:-1], lines[1:]
+        even, odd = finer[::2], finer[1::2]
+        np.multiply(middle, lines, out=even)
+        even[1:] += outer * before
+        even[:-1] += outer * after
+        even[[0, -1]] += outer * lines[[0, -1]]
+        odd[: len(after)] = between * (before + after)
+        odd[len(after) :] = 2 * between * lines[-1]
+        planes = result
     return planes
 
 
@@ -177,6 +180,13 @@ def gain(number: int, frequency: float) -> float:
     """
     passed = [_low_pass(frequency / 2.0**k) for k in range(1, number + 1)]
     return float(np.prod([*passed, 1 - _low_pass(frequency) ** 2]))
+
+
+def _filtered(planes: Planes, filtering: Callable[[Planes], Planes]) -> Planes:
+    """Each (row, col) of (..., row, col) filtered, by all threads."""
+    each = planes.reshape(-1, *planes.shape[-2:])
+    results = in_strips(lambda number, _: filtering(each[number]), (len(each), 1))
+    return np.stack(results).reshape(*planes.shape[:-2], *results[0].shape)
 
 
 def _low_pass(frequency: float) -> float:
