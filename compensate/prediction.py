@@ -36,6 +36,9 @@ The area that eq. 10 averages over is not given. Light adds up, as the average s
 Ricco's area, which is some minutes of arc in the bright fovea and grows in the dark (Barlow 1958,
 J. Physiol. 141, 337-350) and off the fovea. The default, a square of 0.25 degrees, is chosen.
 
+A mask that is meant for a solver is better taken from local contrast at all scales
+(`Combination.LOCAL_CONTRAST`), in place of eqs. 10-14: v is then in JOD, and P(v) 1/2 at 1 JOD.
+
 The eye is adapted to the desired picture and the room's light, not to the pollution, so that more
 is called visible where the picture is black.
 """
@@ -76,7 +79,8 @@ PAPERS = 0.05
 """Threshold of the paper's Fig. 8."""
 
 MARKED = 0.45
-"""Threshold of local contrast: 0.86 JOD."""
+"""Threshold of local contrast, 0.86 JOD: a little below those with which a mask holds 96 % of what
+ColorVideoVDP marks (``validate --only only_visible``, note 0009)."""
 
 
 @final

@@ -3,13 +3,13 @@
 Rationale
     The paper solves only where pollution is predicted to be visible: its Table 1 times one pair
     whole, and three parts of it. Here the same four areas of one pair are solved, around the place
-    where subtraction leaves most; and of several pairs what `--only-visible` takes. It pays if the
-    prediction finds what is seen: ColorVideoVDP says what is lost, and where it sees differences.
-    (It is in no objective; but the prediction is of its kind, with its constants, see
-    `compensate.vision.differences`.) FFTs are counted as shares of the whole picture's. How well
-    the mask holds what is marked is tried on the inputs of `quality`, 512 pixels across, untouched
-    and subtracted: the threshold is tuned on one half of them and tried on the other, both ways
-    round.
+    where subtraction leaves most; and of several pairs and domemasters (these 512 pixels across)
+    what `--only-visible` takes. It pays if the prediction finds what is seen: ColorVideoVDP says
+    what is lost, and where it sees differences. (It is in no objective; but the prediction is of
+    its kind, with its constants, see `compensate.vision.differences`.) FFTs are counted as shares
+    of the whole picture's. How well the mask holds what is marked is tried on the inputs of
+    `quality`, 512 pixels across, untouched and subtracted: the threshold is tuned on one half of
+    them and tried on the other, both ways round.
 Expected
     Work falls with the area, if less than it, for windows have margins and each must converge: a
     part of a 48th takes at most a fifth of the whole's FFTs. To solve only what is predicted never
@@ -48,6 +48,7 @@ from validation.experiment import (
     at_most,
 )
 from validation.experiments.quality.inputs import (
+    DOMEMASTERS,
     LUMINANCES,
     USUAL_CROSSTALK,
     USUAL_LUMINANCE,
@@ -95,7 +96,7 @@ class Area:
 @final
 @dataclass(frozen=True)
 class Shown:
-    """A pair, solved whole and only where pollution is seen.
+    """A master, solved whole and only where pollution is seen.
 
     Attributes
     ----------
@@ -162,9 +163,9 @@ def timed(solve: Callable[[], Result]) -> tuple[Result, float]:
     return solve(), time.perf_counter() - begin
 
 
-def measure(read: Callable[[], Light]) -> Shown:
-    """One pair."""
-    posed = pose(read())
+def measure(posed_as: Callable[[], Posed]) -> Shown:
+    """One master."""
+    posed = posed_as()
     begin = time.perf_counter()
     mask = remaining(posed, SEEN).mask
     predicting = time.perf_counter() - begin
@@ -219,19 +220,22 @@ def run(work: Work) -> Finding:
     """Measure, and say whether it is as expected."""
     width = 256 if work.quick else 2048
     drawn = partial(generated, width, work.seed)
-    there, left_out = (
-        ([], ["The test data's pairs: with a full run"]) if work.quick else (present(PAIRS))
-    )
-    inputs: dict[str, Callable[[], Light]] = {"generated": drawn}
-    inputs |= {name: partial(_read, name) for name in there}
-    timed_pair = inputs.get("trunks", drawn)
+    tried_on, left_out = wanted(work)
+    there, absent = ([], []) if work.quick else present(PAIRS)
+    left_out += [each for each in absent if each not in left_out]
+    pairs: dict[str, Callable[[], Light]] = {"generated": drawn}
+    pairs |= {name: partial(_read, name) for name in there}
+    timed_pair = pairs.get("trunks", drawn)
+    domes = [(name, one) for name, one in tried_on.items() if one.kind == DOMEMASTERS]
+    inputs = {name: partial(_pair, read) for name, read in pairs.items()}
+    inputs |= {name: partial(_dome, one) for name, one in domes}
     areas = {
         name: work.step(f"area {name}", Area, partial(_area, timed_pair, *paper[:2]))
         for name, paper in PAPER.items()
     }
     found = {name: work.step(name, Shown, partial(measure, read)) for name, read in inputs.items()}
     judged = {name: shown for name, shown in found.items() if shown.quality}
-    tried = _tried(work)
+    tried = _tried(work, tried_on)
     if not judged:
         left_out.append("What the judge says: it needs pip install 'domesim[metrics]'")
     return Finding(
@@ -284,9 +288,8 @@ class Tried:
         return self.of.at(self.level)[1]
 
 
-def _tried(work: Work) -> dict[str, Tried]:
+def _tried(work: Work, inputs: Mapping[str, Input]) -> dict[str, Tried]:
     """Each input that has marks, by the threshold of the half that it is not in; none unjudged."""
-    inputs, _ = wanted(work)
     try:
         found = {
             name: work.step(f"marks {name}", Agreement, partial(agree, one))
@@ -306,6 +309,15 @@ def _tried(work: Work) -> dict[str, Tried]:
 
 def _area(read: Callable[[], Light], cols: float, rows: float) -> Area:
     return area(pose(read()), cols, rows)
+
+
+def _pair(read: Callable[[], Light]) -> Posed:
+    return pose(read())
+
+
+def _dome(one: Input) -> Posed:
+    """At the usual albedo and luminance of `quality`."""
+    return Stage(one.scene(one.usual, USUAL_LUMINANCE)).pose(one.read().astype(np.float32))
 
 
 def _read(name: str) -> Light:
@@ -367,8 +379,8 @@ def _result(
         f"time; ours takes {whole.seconds / least.seconds:.0f} times less. To solve only what is "
         f"predicted to be seen, prediction included, was "
         f"{', '.join(f'{gain:.1f}' for gain in faster.values())} times as fast "
-        f"({', '.join(faster)}): a whole pair takes so few transforms that little is left to save, "
-        f"unless next to nothing is seen."
+        f"({', '.join(faster)}): a whole frame takes so few transforms that little is left to "
+        f"save, unless next to nothing is seen."
     )
     if judged:
         changes = [s.quality[2] - s.quality[1] for s in judged.values()]
@@ -464,7 +476,7 @@ def _table(found: Mapping[str, Shown]) -> Table:
     return Table(
         caption="Whole, and only what is predicted to be seen after subtraction.",
         columns=(
-            Column(name="pair"),
+            Column(name="master"),
             Column(name="seen", unit="%", digits=".2f"),
             Column(name="changed", unit="%", digits=".1f"),
             Column(name="FFTs, whole"),
