@@ -12,7 +12,8 @@ import test_bad_input
 from test_bad_input import Run, damage, store, written
 
 from compensate.master import pose_frame
-from compensate.prediction import regions, triage
+from compensate.prediction import MARKED, regions, remaining, triage
+from compensate.visible import SEEN
 from domesim.frames import read_master
 from domesim.scene import load_scene
 
@@ -267,6 +268,11 @@ def test_settings_reach_the_prediction(run: Run, tmp_path: Path, out: Path) -> N
     assert without["frames"][0]["visible"] >= paper["frames"][0]["visible"]
     strict = figures(run, *base, "--threshold", "0.9", "--saliency")
     assert strict["frames"][0]["visible"] < salient["frames"][0]["visible"]
+    contrast = figures(run, *base, "--combination", "local-contrast")
+    assert (contrast["threshold"], contrast["saliency"]) == (MARKED, False)
+    posed, _ = pose_frame(read_master([master]), load_scene(DOME))
+    assert contrast["frames"][0]["visible_subtracted"] == remaining(posed, SEEN).share
+    assert contrast["frames"][0]["visible"] < 0.7 * plain["visible"]
     blend = figures(run, *base, "--mesopic", "cie-191")
     assert blend["mesopic"] == "cie-191"
     before = channels(out / "m.maps.exr")["TVI"]
