@@ -12,8 +12,10 @@ import test_bad_input
 from test_bad_input import Run, damage, store, written
 
 from compensate.master import pose_frame
-from compensate.prediction import MARKED, regions, remaining, triage
+from compensate.predicting import Predicting
+from compensate.prediction import MARKED, Prediction, regions, remaining, triage
 from compensate.visible import SEEN
+from domesim.choice import SceneChoice
 from domesim.frames import read_master
 from domesim.scene import load_scene
 
@@ -278,6 +280,14 @@ def test_settings_reach_the_prediction(run: Run, tmp_path: Path, out: Path) -> N
     before = channels(out / "m.maps.exr")["TVI"]
     assert run("predict", *base).code == 0
     assert (channels(out / "m.maps.exr")["TVI"] != before).any()
+
+
+def test_a_default_threshold_is_the_same_job_as_its_figure() -> None:
+    default, given, other = (
+        Predicting(SceneChoice(DOME), Prediction(threshold)).settings()
+        for threshold in (None, 0.05, 0.06)
+    )
+    assert default == given != other
 
 
 def test_the_seat_matters(run: Run, tmp_path: Path, out: Path) -> None:

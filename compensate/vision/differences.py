@@ -161,7 +161,8 @@ def expanded(planes: Planes, size: tuple[int, ...]) -> Planes:
         np.multiply(middle, lines, out=even)
         even[1:] += outer * before
         even[:-1] += outer * after
-        even[[0, -1]] += outer * lines[[0, -1]]
+        even[0] += outer * lines[0]
+        even[-1] += outer * lines[-1]
         odd[: len(after)] = between * (before + after)
         odd[len(after) :] = 2 * between * lines[-1]
         planes = result

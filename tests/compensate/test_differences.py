@@ -87,6 +87,16 @@ def test_the_bands_gains_are_those_of_the_pyramid() -> None:
         assert found == pytest.approx(gain(number, place), rel=0.005)
 
 
+@pytest.mark.parametrize("size", [(1, 1), (1, 6), (5, 2), (12, 31)])
+def test_even_light_stays_even(size: tuple[int, int]) -> None:
+    plane = np.full((2, *size), 3.0, np.float32)
+    fewer = reduced(plane)
+    assert fewer.shape == (2, -(-size[0] // 2), -(-size[1] // 2))
+    for each in (fewer, expanded(fewer, size)):
+        np.testing.assert_allclose(each, 3.0, rtol=1e-6)
+    assert expanded(fewer, size).shape == plane.shape
+
+
 def test_frequencies_are_published_ones_an_octave_apart() -> None:
     found = [band.frequency for band in bands(field(5.0), field(5.0), PER_DEGREE)]
     assert found[:3] == pytest.approx([10, 3.228, 1.614])
