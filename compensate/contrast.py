@@ -30,17 +30,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from compensate.fourier import padded_size
-from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
+from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, gains_of
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.projector import Projector
 from domesim.viewing import Viewing
-
-DETAIL = float(np.pi * 1.5**2)
-"""Area of a pattern, deg²: castleCSF wants one. That of ColorVideoVDP's table, of 3° across."""
-
 
 PAIR_GAIN, DOME_GAIN = 0.15, 0.05
 """Low-frequency gains of luminance."""

@@ -45,15 +45,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, gaussian_filter
 
-from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, castle
+from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, castle
 from domesim.errors import InputError
 from domesim.strips import in_strips
 
 Floats = NDArray[np.floating[Any]]
 Planes = NDArray[np.float32]
 
-AREA = float(np.pi * 1.5**2)
-"""Of a pattern, deg²: castleCSF wants one; ColorVideoVDP's (csf_sigma)."""
 LOWEST = 0.2
 """Bands peak above this, cycles/degree; what is coarser is the base band."""
 BASE_FREQUENCY = 0.1
@@ -265,5 +263,5 @@ def _sensitivities(frequency: float, luminance: Planes) -> Iterator[Planes]:
     count = 1 + int(np.ceil(_STEPS * (high - low)))
     number = np.rint((octaves - np.float32(low)) * np.float32(_STEPS)).astype(np.intp)
     for mechanism in MECHANISMS:
-        table = castle(frequency, 2 ** (low + np.arange(count) / _STEPS), mechanism, area=AREA)
+        table = castle(frequency, 2 ** (low + np.arange(count) / _STEPS), mechanism, area=DETAIL)
         yield table.astype(np.float32)[number]

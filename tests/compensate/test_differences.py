@@ -7,9 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, castle
+from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, castle
 from compensate.vision.differences import (
-    AREA,
     PEAK,
     bands,
     expanded,
@@ -66,7 +65,7 @@ def test_a_grating_at_castles_threshold_is_at_one(
 ) -> None:
     """In its band, for the mechanism that it is made for; in the others it makes nothing."""
     frequency = bands(field(luminance), field(luminance), PER_DEGREE)[number].frequency
-    threshold = 1 / castle(frequency, luminance, MECHANISMS[mechanism], area=AREA)
+    threshold = 1 / castle(frequency, luminance, MECHANISMS[mechanism], area=DETAIL)
     responses = np.zeros(3)
     responses[mechanism] = luminance * threshold
     change = np.linalg.solve(DKL_FROM_XYZ, responses)
@@ -127,7 +126,7 @@ def test_the_masking_by_hand(wanted: float, seen: float) -> None:
 def test_the_whole_by_hand() -> None:
     """A grating at ten times its threshold: its band's and its neighbours' differences add up."""
     frequency = 1.614
-    contrast = 10 / castle(frequency, 5.0, MECHANISMS[0], area=AREA)
+    contrast = 10 / castle(frequency, 5.0, MECHANISMS[0], area=DETAIL)
     seen = field(5.0 * (1 + float(contrast) * grating(frequency)))
     found = visible_difference(field(5.0), seen, PER_DEGREE)
     total = 0.0
@@ -136,7 +135,7 @@ def test_the_whole_by_hand() -> None:
         own = place * PER_DEGREE / 2 / 2**number
         here = frequency / (PER_DEGREE / 2 / 2**number)
         passed = gain(number, here) / gain(number, place) if here < 1 else 0.0
-        signal = float(contrast * castle(own, 5.0, MECHANISMS[0], area=AREA)) * passed
+        signal = float(contrast * castle(own, 5.0, MECHANISMS[0], area=DETAIL)) * passed
         # |cos|^p, smoothed by the pyramid's way up, is between its mean and its crest
         total += gain(number, place) * by_hand(0, signal, 1.3)
     crest = 0.0439569391310215 * (0.577918291091919 * total) ** 0.9302042722702026
