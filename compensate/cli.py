@@ -110,8 +110,8 @@ OnlyVisibleFlag = Annotated[
     typer.Option(
         "--only-visible",
         help="Perceptual: solve only rectangles in which what subtraction leaves is predicted to "
-        "be seen ('domesim predict'), and subtract elsewhere: faster where that is next to "
-        "nothing. No certificate.",
+        "be seen ('domesim predict --combination local-contrast'), and subtract elsewhere: faster "
+        "where that is next to nothing. No certificate.",
     ),
 ]
 

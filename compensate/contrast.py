@@ -32,7 +32,7 @@ from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude
 
 from compensate.fourier import Fourier, padded_size
 from compensate.ghosts import BEST_FREQUENCY, FINEST_SIGMA
-from compensate.vision.castle import DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
+from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, gains_of
 from domesim.errors import InputError
@@ -40,10 +40,6 @@ from domesim.light import Light
 from domesim.projector import Projector
 from domesim.strips import in_strips
 from domesim.viewing import Viewing
-
-DETAIL = float(np.pi * 1.5**2)
-"""Area of a pattern, deg²: castleCSF wants one. That of ColorVideoVDP's table, of 3° across."""
-
 
 PAIR_GAIN, DOME_GAIN = 0.15, 0.05
 """Low-frequency gains of luminance."""

@@ -67,14 +67,20 @@ from domesim.observation.stereo import VIEWS
 from domesim.shows import Show, find_show
 
 Threshold = Annotated[
-    float, typer.Option(help="Prediction, 0..1, above which pollution counts as visible.")
+    float | None,
+    typer.Option(
+        help="Prediction, 0..1, above which pollution counts as visible; by default as the "
+        "combination has it.",
+        show_default=False,
+    ),
 ]
 CombinationName = Annotated[
     str,
     typer.Option(
         "--combination",
-        help="How the maps are combined: with-veils; or paper (eqs. 12-14), which is blind to "
-        "uniform veils and counts saliency.",
+        help="How the maps are combined: with-veils; paper (eqs. 12-14), which is blind to "
+        "uniform veils and counts saliency; or instead of them local-contrast, where "
+        "compensate --only-visible solves.",
     ),
 ]
 Saliency = Annotated[
@@ -134,7 +140,7 @@ def predict(
     encoding: EncodingName = None,
     seat: SeatName = None,
     transport: TransportFile = None,
-    threshold: Threshold = 0.05,
+    threshold: Threshold = None,
     combination: CombinationName = Combination.WITH_VEILS.value,
     saliency: Saliency = None,
     mesopic: BlendName = MesopicBlend.MORE_SENSITIVE.value,
@@ -184,7 +190,7 @@ def predict(
         running=Running(workers, threads, scheduler, anew, mix, frame_timeout=frame_timeout),
         facts={
             **about_scene(theatre),
-            "threshold": settings.threshold,
+            "threshold": settings.least,
             "combination": settings.combination.value,
             "saliency": settings.counts_saliency,
             "mesopic": settings.blend.value,
@@ -234,6 +240,7 @@ class Predicting(Recipe):
         """See `Recipe`."""
         settings = asdict(self.prediction)
         told = {name: getattr(value, "value", value) for name, value in settings.items()}
+        told["threshold"] = self.prediction.least
         return {"command": "predict", **self.scene.settings(), **told}
 
     def columns(self) -> tuple[Column, ...]:
@@ -249,7 +256,7 @@ class Predicting(Recipe):
 
 
 def _settings(
-    threshold: float, combination: str, saliency: bool | None, mesopic: str
+    threshold: float | None, combination: str, saliency: bool | None, mesopic: str
 ) -> Prediction:
     combinations = {each.value: each for each in Combination}
     blends = {each.value: each for each in MesopicBlend}

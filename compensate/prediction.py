@@ -36,6 +36,9 @@ The area that eq. 10 averages over is not given. Light adds up, as the average s
 Ricco's area, which is some minutes of arc in the bright fovea and grows in the dark (Barlow 1958,
 J. Physiol. 141, 337-350) and off the fovea. The default, a square of 0.25 degrees, is chosen.
 
+A mask that is meant for a solver is better taken from local contrast at all scales
+(`Combination.LOCAL_CONTRAST`), in place of eqs. 10-14: v is then in JOD, and P(v) 1/2 at 1 JOD.
+
 The eye is adapted to the desired picture and the room's light, not to the pollution, so that more
 is called visible where the picture is black.
 """
@@ -44,6 +47,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
@@ -52,6 +56,7 @@ from scipy import ndimage
 
 from compensate.master import Posed
 from compensate.vision.adaptation import adaptation_luminance
+from compensate.vision.differences import visible_difference
 from compensate.vision.masking import Cortex, masked_difference, transducer
 from compensate.vision.saliency import gbvs
 from compensate.vision.tvi import MesopicBlend, threshold
@@ -67,6 +72,16 @@ FINEST = 8.0
 quarter, ... that still has as many. Little is lost that could pass eq. 10: averaged over a square
 of 0.25 degrees, a grating of 4 cycles/degree along its sides is 0."""
 
+FINEST_CONTRAST = 16.0
+"""The same for differences of local contrast, which finer ghosts pass."""
+
+PAPERS = 0.05
+"""Threshold of the paper's Fig. 8."""
+
+MARKED = 0.45
+"""Threshold of local contrast, 0.86 JOD: a little below those with which a mask holds 96 % of what
+ColorVideoVDP marks (``validate --only only_visible``, note 0009)."""
+
 
 @final
 class Combination(Enum):
@@ -77,6 +92,12 @@ class Combination(Enum):
 
     PAPER = "paper"
     """gamma delta P(v): eq. 13, and of a pair eq. 14. Blind to veils."""
+
+    LOCAL_CONTRAST = "local-contrast"
+    """P(v) of v in JOD, the visible difference of local contrast at all scales
+    (`vision.differences`), without saliency: of the three nearest to what ColorVideoVDP sees, where
+    `--only-visible` solves. A veil over all of a picture counts by the contrast that it takes
+    alone, so that one over a plain field is nothing; which is why it is not the default here."""
 
 
 @final
@@ -96,7 +117,7 @@ class Prediction:
     Parameters
     ----------
     threshold
-        t of Lambda_n, above which the mask is true; the paper's Fig. 8 has 0.05.
+        t of Lambda_n, above which the mask is true. None: as `combination` has it, see `least`.
     combination
         How the maps are combined.
     saliency
@@ -118,7 +139,7 @@ class Prediction:
         If the threshold lies outside 0..1, or the area or what is negligible is no size.
     """
 
-    threshold: float = 0.05
+    threshold: float | None = None
     combination: Combination = Combination.WITH_VEILS
     saliency: bool | None = None
     blend: MesopicBlend = MesopicBlend.MORE_SENSITIVE
@@ -127,12 +148,19 @@ class Prediction:
     cortex: Cortex = field(default_factory=Cortex)
 
     def __post_init__(self) -> None:
-        if not 0 <= self.threshold < 1:
-            raise InputError(f"threshold must lie in 0..1, below 1, got {self.threshold:g}")
+        if not 0 <= self.least < 1:
+            raise InputError(f"threshold must lie in 0..1, below 1, got {self.least:g}")
         if not (np.isfinite(self.area) and self.area > 0):
             raise InputError(f"prediction averages over an area above 0 deg, got {self.area:g}")
         if not (np.isfinite(self.negligible) and self.negligible >= 0):
             raise InputError(f"negligible must be at least 0 deg², got {self.negligible:g}")
+
+    @property
+    def least(self) -> float:
+        """The threshold: by default `PAPERS`, of local contrast `MARKED`."""
+        if self.threshold is not None:
+            return self.threshold
+        return MARKED if self.combination is Combination.LOCAL_CONTRAST else PAPERS
 
     @property
     def counts_saliency(self) -> bool:
@@ -322,47 +350,75 @@ class _Eye:
         self._projector = posed.scene.projector
         rows, cols = posed.screen.shape
         finest = posed.scene.viewing.pixels_per_degree(rows, cols)
-        step = 2 ** max(0, int(np.floor(np.log2(finest / FINEST))))
+        step = _step(finest, FINEST)
         self._grid = _Grid(posed.screen, step)
         self._per_degree = finest / step
         # of very coarse pictures, the widest mechanism that they can hold
         self._lowest = min(settings.cortex.lowest, self._per_degree / 2)
-        views = posed.scene.views
-        desired = self._grid.mean(posed.problem.desired[:views])
-        self._desired = self._luminance(desired)
-        room = self._luminance(self._grid.mean(posed.seen(np.zeros_like(posed.desired))))
-        self._with_room = self._desired + room
-        self._adaptation = adaptation_luminance(
-            self._with_room, self._per_degree, self._grid.screen
-        )
-        self._threshold = threshold(self._adaptation, settings.blend)
-        pictures = [self._salient(eye) for eye in self._projector.to_display(desired)]
-        # the pollution of one eye is the other's picture (eq. 14)
-        self._saliency = np.stack(pictures[::-1])
+        self._room = posed.seen(np.zeros_like(posed.desired))
+        by_contrast = settings.combination is Combination.LOCAL_CONTRAST
+        self._contrasts = _Contrasts(posed, self._room, finest) if by_contrast else None
+
+    @cached_property
+    def _picture(self) -> Light:
+        return self._grid.mean(self._posed.problem.desired[: self._posed.scene.views])
+
+    @cached_property
+    def _desired(self) -> Planes:
+        return self._luminance(self._picture)
+
+    @cached_property
+    def _with_room(self) -> Planes:
+        return self._desired + self._luminance(self._grid.mean(self._room))
+
+    @cached_property
+    def _adaptation(self) -> Planes:
+        return adaptation_luminance(self._with_room, self._per_degree, self._grid.screen)
+
+    @cached_property
+    def _threshold(self) -> NDArray[np.floating[Any]]:
+        return threshold(self._adaptation, self._settings.blend)
+
+    @cached_property
+    def _saliency(self) -> Planes:
+        """Of eq. 14: the pollution of one eye is the other's picture."""
+        pictures = [self._salient(eye) for eye in self._projector.to_display(self._picture)]
+        return np.stack(pictures[::-1])
 
     def predicts(self, light: Light) -> Predicted:
         """All maps of projected `light`."""
         full = self._grid.full
-        found = self._looks(light)
+        seen = self._posed.seen(light)
+        found = self._looks(seen)
         masking = self._masking(found, slice(None), slice(None)) + self._base_band(found)
-        visible = np.where(found.delta, probability(masking), 0)
-        salient = visible * self._saliency
+        saliency = full(self._saliency)
+        if self._contrasts is None:
+            visible = full(np.where(found.delta, probability(masking), np.float32(0)))
+        else:
+            visible = probability(self._contrasts.differences(seen))
+        salient = visible * saliency
         prediction = salient if self._settings.counts_saliency else visible
         return Predicted(
             residual=full(found.residual),
             tvi=full(found.tvi),
             masking=full(masking),
-            saliency=full(self._saliency),
-            prediction=full(prediction),
-            visible=self._visible(prediction > self._settings.threshold),
-            salient=self._visible(salient > self._settings.threshold).share,
+            saliency=saliency,
+            prediction=prediction,
+            visible=self._visible(prediction > self._settings.least),
+            salient=self._visible(salient > self._settings.least).share,
         )
 
     def sees(self, light: Light) -> Visible:
         """The mask alone: v is computed only around pixels that v_0 and delta leave open."""
-        least = self._settings.threshold
+        least = self._settings.least
         weight = self._saliency if self._settings.counts_saliency else np.float32(1)
-        found = self._looks(light)
+        light_seen = self._posed.seen(light)
+        if self._contrasts is not None:
+            if self._settings.counts_saliency:
+                weight = self._grid.full(self._saliency)
+            visible = weight * probability(self._contrasts.differences(light_seen))
+            return self._visible(visible > least)
+        found = self._looks(light_seen)
         veils = self._base_band(found)
         seen = found.delta & (weight * probability(veils) > least)
         open_ = found.delta & (weight > least) & ~seen
@@ -374,11 +430,11 @@ class _Eye:
             masking = self._masking(found, *part) + veils[:, *part]
             weights = np.broadcast_to(weight, seen.shape)[:, *part]
             seen[:, *part] |= open_[:, *part] & (weights * probability(masking) > least)
-        return self._visible(seen)
+        return self._visible(self._grid.full(seen))
 
     def _looks(self, light: Light) -> _Look:
-        """What is compared, and eq. 10."""
-        seen = self._luminance(self._grid.mean(self._posed.seen(light)))
+        """What is compared of the light that is seen, and eq. 10."""
+        seen = self._luminance(self._grid.mean(light))
         wanted = np.clip(seen, self._desired, self._with_room)
         residual = np.asarray(np.where(self._grid.screen, seen - wanted, 0), np.float32)
         mean = self._averaged(residual, self._settings.area)
@@ -399,14 +455,14 @@ class _Eye:
 
     def _base_band(self, look: _Look) -> Planes:
         """v_0, if the combination has it."""
-        if self._settings.combination is Combination.PAPER:
+        if self._settings.combination is not Combination.WITH_VEILS:
             return np.zeros_like(look.residual)
         mean = self._averaged(look.residual, 1 / self._lowest)
         return np.asarray(transducer(np.abs(mean) / self._threshold) ** 2)
 
     def _visible(self, seen: Mask) -> Visible:
-        mask, areas = self._grid.full(seen), self._posed.areas
-        return Visible(mask, tuple(float(np.sum(view * areas) / np.sum(areas)) for view in mask))
+        areas = self._posed.areas
+        return Visible(seen, tuple(float(np.sum(view * areas) / np.sum(areas)) for view in seen))
 
     def _salient(self, picture: Light) -> Planes:
         """Saliency of (row, col, rgb); the rim of the screen is no feature."""
@@ -429,6 +485,30 @@ class _Eye:
         """(view, row, col), cd/m²; of a measured display a little below 0 is 0."""
         weights = (self._projector.luminance_weights * self._projector.white).astype(np.float32)
         return np.asarray(np.maximum(light @ weights, 0))
+
+
+@final
+class _Contrasts:
+    """Compares what is seen with what is desired, by local contrast at all scales."""
+
+    def __init__(self, posed: Posed, room: Light, finest: float) -> None:
+        step = _step(finest, FINEST_CONTRAST)
+        self._grid, self._per_degree = _Grid(posed.screen, step), finest / step
+        projector = posed.scene.projector
+        self._to_xyz = (projector.to_xyz * projector.white).T.astype(np.float32)
+        self._desired = self._grid.mean(posed.problem.desired[: posed.scene.views])
+        self._with_room = self._desired + self._grid.mean(room)
+
+    def differences(self, seen: Light) -> Planes:
+        """Visible differences of the light that is seen, (view, row, col), JOD."""
+        here = self._grid.mean(seen)
+        wanted = np.clip(here, self._desired, self._with_room)
+        found = visible_difference(self._xyz(wanted), self._xyz(here), self._per_degree)
+        return self._grid.full(found)
+
+    def _xyz(self, light: Light) -> Light:
+        """In cd/m²; it is dark off the screen."""
+        return np.where(self._grid.screen[..., None], light, np.float32(0)) @ self._to_xyz
 
 
 @final
@@ -476,6 +556,11 @@ class _Grid:
             return planes
         tall = np.add.reduceat(planes, np.arange(0, planes.shape[0], self._step), axis=0)
         return np.asarray(np.add.reduceat(tall, np.arange(0, planes.shape[1], self._step), axis=1))
+
+
+def _step(per_degree: float, finest: float) -> int:
+    """By how much to reduce a picture so that it still has as many pixels per degree."""
+    return int(2 ** max(0, int(np.floor(np.log2(per_degree / finest)))))
 
 
 def probability(masking: Planes) -> Planes:

@@ -13,7 +13,10 @@ from command_line import Run
 from test_bad_input import damage, store, written
 
 from compensate.master import pose_frame
-from compensate.prediction import regions, triage
+from compensate.predicting import Predicting
+from compensate.prediction import MARKED, Prediction, regions, remaining, triage
+from compensate.visible import SEEN
+from domesim.choice import SceneChoice
 from domesim.frames import read_master
 from domesim.scene import load_scene
 
@@ -261,11 +264,24 @@ def test_settings_reach_the_prediction(run: Run, tmp_path: Path, out: Path) -> N
     assert without["frames"][0]["visible"] >= paper["frames"][0]["visible"]
     strict = figures(run, *base, "--threshold", "0.9", "--saliency")
     assert strict["frames"][0]["visible"] < salient["frames"][0]["visible"]
+    contrast = figures(run, *base, "--combination", "local-contrast")
+    assert (contrast["threshold"], contrast["saliency"]) == (MARKED, False)
+    posed, _ = pose_frame(read_master([master]), load_scene(DOME))
+    assert contrast["frames"][0]["visible_subtracted"] == remaining(posed, SEEN).share
+    assert contrast["frames"][0]["visible"] < 0.7 * plain["visible"]
     blend = figures(run, *base, "--mesopic", "cie-191")
     assert blend["mesopic"] == "cie-191"
     before = channels(out / "m.maps.exr")["TVI"]
     assert run("predict", *base).code == 0
     assert (channels(out / "m.maps.exr")["TVI"] != before).any()
+
+
+def test_a_default_threshold_is_the_same_job_as_its_figure() -> None:
+    default, given, other = (
+        Predicting(SceneChoice(DOME), Prediction(threshold)).settings()
+        for threshold in (None, 0.05, 0.06)
+    )
+    assert default == given != other
 
 
 def test_the_seat_matters(run: Run, tmp_path: Path, out: Path) -> None:

@@ -151,6 +151,10 @@ MECHANISMS = (ACHROMATIC, RED_GREEN, YELLOW_VIOLET)
 """In the order of the rows of `DKL_FROM_LMS`."""
 
 
+DETAIL = float(np.pi * 1.5**2)
+"""Area of a pattern, deg², where none is given: that of ColorVideoVDP's table, of 3° across."""
+
+
 def castle(
     frequency: ArrayLike, luminance: ArrayLike, mechanism: Mechanism, *, area: float
 ) -> Floats:

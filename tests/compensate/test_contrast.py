@@ -11,7 +11,6 @@ from scipy.optimize import lsq_linear
 from theatres import closed_form, picture, viewing
 
 from compensate.contrast import (
-    DETAIL,
     DOME_CHROMA,
     DOME_GAIN,
     PAIR_CHROMA,
@@ -25,7 +24,7 @@ from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.relinearised import Relinearised, true_cost
 from compensate.solver.two_eyes import TwoEyes, nearest_of_two
-from compensate.vision.castle import ACHROMATIC, castle
+from compensate.vision.castle import ACHROMATIC, DETAIL, castle
 from compensate.weighting import Masked
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compensate.master import pose
+from compensate.master import Posed, pose
 from compensate.prediction import (
+    MARKED,
     Combination,
     Prediction,
     Triage,
@@ -17,6 +18,7 @@ from compensate.prediction import (
     regions,
     triage,
 )
+from compensate.vision.differences import visible_difference
 from compensate.vision.masking import Cortex, transducer
 from compensate.vision.saliency import gbvs
 from compensate.vision.tvi import MesopicBlend, threshold
@@ -25,6 +27,7 @@ from domesim.observation.crosstalk import leak_matrices
 from domesim.scene import DomeScene, StereoScene, load_dome, load_stereo
 
 PAPER = Prediction(combination=Combination.PAPER, saliency=False)
+LOCAL = Prediction(combination=Combination.LOCAL_CONTRAST)
 ROWS, COLS, PER_DEGREE = 48, 64, 8.0
 WHITE = 50.0
 LEAK = 0.05
@@ -141,7 +144,7 @@ def test_a_uniform_veil_in_a_dome_is_not_missed() -> None:
     np.testing.assert_array_equal(papers.tvi, found.tvi)
 
 
-@pytest.mark.parametrize("combination", Combination)
+@pytest.mark.parametrize("combination", [Combination.WITH_VEILS, Combination.PAPER])
 def test_the_maps_make_the_prediction(combination: Combination) -> None:
     posed = pose(pair(spot(0.5) + 0.2, 8 * spot(1.0)), stereo())
     for saliency in (False, True):
@@ -155,6 +158,76 @@ def test_the_maps_make_the_prediction(combination: Combination) -> None:
         assert not found.mask.all()
         np.testing.assert_array_equal(found.mask, found.prediction > 0.3)
         assert found.share == pytest.approx(found.mask.mean())
+
+
+def test_local_contrast_is_that_of_what_is_seen() -> None:
+    posed = pose(pair(spot(0.5) + 0.2, 8 * np.roll(spot(0.5), 9, axis=1)), stereo())
+    to_xyz = (posed.scene.projector.to_xyz * WHITE).T
+    wanted, seen = (light @ to_xyz for light in (posed.desired, posed.seen(posed.desired)))
+    visible = 1 - 2.0 ** -visible_difference(wanted, seen, PER_DEGREE)
+    for saliency in (None, True):
+        found = predict(posed, settings=Prediction(0.3, LOCAL.combination, saliency))
+        product = visible * found.saliency if saliency else visible
+        assert found.prediction == pytest.approx(product, abs=1e-4)
+        np.testing.assert_array_equal(found.mask, found.prediction > 0.3)
+        assert found.mask.any()
+        assert not found.mask.all()
+    # the maps of eqs. 10 and 11 stay, without what the veils add
+    papers = predict(posed, settings=PAPER)
+    np.testing.assert_array_equal(found.tvi, papers.tvi)
+    np.testing.assert_array_equal(found.masking, papers.masking)
+
+
+def test_the_threshold_is_the_combinations_own() -> None:
+    assert (Prediction().least, PAPER.least, LOCAL.least) == (0.05, 0.05, MARKED)
+    assert Prediction(0.2, Combination.LOCAL_CONTRAST).least == 0.2
+    posed = pose(pair(0.1, 8 * spot(0.5)), stereo())
+    seen = predict(posed, settings=LOCAL)
+    np.testing.assert_array_equal(seen.mask, seen.prediction > MARKED)
+    assert 0 < seen.share < predict(posed, settings=replace(LOCAL, threshold=0.05)).share
+
+
+def test_local_contrast_takes_a_dome_as_dark_beyond_its_rim() -> None:
+    """What is off the screen is not seen, but the screen's edge is."""
+    scene = dome()
+    light = fulldome(0.1 + 5 * np.roll(spot(0.4, rows=64), 14, axis=0), scene)
+    posed = pose(light, scene)
+    other = light.copy()
+    other[:, ~posed.screen] = 0.7
+    one, two = (predict(pose(each, scene), settings=LOCAL) for each in (light, other))
+    np.testing.assert_array_equal(one.prediction, two.prediction)
+    assert not one.prediction[:, ~posed.screen].any()
+    assert one.prediction.max() > 0.1
+
+
+def test_by_local_contrast_a_finer_picture_has_the_same_pollution() -> None:
+    """Of 16 pixels per degree, and of 32 that are reduced to as many."""
+
+    def posed(factor: int) -> Posed:
+        size = {"rows": factor * ROWS, "cols": factor * COLS}
+        left, right = 0.05 + 2 * spot(0.5, **size), np.roll(30 * spot(0.8, **size), 12 * factor, 1)
+        return pose(pair(left, right, **size), stereo())
+
+    for saliency in (None, True):
+        settings = Prediction(None, LOCAL.combination, saliency)
+        one, other = (triage(posed(factor), settings) for factor in (2, 4))
+        assert 0.01 < one.untouched.share < 0.6
+        assert 0.01 < one.subtracted.share < 0.6
+        coarser = other.untouched.prediction[:, ::2, ::2]
+        np.testing.assert_allclose(coarser, one.untouched.prediction, atol=0.02)
+        assert other.subtracted.share == pytest.approx(one.subtracted.share, rel=0.05)
+
+
+@pytest.mark.parametrize("scene", [dome("dome_imax"), stereo(black=0.01)], ids=["dome", "pair"])
+def test_by_local_contrast_the_rooms_light_is_no_pollution(
+    scene: DomeScene | StereoScene,
+) -> None:
+    size = (1, 64, 64, 3) if isinstance(scene, DomeScene) else (2, ROWS, COLS, 3)
+    faint = np.zeros(size, np.float32)
+    faint[:, 30:34, 30:34] = 1e-6
+    found = triage(pose(faint, scene), LOCAL)
+    assert found.untouched.prediction.max() < 1e-3
+    assert found.verdict is Verdict.NOTHING
 
 
 def test_saliency_counts_in_the_papers_combination_unless_it_is_left_out() -> None:
@@ -346,7 +419,7 @@ def test_negligible_is_an_area_in_square_degrees() -> None:
 @pytest.mark.parametrize("combination", Combination)
 @pytest.mark.parametrize("kind", ["pair", "dome"])
 def test_the_quick_mask_is_the_mask(kind: str, combination: Combination, saliency: bool) -> None:
-    settings = Prediction(combination=combination, saliency=saliency)
+    settings = Prediction(0.05, combination, saliency)
     if kind == "pair":
         light = pair(0.05 + spot(0.4), np.roll(30 * spot(0.3), 16, axis=1))
         posed = pose(light, stereo())

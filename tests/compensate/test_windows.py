@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 from pairs import COLOURED, share
 from theatres import BT709
 
+from compensate import visible
 from compensate.master import Posed, Stage, solved
+from compensate.prediction import Prediction, Visible
 from compensate.problem import Problem
 from compensate.solver import baselines, deghosting
 from compensate.solver.admm import ADMM
 from compensate.solver.result import Status
 from compensate.solver.windows import Windows, joined
-from compensate.visible import OnlyVisible
+from compensate.visible import SEEN, OnlyVisible
 from compensate.weighting import PerceptualWeighting
 from domesim.dome import Dome
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
@@ -147,11 +149,11 @@ def test_joined_rectangles_hold_the_same_apart(
     assert np.all(after >= before)
 
 
-def frame(scene: str) -> Posed:
+def frame(scene: str, density: float = DENSITY) -> Posed:
     theatre = load_dome(scene) if scene.startswith("dome") else load_stereo(scene)
-    theatre = replace(theatre, viewing=replace(theatre.viewing, extent=COLS / DENSITY))
+    theatre = replace(theatre, viewing=replace(theatre.viewing, extent=COLS / density))
     views = theatre.views
-    desired = np.full((views, ROWS, COLS, 3), 0.002, np.float32)
+    desired = np.full((views, ROWS if views == 2 else COLS, COLS, 3), 0.002, np.float32)
     for view, at in enumerate((60, 140)[:views]):
         desired[view, 50:60, at : at + 10] = 1
     return Stage(theatre).pose(desired)
@@ -171,3 +173,31 @@ def test_only_what_is_seen_is_solved() -> None:
     before = shown.problem.cost(shown.subtractive)
     assert before - found.cost > 0.8 * (before - whole.cost)
     assert found.ffts < whole.ffts
+
+
+@pytest.mark.parametrize(
+    ("scene", "margin"), [("stereo_polarised_paper", 0.5), ("dome_hemisphere", 3.0)]
+)
+def test_a_rectangle_has_a_margin(
+    scene: str, margin: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    density = 8.0
+    shown, found = frame(scene, density), []
+    mask = np.zeros(shown.desired.shape[:3], bool)
+    mask[0, 50:60, 90:96] = True
+
+    def seen(posed: Posed, settings: Prediction) -> Visible:
+        assert posed is shown
+        assert settings == SEEN
+        return Visible(mask, (0.1,) * len(mask))
+
+    def solver(boxes: object, reach: int, solver: object) -> object:
+        found.extend([boxes, reach])
+        return lambda problem, start: None
+
+    monkeypatch.setattr(visible, "remaining", seen)
+    monkeypatch.setattr(visible, "Windows", solver)
+    OnlyVisible(shown, ADMM())(shown.problem, shown.subtractive)
+    more = round(margin * density)
+    assert found[1] == 4
+    assert found[0] == ((slice(50 - more, 60 + more), slice(90 - more, 96 + more)),)

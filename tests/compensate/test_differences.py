@@ -1,0 +1,273 @@
+"""Visible differences: thresholds of gratings, the formula by hand, and what must not matter."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, castle
+from compensate.vision.differences import (
+    PEAK,
+    bands,
+    expanded,
+    gain,
+    masked_difference,
+    reduced,
+    visible_difference,
+)
+from domesim.errors import InputError
+
+PER_DEGREE, SIZE = 20.0, 256
+WHITE = np.array([0.95, 1.0, 1.09])  # XYZ of D65
+GREY = WHITE / (DKL_FROM_XYZ @ WHITE)[0]  # to which the achromatic mechanism responds by 1
+
+
+def grating(frequency: float, size: int = SIZE, per_degree: float = PER_DEGREE) -> np.ndarray:
+    """(row, col) cosine along the columns, cycles/degree; one crest is on a pixel's centre."""
+    across = np.arange(size) / per_degree
+    return np.broadcast_to(np.cos(2 * np.pi * frequency * across), (size, size))
+
+
+def field(luminance: object) -> np.ndarray:
+    """XYZ of grey of that luminance, (row, col) or one number."""
+    planes = np.broadcast_to(luminance, (SIZE, SIZE)) if np.ndim(luminance) == 0 else luminance
+    return (np.asarray(planes)[None, ..., None] * GREY).astype(np.float32)
+
+
+def spot(size: int = SIZE, width: float = 0.5, per_degree: float = PER_DEGREE) -> np.ndarray:
+    place = (np.arange(size) + 0.5 - size / 2) / per_degree
+    return np.exp(-(place[:, None] ** 2 + place**2) / (2 * width**2))
+
+
+def amplitude(
+    plane: np.ndarray, number: int, frequency: float, per_degree: float = PER_DEGREE
+) -> float:
+    """How much of a grating is in the (row, col) plane of a band, far from the edges."""
+    wave = grating(frequency, plane.shape[-1], per_degree / 2**number)[0]
+    inner = slice(plane.shape[-1] // 4, -plane.shape[-1] // 4)
+    return float(np.mean(plane[:, inner] * wave[inner]) / np.mean(wave[inner] ** 2))
+
+
+def middle(planes: np.ndarray) -> np.ndarray:
+    return planes[..., SIZE // 4 : -SIZE // 4, SIZE // 4 : -SIZE // 4]
+
+
+# Thresholds.
+
+
+@pytest.mark.parametrize("luminance", [0.1, 5.0, 60.0])
+@pytest.mark.parametrize("mechanism", range(3))
+@pytest.mark.parametrize("number", range(4))
+def test_a_grating_at_castles_threshold_is_at_one(
+    number: int, mechanism: int, luminance: float
+) -> None:
+    """In its band, for the mechanism that it is made for; in the others it makes nothing."""
+    frequency = bands(field(luminance), field(luminance), PER_DEGREE)[number].frequency
+    threshold = 1 / castle(frequency, luminance, MECHANISMS[mechanism], area=DETAIL)
+    responses = np.zeros(3)
+    responses[mechanism] = luminance * threshold
+    change = np.linalg.solve(DKL_FROM_XYZ, responses)
+    seen = (field(luminance) + grating(frequency)[None, ..., None] * change).astype(np.float32)
+    band = bands(field(luminance), seen, PER_DEGREE)[number]
+    found = [amplitude(planes, number, frequency) for planes in (band.seen - band.wanted)[0]]
+    assert found[mechanism] == pytest.approx(1, rel=0.01)
+    assert np.abs(np.delete(found, mechanism)).max() < 0.01
+
+
+def test_the_bands_gains_are_those_of_the_pyramid() -> None:
+    for number, place in ((0, 1.0), (1, PEAK), (2, PEAK), (3, 0.3)):
+        planes = grating(place / 2 / 2**number, 512, 1.0)[None].astype(np.float32)
+        for _ in range(number):
+            planes = reduced(planes)
+        band = planes - expanded(reduced(planes), planes.shape[-2:])
+        found = amplitude(band[0], number, place / 2 / 2**number, 1.0)
+        assert found == pytest.approx(gain(number, place), rel=0.005)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 6), (5, 2), (12, 31)])
+def test_even_light_stays_even(size: tuple[int, int]) -> None:
+    plane = np.full((2, *size), 3.0, np.float32)
+    fewer = reduced(plane)
+    assert fewer.shape == (2, -(-size[0] // 2), -(-size[1] // 2))
+    for each in (fewer, expanded(fewer, size)):
+        np.testing.assert_allclose(each, 3.0, rtol=1e-6)
+    assert expanded(fewer, size).shape == plane.shape
+
+
+def test_frequencies_are_published_ones_an_octave_apart() -> None:
+    found = [band.frequency for band in bands(field(5.0), field(5.0), PER_DEGREE)]
+    assert found[:3] == pytest.approx([10, 3.228, 1.614])
+    assert found[-1] > 0.2 >= found[-1] / 2
+
+
+# The formula.
+
+
+def by_hand(wanted: float, seen: float, q: float) -> float:
+    """Masking of one mechanism where the same is all around."""
+    both = 10**-0.7954971194267273 * min(abs(wanted), abs(seen))
+    unclamped = abs(wanted - seen) ** 2.264355182647705 / (1 + both**q)
+    most = 10**2.5642454624176025
+    return most * unclamped / (most + unclamped)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "seen"), [(0.0, 1.0), (0.0, -3.0), (2.0, 2.5), (-20.0, 20.0), (30.0, 80.0)]
+)
+def test_the_masking_by_hand(wanted: float, seen: float) -> None:
+    planes = [np.full((1, 3, 9, 9), level, np.float32) for level in (wanted, seen)]
+    found = masked_difference(*planes)[0, :, 4, 4]
+    q = (1.302622675895691, 2.8885908126831055, 3.6807713508605957)
+    assert found == pytest.approx([by_hand(wanted, seen, each) for each in q], rel=1e-5)
+
+
+def test_the_whole_by_hand() -> None:
+    """A grating at ten times its threshold: its band's and its neighbours' differences add up."""
+    frequency = 1.614
+    contrast = 10 / castle(frequency, 5.0, MECHANISMS[0], area=DETAIL)
+    seen = field(5.0 * (1 + float(contrast) * grating(frequency)))
+    found = visible_difference(field(5.0), seen, PER_DEGREE)
+    total = 0.0
+    for number in range(4):
+        place = 1.0 if number == 0 else PEAK
+        own = place * PER_DEGREE / 2 / 2**number
+        here = frequency / (PER_DEGREE / 2 / 2**number)
+        passed = gain(number, here) / gain(number, place) if here < 1 else 0.0
+        signal = float(contrast * castle(own, 5.0, MECHANISMS[0], area=DETAIL)) * passed
+        # |cos|^p, smoothed by the pyramid's way up, is between its mean and its crest
+        total += gain(number, place) * by_hand(0, signal, 1.3)
+    crest = 0.0439569391310215 * (0.577918291091919 * total) ** 0.9302042722702026
+    assert 0.5 * crest < middle(found).mean() < crest
+    assert middle(found).max() == pytest.approx(crest, rel=0.25)
+
+
+# Laws.
+
+
+def test_where_nothing_differs_nothing_is_seen() -> None:
+    picture = field(0.01 + 20 * spot())
+    assert not visible_difference(picture, picture, PER_DEGREE).any()
+    other = field(0.01 + 20 * spot() + 0.5 * np.roll(spot(width=0.05), 90, axis=1))
+    found = visible_difference(picture, other, PER_DEGREE)[0]
+    assert found[SIZE // 2, SIZE // 2 + 90] > 0.5
+    assert found[:, :30].max() < 1e-3
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_more_difference_is_more_visible(sign: int) -> None:
+    ghost = sign * spot(width=0.1)
+    found = [
+        visible_difference(field(5.0), field(5.0 * (1 + size * ghost)), PER_DEGREE)
+        for size in (0.003, 0.02, 0.1, 0.3, 0.9)
+    ]
+    crests = [each.max() for each in found]
+    assert crests == sorted(crests)
+    assert crests[0] < 0.02
+    assert crests[-1] > 2
+    near = (0, slice(120, 136), slice(120, 136))
+    for less, more in pairwise(found):
+        assert (more[near] > less[near]).all()
+
+
+def test_the_same_light_is_seen_better_in_the_dark() -> None:
+    ghost = 0.2 * spot(width=0.1)
+    crests = [
+        visible_difference(field(level), field(level + ghost), PER_DEGREE).max()
+        for level in (50.0, 5.0, 0.5, 0.05)
+    ]
+    assert crests == sorted(crests)
+    assert crests[-1] > 100 * crests[0]
+
+
+def test_a_texture_of_its_kind_masks_a_difference() -> None:
+    texture = 0.5 * grating(3.228)
+    ghost = 0.1 * grating(3.228)
+    plain = visible_difference(field(10.0), field(10 * (1 + ghost)), PER_DEGREE)
+    masked = visible_difference(
+        field(10 * (1 + texture)), field(10 * (1 + texture + ghost)), PER_DEGREE
+    )
+    coarse = 10 * (1 + 0.5 * grating(0.2))
+    aside = visible_difference(field(coarse), field(coarse * (1 + ghost)), PER_DEGREE)
+    assert middle(masked).mean() < 0.4 * middle(plain).mean()
+    assert middle(aside).mean() > 2 * middle(masked).mean()
+
+
+def test_the_eye_is_adapted_to_what_is_wanted() -> None:
+    picture = field(1 + 5 * spot(width=0.3))
+    alone = bands(picture, picture, PER_DEGREE)
+    beside = bands(picture, picture + 8 * field(spot()), PER_DEGREE)
+    for one, other in zip(alone, beside, strict=True):
+        np.testing.assert_array_equal(one.wanted, other.wanted)
+        assert np.abs(one.wanted).max() > 1
+
+
+def test_black_is_no_darker_than_the_eye_sees() -> None:
+    ghost = 0.05 * spot(width=0.1)
+    on = [
+        visible_difference(field(level), field(level + ghost), PER_DEGREE).max()
+        for level in (0, 0.002)
+    ]
+    assert on[0] > 0.1
+    assert on[1] == pytest.approx(on[0], rel=0.05)
+
+
+@pytest.mark.parametrize("finer", [2, 3])
+def test_finer_pixels_see_the_same(finer: int) -> None:
+    """Of pictures that coarse ones can hold."""
+
+    def found(times: int) -> np.ndarray:
+        density, size = times * PER_DEGREE, times * 128
+        planes = (10 * spot(size, 0.8, density), 0.6 * spot(size, 0.4, density))
+        wanted, seen = (
+            (plane[None, ..., None] * GREY).astype(np.float32)
+            for plane in (0.1 + planes[0], 0.1 + planes[0] + np.roll(planes[1], size // 5, 1))
+        )
+        each = visible_difference(wanted, seen, density)
+        return each.reshape(128, times, 128, times).mean((1, 3))
+
+    one, other = found(1), found(finer)
+    assert one.max() > 0.3
+    # Bands of thirds of the resolution lie between those of the whole
+    assert np.abs(one - other).max() < (0.15 if finer == 2 else 0.3) * one.max()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (7, 2), (33, 50), (64, 31)])
+def test_all_sizes(size: tuple[int, int]) -> None:
+    random = np.random.default_rng(0)
+    wanted, seen = random.random((2, 2, *size, 3)).astype(np.float32)
+    found = visible_difference(wanted, seen, PER_DEGREE)
+    assert found.shape == (2, *size)
+    assert np.isfinite(found).all()
+    assert found.dtype == np.float32
+    turned = [np.swapaxes(each, 1, 2) for each in (wanted, seen)]
+    across = np.swapaxes(visible_difference(turned[0], turned[1], PER_DEGREE), 1, 2)
+    np.testing.assert_allclose(across, found, rtol=1e-3, atol=1e-5)
+
+
+def test_a_veil_over_a_plain_field_takes_no_contrast() -> None:
+    assert visible_difference(field(1.0), field(1.5), PER_DEGREE).max() < 1e-3
+    # a picture's contrast is lost in it
+    picture = 1 + 5 * spot(width=0.3)
+    assert visible_difference(field(picture), field(picture + 2), PER_DEGREE).max() > 0.3
+    # and its hue is seen
+    reddish = field(1.0) * np.array([1.1, 1.0, 0.8], np.float32)
+    assert visible_difference(field(1.0), reddish, PER_DEGREE).min() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("wanted", "seen", "density", "words"),
+    [
+        ((4, 4, 3), (4, 4, 3), 8.0, r"got \(4, 4, 3\)"),
+        ((1, 4, 4, 2), (1, 4, 4, 2), 8.0, r"got \(1, 4, 4, 2\)"),
+        ((1, 4, 4, 3), (1, 4, 5, 3), 8.0, r"\(1, 4, 5, 3\)"),
+        ((1, 4, 4, 3), (1, 4, 4, 3), 0.0, "per degree"),
+        ((1, 4, 4, 3), (1, 4, 4, 3), np.nan, "per degree"),
+    ],
+)
+def test_what_is_no_picture(
+    wanted: tuple[int, ...], seen: tuple[int, ...], density: float, words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        visible_difference(np.ones(wanted), np.ones(seen), density)
