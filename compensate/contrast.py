@@ -95,9 +95,7 @@ class Contours:
     reach: float = 0.4
 
     def __post_init__(self) -> None:
-        for name, value in (("strength", self.strength), ("reach", self.reach)):
-            if not 0 < value < np.inf:
-                raise InputError(f"the {name} of contours must be above 0, got {value:g}")
+        _require_positive("contours", strength=self.strength, reach=self.reach)
 
     def at(self, density: float) -> Factor:
         """The factor at so many pixels per degree."""
@@ -144,9 +142,7 @@ class Texture:
     reach: float = 0.25
 
     def __post_init__(self) -> None:
-        for name, value in (("slope", self.slope), ("reach", self.reach)):
-            if not 0 < value < np.inf:
-                raise InputError(f"the {name} of texture must be above 0, got {value:g}")
+        _require_positive("texture", slope=self.slope, reach=self.reach)
 
     def at(self, density: float) -> Factor:
         """The factor at so many pixels per degree."""
@@ -351,6 +347,12 @@ class LocalContrast:
 
         in_strips(fill, light.shape)
         return planes
+
+
+def _require_positive(what: str, **settings: float) -> None:
+    for name, value in settings.items():
+        if not 0 < value < np.inf:
+            raise InputError(f"the {name} of {what} must be above 0, got {value:g}")
 
 
 def _at_any_orientation(

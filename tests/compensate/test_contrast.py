@@ -109,6 +109,21 @@ def test_texture_masks_as_daly_has_it():
     assert factor[0, 32, 20:44] == pytest.approx(1 / elevation, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda value: Contours(strength=value), "strength of contours"),
+        (lambda value: Contours(reach=value), "reach of contours"),
+        (lambda value: Texture(slope=value), "slope of texture"),
+        (lambda value: Texture(reach=value), "reach of texture"),
+    ],
+)
+@pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
+def test_factors_without_sense_are_refused(make, name, value):
+    with pytest.raises(InputError, match=f"the {name} must be above 0"):
+        make(value)
+
+
 @pytest.mark.parametrize("settings", [{"contours": Contours()}, {"texture": Texture(1.0)}])
 def test_factors_change_what_is_projected(settings):
     scene = load_scene("stereo_polarised_paper")
