@@ -273,12 +273,18 @@ class Averaging:
 
     def __init__(self, screen: NDArray[np.bool_], reach: float) -> None:
         self.screen = screen
-        margin = int(np.ceil(_TAILS * reach))
-        rows, cols = (padded_size(side, margin) for side in screen.shape)
+        radius = int(_TAILS * reach + 0.5)
+        rows, cols = (padded_size(side, radius) for side in screen.shape)
         self._fourier = Fourier(rows, cols)
-        along, across = self._fourier.frequencies(1.0)
-        blur = np.exp(-2 * (np.pi * reach) ** 2 * (along**2 + across**2))
-        self._blur = blur.astype(np.float32)
+        # Of the sampled Gaussian: the other's transform, cut off at Nyquist's frequency, rings
+        steps = np.arange(1, radius + 1)
+        weights = np.exp(-0.5 * (steps / max(reach, 1e-9)) ** 2)
+        along, across = (
+            (1 + 2 * np.cos(2 * np.pi * frequency[..., None] * steps) @ weights)
+            / (1 + 2 * weights.sum())
+            for frequency in self._fourier.frequencies(1.0)
+        )
+        self._blur = (along * across).astype(np.float32)
         self._around = np.float32(1)
         self._around = np.maximum(self(screen[None].astype(np.float32))[0], 1e-3)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pairs import COLOURED, grey, pair, share
+from scipy.ndimage import gaussian_filter
 from scipy.optimize import lsq_linear
 from theatres import closed_form, picture, viewing
 
@@ -15,6 +16,7 @@ from compensate.contrast import (
     DOME_GAIN,
     PAIR_CHROMA,
     PAIR_GAIN,
+    Averaging,
     Contours,
     ContrastWeighting,
     Texture,
@@ -91,13 +93,27 @@ def test_errors_count_more_beside_the_edges_of_what_subtraction_leaves():
 def test_the_fainter_an_edge_the_less_errors_count_there():
     left = np.zeros((1, 40, 60))
     left[:, :, 30:] = 1.0
-    of_contrast = [
-        float(Contours().at(20.0)(left, contrast * left).max()) for contrast in (0.001, 0.02, 1.0)
-    ]
-    assert of_contrast[0] < 1.2
+    # So near that all of the edge's own strength is there
+    factor = Contours(strength=1.0, reach=1e-3).at(20.0)
     # A step of 0.02 is about to be seen: half of the strength
-    assert of_contrast[1] == pytest.approx(1 + 0.5 * Contours().strength, rel=0.15)
-    assert of_contrast[2] > 1 + 0.9 * Contours().strength
+    for contrast, strength in ((0.0, 0.0), (0.002, 1 / 11), (0.02, 1 / 2), (0.18, 0.9)):
+        found = float(factor(left, contrast * left)[0, 20, 29:31].mean()) - 1
+        assert found == pytest.approx(strength, rel=0.12, abs=1e-6)
+
+
+@pytest.mark.parametrize("reach", [0.0, 0.2, 0.7, 3.0, 9.0])
+def test_luminance_is_averaged_as_scipy_does(reach):
+    """And not by FFT's wrapped planes, whose edges are each other's neighbours."""
+    plane = np.random.default_rng(0).random((2, 40, 60)) ** 8
+    plane[:, :, :3] += 5
+    screen = np.hypot(*np.mgrid[-1:1:40j, -1:1:60j]) < 1.2
+    wanted, around = (
+        gaussian_filter(each, (0, reach, reach), mode="constant")
+        for each in (plane * screen, np.broadcast_to(screen, plane.shape).astype(float))
+    )
+    found = Averaging(screen, reach)(plane)
+    there = (wanted[:, screen] / around[:, screen]).ravel()
+    assert found[:, screen].ravel() == pytest.approx(there, rel=1e-5, abs=1e-6)
 
 
 def test_texture_masks_as_daly_has_it():
