@@ -15,7 +15,8 @@ red-green and yellow-violet, each with its own sensitivity, in place of Daly's f
 chromatic ones count somewhat more, so that a lifted black keeps the master's hue.
 
 L is of what is *seen*, not of the master: where a ghost lies on black, it is the ghost's own light.
-That this, and these numbers, do better than others is measured by ``validate --only quality``; see
+K may have factors: `Contours` of ghosts, where errors count more, and the master's `Texture`, where
+they count less. By default it has none. That this, and these numbers, do better than others is measured by ``validate --only quality``; see
 ``validation/notes/0007``.
 """
 
@@ -47,7 +48,7 @@ PAIR_GAIN, DOME_GAIN = 0.15, 0.05
 PAIR_CHROMA, DOME_CHROMA = 1.5, 2.0
 """How many times more than castleCSF has it chromatic errors count."""
 
-_FAINT = 0.02  # contrast of a step that is about to be seen
+_FAINT = 0.02  # contrast of a step that is about to be seen: chosen (validation/notes/0007)
 _K1, _K2 = 6 ** (-7 / 3), 6 ** (10 / 3)
 _TAILS = 4  # standard deviations of a Gaussian that are kept from the other side
 
