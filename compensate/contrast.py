@@ -16,8 +16,8 @@ chromatic ones count somewhat more, so that a lifted black keeps the master's hu
 
 L is of what is *seen*, not of the master: where a ghost lies on black, it is the ghost's own light.
 K may have factors: `Contours` of ghosts, where errors count more, and the master's `Texture`, where
-they count less. By default it has none. That this, and these numbers, do better than others is measured by ``validate --only quality``; see
-``validation/notes/0007``.
+they count less. By default it has none. That this, and these numbers, do better than others is
+measured by ``validate --only quality``; see ``validation/notes/0007``.
 """
 
 from __future__ import annotations

@@ -40,9 +40,12 @@ def test_experiments_are_as_expected(name):
 
 
 def test_what_a_sequence_takes_besides_its_solver():
-    assert Sequence(seconds=10.0, solver=7.0, files=4.0).outside == pytest.approx(0.3)
-    assert Sequence(seconds=10.0, solver=12.0, files=4.0).outside == pytest.approx(-0.2)
-    assert Sequence(seconds=10.0, solver=7.0, files=4.0).over_files == pytest.approx(2.5)
+    found = Sequence(seconds=10.0, further=1.5, solver=7.0, files=4.0)
+    assert found.outside == pytest.approx(0.3)
+    assert replace(found, solver=12.0).outside == pytest.approx(-0.2)
+    assert found.over_files == pytest.approx(2.5)
+    # Four frames' files take 4 s, so that a frame's take 1 s
+    assert found.further_over_files == pytest.approx(1.5)
 
 
 @pytest.mark.long
