@@ -78,6 +78,7 @@ def test_the_command_says_what_is_left(run, tmp_path):
 
 
 @pytest.mark.parametrize("primaries", [False, True])
+@pytest.mark.long
 def test_pairs_by_photographs(tmp_path, run, primaries):
     """Each time another screen."""
     leaks = (0.015 * np.eye(3), 0.02 * np.eye(3))

@@ -46,6 +46,7 @@ def test_bare_caps_follow_the_closed_form(cells, uneven):
     assert max(one.error / one.truth for one in cells) < 2e-3
 
 
+@pytest.mark.long
 def test_each_bounce_keeps_the_same_share():
     cells = sweep((45, 105, 180), (0.2, 0.8))
     scores = np.array([one.ratio_z for one in cells])
@@ -53,6 +54,7 @@ def test_each_bounce_keeps_the_same_share():
     assert_unbiased(scores, 1.0, 0.0)
 
 
+@pytest.mark.long
 def test_a_biased_tracer_would_be_noticed(monkeypatch):
     """Albedos that are 0.5 % too high: the sweep's accuracy suffices to see it."""
     honest = Theatre.screen_albedo.fget

@@ -80,6 +80,7 @@ def half_way(monkeypatch):
         (half_way, "local contrast: visible error over the least"),
     ],
 )
+@pytest.mark.long
 def test_mistakes_turn_it_red(mutate, caught, monkeypatch):
     mutate(monkeypatch)
     assert any(what.startswith(caught) for what in failed(quality.run(Work())))

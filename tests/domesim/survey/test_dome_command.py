@@ -158,6 +158,7 @@ def test_what_the_photographs_do_not_tell_is_not_answered(folder, run):
     assert figures["undetermined"][0].startswith("R: gain, screen, floor cannot be told")
 
 
+@pytest.mark.long
 def test_what_is_known_is_enough(folder, run):
     survey, out = folder / "known.toml", folder / "held.toml"
     known = """
@@ -173,6 +174,7 @@ floor = { value = [0.16, 0.12, 0.1] }
     assert np.allclose(scene.albedo, (0.56, 0.52, 0.48), atol=0.02)
 
 
+@pytest.mark.long
 def test_what_is_held_wrongly_is_noticed(folder, run):
     holds = ("--hold", "screen=0.52,0.001", "--hold", "floor=0.4")
     code, said, _ = run(folder / "survey.toml", "--out", folder / "none.toml", *holds)

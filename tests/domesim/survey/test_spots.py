@@ -73,6 +73,7 @@ def test_readings_of_the_model_give_its_albedos_back():
     assert np.allclose(np.diag(found.correlations, 2 * count), 1)
 
 
+@pytest.mark.long
 def test_errors_of_readings_become_errors_of_albedos():
     runs = [
         survey_of_spots(PLAN, PATTERNS, read(GREY, ALL, seed=seed), {}, WEIGHTS, profile=False)
