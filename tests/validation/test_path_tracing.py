@@ -73,7 +73,7 @@ def test_a_biased_tracer_would_be_noticed(monkeypatch):
 @pytest.mark.parametrize(
     ("theatre", "pictures", "error", "allowed"),
     [
-        ("recessed floor", ("white", "patch"), 5e-4, 1e-3),
+        pytest.param("recessed floor", ("white", "patch"), 5e-4, 1e-3, marks=pytest.mark.long),
         pytest.param(
             "floor at the spring line", ("white", "patch"), 1e-3, 5e-3, marks=pytest.mark.long
         ),

@@ -95,6 +95,7 @@ def test_standard_errors_are_the_spread():
     assert np.all(error[:, 0] > 0.01 * LUMINANCE / np.sqrt(len(ALL)))
 
 
+@pytest.mark.long
 def test_both_are_surer_than_either():
     poor = evidence(noise=0.05)
     sure = read(noise=0.003)

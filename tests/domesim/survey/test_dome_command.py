@@ -203,6 +203,7 @@ def test_readings_of_a_meter_are_enough(folder, run):
     assert scene.ambient == pytest.approx(0.05, rel=1e-3)
 
 
+@pytest.mark.long
 def test_photographs_and_a_meter_tell_white(folder, run):
     true = load_dome(folder / "true.toml")
     patterns = patterns_for(true.theatre.dome, 64)
