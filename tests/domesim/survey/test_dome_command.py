@@ -125,6 +125,7 @@ def test_a_theatre_is_measured_and_its_scene_loads(folder, run):
     assert load_dome(out).digest == scene.digest
 
 
+@pytest.mark.long
 def test_white_of_so_many_lumens_is_that_of_the_measured_screen(folder, run):
     """Black is a share of it: the described screen, half as bright, would have another."""
     plan = PLAN.replace("white_cd_m2 = 8.0", "lumens = 5000.0")
@@ -145,6 +146,7 @@ def test_white_of_so_many_lumens_is_that_of_the_measured_screen(folder, run):
     assert scene.ambient == pytest.approx(white * (weights @ figures["ambient_of_white"]))
 
 
+@pytest.mark.long
 def test_what_the_photographs_do_not_tell_is_not_answered(folder, run):
     out = folder / "two_measured.toml"
     code, said, complaint = run(folder / "two.toml", "--out", out, "--json")
