@@ -50,8 +50,7 @@ PAIR_CHROMA, DOME_CHROMA = 1.5, 2.0
 
 _FAINT = 0.02  # contrast of a step that is about to be seen: chosen (validation/notes/0007)
 _K1, _K2 = 6 ** (-7 / 3), 6 ** (10 / 3)
-_TAILS = 4  # standard deviations of a Gaussian that are kept from the other side
-
+_TAILS = 4  # standard deviations at which a Gaussian is cut off, as SciPy does
 
 Plane: TypeAlias = NDArray[np.floating[Any]]
 """(row, col)."""
@@ -333,12 +332,13 @@ class LocalContrast:
         seen, desired
             What the best subtraction shows, and what it should.
         """
-        local = np.maximum(self.averaging(self._luminance(seen)), 0)
+        luminance = self._luminance(seen)
+        local = np.maximum(self.averaging(luminance), 0)
         below = np.minimum(local, self.most) + self.floor
         contrast = self.level / below
         if self.factors:
             master = self._luminance(desired)
-            left = (self._luminance(seen) - master) / below
+            left = (luminance - master) / below
             master /= below
             for factor in self.factors:
                 contrast *= factor(master, left)
