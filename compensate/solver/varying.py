@@ -62,6 +62,10 @@ class Varying:
         self._level = level
         self._hessian = self._level.hessian
         self._mu = self._level.least_damping
+        like = problem.desired
+        self._support = namespace(like).asarray(
+            plain.weighting.support, dtype=like.dtype, device=like.device
+        )
         self.scale = self._needed_scale(rho)
 
     def quadratic(self, planes: Planes) -> tuple[float, Planes, Planes]:
@@ -76,14 +80,12 @@ class Varying:
         plain, problem = self._plain, self._problem
         light = plain.light(planes)
         energy, whole = problem.weighting.quadratic(problem.residual(light), whole=True)
-        xp = namespace(whole)
-        support = xp.asarray(plain.weighting.support, dtype=whole.dtype, device=whole.device)
-        rows, cols = support.shape
-        weighted = whole[:, :rows, :cols, :] * support[None, :, :, None]
+        rows, cols = self._support.shape
+        weighted = whole[:, :rows, :cols, :] * self._support[None, :, :, None]
         gradient = plain.from_gradient(problem.gradient_of(light, weighted))
         around = plain.pinned_gradient(whole)
         for plane in around:
-            plane[:rows, :cols] *= 1 - support
+            plane[:rows, :cols] *= 1 - self._support
         return 0.5 * energy + problem.penalty(light), gradient, around
 
     def solve(self, spectra: Spectra, sigma: list[float]) -> None:
