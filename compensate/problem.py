@@ -19,6 +19,7 @@ from compensate.weighting import Weighting
 from domesim.light import Array, Light, dot, namespace, require_light
 from domesim.observation.base import AdjointObservation
 from domesim.observation.frozen import Frozen
+from domesim.strips import in_parts
 
 Bound = Array | float
 
@@ -101,7 +102,18 @@ class Problem:
 
     def residual(self, light: Light) -> Light:
         """K (psi(x) - seen)."""
-        return self.contrasted(self.observation.observe(light) - self.desired)
+        seen = self.observation.observe(light)
+        xp, contrast = namespace(seen), self.contrast
+        result = xp.empty_like(seen)
+
+        def work(view: int, rows: slice) -> None:
+            part = seen[view, rows, ...] - self.desired[view, rows, ...]
+            if contrast is not None:
+                part *= xp.broadcast_to(contrast, seen.shape)[view, rows, ...]
+            result[view, rows, ...] = part
+
+        in_parts(work, seen.shape, seen)
+        return result
 
     def cost(self, light: Light) -> float:
         """The objective at `light`."""

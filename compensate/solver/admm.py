@@ -9,20 +9,23 @@ Learning* 3, 1-122, scaled form, over-relaxed by alpha) is then a fixed-point it
     w  = (H_0 + rho P)^-1 (b + rho P (z - u))             two FFTs a plane
     s <- s + alpha (w - z)
 
-with a diagonal metric P over the primaries, ~ the root of diag(T'T). Four things make it fast:
+with a diagonal metric P over planes. Five things make it fast:
+
+*Domes in opponent channels* (`OpponentLevel`), with a penalty for each. Planes of other problems
+are of primaries, and P is about the root of diag(T'T).
 
 *From coarse to fine.* The eye's weights are largest at low frequencies, so that most is won on
 planes of a half or a quarter of the rows and columns, where an FFT costs a quarter or a sixteenth.
 As s is relative to the clipped subtraction, it is enlarged without blurring the picture.
 
-*A falling penalty* rho: 0.1 on coarse planes, 0.05 at first, then 0.02; u is rescaled with it. The
-less is unseen, the larger it stays: 3/2 of the median of Omega².
+*A falling penalty* rho over primaries: 0.1 on coarse planes, 0.05 at first, then 0.02; u is
+rescaled with it. The less is unseen, the larger it stays: 3/2 of the median of Omega².
 
 *Anderson acceleration* (`anderson`), begun anew when rho changes.
 
 *Few certificates*, of two FFTs a plane: the x-step's w has f's gradient rho P (z - u - w) without
 any, and serves for the lower bound. One is due when the gap is likely to be small enough: it goes
-with rho ||w - z||², which costs nothing to know.
+with <w - z, rho P (w - z)>, which costs nothing to know.
 
 Where the Hessian H is only near H_0 (a map of crosstalk, a spatial mask), the x-step is one step of
 preconditioned iteration from z, which costs four FFTs a plane and gives the cost and gradient there
@@ -69,10 +72,11 @@ class ADMM:
     relaxation
         alpha.
     penalties
-        rho: on coarse planes, for the first `hold` iterations on full ones, and then. The last is
-        the least: small pictures, most of whose frequencies are seen, have a larger one. In a
-        theatre with strong pollution all are raised, with ||C||^1.5: found by trial, and tested
-        from a cap of 60 degrees and albedo 0.3 to 170 degrees and 0.95.
+        rho over primaries: on coarse planes, for the first `hold` iterations on full ones, and
+        then. The last is the least: small pictures, most of whose frequencies are seen, have a
+        larger one. (Over opponent channels it is 1, and P says the rest.) In a theatre with strong
+        pollution all are raised, with ||C||^1.5: found by trial, and tested from a cap of 60
+        degrees and albedo 0.3 to 170 degrees and 0.95.
     hold
         See there.
     coarse
@@ -96,11 +100,11 @@ class ADMM:
     relaxation: float = 1.9
     penalties: tuple[float, float, float] = (0.1, 0.05, 0.02)
     hold: int = 5
-    coarse: tuple[int, int] = (10, 6)
+    coarse: tuple[int, int] = (8, 4)
     memory: int = 2
     stop_when_invisible: bool = True
     first_check: int = 3
-    check_every: int = 12
+    check_every: int = 20
     progress: Callable[[int, float], None] | None = None
     watch: Callable[[int, Callable[[], Light]], None] | None = None
 
@@ -114,20 +118,23 @@ class ADMM:
             or not), has no regulariser or infinite bounds, or its pixels are not pinned where the
             weighting has no support.
         """
-        before = problem.ffts
+        fourier = problem.weighting.fourier
+        before = fourier.count
         plain = problem
         if isinstance(problem.weighting, Masked):
             plain = problem.weighted_by(problem.weighting.inner)
-        split = split_of(plain)
+        split = split_of(plain, by_primary=plain is not problem)
         if split.answered:
             return Result(split.base, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
         run = _Run(self, problem, split)
         status = run.solve(start)
-        return run.result(status, problem.ffts - before)
+        return run.result(status, math.ceil(fourier.count - before))
 
 
-def split_of(problem: Problem) -> Split:
+def split_of(problem: Problem, *, by_primary: bool = False) -> Split:
     """How a problem splits: by what is observed.
+
+    A dome's may be split `by_primary`, where it could be by opponent channel.
 
     Raises
     ------
@@ -136,7 +143,7 @@ def split_of(problem: Problem) -> Split:
     """
     observation = problem.observation
     if not isinstance(observation, StereoObservation):
-        return DomeSplit(problem)
+        return DomeSplit(problem, by_primary=by_primary)
     return PairSplit(problem) if problem.contrast is None else SeenSplit(problem)
 
 
@@ -165,6 +172,8 @@ class _Run:
         raised = max(1.0, self._level.hessian.strength**1.5 / 6)
         first, then, last = settings.penalties
         last = min(max(last, 1.5 * split.weighting.typical), first)
+        if self._level.hessian.adapted:
+            first = then = last = 1.0
         self._penalties = [rho * raised for rho in (first, max(then, last), last)]
         self._varying: Varying | None = None
         if isinstance(split, BoxSplit) and (masked or not split.uniform):
@@ -217,8 +226,9 @@ class _Run:
         first, other = self._settings.coarse
         for depth in range(len(levels) - 1, 0, -1):
             level = levels[depth]
-            weights, anderson = level.weights(rho), Anderson(self._settings.memory)
-            start = level.start() if s is None else self._finer(s, depth, 1.0)
+            weights = level.weights(rho)
+            anderson = Anderson(self._settings.memory, weights)
+            start = level.start() if s is None else self._finer(s, depth, rho)
             iterations = first if s is None else other
             s = start
             for _ in range(iterations):
@@ -226,26 +236,27 @@ class _Run:
                 s = self._moved(level, s, w, weights, anderson)
             del levels[depth + 1 :]
         if s is not None:
-            s = self._finer(s, 0, rho / self._penalties[1])
+            s = self._finer(s, 0, self._penalties[1])
             del levels[1:]
         return s
 
-    def _finer(self, s: Planes, depth: int, ratio: float) -> Planes:
+    def _finer(self, s: Planes, depth: int, rho: float) -> Planes:
+        """S of that level, where the penalty is rho, of the coarser one's."""
         fine, coarse = self._split.levels[depth : depth + 2]
-        return coarse.finer(s, coarse.weights(self._penalties[0]), ratio, fine)
+        return coarse.finer(s, coarse.weights(self._penalties[0]), fine, fine.weights(rho))
 
     def _fine(self, s: Planes) -> Status | None:
         settings, level = self._settings, self._level
-        anderson = Anderson(settings.memory)
         rho = self._penalties[1]
         weights = level.weights(rho)
+        anderson = Anderson(settings.memory, weights)
         for iteration in range(1, settings.max_iterations + 1):
-            if iteration == settings.hold + 1:
+            if iteration == settings.hold + 1 and rho != self._penalties[2]:
                 ratio, rho = rho / self._penalties[2], self._penalties[2]
                 level.reweigh(s, weights, ratio)
                 weights = level.weights(rho)
-                anderson.clear()
-            likely = self._bounds.likely(rho * anderson.energy)
+                anderson.reweigh(weights)
+            likely = self._bounds.likely(anderson.energy)
             due = iteration >= settings.first_check and (
                 likely or iteration - self._checked_at >= settings.check_every
             )
@@ -257,7 +268,7 @@ class _Run:
                 if status:
                     return status
             else:
-                w = self._exact_step(s, weights, due=due)
+                w = self._exact_step(s, weights, due=due, guess=iteration == settings.first_check)
             s = self._moved(level, s, w, weights, anderson)
             del w  # a certificate needs as much memory
             if due and not self._varying:
@@ -269,14 +280,19 @@ class _Run:
                     return status
                 del spectra
             if settings.watch:
-                settings.watch(iteration, lambda: self._split.light(level.feasible(s, weights)))  # noqa: B023
+                settings.watch(iteration, lambda: self._split.light(level.answer(s, weights)))  # noqa: B023
         return None
 
-    def _exact_step(self, s: Planes, weights: list[float], *, due: bool) -> Planes:
-        """The x-step's w; where a certificate is due, the lower bound is known afterwards."""
+    def _exact_step(self, s: Planes, weights: list[float], *, due: bool, guess: bool) -> Planes:
+        """The x-step's w; where a certificate is due, the lower bound is known afterwards.
+
+        With a `guess`, about what the minimum will be.
+        """
         level, hessian = self._level, self._level.hessian
         spectra = _x_step(level, s, weights)
-        along = hessian.dot(spectra, level.target) if due else 0.0
+        along = hessian.dot(spectra, level.target) if due or guess else 0.0
+        if guess:
+            self._bounds.expect(level.cost - 0.5 * along)
         w = _inverse(hessian.fourier, spectra)
         if due:
             known, free = level.cost - 0.5 * along, []
@@ -308,16 +324,17 @@ class _Run:
     def _settle_at(self, s: Planes, weights: list[float], spectra: Spectra) -> None:
         """Keep the feasible light of s, whose spectra these are, for an FFT a plane more."""
         level, hessian = self._level, self._level.hessian
+        picture = level.answer(s, weights)
         if self._problem.contrast is not None:
-            self._found = self._split.light(level.feasible(s, weights))
+            self._found = self._split.light(picture)
             self._optimality = self._problem.optimality(self._found)
             return
         hessian.multiply(spectra)
         for p, target in enumerate(level.target):
             spectra[p] -= target
-        picture = level.feasible(s, weights)
         rows, cols = picture[0].shape
         gradient = [plane[:rows, :cols] for plane in _inverse(hessian.fourier, spectra)]
+        gradient = level.gradient_in_light(gradient)
         for p in range(len(gradient)):
             gradient[p] += level.slope(p, picture[p])
         self._settle(picture, gradient)
@@ -400,11 +417,12 @@ class _Bounds:
         self.negligible = negligible
         self._tolerance = tolerance
         # Costs and bounds are differences from the base's: a bound is only as good as those are.
-        self._rounding = 64 * float(namespace(base).finfo(base.dtype).eps)
+        self._rounding = 16 * float(namespace(base).finfo(base.dtype).eps)
         self._lower = 0.0
         self._least, self._progress_at = math.inf, 0
         self._share, self._sign = _SHARE, 0.0
         self._start = start
+        self._expected = 0.5 * start
         self.cost = math.inf
         self.iterations = 0
 
@@ -420,6 +438,10 @@ class _Bounds:
     def raise_to(self, bound: float) -> None:
         """A new lower bound of the minimum."""
         self._lower = max(self._lower, bound - self._rounding * max(abs(bound), self._start))
+
+    def expect(self, cost: float) -> None:
+        """About what the minimum will be."""
+        self._expected = min(max(cost, 0.01 * self._start), self._start)
 
     def verdict(self, cost: float, iteration: int) -> Status | None:
         """Why to stop at a feasible cost after `iteration` iterations, if there is a reason."""
@@ -441,9 +463,9 @@ class _Bounds:
     def likely(self, sign: float) -> bool:
         """Whether the gap is likely to be small enough, by a `sign` that goes with it."""
         self._sign = sign
-        cost = self.cost if math.isfinite(self.cost) else 0.5 * self._start
+        cost = self.cost if math.isfinite(self.cost) else self._expected
         return sign <= self._share * max(self._tolerance * cost, self.negligible)
 
 
-_SHARE = 0.15  # rho ||alpha (w - z)||² in shares of the gap, as is usual
+_SHARE = 1.6  # rho P ||alpha (w - z)||² in shares of the certified gap, as is usual
 _PATIENCE = 40  # iterations in which the certified gap does not fall by a tenth

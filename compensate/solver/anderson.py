@@ -12,6 +12,7 @@ on every fourth pixel and row, so that old residuals cost little memory.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
@@ -34,15 +35,17 @@ class Anderson:
     ----------
     memory
         How many old points it keeps; 0 for none.
+    weights
+        How much each plane counts in inner products.
 
     Attributes
     ----------
     energy
-        ||r||² of the last residual, as far as the samples tell.
+        ||r||² of the last residual, weighted, as far as the samples tell.
     """
 
-    def __init__(self, memory: int) -> None:
-        self._memory = memory
+    def __init__(self, memory: int, weights: Sequence[float]) -> None:
+        self._memory, self._weights = memory, weights
         self.energy = 0.0
         self._points: list[Planes] = []
         self._residuals: list[Planes] = []
@@ -53,6 +56,12 @@ class Anderson:
         self._points, self._residuals = [], []
         self._products = np.zeros((0, 0))
 
+    def reweigh(self, weights: Sequence[float]) -> None:
+        """Begin anew with other weights, all by the same factor."""
+        self.energy *= weights[0] / self._weights[0]
+        self._weights = weights
+        self.clear()
+
     def forget_oldest(self) -> None:
         """Give back the memory of the oldest of all the points that it can keep."""
         if len(self._points) == self._memory > 0:
@@ -62,7 +71,7 @@ class Anderson:
     def next(self, point: Planes, residual: Planes) -> Planes:
         """The next s, of t = s + r and r; t's planes are kept, r's may be used up."""
         sampled = [_sampled(plane) for plane in residual]
-        products = np.array([_dot(sampled, other) for other in [sampled, *self._residuals]])
+        products = np.array([self._dot(sampled, other) for other in [sampled, *self._residuals]])
         self.energy = _STRIDE**2 * float(products[0])
         if not self._memory:
             return point
@@ -80,6 +89,15 @@ class Anderson:
         self._residuals = [sampled, *self._residuals[:keep]]
         self._products = gram[: keep + 1, : keep + 1]
         return following
+
+    def _dot(self, left: Planes, right: Planes) -> float:
+        def work(rows: slice) -> float:
+            return sum(
+                weight * float(total(a[rows, :] * b[rows, :]))
+                for weight, a, b in zip(self._weights, left, right, strict=True)
+            )
+
+        return sum(each_strip(work, left[0]))
 
     def _combined(self, point: Planes, weights: Any) -> Planes:
         """The combination, in the place of the point that is dropped, if one is."""
@@ -120,10 +138,3 @@ def _least(gram: Any) -> Any:
 
 def _sampled(plane: Array) -> Array:
     return namespace(plane).asarray(plane[::_STRIDE, ::_STRIDE], copy=True)
-
-
-def _dot(left: Planes, right: Planes) -> float:
-    def work(rows: slice) -> float:
-        return sum(float(total(a[rows, :] * b[rows, :])) for a, b in zip(left, right, strict=True))
-
-    return sum(each_strip(work, left[0]))

@@ -255,3 +255,198 @@ def correct3(
             a[i, k] -= x + weights[2, 0] * at_u
             b[i, k] -= y + weights[2, 1] * at_u
             c[i, k] -= z + weights[2, 2] * at_u
+
+
+@_COMPILED
+def channels3_sums(
+    a: Any, b: Any, c: Any, plus: Any, v: Any, u: Any, squares: Any, sigma: Any, sums: Any
+) -> None:  # fmt: skip
+    """`dome3`'s inner products, of planes that are channels, which it leaves as they are."""
+    p0, p1, p2 = plus
+    first, second, third = squares
+    last = 2 * first.shape[1]
+    for i in numba.prange(first.shape[0]):
+        row = np.zeros(9)
+        for j in range(first.shape[1]):
+            share = sums[i, 0] if j == 0 else (sums[i, 1] if 2 * j == last - 2 else 2.0)
+            k, m = 2 * j, 2 * j + 1
+            ur, ui = share * u[i, k], share * u[i, m]
+            vr, vi = share * v[i, k], share * v[i, m]
+            x, y = a[i, k] + p0[i, k], a[i, m] + p0[i, m]
+            by_u, by_v, d = ur * x + ui * y, vr * x + vi * y, 1 / (first[i, j] + sigma[0])
+            row[0] += by_u
+            row[3] += by_v * d
+            row[6] += by_u * d
+            x, y = b[i, k] + p1[i, k], b[i, m] + p1[i, m]
+            by_u, by_v, d = ur * x + ui * y, vr * x + vi * y, 1 / (second[i, j] + sigma[1])
+            row[1] += by_u
+            row[4] += by_v * d
+            row[7] += by_u * d
+            x, y = c[i, k] + p2[i, k], c[i, m] + p2[i, m]
+            by_u, by_v, d = ur * x + ui * y, vr * x + vi * y, 1 / (third[i, j] + sigma[2])
+            row[2] += by_u
+            row[5] += by_v * d
+            row[8] += by_u * d
+        sums[i] = row
+
+
+@_COMPILED
+def channels3(
+    a: Any, b: Any, c: Any, plus: Any, v: Any, u: Any, squares: Any, sigma: Any, weights: Any
+) -> None:  # fmt: skip
+    """`dome3` and `correct3` of planes that are channels."""
+    p0, p1, p2 = plus
+    first, second, third = squares
+    for i in numba.prange(first.shape[0]):
+        for j in range(first.shape[1]):
+            d0 = 1 / (first[i, j] + sigma[0])
+            d1 = 1 / (second[i, j] + sigma[1])
+            d2 = 1 / (third[i, j] + sigma[2])
+            for k in (2 * j, 2 * j + 1):
+                at_v, at_u = v[i, k], u[i, k]
+                x = a[i, k] + p0[i, k] - weights[0, 0] * at_v - weights[1, 0] * at_u
+                a[i, k] = d0 * x - weights[2, 0] * at_u
+                x = b[i, k] + p1[i, k] - weights[0, 1] * at_v - weights[1, 1] * at_u
+                b[i, k] = d1 * x - weights[2, 1] * at_u
+                x = c[i, k] + p2[i, k] - weights[0, 2] * at_v - weights[1, 2] * at_u
+                c[i, k] = d2 * x - weights[2, 2] * at_u
+
+
+_INLINE: Any = numba.njit(inline="always", error_model="numpy", fastmath={"contract", "nsz"})
+
+
+@_INLINE
+def pinned3(
+    low0: Any, low1: Any, low2: Any, high0: Any, high1: Any, high2: Any, d0: Any, d1: Any, d2: Any,
+    coupled: Any, pinned: Any,
+) -> Any:  # fmt: skip
+    """The least d'(coupled)d within bounds, by its active set; `pinned` by which are pinned."""
+    at0, at1, at2 = d0, d1, d2
+    held = 0
+    for _ in range(8):
+        # Who is out of bounds is pinned to the bound
+        change = 0
+        if d0 < low0 or d0 > high0:
+            at0, change = (low0 if d0 < low0 else high0), 1
+        if d1 < low1 or d1 > high1:
+            at1, change = (low1 if d1 < low1 else high1), change | 2
+        if d2 < low2 or d2 > high2:
+            at2, change = (low2 if d2 < low2 else high2), change | 4
+        if change == 0:
+            # ... and let go if it pulls inwards
+            if held & 1 and low0 < high0:
+                g = coupled[0, 0] * d0 + coupled[0, 1] * d1 + coupled[0, 2] * d2
+                change |= 1 if (g < 0 if at0 == low0 else g > 0) else 0
+            if held & 2 and low1 < high1:
+                g = coupled[1, 0] * d0 + coupled[1, 1] * d1 + coupled[1, 2] * d2
+                change |= 2 if (g < 0 if at1 == low1 else g > 0) else 0
+            if held & 4 and low2 < high2:
+                g = coupled[2, 0] * d0 + coupled[2, 1] * d1 + coupled[2, 2] * d2
+                change |= 4 if (g < 0 if at2 == low2 else g > 0) else 0
+            if change == 0:
+                break
+            held &= ~change
+        else:
+            held |= change
+        e0 = at0 if held & 1 else 0 * d0
+        e1 = at1 if held & 2 else 0 * d1
+        e2 = at2 if held & 4 else 0 * d2
+        d0 = pinned[held, 0, 0] * e0 + pinned[held, 0, 1] * e1 + pinned[held, 0, 2] * e2
+        d1 = pinned[held, 1, 0] * e0 + pinned[held, 1, 1] * e1 + pinned[held, 1, 2] * e2
+        d2 = pinned[held, 2, 0] * e0 + pinned[held, 2, 1] * e1 + pinned[held, 2, 2] * e2
+        d0 = e0 if held & 1 else d0
+        d1 = e1 if held & 2 else d1
+        d2 = e2 if held & 4 else d2
+    return min(max(d0, low0), high0), min(max(d1, low1), high1), min(max(d2, low2), high2)
+
+
+@_INLINE
+def best3(
+    p: Any, q: Any, r: Any, bounds: Any, extra: Any, free: Any, coupled: Any, pinned: Any,
+    relaxation: Any, settled: Any,
+) -> Any:  # fmt: skip
+    """The best light of one pixel, of s."""
+    low0, high0, low1, high1, low2, high2 = bounds
+    x = free[0, 0] * p + free[0, 1] * q + free[0, 2] * r
+    y = free[1, 0] * p + free[1, 1] * q + free[1, 2] * r
+    z = free[2, 0] * p + free[2, 1] * q + free[2, 2] * r
+    low0, low1, low2 = low0 - x, low1 - y, low2 - z
+    high0, high1, high2 = high0 - x, high1 - y, high2 - z
+    d0, d1, d2 = 0 * p, 0 * q, 0 * r
+    if max(low0, low1, low2, -high0, -high1, -high2) > 0:
+        d0, d1, d2 = pinned3(low0, low1, low2, high0, high1, high2, d0, d1, d2, coupled, pinned)
+    if extra != 0:
+        for _ in range(200):
+            g = coupled[0, 0] * d0 + coupled[0, 1] * d1 + coupled[0, 2] * d2 + extra * (x + d0)
+            e0 = min(max(d0 - relaxation * g / (coupled[0, 0] + extra), low0), high0)
+            g = coupled[1, 0] * e0 + coupled[1, 1] * d1 + coupled[1, 2] * d2 + extra * (y + d1)
+            e1 = min(max(d1 - relaxation * g / (coupled[1, 1] + extra), low1), high1)
+            g = coupled[2, 0] * e0 + coupled[2, 1] * e1 + coupled[2, 2] * d2 + extra * (z + d2)
+            e2 = min(max(d2 - relaxation * g / (coupled[2, 2] + extra), low2), high2)
+            moved = max(abs(e0 - d0), abs(e1 - d1), abs(e2 - d2))
+            d0, d1, d2 = e0, e1, e2
+            if moved <= settled:
+                break
+    return x + d0, y + d1, z + d2
+
+
+@_INLINE
+def bounds3(i: Any, j: Any, lowers: Any, widths: Any) -> Any:
+    """Of one pixel: lower and upper ones of three primaries by turns."""
+    low0, low1, low2 = lowers[0][i, j], lowers[1][i, j], lowers[2][i, j]
+    return (
+        low0, low0 + at(widths[0], i, j), low1, low1 + at(widths[1], i, j),
+        low2, low2 + at(widths[2], i, j),
+    )  # fmt: skip
+
+
+@_COMPILED
+def nearest3(
+    a: Any, b: Any, c: Any, s0: Any, s1: Any, s2: Any, lowers: Any, widths: Any, damping: Any,
+    free: Any, coupled: Any, pinned: Any, opponent: Any, constants: Any,
+) -> None:  # fmt: skip
+    """`OpponentLevel.answer` of three primaries."""
+    rows, cols = a.shape
+    least, relaxation, settled = constants
+    for i in numba.prange(rows):
+        for j in range(cols):
+            bounds, extra = bounds3(i, j, lowers, widths), at(damping, i, j) - least
+            p, q, r = s0[i, j], s1[i, j], s2[i, j]
+            a[i, j], b[i, j], c[i, j] = best3(
+                p, q, r, bounds, extra, free, coupled, pinned, relaxation, settled
+            )
+
+
+@_COMPILED
+def towards3(
+    a: Any, b: Any, c: Any, s0: Any, s1: Any, s2: Any, lowers: Any, widths: Any, damping: Any,
+    free: Any, coupled: Any, pinned: Any, opponent: Any, constants: Any, weights: Any,
+) -> None:  # fmt: skip
+    """`OpponentLevel.towards` of three primaries."""
+    rows, cols = lowers[0].shape
+    t = opponent + opponent
+    least, relaxation, settled = constants
+    weight0, weight1, weight2 = weights
+    for i in numba.prange(s0.shape[0]):
+        inside = cols if i < rows else 0
+        for j in range(inside):
+            bounds, extra = bounds3(i, j, lowers, widths), at(damping, i, j) - least
+            p, q, r = s0[i, j], s1[i, j], s2[i, j]
+            x, y, z = best3(p, q, r, bounds, extra, free, coupled, pinned, relaxation, settled)
+            a[i, j] = weight0 * (t[0, 0] * x + t[0, 1] * y + t[0, 2] * z - p)
+            b[i, j] = weight1 * (t[1, 0] * x + t[1, 1] * y + t[1, 2] * z - q)
+            c[i, j] = weight2 * (t[2, 0] * x + t[2, 1] * y + t[2, 2] * z - r)
+        for j in range(inside, s0.shape[1]):
+            a[i, j] = -weight0 * s0[i, j]
+            b[i, j] = -weight1 * s1[i, j]
+            c[i, j] = -weight2 * s2[i, j]
+
+
+@_COMPILED
+def move_from(s: Any, w: Any, asked: Any, half: Any, relaxation: Any) -> None:
+    """`OpponentLevel.move` of one plane."""
+    for i in numba.prange(s.shape[0]):
+        for j in range(s.shape[1]):
+            r = relaxation * (w[i, j] - half * asked[i, j] - s[i, j] / 2)
+            w[i, j] = r
+            s[i, j] += r

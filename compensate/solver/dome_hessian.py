@@ -33,8 +33,7 @@ from numpy.typing import NDArray
 from compensate.fourier import Fourier
 from compensate.solver.blocks import Blocks, Spectra, each_strip
 from compensate.solver.fused import loops, parts, parts_or_zero
-from compensate.solver.hessian import Hessian, halved, metric_of
-from compensate.weighting import CsfWeighting
+from compensate.solver.hessian import Hessian, adapted_metric, halved, metric_of
 from domesim.light import Array, namespace, on_host
 
 
@@ -47,9 +46,9 @@ class DomeHessian(Hessian):
     spread, collect
         (mode, padded row, padded col) pollution's modes in w = D x, 0 off the picture.
     core
-        (primary, mode, mode) how the modes excite each other.
-    weighting
-        Of the picture.
+        (plane, plane, mode, mode) how the modes excite each other.
+    opponent
+        (channel, plane) T.
     squares
         Omega_c² as arrays of the planes' library.
     fourier
@@ -61,16 +60,16 @@ class DomeHessian(Hessian):
         spread: Array,
         collect: Array,
         core: NDArray[np.floating[Any]],
-        weighting: CsfWeighting,
+        opponent: NDArray[np.floating[Any]],
         squares: Sequence[Array],
         fourier: Fourier,
     ) -> None:
         self.fourier = fourier
-        self.metric = metric_of(weighting)
         self.core = core
-        self._weighting, self._squares = weighting, squares
-        opponent = weighting.opponent
+        self._opponent, self._squares = opponent, squares
         self._blocks = Blocks(squares, np.stack([np.outer(row, row) for row in opponent]))
+        self.adapted = np.array_equal(opponent, np.eye(len(opponent)))
+        self.metric = adapted_metric(squares) if self.adapted else metric_of(opponent)
         xp = namespace(spread)
         # V first, then the shapes of U
         self._shapes = fourier.forward(xp.concat([collect, spread]))
@@ -93,17 +92,27 @@ class DomeHessian(Hessian):
 
     def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
         """See `Hessian`."""
+        modes, compiled = self.core.shape[-1], self._fused(spectra)
+        if compiled:
+            added = parts_or_zero(plus, spectra)
+            asked, found = self._compiled_sums(compiled, spectra, added, sigma)
+        else:
+            asked, found = self._solve_blocks(spectra, sigma, plus)
         damping = np.asarray(sigma)[:, None]
-        modes = self.core.shape[1]
-        asked, found = self._solve_blocks(spectra, sigma, plus)
         v, u = found[:, :modes], asked - damping * found[:, modes:]
-        known = np.stack([v, np.einsum("pjk,pj->pk", self.core, u)])
+        known = np.stack([v, np.einsum("pqjk,pj->qk", self.core, u)])
         c, e = (self._small_inverse(tuple(sigma)) @ known.ravel()).reshape(known.shape)
-        e = np.einsum("pjk,pk->pj", self.core, e)
-        if compiled := self._fused(spectra):
-            number = self._blocks.coefficients.dtype
-            weights = np.stack([c, -damping * e, e])[:, :, 0].astype(number)
-            compiled.correct3(*parts(spectra), *self._given(sigma), weights)
+        e = np.einsum("pqjk,qk->pj", self.core, e)
+        if compiled:
+            weights = np.stack([c, -damping * e, e])[:, :, 0].astype(
+                self._blocks.coefficients.dtype
+            )
+            if self.adapted:
+                given = *self._shapes_and_squares, self._given(sigma), weights
+                compiled.channels3(*parts(spectra), added, *given)
+            else:
+                given = *self._shapes_and_squares, self._blocks.coefficients, self._given(sigma)
+                compiled.correct3(*parts(spectra), *given, weights)
             return
         asks, shows = np.concatenate([c, -damping * e], 1), np.concatenate([0 * c, e], 1)
 
@@ -117,15 +126,35 @@ class DomeHessian(Hessian):
 
     def _fused(self, spectra: Spectra) -> Any:
         """The compiled loops, where there are any for such a problem."""
-        plain = len(spectra) == 3 and self.core.shape[1] == 1 and len(self._blocks.squares) <= 3
+        plain = len(spectra) == 3 and self.core.shape[-1] == 1 and len(self._blocks.squares) <= 3
         return loops(*spectra) if plain else None
 
-    def _given(self, sigma: Sequence[float]) -> tuple[Any, ...]:
+    @property
+    def _shapes_and_squares(self) -> tuple[Any, ...]:
         """What the compiled loops take, of one mode."""
-        blocks = self._blocks
-        shapes = parts([self._shapes[0], self._shapes[1]])
-        given = np.asarray(sigma, blocks.coefficients.dtype)
-        return *shapes, blocks.three_squares, blocks.coefficients, given
+        squares = self._blocks.three_squares
+        if self.adapted:
+            squares = tuple(self._squares)
+        return *parts([self._shapes[0], self._shapes[1]]), squares
+
+    def _given(self, sigma: Sequence[float]) -> Any:
+        return np.asarray(sigma, self._blocks.coefficients.dtype)
+
+    def _compiled_sums(
+        self, compiled: Any, spectra: Spectra, added: Any, sigma: Sequence[float]
+    ) -> tuple[Any, Any]:
+        """`_solve_blocks`, but that planes that are channels are left as they are."""
+        fourier = self.fourier
+        sums = np.zeros((fourier.rows, 9))
+        # How much the first and the last column count
+        sums[:, 0], sums[:, 1] = 1, 1 if fourier.cols % 2 == 0 else 2
+        given = *parts(spectra), added, *self._shapes_and_squares
+        if self.adapted:
+            compiled.channels3_sums(*given, self._given(sigma), sums)
+        else:
+            compiled.dome3(*given, self._blocks.coefficients, self._given(sigma), sums)
+        found = sums.sum(axis=0).reshape(3, 3) / (fourier.rows * fourier.cols)
+        return found[0][:, None], found[1:].T
 
     def _solve_blocks(
         self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None
@@ -136,15 +165,7 @@ class DomeHessian(Hessian):
         -------
         (primary, mode) with U before, and (primary, V and U mode) after.
         """
-        modes, fourier = self.core.shape[1], self.fourier
-        if compiled := self._fused(spectra):
-            sums = np.zeros((fourier.rows, 9))
-            # How much the first and the last column count
-            sums[:, 0], sums[:, 1] = 1, 1 if fourier.cols % 2 == 0 else 2
-            added = parts_or_zero(plus, spectra)
-            compiled.dome3(*parts(spectra), added, *self._given(sigma), sums)
-            found = sums.sum(axis=0).reshape(3, 3) / (fourier.rows * fourier.cols)
-            return found[0][:, None], found[1:].T
+        modes = self.core.shape[-1]
         if plus is not None:
             for p, plane in enumerate(plus):
                 spectra[p] += plane
@@ -160,7 +181,7 @@ class DomeHessian(Hessian):
 
     def multiply(self, spectra: Spectra) -> None:
         """C'WC of `spectra`, in place."""
-        modes = self.core.shape[1]
+        modes = self.core.shape[-1]
         polluted = self._excited(spectra)
 
         def weighted(rows: slice) -> Any:
@@ -173,7 +194,7 @@ class DomeHessian(Hessian):
             return self._dots(rows, back)[:, modes:]
 
         shown = sum(each_strip(weighted, spectra[0]))
-        self._add_collected(spectra, np.einsum("pjk,pj->pk", self.core, shown))
+        self._add_collected(spectra, np.einsum("pqjk,pj->qk", self.core, shown))
 
     def energy(self, spectra: Spectra) -> float:
         """<w, C'WC w>."""
@@ -194,7 +215,7 @@ class DomeHessian(Hessian):
 
     def seen(self, residual: Spectra) -> tuple[float, Spectra]:
         """||A r||² and C'W r of a residual r."""
-        modes = self.core.shape[1]
+        modes = self.core.shape[-1]
 
         def weighted(rows: slice) -> tuple[float, Any]:
             strip = [plane[rows, :] for plane in residual]
@@ -206,13 +227,13 @@ class DomeHessian(Hessian):
 
         found = each_strip(weighted, residual[0])
         energy, shown = (sum(part[k] for part in found) for k in range(2))
-        self._add_collected(residual, np.einsum("pjk,pj->pk", self.core, shown))
+        self._add_collected(residual, np.einsum("pqjk,pj->qk", self.core, shown))
         return float(energy), residual
 
     def _excited(self, spectra: Spectra) -> Any:
         """(primary, mode) core V'w: how much each shape of U is seen."""
-        modes = self.core.shape[1]
-        return np.einsum("pjk,pk->pj", self.core, self._sums(spectra)[:, :modes])
+        modes = self.core.shape[-1]
+        return np.einsum("pqjk,qk->pj", self.core, self._sums(spectra)[:, :modes])
 
     def _sums(self, spectra: Spectra) -> Any:
         """(primary, V and U mode) inner products with the modes."""
@@ -242,7 +263,7 @@ class DomeHessian(Hessian):
             spread,
             4 * collect,
             self.core,
-            self._weighting,
+            self._opponent,
             squares,
             self.fourier.coarser(),
         )
@@ -293,11 +314,10 @@ class DomeHessian(Hessian):
             found = sum(each_strip(between, self._shapes[0, :, :]))
             plain, b = self._plain, self._arranged(np.swapaxes(found, 0, 1))
             core = self._core_matrix()
-            s = np.diag(np.repeat(sigma, self.core.shape[1]))
-            upper = plain["vu"] @ core - b["vu"] @ core @ s
+            s = np.diag(np.repeat(sigma, self.core.shape[-1]))
+            upper = (plain["vu"] - b["vu"] @ s) @ core
             # -U'WU of M^-1 and U'WU of Z'B^-1Z cancel
-            uu = core.T @ plain["uu"] @ core
-            corner = s @ core.T @ b["uu"] @ core @ s - s @ uu
+            corner = core.T @ (s @ b["uu"] @ s - s @ plain["uu"]) @ core
             one = np.eye(len(core))
             self._small[sigma] = np.linalg.inv(
                 np.block([[b["vv"], one + upper], [one + upper.T, corner]])
@@ -315,7 +335,7 @@ class DomeHessian(Hessian):
 
     def _arranged(self, products: Any) -> dict[str, Any]:
         """(primary mode, primary mode) matrices of (primary, primary, V and U, V and U) ones."""
-        modes, count = self.core.shape[1], len(self.metric)
+        modes, count = self.core.shape[-1], len(self.metric)
         first, second = slice(0, modes), slice(modes, 2 * modes)
         return {
             name: np.swapaxes(products[:, :, left, right], 1, 2).reshape(count * modes, -1)
@@ -327,9 +347,6 @@ class DomeHessian(Hessian):
         }
 
     def _core_matrix(self) -> Any:
-        """Block diagonal core: (primary mode, primary mode)."""
-        primaries, modes = self.core.shape[:2]
-        result = np.zeros((primaries, modes, primaries, modes))
-        for p in range(primaries):
-            result[p, :, p, :] = self.core[p]
-        return result.reshape(primaries * modes, primaries * modes)
+        """The core as (plane mode, plane mode)."""
+        side = self.core.shape[0] * self.core.shape[-1]
+        return self.core.transpose(0, 2, 1, 3).reshape(side, side)

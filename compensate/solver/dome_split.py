@@ -6,6 +6,7 @@ regulariser mu ||K D x||² is the same for all pixels then.
 
 from __future__ import annotations
 
+from dataclasses import fields
 from functools import lru_cache
 from typing import Any, final
 
@@ -13,7 +14,8 @@ import numpy as np
 
 from compensate.problem import Problem
 from compensate.solver.dome_hessian import DomeHessian
-from compensate.solver.level import Planes
+from compensate.solver.level import BoxLevel, Level, Planes
+from compensate.solver.opponent_level import OpponentLevel
 from compensate.solver.split import BoxSplit, light_of, planes_of, widths_of
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace, on_host
@@ -28,9 +30,11 @@ class DomeSplit(BoxSplit):
     ----------
     problem
         One of a `LowRankObservation`.
+    by_primary
+        Keep planes of primaries, where they could be of opponent channels.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, *, by_primary: bool = False) -> None:
         observation = problem.observation
         if not isinstance(observation, LowRankObservation):
             raise ValueError(f"ADMM takes a low-rank observation, got {type(observation).__name__}")
@@ -50,6 +54,12 @@ class DomeSplit(BoxSplit):
             kept = problem.contrast
             self._gain = kept if self._gain is None else kept * self._gain
         self._support = None if bool(support.all()) else like(support)
+        opponent = self.weighting.opponent
+        channels, primaries = opponent.shape
+        self._opponent = None
+        regular = channels == primaries > 1 and np.linalg.cond(opponent) < _REGULAR
+        if regular and not by_primary:
+            self._opponent = opponent
 
     def direction(self, planes: Planes) -> Light:
         """The light w / D."""
@@ -66,11 +76,21 @@ class DomeSplit(BoxSplit):
         """See `BoxSplit`: no light goes there."""
         return planes_of(weighted)
 
+    def _finest(self) -> Level:
+        level = super()._finest()
+        if self._opponent is None:
+            return level
+        assert isinstance(level, BoxLevel)
+        plain = {each.name: getattr(level, each.name) for each in fields(BoxLevel)}
+        plain["least_damping"] /= float(np.linalg.norm(self._opponent, 2)) ** 2
+        return OpponentLevel(**plain, opponent=self._opponent)
+
     def _hessian(self) -> DomeHessian:
+        by_channel = self._opponent is not None
         if self.problem.contrast is None:
-            return hessian_of(self._observation, self.weighting, self.base)
+            return hessian_of(self._observation, self.weighting, self.base, by_channel=by_channel)
         contrast = on_host(self.problem.contrast)[0, :, :, 0]
-        return _made(self._observation, self.weighting, self.base, contrast)
+        return _made(self._observation, self.weighting, self.base, by_channel, contrast)
 
     def _seen(self, light: Any) -> Any:
         for factor in (self._gain, self._support):
@@ -103,23 +123,40 @@ class DomeSplit(BoxSplit):
 
 
 def hessian_of(
-    observation: LowRankObservation, weighting: CsfWeighting, like: Light
+    observation: LowRankObservation,
+    weighting: CsfWeighting,
+    like: Light,
+    *,
+    by_channel: bool = False,
 ) -> DomeHessian:
-    """The Hessian of w = D x of a theatre, in arrays like `like`; kept for the next frame."""
-    return _hessian(observation, weighting, namespace(like), like.dtype, like.device)
+    """The Hessian of w = D x of a theatre, in arrays like `like`; kept for the next frame.
+
+    Of planes of primaries, or T w, `by_channel`.
+    """
+    return _hessian(observation, weighting, namespace(like), like.dtype, like.device, by_channel)
 
 
 @lru_cache(maxsize=2)
 def _hessian(
-    observation: LowRankObservation, weighting: CsfWeighting, library: Any, dtype: Any, device: Any
+    observation: LowRankObservation,
+    weighting: CsfWeighting,
+    library: Any,
+    dtype: Any,
+    device: Any,
+    by_channel: bool,
 ) -> DomeHessian:
-    return _made(observation, weighting, library.zeros((1, 1, 1, 1), dtype=dtype, device=device))
+    like = library.zeros((1, 1, 1, 1), dtype=dtype, device=device)
+    return _made(observation, weighting, like, by_channel)
 
 
 def _made(
-    observation: LowRankObservation, weighting: CsfWeighting, like: Light, contrast: Any = 1.0
+    observation: LowRankObservation,
+    weighting: CsfWeighting,
+    like: Light,
+    by_channel: bool,
+    contrast: Any = 1.0,
 ) -> DomeHessian:
-    """The Hessian of w = K D x, of K (row, col)."""
+    """The Hessian of w = K D x, of K (row, col), or of T w."""
     factors, support, fourier = observation.factors, weighting.support, weighting.fourier
 
     def modes(planes: Any) -> Array:
@@ -127,13 +164,19 @@ def _made(
         large[:, : support.shape[0], : support.shape[1]] = planes * support
         return namespace(like).asarray(large, dtype=like.dtype, device=like.device)
 
+    opponent, planes = weighting.opponent, np.eye(len(factors.core))
+    to = opponent if by_channel else planes
+    core = np.einsum("cp,pjk,pd->cdjk", to, factors.core, np.linalg.inv(to))
     # In w = K D x, a pixel's light has passed K D already.
     gain = contrast * np.where(factors.direct_gain == 0, 1, factors.direct_gain)
     return DomeHessian(
         modes(factors.spread * contrast),
         modes(factors.collect / gain),
-        factors.core,
-        weighting,
+        core,
+        planes if by_channel else opponent,
         weighting.squares(like),
         fourier,
     )
+
+
+_REGULAR = 30.0  # condition of T

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
@@ -14,7 +15,7 @@ from compensate.fourier import Fourier
 from compensate.solver.blocks import Blocks, Spectra, each_strip
 from compensate.solver.fused import loops, parts, parts_or_zero
 from compensate.weighting import CsfWeighting
-from domesim.light import Array, namespace, total
+from domesim.light import Array, namespace, on_host, total
 
 
 class Hessian(ABC):
@@ -26,12 +27,15 @@ class Hessian(ABC):
         The padded grid's transforms.
     metric
         (plane,) diagonal metric P.
+    adapted
+        Whether it is to each plane's spectrum: the penalty rho is 1 then.
     strength
         How much pollution amplifies light at most; 1 without any.
     """
 
     fourier: Fourier
     metric: tuple[float, ...]
+    adapted: bool = False
     strength: float
 
     @abstractmethod
@@ -91,6 +95,9 @@ class Hessian(ABC):
         return sum(each_strip(work, left[0]))
 
 
+_LEAST_METRIC, _LOW_METRIC = 0.02, 0.1  # of an adapted metric, and of what is seen so far
+
+
 @final
 class PairHessian(Hessian):
     """Of two views: 6 x 6 matrices, or two of 3 x 3 where both directions leak alike.
@@ -123,7 +130,7 @@ class PairHessian(Hessian):
         self.strength = 1 + float(
             max(np.linalg.norm(part.reshape(2 * primaries, -1), 2) for part in leak)
         )
-        self.metric = 2 * metric_of(weighting)
+        self.metric = 2 * metric_of(weighting.opponent)
         matrices = np.zeros((len(squares), 2 * primaries, 2 * primaries))
         for view in range(seen):
             mixing = central[view].reshape(primaries, 2 * primaries)
@@ -275,10 +282,26 @@ def combined(planes: Sequence[Array], weights: Any) -> Array:
     return result
 
 
-def metric_of(weighting: CsfWeighting) -> tuple[float, ...]:
+def metric_of(opponent: NDArray[np.floating[Any]]) -> tuple[float, ...]:
     """(primary,) P: the root of the diagonal of T'T, 1 at most."""
-    diagonal = np.sqrt(np.sum(weighting.opponent**2, axis=0))
+    diagonal = np.sqrt(np.sum(opponent**2, axis=0))
     return tuple(float(value) for value in diagonal / diagonal.max())
+
+
+def adapted_metric(squares: Sequence[Array]) -> tuple[float, ...]:
+    """(channel,) P of planes that are channels: the root of the least Omega_c² that matters.
+
+    Alternating directions go best with the geometric mean of the least and the largest curvature,
+    and that is about 1. The least is the lowest frequency's; where most frequencies are hardly
+    seen, 3/2 of the median is better, as with one penalty for all.
+    """
+
+    def one(square: Array) -> float:
+        sampled = on_host(square[::8, ::8])
+        lowest = math.sqrt(float(sampled[0, 0]))
+        return min(max(1.5 * float(np.median(sampled)), _LEAST_METRIC), max(lowest, _LOW_METRIC))
+
+    return tuple(one(square) for square in squares)
 
 
 def halved_spectrum(plane: Array) -> Array:

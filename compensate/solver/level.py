@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeAlias, final
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 from compensate.fourier import Fourier
 from compensate.solver.blocks import Spectra, each_strip
@@ -63,11 +63,23 @@ class Level(ABC):
     offset: Planes | None
     cost: float
 
-    def start(self, picture: Planes | None = None) -> Planes:
-        """Padded planes of (row, col) planes; 0 by default."""
-        if picture is None:
-            picture = [lower[:0, :] for lower in self.lower]
-        return [padded(plane, self.hessian.fourier) for plane in picture]
+    def start(self, light: Planes | None = None) -> Planes:
+        """Padded planes of light (row, col); 0 by default."""
+        if light is None:
+            light = [lower[:0, :] for lower in self.lower]
+        return [padded(plane, self.hessian.fourier) for plane in self.of_light(light)]
+
+    def of_light(self, light: Planes) -> Planes:
+        """The planes of light's planes; they may be the same."""
+        return light
+
+    def answer(self, s: Planes, weights: list[float]) -> Planes:
+        """What `Split.light` takes, of s."""
+        return self.feasible(s, weights)
+
+    def gradient_in_light(self, gradient: Planes) -> Planes:
+        """The gradient in light of one in this level's planes (row, col)."""
+        return gradient
 
     @abstractmethod
     def feasible(self, s: Planes, weights: list[float]) -> Planes:
@@ -130,18 +142,16 @@ class Level(ABC):
         """Rho P, one a plane."""
         return [rho * value for value in self.hessian.metric]
 
-    def finer(self, s: Planes, weights: list[float], ratio: float, fine: Level) -> Planes:
-        """S on a `fine` level: of this one's light and `ratio` times its dual, enlarged."""
-        xp = namespace(s[0])
+    def finer(
+        self, s: Planes, weights: list[float], fine: Level, fine_weights: list[float]
+    ) -> Planes:
+        """S on a `fine` level: of this one's light and dual, enlarged."""
         rows, cols = fine.lower[0].shape
-
-        def enlarged(plane: Array) -> Array:
-            return xp.repeat(xp.repeat(plane, 2, axis=0), 2, axis=1)
-
         light, dual = self.state(s, weights)
+        ratios = [was / now for was, now in zip(weights, fine_weights, strict=True)]
         return fine.of_state(
             [enlarged(plane)[:rows, :cols] for plane in light],
-            [enlarged(plane * ratio) for plane in dual],
+            [enlarged(plane, ratio) for plane, ratio in zip(dual, ratios, strict=True)],
         )
 
     def bounds(self, p: int, rows: slice) -> tuple[Array, Array]:
@@ -214,7 +224,6 @@ class Level(ABC):
         return known + float(total(at[part] * slope[part])), slope[part]
 
 
-@final
 @dataclass
 class BoxLevel(Level):
     """With bounds that are separate for each pixel of each plane.
@@ -342,14 +351,14 @@ class BoxLevel(Level):
                 halves[id(value)] = coarsened_value(value)
             return halves[id(value)]
 
-        return BoxLevel(
-            self.hessian.coarser,
-            [],
-            [half(plane) for plane in self.lower],
-            [half(value) for value in self.width],
-            half(self.damping),
-            self.least_damping,
-            None if self.offset is None else [half(plane) for plane in self.offset],
+        return replace(
+            self,
+            hessian=self.hessian.coarser,
+            target=[],
+            lower=[half(plane) for plane in self.lower],
+            width=[half(value) for value in self.width],
+            damping=half(self.damping),
+            offset=None if self.offset is None else [half(plane) for plane in self.offset],
         )
 
     def state(self, s: Planes, weights: list[float]) -> tuple[Planes, Planes]:
@@ -405,6 +414,19 @@ def padded(picture: Array, fourier: Fourier) -> Array:
     )
     result[: picture.shape[0], : picture.shape[1]] = picture
     return result
+
+
+def enlarged(plane: Array, times: float = 1.0) -> Array:
+    """Twice as many rows and columns: each pixel four times, and all of it `times` a factor."""
+    xp = namespace(plane)
+    rows, cols = plane.shape
+    result = xp.empty((rows, 2, cols, 2), dtype=plane.dtype, device=plane.device)
+
+    def work(strip: slice) -> None:
+        result[strip, :, :, :] = (plane[strip, :] * times)[:, None, :, None]
+
+    each_strip(work, plane)
+    return xp.reshape(result, (2 * rows, 2 * cols))
 
 
 def coarsened(plane: Array) -> Array:

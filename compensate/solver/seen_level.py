@@ -157,8 +157,9 @@ class SeenLevel(Level):
             return known + at_bounds
 
         known = sum(each_strip(work, s[0]))
-        for number, plane in enumerate(free):
-            yield known if number == 0 else 0.0, plane
+        while free:  # one by one: each becomes a spectrum
+            yield known, free.pop(0)
+            known = 0.0
 
     def regulariser(self, z: Planes) -> float:
         """See `Level`."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from compensate.problem import Problem
+from compensate.solver.blocks import each_strip
 from compensate.solver.hessian import Hessian
 from compensate.solver.level import BoxLevel, Level, Planes, coarsened, padded
 from compensate.weighting import CsfWeighting
@@ -15,7 +16,7 @@ from domesim.light import Array, Light, namespace
 from domesim.strips import in_parts
 
 _SMALLEST = 32  # rows and columns of a coarser plane
-_WORTH = 0.5  # of the squared weights
+_WORTH = 0.05  # of the squared weights
 
 
 class Split(ABC):
@@ -60,10 +61,10 @@ class Split(ABC):
 
         A level is worth while if its frequencies have most of the weights (squared).
         """
-        fourier = self.weighting.fourier
-        residual = [padded(plane, fourier) for plane in _each_plane(self._residual)]
+        level, fourier = self._finest(), self.weighting.fourier
+        residual = level.of_light(_each_plane(self._residual))
         del self._residual
-        level = self._finest()
+        residual = [padded(plane, fourier) for plane in residual]
         self.levels = [level]
         if coarser:
             _add_coarser(self.levels, residual)
@@ -146,9 +147,17 @@ class BoxSplit(Split):
         return self.problem.regularisation, self.problem.regularisation
 
     def _lower(self) -> Planes:
-        lower = namespace(self.base).broadcast_to(self.problem.lower, self.base.shape)
-        pairs = zip(_each_plane(lower), _each_plane(self.base), strict=True)
-        return [bound - plane for bound, plane in pairs]
+        xp, base = namespace(self.base), self.base
+        bounds = _each_plane(xp.broadcast_to(self.problem.lower, base.shape))
+        planes = _each_plane(base)
+        result = [xp.empty(p.shape, dtype=base.dtype, device=base.device) for p in planes]
+
+        def work(rows: slice) -> None:
+            for lower, bound, plane in zip(result, bounds, planes, strict=True):
+                lower[rows, :] = bound[rows, :] - plane[rows, :]
+
+        each_strip(work, result[0])
+        return result
 
     def _widths(self) -> list[Array | float]:
         return widths_of(self.problem)
@@ -201,7 +210,11 @@ def _beyond(problem: Problem, light: Light, weighting: CsfWeighting) -> Light:
     if not weighting.support.all():
         xp = namespace(light)
         support = xp.asarray(weighting.support, dtype=light.dtype, device=light.device)
-        residual *= support[None, :, :, None]
+
+        def work(view: int, rows: slice) -> None:
+            residual[view, rows, ...] *= support[rows, :, None]
+
+        in_parts(work, residual.shape, residual)
     return residual
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from domesim.light import Array, Light, kind, namespace, total
 from domesim.observation.base import AdjointObservation
+from domesim.strips import in_parts
 
 
 @final
@@ -115,21 +116,40 @@ class LowRankObservation(AdjointObservation):
         return wanted - _expand(modes, (f.core @ sums)[:, :, 0])
 
     def _observe(self, light: Light) -> Light:
-        return self._linear(light) + self._ambient(self.factors_like(light))
+        f = self.factors_like(light)
+        return self._spread(light, _project(f.collect, light), f.core, f.spread, f.ambient)
 
     def _direct(self, light: Light) -> Light:
         return light * self.factors_like(light).direct_gain[None, :, :, None]
 
     def _linear(self, light: Light) -> Light:
         f = self.factors_like(light)
-        sums = _project(f.collect, light)
-        return self._direct(light) + _expand(f.spread, (f.core @ sums[:, :, None])[:, :, 0])
+        return self._spread(light, _project(f.collect, light), f.core, f.spread)
 
     def _adjoint(self, light: Light) -> Light:
         f = self.factors_like(light)
-        sums = _project(f.spread, light)
         turned = namespace(light).permute_dims(f.core, (0, 2, 1))
-        return self._direct(light) + _expand(f.collect, (turned @ sums[:, :, None])[:, :, 0])
+        return self._spread(light, _project(f.spread, light), turned, f.collect)
+
+    def _spread(
+        self, light: Light, sums: Array, core: Array, modes: Array, ambient: Array | None = None
+    ) -> Light:
+        """D times light, and modes times core times (primary, rank) sums, and the ambient light."""
+        xp = namespace(light)
+        gain = self.factors_like(light).direct_gain
+        weights = xp.astype((core @ sums[:, :, None])[:, :, 0], modes.dtype)
+        result = xp.empty_like(light)
+
+        def work(_: int, rows: slice) -> None:
+            part = light[0, rows, ...] * gain[rows, :, None]
+            for k in range(modes.shape[0]):
+                part = part + modes[k, rows, :, None] * weights[:, k]
+            if ambient is not None:
+                part = part + xp.permute_dims(ambient[:, rows, :], (1, 2, 0))
+            result[0, rows, ...] = part
+
+        in_parts(work, light.shape, light)
+        return result
 
     def _direct_adjoint(self, light: Light) -> Light:
         return self._direct(light)
@@ -141,12 +161,18 @@ class LowRankObservation(AdjointObservation):
 def _project(modes: Array, light: Light) -> Array:
     """(primary, rank): sums over the pixels of light times modes, in float64."""
     xp = namespace(light)
-    return xp.stack(
-        [
-            xp.stack([total(modes[k, :, :] * light[0, :, :, p]) for k in range(modes.shape[0])])
-            for p in range(light.shape[-1])
-        ]
-    )
+
+    def work(_: int, rows: slice) -> Array:
+        planes = [light[0, rows, :, p] for p in range(light.shape[-1])]
+        ranks = range(modes.shape[0])
+        return xp.stack(
+            [xp.stack([total(modes[k, rows, :] * plane) for k in ranks]) for plane in planes]
+        )
+
+    first, *others = in_parts(work, light.shape, light)
+    for part in others:
+        first = first + part
+    return first
 
 
 def _expand(modes: Array, coefficients: Array) -> Light:

@@ -272,7 +272,8 @@ def test_it_is_sharp_without_bounds_and_padding(name):
         if name in EXACT_PAIRS:  # nothing is off the screen
             assert true_gap * (1 - 1e-9) <= early.gap <= true_gap * (1 + 1e-6)
         elif early.gap is not None:
-            assert early.gap >= true_gap * (1 - 1e-9)
+            # Where primaries mix, what is seen is that of the light to 1e-9
+            assert early.gap >= true_gap - 1e-9
 
 
 @pytest.mark.parametrize("name", CLASSES)

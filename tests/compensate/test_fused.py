@@ -13,14 +13,22 @@ from theatres import weighting
 
 from compensate.master import pose
 from compensate.problem import Problem
-from compensate.solver import anderson, dome_hessian, fused, hessian, level, seen_level
+from compensate.solver import (
+    anderson,
+    dome_hessian,
+    fused,
+    hessian,
+    level,
+    opponent_level,
+    seen_level,
+)
 from compensate.solver.admm import ADMM
 from compensate.solver.deghosting import clipped_subtraction
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.scene import load_dome
 from validation.masters import night
 
-USERS = (anderson, dome_hessian, hessian, level, seen_level)
+USERS = (anderson, dome_hessian, hessian, level, opponent_level, seen_level)
 
 
 @pytest.fixture

@@ -234,12 +234,9 @@ def test_every_dome_is_certified_within_a_hundred_iterations(half_angle, albedo)
 
 
 def test_nothing_certified_is_no_figure():
-    """A closed, very bright sphere, given too few iterations: no gap, and valid JSON."""
-    bright = load_scene("dome_hemisphere")
-    bare = Theatre(replace(bright.dome, half_angle=3.0), (0.95, 0.95, 0.95))
-    bright = replace(bright, theatre=bare)
-    solver = ADMM(max_iterations=3)
-    figures = compensate_frame(frame(64), bright, solver=solver).figures
+    """Too few iterations: no gap, and valid JSON."""
+    solver = ADMM(max_iterations=1)
+    figures = compensate_frame(frame(48), load_scene("dome_imax"), solver=solver).figures
     assert figures.gap is None
     json.dumps(asdict(figures), allow_nan=False)
 
@@ -250,7 +247,7 @@ def test_the_certificate_is_told_in_just_noticeable_differences():
     optimum = ADMM(tolerance=1e-7, max_iterations=2000, stop_when_invisible=False)(
         posed.problem, posed.subtractive
     )
-    for steps in (3, 6, 12):
+    for steps in (2, 3, 5):
         early = ADMM(
             tolerance=1e-9, max_iterations=steps, first_check=steps, stop_when_invisible=False
         )(posed.problem, posed.subtractive)

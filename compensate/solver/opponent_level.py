@@ -1,0 +1,252 @@
+"""A picture's problem in opponent channels: each has a penalty of its own.
+
+Planes are y = T w, the channels of light w = K D d, so that Fourier's matrices are diagonal: the
+weights Omega_c². The eye sees low frequencies of luminance a hundred times worse than those of
+chroma, and no one penalty suits both. With one for each channel (`adapted_metric`), alternating
+directions take a third of the iterations that a metric over the primaries takes.
+
+The price is in the z-step: bounds are on the primaries, and each pixel has a small problem,
+
+    min_d  1/2 (T d - s)' R (T d - s) + 1/2 M |d - o|²,     lower <= d <= upper,     R = diag(rho P)
+
+see `nearest`. The regulariser on planes is known from below: M |d|² >= m |T d|².
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.solver.blocks import each_strip
+from compensate.solver.boxes import Nearest
+from compensate.solver.certificate import parted
+from compensate.solver.fused import loops
+from compensate.solver.hessian import combined
+from compensate.solver.level import BoxLevel, Planes, Rows
+from domesim.light import Array, namespace, total
+
+
+@final
+@dataclass
+class OpponentLevel(BoxLevel):
+    """With bounds that are separate for each pixel of each primary.
+
+    Attributes
+    ----------
+    hessian, target, lower, width, damping, least_damping, offset, cost
+        See `BoxLevel`; Hessian, target and least damping (m) are of the channels' planes.
+    opponent
+        (channel, primary) T, square.
+    """
+
+    opponent: NDArray[np.floating[Any]] = field(kw_only=True)
+    _kept: tuple[Planes, Planes] | None = field(init=False, default=None)
+
+    @property
+    def uniform_damping(self) -> float:
+        """The least of M, in light."""
+        return self.least_damping * float(np.linalg.norm(self.opponent, 2)) ** 2
+
+    def damping_of(self, rows: slice) -> Any:
+        """M of rows of the picture."""
+        return self._damping(rows, inner=True)
+
+    def of_light(self, light: Planes) -> Planes:
+        """T of light's planes."""
+        return self._planes_mixed(self.opponent, light)
+
+    def answer(self, s: Planes, weights: list[float]) -> Planes:
+        """The light of s."""
+        nearest = Nearest(self, weights)
+        z = [namespace(s[0]).empty_like(lower) for lower in self.lower]
+        if (compiled := loops(*s)) and nearest.compiled:
+            compiled.nearest3(*z, *s, *nearest.numbers(s[0].dtype))
+            return z
+
+        def work(rows: slice) -> None:
+            for plane, part in zip(z, nearest(s, rows), strict=True):
+                plane[rows, :] = part
+
+        each_strip(work, z[0])
+        return z
+
+    def gradient_in_light(self, gradient: Planes) -> Planes:
+        """T' of the gradient's planes."""
+        return self._planes_mixed(self.opponent.T, gradient)
+
+    def feasible(self, s: Planes, weights: list[float]) -> Planes:
+        """See `Level`: T of the light of s."""
+        light = self.answer(s, weights)
+        return self._planes_mixed(self.opponent, light, light)
+
+    def towards(self, s: Planes, weights: list[float]) -> Iterator[Array]:
+        """See `Level`; kept for `move` and `lower_bound`."""
+        return iter(self._towards_all(s, weights))
+
+    def move(self, s: Planes, w: Planes, weights: list[float], relaxation: float) -> None:
+        """See `Level`: z is half of s and what s went to, over the weight."""
+        asked = self._towards_all(s, weights)
+        self._kept = None
+        for plane, x, target, weight in zip(s, w, asked, weights, strict=True):
+            if compiled := loops(plane):
+                numbers = (plane.dtype.type(value) for value in (0.5 / weight, relaxation))
+                compiled.move_from(plane, x, target, *numbers)
+            else:
+                _move_from(plane, x, target, 0.5 / weight, relaxation)
+
+    def reweigh(self, s: Planes, weights: list[float], ratio: float) -> None:
+        """See `Level`."""
+        self._kept = None
+        for plane, z in zip(s, self.feasible(s, weights), strict=True):
+            self._reweigh_plane(plane, ratio, _rows(z))
+
+    def lower_bound(
+        self, s: Planes, w: Planes, weights: list[float]
+    ) -> Iterator[tuple[float, Array]]:
+        """See `Level`: the first part is everything that is known."""
+        asked = self._towards_all(s, weights)
+        free = [namespace(plane).zeros_like(plane) for plane in s]
+        inverse, least = np.linalg.inv(self.opponent), self.least_damping
+
+        def work(strip: slice) -> float:
+            known, inner = 0.0, self._inner(strip)
+            at, slopes = [plane[strip, :] for plane in w], []
+            for x, plane, weight in zip(at, asked, weights, strict=True):
+                slopes.append(plane[strip, :] - x * weight)
+                # Light is pinned on the padding: all of its gradient is known
+                known -= _energy(x, slopes[-1], least)
+            if not inner:
+                return known
+            part = (slice(0, inner[0].stop - inner[0].start), inner[1])
+            at, slopes = ([plane[part] for plane in planes] for planes in (at, slopes))
+            known += sum(_energy(x, slope, least) for x, slope in zip(at, slopes, strict=True))
+            known += 0.5 * sum(float(total(x * g)) for x, g in zip(at, slopes, strict=True))
+            gradient = _mixed(self.opponent.T, slopes)
+            damping = self._damping(inner[0], inner=True)
+            for p, light in enumerate(_mixed(inverse, at)):
+                away = light if self.offset is None else light - self.offset[p][inner[0], :]
+                damped = damping * away
+                gradient[p] += damped
+                at_bounds, gradient[p] = parted(light, gradient[p], *self.bounds(p, inner[0]))
+                known += 0.5 * float(total(damped * away)) - at_bounds
+            for plane, rest in zip(free, _mixed(inverse.T, gradient), strict=True):
+                plane[inner] = rest
+            return known
+
+        known = sum(each_strip(work, s[0]))
+        while free:  # one by one: each becomes a spectrum
+            yield known, free.pop(0)
+            known = 0.0
+
+    def regulariser(self, z: Planes) -> float:
+        """See `Level`."""
+        inverse = np.linalg.inv(self.opponent)
+
+        def work(rows: slice) -> float:
+            energy = 0.0
+            damping = self._damping(rows, inner=True)
+            for p, light in enumerate(_mixed(inverse, [plane[rows, :] for plane in z])):
+                away = light if self.offset is None else light - self.offset[p][rows, :]
+                energy += 0.5 * float(total(damping * away * away))
+            return energy
+
+        return sum(each_strip(work, z[0]))
+
+    def state(self, s: Planes, weights: list[float]) -> tuple[Planes, Planes]:
+        """See `Level`."""
+        light = self.answer(s, weights)
+        dual = [namespace(plane).asarray(plane, copy=True) for plane in s]
+        cols = light[0].shape[1]
+
+        def work(rows: slice) -> None:
+            parts = _mixed(self.opponent, [plane[rows, :] for plane in light])
+            for plane, part in zip(dual, parts, strict=True):
+                plane[rows, :cols] -= part
+
+        each_strip(work, light[0])
+        return light, dual
+
+    def of_state(self, light: Planes, dual: Planes) -> Planes:
+        """See `Level`."""
+        cols = light[0].shape[1]
+
+        def work(rows: slice) -> None:
+            bounded = []
+            for p, plane in enumerate(light):
+                xp, (lower, upper) = namespace(plane), self.bounds(p, rows)
+                bounded.append(xp.minimum(xp.maximum(plane[rows, :], lower), upper))
+            for plane, part in zip(dual, _mixed(self.opponent, bounded), strict=True):
+                plane[rows, :cols] += part
+
+        each_strip(work, light[0])
+        return dual
+
+    def _towards_all(self, s: Planes, weights: list[float]) -> Planes:
+        """Weight (2 z - s) of all planes, as they were kept or anew."""
+        if self._kept is not None and self._kept[0] is s:
+            return self._kept[1]
+        nearest = Nearest(self, weights)
+        asked = [namespace(plane).empty_like(plane) for plane in s]
+        self._kept = s, asked
+        if (compiled := loops(*s)) and nearest.compiled:
+            number = s[0].dtype.type
+            factors = tuple(number(weight) for weight in weights)
+            compiled.towards3(*asked, *s, *nearest.numbers(s[0].dtype), factors)
+            return asked
+
+        def work(strip: slice) -> None:
+            for plane, to, weight in zip(s, asked, weights, strict=True):
+                to[strip, :] = plane[strip, :] * -weight
+            if inner := self._inner(strip):
+                z = _mixed(self.opponent, nearest(s, inner[0]))
+                for plane, to, weight in zip(z, asked, weights, strict=True):
+                    to[inner] += plane * (2 * weight)
+
+        each_strip(work, s[0])
+        return asked
+
+    @staticmethod
+    def _planes_mixed(
+        matrix: NDArray[np.floating[Any]], planes: Planes, to: Planes | None = None
+    ) -> Planes:
+        """A matrix times planes, in new ones or in their own place."""
+        xp = namespace(planes[0])
+        result = to or [
+            xp.empty(plane.shape, dtype=plane.dtype, device=plane.device) for plane in planes
+        ]
+
+        def work(rows: slice) -> None:
+            parts = _mixed(matrix, [plane[rows, :] for plane in planes])
+            for plane, part in zip(result, parts, strict=True):
+                plane[rows, :] = part
+
+        each_strip(work, result[0])
+        return result
+
+
+def _energy(x: Array, slope: Array, damping: float) -> float:
+    """<x, slope> / 2 + damping ||x||² / 2."""
+    return 0.5 * (float(total(x * slope)) + damping * float(total(x * x)))
+
+
+def _mixed(matrix: NDArray[np.floating[Any]], planes: Planes) -> Planes:
+    return [combined(planes, weights) for weights in matrix]
+
+
+def _move_from(s: Array, w: Array, asked: Array, half: float, relaxation: float) -> None:
+    def work(rows: slice) -> None:
+        z = asked[rows, :] * half
+        z += s[rows, :] * 0.5
+        w[rows, :] -= z
+        w[rows, :] *= relaxation
+        s[rows, :] += w[rows, :]
+
+    each_strip(work, s)
+
+
+def _rows(plane: Array) -> Rows:
+    return lambda rows: plane[rows, :]

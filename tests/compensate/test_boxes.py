@@ -1,0 +1,139 @@
+"""The nearest light within bounds, in opponent channels, against SciPy's BVLS, pixel by pixel."""
+
+from __future__ import annotations
+
+import importlib
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from compensate.fourier import Fourier
+from compensate.solver.blocks import Spectra
+from compensate.solver.boxes import Nearest
+from compensate.solver.dome_hessian import DomeHessian
+from compensate.solver.hessian import adapted_metric
+from compensate.solver.opponent_level import OpponentLevel
+from compensate.weighting import linear_ycbcr
+
+ROWS, COLS, PADDED = 6, 7, (8, 12)
+WEIGHTS = [0.1, 0.7, 1.0]
+MU = 0.03
+
+
+def level(*, uneven: bool = False, offset: bool = False, seed: int = 0) -> OpponentLevel:
+    random = np.random.default_rng(seed)
+    fourier = Fourier(*PADDED)
+    spread, collect = random.random((2, 1, *PADDED))
+    core = np.einsum("pq,jk->pqjk", np.diag([0.1, 0.2, 0.3]), np.ones((1, 1)))
+    squares = [random.random((PADDED[0], PADDED[1] // 2 + 1)) for _ in range(3)]
+    hessian = DomeHessian(spread, collect, core, np.eye(3), squares, fourier)
+    opponent = linear_ycbcr(np.array([0.2126, 0.7152, 0.0722]))
+    light = random.random((2, 3, ROWS, COLS))
+    # Some light is pinned, and some may only become brighter
+    lower = -light[0] * (random.random((3, ROWS, COLS)) < 0.6)
+    width = light[1] * (random.random((3, ROWS, COLS)) < 0.8)
+    damping = MU * (1 + random.random(PADDED)) if uneven else MU
+    spectra: Spectra = []
+    return OpponentLevel(
+        hessian,
+        spectra,
+        list(lower),
+        list(width),
+        damping,
+        float(np.min(damping)) / np.linalg.norm(opponent, 2) ** 2,
+        list(random.normal(size=(3, ROWS, COLS))) if offset else None,
+        opponent=opponent,
+    )
+
+
+def wanted(posed: OpponentLevel, s: list, row: int, col: int) -> np.ndarray:
+    """Of the least squares of T d - s and d - o, weighted."""
+    m = posed.damping if isinstance(posed.damping, float) else posed.damping[row, col]
+    o = np.zeros(3)
+    if posed.offset is not None:
+        o = np.array([plane[row, col] for plane in posed.offset])
+    matrix = np.vstack([np.sqrt(WEIGHTS)[:, None] * posed.opponent, np.sqrt(m) * np.eye(3)])
+    right = np.concatenate([np.sqrt(WEIGHTS) * [plane[row, col] for plane in s], np.sqrt(m) * o])
+    lower = np.array([plane[row, col] for plane in posed.lower])
+    upper = lower + [plane[row, col] for plane in posed.width]
+    free = upper > lower
+    result = lower.copy()
+    if free.any():
+        right = right - matrix[:, ~free] @ lower[~free]
+        bounds = lower[free], upper[free]
+        result[free] = lsq_linear(matrix[:, free], right, bounds, method="bvls", tol=1e-14).x
+    return result
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize("offset", [False, True])
+@pytest.mark.parametrize("fast", [False, True])
+def test_it_is_the_best_light_of_each_pixel(uneven, offset, fast, monkeypatch):
+    if fast:
+        pytest.importorskip("numba")
+        module = importlib.import_module("compensate.solver.compiled")
+        monkeypatch.setattr("compensate.solver.opponent_level.loops", lambda *planes: module)
+    for seed in range(3):
+        posed = level(uneven=uneven, offset=offset, seed=seed)
+        s = list(np.random.default_rng(seed).normal(size=(3, *PADDED)))
+        assert Nearest(posed, WEIGHTS).compiled == (not offset)
+        found = posed.answer(s, WEIGHTS)
+        for row, col in np.ndindex(ROWS, COLS):
+            light = [plane[row, col] for plane in found]
+            assert light == pytest.approx(wanted(posed, s, row, col), abs=1e-9)
+        # What the x-step goes to has it as well: weight (2 T z - s), 0 for z on the padding
+        towards = list(posed.towards(s, WEIGHTS))
+        z = np.zeros((3, *PADDED))
+        z[:, :ROWS, :COLS] = np.einsum("cp,prk->crk", posed.opponent, found)
+        for plane, asked, channel, weight in zip(s, towards, z, WEIGHTS, strict=True):
+            assert asked == pytest.approx(weight * (2 * channel - plane), abs=1e-9)
+        # ... and the step from there
+        w = list(np.random.default_rng(seed + 9).normal(size=(3, *PADDED)))
+        after = [1.7 * (x - channel) for x, channel in zip(w, z, strict=True)]
+        moved = [plane + step for plane, step in zip(s, after, strict=True)]
+        posed.move(s, w, WEIGHTS, 1.7)
+        assert np.stack(w) == pytest.approx(np.stack(after), abs=1e-9)
+        assert np.stack(s) == pytest.approx(np.stack(moved), abs=1e-9)
+
+
+def test_the_hessian_of_channels_is_the_primaries():
+    """Solving in opponent channels what differs from primary to primary."""
+    random = np.random.default_rng(1)
+    fourier, opponent = Fourier(*PADDED), linear_ycbcr(np.array([0.2, 0.7, 0.1]))
+    spread, collect = random.random((2, 2, *PADDED))
+    cores = 0.02 * random.random((3, 2, 2))
+    squares = [random.random((PADDED[0], PADDED[1] // 2 + 1)) for _ in range(3)]
+    primary = np.einsum("pq,pjk->pqjk", np.eye(3), cores)
+    channel = np.einsum("cp,pjk,pd->cdjk", opponent, cores, np.linalg.inv(opponent))
+    of_light = DomeHessian(spread, collect, primary, opponent, squares, fourier)
+    of_channels = DomeHessian(spread, collect, channel, np.eye(3), squares, fourier)
+    light = random.normal(size=(3, *PADDED))
+    spectra = [fourier.forward(plane) for plane in light]
+    planes = [fourier.forward(plane) for plane in np.einsum("cp,prk->crk", opponent, light)]
+    assert of_channels.energy(planes) == pytest.approx(of_light.energy(spectra), rel=1e-12)
+    # (H + sigma)^-1 undoes H + sigma
+    sigma = [0.1, 0.5, 2.0]
+    asked = [plane.copy() for plane in planes]
+    of_channels.multiply(asked)
+    asked = [image + s * plane for image, s, plane in zip(asked, sigma, planes, strict=True)]
+    of_channels.solve(asked, sigma)
+    assert np.stack(asked) == pytest.approx(np.stack(planes), abs=1e-10)
+    # T' H_channels T
+    of_light.multiply(spectra)
+    images = [plane.copy() for plane in planes]
+    of_channels.multiply(images)
+    turned = np.einsum("cp,crk->prk", opponent, np.stack(images))
+    assert turned == pytest.approx(np.stack(spectra), abs=1e-10)
+
+
+def test_the_penalty_is_as_large_as_what_is_seen():
+    """The root of the lowest frequency's, but what the median and the limits say."""
+    even, flat = np.full((16, 16), 0.5), np.ones((16, 16))
+    unseen = np.full((16, 16), 1e-4)
+    dark = even.copy()
+    dark[0, 0] = 0.04
+    assert adapted_metric([even, flat, dark]) == pytest.approx((0.5**0.5, 1.0, 0.2))
+    even[0, 0] = 0.0
+    unseen[0, 0] = 1.0
+    assert adapted_metric([even, unseen]) == pytest.approx((0.1, 0.02))
