@@ -399,7 +399,8 @@ class Stage:
         solvable = single.observation
         if isinstance(shared.observation, SeveralSeats):
             solvable = shared.observation
-        seen, wanted = shared.observation.observe(subtractive), solvable.direct(desired)
+        seen = shared.observation.observe(subtractive)
+        wanted = single.desired if solvable is single.observation else solvable.direct(desired)
         problem = Problem(
             solvable,
             shared.weighting,
@@ -460,7 +461,9 @@ class _Shared:
         observation = cast("AdjointObservation", self.single)
         if isinstance(observation, LowRankObservation):
             on = observation.screen[None, :, :, None]
-            bounds = (np.where(on, 0, desired), np.where(on, 1, desired))
+            off = desired * ~on
+            # Light off the screen is left as it is: most often there is none
+            bounds = (off, off + on) if off.any() else (0.0, on.astype(desired.dtype))
             problem = Problem(observation, self.plain, observation.direct(desired), bounds)
             return problem, baselines.clipped_subtraction(problem)[0]
         problem = Problem(observation, self.plain, desired)
@@ -489,14 +492,7 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
     weighting = plain
     if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         weighting = plain.with_importance(seat_importance(scene.weights))
-    judge = CsfWeighting(
-        weighting.gains,
-        weighting.opponent,
-        weighting.support,
-        weighting.padded,
-        weighting.peak,
-        importance=weighting.importance,
-    )
+    judge = weighting.counted_apart()
     negligible = np.count_nonzero(screen) * scene.views / 2
     negligible *= (NEGLIGIBLE / _differences(scene, plain)) ** 2
     return _Shared(

@@ -155,7 +155,14 @@ class Problem:
     def kkt_residual(self, light: Light, gradient: Light) -> float:
         """`optimality` of a light whose gradient is known."""
         xp = namespace(light)
-        return float(xp.max(xp.abs(light - self.project(light - gradient))))
+        lower, upper = (xp.broadcast_to(bound, light.shape) for bound in (self.lower, self.upper))
+
+        def work(view: int, rows: slice) -> float:
+            x = light[view, rows, ...]
+            best = xp.maximum(x - gradient[view, rows, ...], lower[view, rows, ...])
+            return float(xp.max(xp.abs(x - xp.minimum(best, upper[view, rows, ...]))))
+
+        return max(in_parts(work, light.shape, light))
 
     def frozen(self, at: Light) -> Problem:
         """The same problem with the pollution of the light `at` (eq. 9)."""

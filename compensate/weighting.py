@@ -147,6 +147,12 @@ class CsfWeighting(Weighting):
         other._fourier, other._squares = self._fourier, self._squares
         return other
 
+    def counted_apart(self) -> CsfWeighting:
+        """The same weighting, with a count of transforms of its own."""
+        other = self.with_importance(self.importance)
+        other._fourier, other._converted = Fourier(*self.padded), self._converted
+        return other
+
     @cached_property
     def typical(self) -> float:
         """The median of Omega² of the first channel: small where most frequencies are not seen."""

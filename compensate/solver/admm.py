@@ -198,8 +198,8 @@ class _Run:
             self._optimality = problem.optimality(split.base)
             return Status.INVISIBLE
         if start is split.base or start is problem.anchor:
-            s = self._from_coarse()
-            return self._fine(level.start() if s is None else s)
+            # Without a name for it here, which would keep its planes
+            return self._fine(self._from_coarse() or level.start())
         del split.levels[1:]
         return self._fine(level.start(split.planes(problem.project(start))))
 
@@ -262,7 +262,7 @@ class _Run:
             )
             due |= iteration == settings.max_iterations
             if due:
-                anderson.forget_oldest()  # a certificate needs as much memory
+                anderson.clear()  # a certificate needs as much memory
             if self._varying:
                 w, status = self._varying_step(s, weights, iteration, due=due)
                 if status:
@@ -322,16 +322,23 @@ class _Run:
         return spectra, regulariser
 
     def _settle_at(self, s: Planes, weights: list[float], spectra: Spectra) -> None:
-        """Keep the feasible light of s, whose spectra these are, for an FFT a plane more."""
+        """Keep the feasible light of s, whose spectra these are, for an FFT a plane more.
+
+        Both are used up, and the level's target.
+        """
         level, hessian = self._level, self._level.hessian
         picture = level.answer(s, weights)
+        s.clear()
         if self._problem.contrast is not None:
+            spectra.clear()
+            level.target.clear()
             self._found = self._split.light(picture)
+            picture.clear()
             self._optimality = self._problem.optimality(self._found)
             return
         hessian.multiply(spectra)
-        for p, target in enumerate(level.target):
-            spectra[p] -= target
+        for p in range(len(spectra)):
+            spectra[p] -= level.target.pop(0)
         rows, cols = picture[0].shape
         gradient = [plane[:rows, :cols] for plane in _inverse(hessian.fourier, spectra)]
         gradient = level.gradient_in_light(gradient)

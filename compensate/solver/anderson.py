@@ -62,12 +62,6 @@ class Anderson:
         self._weights = weights
         self.clear()
 
-    def forget_oldest(self) -> None:
-        """Give back the memory of the oldest of all the points that it can keep."""
-        if len(self._points) == self._memory > 0:
-            del self._points[-1], self._residuals[-1]
-            self._products = self._products[:-1, :-1]
-
     def next(self, point: Planes, residual: Planes) -> Planes:
         """The next s, of t = s + r and r; t's planes are kept, r's may be used up."""
         sampled = [_sampled(plane) for plane in residual]

@@ -8,6 +8,7 @@ The closed-form dome has one such number a primary (its total flux), a tabulated
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
@@ -48,7 +49,13 @@ class LowRank:
         xp = namespace(light)
 
         def convert(array: Array, dtype: Any) -> Array:
-            return xp.asarray(array, dtype=dtype, device=light.device)
+            if not isinstance(array, np.ndarray):
+                return xp.asarray(array, dtype=dtype, device=light.device)
+            # What is repeated is kept once
+            once = tuple(slice(0, None if step else 1) for step in array.strides)
+            return xp.broadcast_to(
+                xp.asarray(array[once], dtype=dtype, device=light.device), array.shape
+            )
 
         return LowRank(
             convert(self.direct_gain, light.dtype),
@@ -78,6 +85,10 @@ class LowRankObservation(AdjointObservation):
     def factors(self) -> LowRank:
         """The factors, as NumPy float64 arrays."""
         return self._factors
+
+    @cached_property
+    def _unit_gain(self) -> bool:
+        return bool(np.all(self.factors.direct_gain == 1))
 
     @property
     def screen(self) -> NDArray[np.bool_]:
@@ -120,6 +131,8 @@ class LowRankObservation(AdjointObservation):
         return self._spread(light, _project(f.collect, light), f.core, f.spread, f.ambient)
 
     def _direct(self, light: Light) -> Light:
+        if self._unit_gain:
+            return light
         return light * self.factors_like(light).direct_gain[None, :, :, None]
 
     def _linear(self, light: Light) -> Light:

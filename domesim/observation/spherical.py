@@ -111,7 +111,11 @@ class ClosedFormDome(LowRankObservation):
         if lens_gain is not None and not bool(np.all(lens_gain[screen] > 0)):
             raise InputError("lens gain must be above 0 everywhere on the screen")
         # Outside the circle there is no screen: light there is left as it is.
-        gain = np.ones_like(areas) if lens_gain is None else np.where(screen, lens_gain, 1.0)
+        if lens_gain is None:
+            gain, collect = np.broadcast_to(1.0, areas.shape), areas
+        else:
+            gain = np.where(screen, lens_gain, 1.0)
+            collect = areas * gain
         gains = [closed_form_gain(float(rho), dome.radius, dome.screen_area) for rho in albedos]
         offset = np.broadcast_to(np.asarray(ambient, np.float64), (primaries,))
         # Rank one: the screen, the gain, the pixels' areas times the direct gain
@@ -119,7 +123,14 @@ class ClosedFormDome(LowRankObservation):
             direct_gain=gain,
             spread=screen[None].astype(np.float64),
             core=np.asarray(gains).reshape(-1, 1, 1),
-            collect=(areas * gain)[None],
-            ambient=offset[:, None, None] * screen,
+            collect=collect[None],
+            ambient=_on(screen, offset),
         )
         super().__init__(factors, screen)
+
+
+def _on(screen: NDArray[np.bool_], offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(primary, row, col) offsets on the screen; one plane in memory if they are all alike."""
+    if np.ptp(offsets):
+        return offsets[:, None, None] * screen
+    return np.broadcast_to(offsets[0] * screen, (len(offsets), *screen.shape))

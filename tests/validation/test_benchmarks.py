@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from compensate.fourier import Fourier, transforms
+from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
+from compensate.solver.result import Status
 from domesim.errors import InputError
 from validation.benchmarks import measuring, tao, writing
 from validation.benchmarks.measuring import (
@@ -92,6 +94,25 @@ def test_ours_needs_the_fewest_ffts(found):
     assert to(found["gpcg"], 1e-3) >= 2.8 * to(ours, 1e-3)
     assert to(found["accelerated"], 1e-3) >= 2.4 * to(ours, 1e-3)
     assert to(found["lbfgsb"], 1e-3) >= 1.2 * to(ours, 1e-3)
+
+
+# FFTs to a certified 1e-3 and 1e-4, 256 pixels wide, and a twentieth more
+STOPS = {
+    "dome": (35, 44),
+    "dome-rgb": (67, 77),
+    "synthetic": (64, 84),
+    "synthetic-rgb": (178, 253),
+}
+
+
+@pytest.mark.parametrize("name", STOPS)
+def test_ours_stops_as_soon_as_it_can_be_certified(name):
+    task = PROBLEMS[name][1](256).single
+    for tolerance, most in zip((1e-3, 1e-4), STOPS[name], strict=True):
+        solver = ADMM(tolerance=tolerance, stop_when_invisible=False)
+        found = solver(task.problem, task.start)
+        assert found.status is Status.CONVERGED
+        assert found.ffts <= most
 
 
 def test_only_frozen_pollution_ends_above_the_minimum(found):
