@@ -9,7 +9,7 @@ The price is in the z-step: bounds are on the primaries, and each pixel has a sm
 
     min_d  1/2 (T d - s)' R (T d - s) + 1/2 M |d - o|²,     lower <= d <= upper,     R = diag(rho P)
 
-see `nearest`. The regulariser on planes is known from below: M |d|² >= m |T d|².
+see `boxes`. The regulariser on planes is known from below: M |d|² >= m |T d|².
 """
 
 from __future__ import annotations
@@ -49,6 +49,8 @@ class OpponentLevel(BoxLevel):
     @property
     def uniform_damping(self) -> float:
         """The least of M, in light."""
+        if isinstance(self.damping, float):
+            return self.damping
         return self.least_damping * float(np.linalg.norm(self.opponent, 2)) ** 2
 
     def damping_of(self, rows: slice) -> Any:

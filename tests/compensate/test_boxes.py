@@ -97,6 +97,17 @@ def test_it_is_the_best_light_of_each_pixel(uneven, offset, fast, monkeypatch):
         assert np.stack(s) == pytest.approx(np.stack(moved), abs=1e-9)
 
 
+def test_another_penalty_scales_the_dual_alone():
+    posed = level()
+    s = list(np.random.default_rng(4).normal(size=(3, *PADDED)))
+    before = np.stack(s)
+    light, dual = posed.state(s, WEIGHTS)
+    posed.reweigh(s, WEIGHTS, 2.0)
+    assert np.stack(s) == pytest.approx(before + np.stack(dual), abs=1e-12)
+    # Light and dual together are s again
+    assert np.stack(posed.of_state(light, dual)) == pytest.approx(before, abs=1e-12)
+
+
 def test_the_hessian_of_channels_is_the_primaries():
     """Solving in opponent channels what differs from primary to primary."""
     random = np.random.default_rng(1)
