@@ -234,9 +234,15 @@ def compare(
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{out}: a page is an .html file; give it such a name")
     wanted = goal(tolerance, quality=quality)
-    recipe = Compensating(choice, tolerance=wanted, device=device)
+    recipe = Compensating(
+        choice,
+        tolerance=wanted,
+        eye=eye or preferred(theatre),
+        low_frequency_gain=low_frequency_gain,
+        device=device,
+    )
     solver = recipe.solver(theatre, console.note)
-    weighting = weighting_of(eye or preferred(theatre), low_frequency_gain)
+    weighting = weighting_of(recipe.eye, low_frequency_gain)
     prepare_folder(out.parent)
     (moment,) = show.moments
     with about(moment[0]):

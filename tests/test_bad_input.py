@@ -178,6 +178,14 @@ def test_an_unsuitable_master_is_named_in_one_line(
     assert written(out) == []
 
 
+@pytest.mark.parametrize("command", ["compensate", "compare"])
+def test_domes_have_no_ghosts_to_soften(run: Run, tmp_path: Path, out: Path, command: str) -> None:
+    target = out / "page.html" if command == "compare" else out
+    arguments = (command, store(tmp_path / "a.exr"), "--scene", SCENE, "--out", target)
+    run(*arguments, "--weighting", "contours").is_refused("ghosts are a stereo pair's")
+    assert written(out) == []
+
+
 @pytest.mark.parametrize("command", ["compensate", "observe"])
 def test_a_file_whose_name_is_no_text(run: Run, tmp_path: Path, out: Path, command: str) -> None:
     path = store(tmp_path / "a.exr").rename(tmp_path / os.fsdecode(b"\xff.exr"))

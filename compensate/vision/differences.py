@@ -117,7 +117,7 @@ def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -
     total = _base_band(levels[-1])
     for number in reversed(range(len(levels) - 1)):
         band = _band(levels, number, pixels_per_degree)
-        difference = _pooled(masked_difference(band.wanted, band.seen))
+        difference = _pooled(mutually_masked(band.wanted, band.seen))
         total = expanded(total, difference.shape[-2:]) + np.float32(band.gain) * difference
     return np.asarray(_JOD * (_STILL * total) ** _EXPONENT)
 
@@ -128,7 +128,7 @@ def bands(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Band]:
     return [_band(levels, number, pixels_per_degree) for number in range(len(levels) - 1)]
 
 
-def masked_difference(wanted: Planes, seen: Planes) -> Planes:
+def mutually_masked(wanted: Planes, seen: Planes) -> Planes:
     """D_k of T and T', (..., mechanism, row, col): 1 for a difference at threshold on nothing."""
     both = np.minimum(np.abs(wanted), np.abs(seen))
     both = np.float32(_MASKING) * _filtered(

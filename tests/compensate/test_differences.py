@@ -13,7 +13,7 @@ from compensate.vision.differences import (
     bands,
     expanded,
     gain,
-    masked_difference,
+    mutually_masked,
     reduced,
     visible_difference,
 )
@@ -118,7 +118,7 @@ def by_hand(wanted: float, seen: float, q: float) -> float:
 )
 def test_the_masking_by_hand(wanted: float, seen: float) -> None:
     planes = [np.full((1, 3, 9, 9), level, np.float32) for level in (wanted, seen)]
-    found = masked_difference(*planes)[0, :, 4, 4]
+    found = mutually_masked(*planes)[0, :, 4, 4]
     q = (1.302622675895691, 2.8885908126831055, 3.6807713508605957)
     assert found == pytest.approx([by_hand(wanted, seen, each) for each in q], rel=1e-5)
 
