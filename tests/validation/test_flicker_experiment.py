@@ -56,11 +56,11 @@ def product(monkeypatch, solver):
 
 
 def random_gaps(monkeypatch):
-    """Each frame is solved to a gap somewhere below 1e-1; 3e-2 would not be seen."""
+    """Each frame is solved to a gap somewhere below 1."""
     random = np.random.default_rng(0)
 
     def loosely(posed):
-        loose = replace(perceptual(posed.scene, 0.1 * random.random()), first_check=1)
+        loose = replace(perceptual(posed.scene, random.random()), first_check=1)
         return loose(posed.problem, posed.subtractive)
 
     product(monkeypatch, loosely)
@@ -98,12 +98,12 @@ def with_memory(monkeypatch):
     [
         pytest.param(
             random_gaps,
-            ["largest change of what stands still", "dome from grey: flicker"],
+            ["largest change of what stands still", "pair, alone, 1e-3 (the product's): flicker"],
             marks=pytest.mark.long,
         ),
         pytest.param(
             now_and_then,
-            ["step of the mean seen beyond", "over its slope"],
+            ["step of the mean seen beyond", "over its slope", "dome from grey: flicker"],
             marks=pytest.mark.long,
         ),
         pytest.param(
