@@ -100,7 +100,7 @@ class ADMM:
     relaxation: float = 1.9
     penalties: tuple[float, float, float] = (0.1, 0.05, 0.02)
     hold: int = 5
-    coarse: tuple[int, int] = (8, 4)
+    coarse: tuple[int, int] = (10, 6)
     memory: int = 2
     stop_when_invisible: bool = True
     first_check: int = 3
@@ -185,6 +185,7 @@ class _Run:
             self._base_cost,
             problem.negligible if settings.stop_when_invisible else 0.0,
             settings.tolerance,
+            _SHARE if self._varying is None else _SHARE_VARYING,
         )
         self._checked_at = 0
         self._found = split.base
@@ -420,14 +421,17 @@ def _inverse(fourier: Fourier, spectra: Spectra) -> Planes:
 class _Bounds:
     """The last feasible cost, the best lower bound of the minimum, and what they tell."""
 
-    def __init__(self, base: Light, start: float, negligible: float, tolerance: float) -> None:
+    def __init__(
+        self, base: Light, start: float, negligible: float, tolerance: float, share: float
+    ) -> None:
         self.negligible = negligible
+        self._usual = share
         self._tolerance = tolerance
         # Costs and bounds are differences from the base's: a bound is only as good as those are.
         self._rounding = 16 * float(namespace(base).finfo(base.dtype).eps)
         self._lower = 0.0
         self._least, self._progress_at = math.inf, 0
-        self._share, self._sign = _SHARE, 0.0
+        self._share, self._sign = share, 0.0
         self._start = start
         self._expected = 0.5 * start
         self.cost = math.inf
@@ -456,7 +460,8 @@ class _Bounds:
         gap = self.gap
         if math.isfinite(gap) and gap > 0 and self._sign > 0:
             # It tends to fall
-            self._share = 0.85 * min(max(self._sign / (cost * gap), _SHARE / 4), 4 * _SHARE)
+            found, usual = self._sign / (cost * gap), self._usual
+            self._share = 0.85 * min(max(found, usual / 4), 4 * usual)
         if gap < 0.9 * self._least:
             self._least, self._progress_at = gap, iteration
         if gap <= self._tolerance:
@@ -474,5 +479,7 @@ class _Bounds:
         return sign <= self._share * max(self._tolerance * cost, self.negligible)
 
 
-_SHARE = 1.6  # rho P ||alpha (w - z)||² in shares of the certified gap, as is usual
+# rho P ||alpha (w - z)||² in shares of the certified gap, as is usual; and where a certificate
+# takes conjugate gradients: later, for it costs as much as five iterations
+_SHARE, _SHARE_VARYING = 1.6, 0.15
 _PATIENCE = 40  # iterations in which the certified gap does not fall by a tenth

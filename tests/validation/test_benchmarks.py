@@ -98,10 +98,10 @@ def test_ours_needs_the_fewest_ffts(found):
 
 # FFTs to a certified 1e-3 and 1e-4, 256 pixels wide, and a twentieth more
 STOPS = {
-    "dome": (35, 44),
-    "dome-rgb": (67, 77),
-    "synthetic": (64, 84),
-    "synthetic-rgb": (178, 253),
+    "dome": (36, 43),
+    "dome-rgb": (70, 80),
+    "synthetic": (66, 84),
+    "synthetic-rgb": (197, 260),
 }
 
 
