@@ -100,7 +100,7 @@ class ADMM:
     relaxation: float = 1.9
     penalties: tuple[float, float, float] = (0.1, 0.05, 0.02)
     hold: int = 5
-    coarse: tuple[int, int] = (10, 6)
+    coarse: tuple[int, int] = (10, 5)
     memory: int = 2
     stop_when_invisible: bool = True
     first_check: int = 3
