@@ -103,13 +103,12 @@ class Problem:
     def residual(self, light: Light) -> Light:
         """K (psi(x) - seen)."""
         seen = self.observation.observe(light)
-        xp, contrast = namespace(seen), self.contrast
-        result = xp.empty_like(seen)
+        contrast, result = self.contrast, namespace(seen).empty_like(seen)
 
         def work(view: int, rows: slice) -> None:
             part = seen[view, rows, ...] - self.desired[view, rows, ...]
             if contrast is not None:
-                part *= xp.broadcast_to(contrast, seen.shape)[view, rows, ...]
+                part *= contrast[view, rows, ...]
             result[view, rows, ...] = part
 
         in_parts(work, seen.shape, seen)

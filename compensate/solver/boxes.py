@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from compensate.solver.hessian import combined
+from compensate.solver.hessian import combined, mixed
 from domesim.light import Array, namespace
 
 if TYPE_CHECKING:
@@ -46,7 +46,8 @@ class Nearest:
         self._level = level
         opponent = level.opponent
         back = opponent.T * np.asarray(weights)
-        self._least = level.uniform_damping
+        # Of M: sweeps do the rest
+        self._least = level.damping if isinstance(level.damping, float) else level.least_damping
         self._coupled = back @ opponent + self._least * np.eye(len(opponent))
         self._free = np.linalg.solve(self._coupled, back)
         self._plain = isinstance(level.damping, float) and level.offset is None
@@ -76,14 +77,12 @@ class Nearest:
         strip = [plane[rows, :cols] for plane in s]
         bounds = [level.bounds(p, rows) for p in range(len(strip))]
         xp = namespace(strip[0])
-        v = [combined(strip, weights) for weights in self._free]
+        v = mixed(self._free, strip)
         z = [xp.minimum(xp.maximum(x, low), high) for x, (low, high) in zip(v, bounds, strict=True)]
         if not self._plain:
             damping = level.damping_of(rows)
-            extra = [damping - self._least] * len(z)
-            offset = level.offset or [0 * plane for plane in level.lower]
-            pull = [damping * plane[rows, :] for plane in offset]
-            self._sweep(z, v, bounds, extra, pull)
+            pull = level.offset and [damping * plane[rows, :] for plane in level.offset]
+            self._sweep(z, v, bounds, damping - self._least, pull)
             return z
         if not isinstance(strip[0], np.ndarray):
             self._sweep(z, v, bounds)
@@ -105,24 +104,26 @@ class Nearest:
         z: Planes,
         v: Planes,
         bounds: list[tuple[Array, Array]],
-        extra: Planes | None = None,
+        extra: Any = None,
         pull: Planes | None = None,
     ) -> None:
         """Sweeps from z, in place, until it is the best.
 
-        Of (z - v)' (Q + M) (z - v) / 2, and of extra z² / 2 - pull z if there are these.
+        Of (z - v)' (Q + M) (z - v) / 2, and of extra |z|² / 2 - pull z if there are these.
         """
         xp, least = namespace(z[0]), _settled(z[0].dtype)
         away = [x - y for x, y in zip(z, v, strict=True)]
         for _ in range(_SWEEPS):
             moved = 0.0
             for p, (low, high) in enumerate(bounds):
-                slope, curvature = combined(away, self._coupled[p]), float(self._coupled[p, p])
-                if extra is None or pull is None:
-                    slope *= _RELAXATION / curvature
-                else:
-                    slope += extra[p] * z[p] - pull[p]
-                    slope *= _RELAXATION / (extra[p] + curvature)
+                slope: Any = combined(away, self._coupled[p])
+                curvature: Any = float(self._coupled[p, p])
+                if pull is not None:
+                    slope -= pull[p]
+                if extra is not None:
+                    slope += extra * z[p]
+                    curvature = curvature + extra
+                slope *= _RELAXATION / curvature
                 best = xp.minimum(xp.maximum(z[p] - slope, low), high)
                 moved = max(moved, float(xp.max(xp.abs(best - z[p]))))
                 z[p] = best

@@ -14,7 +14,7 @@ import numpy as np
 
 from compensate.problem import Problem
 from compensate.solver.dome_hessian import DomeHessian
-from compensate.solver.level import BoxLevel, Level, Planes
+from compensate.solver.level import BoxLevel, Planes
 from compensate.solver.opponent_level import OpponentLevel
 from compensate.solver.split import BoxSplit, light_of, planes_of, widths_of
 from compensate.weighting import CsfWeighting
@@ -76,11 +76,10 @@ class DomeSplit(BoxSplit):
         """See `BoxSplit`: no light goes there."""
         return planes_of(weighted)
 
-    def _finest(self) -> Level:
+    def _finest(self) -> BoxLevel:
         level = super()._finest()
         if self._opponent is None:
             return level
-        assert isinstance(level, BoxLevel)
         plain = {each.name: getattr(level, each.name) for each in fields(BoxLevel)}
         plain["least_damping"] /= float(np.linalg.norm(self._opponent, 2)) ** 2
         return OpponentLevel(**plain, opponent=self._opponent)

@@ -270,7 +270,7 @@ def weighed(
         combined(strip, weights) * square[rows, :]
         for weights, square in zip(opponent, squares, strict=True)
     ]
-    return [combined(channels, weights) for weights in opponent.T]
+    return mixed(opponent.T, channels)
 
 
 def combined(planes: Sequence[Array], weights: Any) -> Array:
@@ -280,6 +280,11 @@ def combined(planes: Sequence[Array], weights: Any) -> Array:
         if weight:
             result += plane * float(weight)
     return result
+
+
+def mixed(matrix: NDArray[np.floating[Any]], planes: Sequence[Array]) -> list[Array]:
+    """A matrix times planes."""
+    return [combined(planes, weights) for weights in matrix]
 
 
 def metric_of(opponent: NDArray[np.floating[Any]]) -> tuple[float, ...]:

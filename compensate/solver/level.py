@@ -407,6 +407,11 @@ class BoxLevel(Level):
         return z[rows, :] if self.offset is None else z[rows, :] - self.offset[p][rows, :]
 
 
+def by_rows(plane: Array) -> Rows:
+    """A plane's picture, by its rows."""
+    return lambda rows: plane[rows, :]
+
+
 def padded(picture: Array, fourier: Fourier) -> Array:
     """A (padded row, padded col) plane with a (row, col) one in its corner, and 0 around."""
     result = namespace(picture).zeros(

@@ -25,8 +25,8 @@ from compensate.solver.blocks import each_strip
 from compensate.solver.boxes import Nearest
 from compensate.solver.certificate import parted
 from compensate.solver.fused import loops
-from compensate.solver.hessian import combined
-from compensate.solver.level import BoxLevel, Planes, Rows
+from compensate.solver.hessian import mixed
+from compensate.solver.level import BoxLevel, Planes, by_rows
 from domesim.light import Array, namespace, total
 
 
@@ -45,13 +45,6 @@ class OpponentLevel(BoxLevel):
 
     opponent: NDArray[np.floating[Any]] = field(kw_only=True)
     _kept: tuple[Planes, Planes] | None = field(init=False, default=None)
-
-    @property
-    def uniform_damping(self) -> float:
-        """The least of M, in light."""
-        if isinstance(self.damping, float):
-            return self.damping
-        return self.least_damping * float(np.linalg.norm(self.opponent, 2)) ** 2
 
     def damping_of(self, rows: slice) -> Any:
         """M of rows of the picture."""
@@ -104,7 +97,7 @@ class OpponentLevel(BoxLevel):
         """See `Level`."""
         self._kept = None
         for plane, z in zip(s, self.feasible(s, weights), strict=True):
-            self._reweigh_plane(plane, ratio, _rows(z))
+            self._reweigh_plane(plane, ratio, by_rows(z))
 
     def lower_bound(
         self, s: Planes, w: Planes, weights: list[float]
@@ -127,15 +120,15 @@ class OpponentLevel(BoxLevel):
             at, slopes = ([plane[part] for plane in planes] for planes in (at, slopes))
             known += sum(_energy(x, slope, least) for x, slope in zip(at, slopes, strict=True))
             known += 0.5 * sum(float(total(x * g)) for x, g in zip(at, slopes, strict=True))
-            gradient = _mixed(self.opponent.T, slopes)
+            gradient = mixed(self.opponent.T, slopes)
             damping = self._damping(inner[0], inner=True)
-            for p, light in enumerate(_mixed(inverse, at)):
+            for p, light in enumerate(mixed(inverse, at)):
                 away = light if self.offset is None else light - self.offset[p][inner[0], :]
                 damped = damping * away
                 gradient[p] += damped
                 at_bounds, gradient[p] = parted(light, gradient[p], *self.bounds(p, inner[0]))
                 known += 0.5 * float(total(damped * away)) - at_bounds
-            for plane, rest in zip(free, _mixed(inverse.T, gradient), strict=True):
+            for plane, rest in zip(free, mixed(inverse.T, gradient), strict=True):
                 plane[inner] = rest
             return known
 
@@ -151,7 +144,7 @@ class OpponentLevel(BoxLevel):
         def work(rows: slice) -> float:
             energy = 0.0
             damping = self._damping(rows, inner=True)
-            for p, light in enumerate(_mixed(inverse, [plane[rows, :] for plane in z])):
+            for p, light in enumerate(mixed(inverse, [plane[rows, :] for plane in z])):
                 away = light if self.offset is None else light - self.offset[p][rows, :]
                 energy += 0.5 * float(total(damping * away * away))
             return energy
@@ -165,7 +158,7 @@ class OpponentLevel(BoxLevel):
         cols = light[0].shape[1]
 
         def work(rows: slice) -> None:
-            parts = _mixed(self.opponent, [plane[rows, :] for plane in light])
+            parts = mixed(self.opponent, [plane[rows, :] for plane in light])
             for plane, part in zip(dual, parts, strict=True):
                 plane[rows, :cols] -= part
 
@@ -181,7 +174,7 @@ class OpponentLevel(BoxLevel):
             for p, plane in enumerate(light):
                 xp, (lower, upper) = namespace(plane), self.bounds(p, rows)
                 bounded.append(xp.minimum(xp.maximum(plane[rows, :], lower), upper))
-            for plane, part in zip(dual, _mixed(self.opponent, bounded), strict=True):
+            for plane, part in zip(dual, mixed(self.opponent, bounded), strict=True):
                 plane[rows, :cols] += part
 
         each_strip(work, light[0])
@@ -204,7 +197,7 @@ class OpponentLevel(BoxLevel):
             for plane, to, weight in zip(s, asked, weights, strict=True):
                 to[strip, :] = plane[strip, :] * -weight
             if inner := self._inner(strip):
-                z = _mixed(self.opponent, nearest(s, inner[0]))
+                z = mixed(self.opponent, nearest(s, inner[0]))
                 for plane, to, weight in zip(z, asked, weights, strict=True):
                     to[inner] += plane * (2 * weight)
 
@@ -222,7 +215,7 @@ class OpponentLevel(BoxLevel):
         ]
 
         def work(rows: slice) -> None:
-            parts = _mixed(matrix, [plane[rows, :] for plane in planes])
+            parts = mixed(matrix, [plane[rows, :] for plane in planes])
             for plane, part in zip(result, parts, strict=True):
                 plane[rows, :] = part
 
@@ -235,10 +228,6 @@ def _energy(x: Array, slope: Array, damping: float) -> float:
     return 0.5 * (float(total(x * slope)) + damping * float(total(x * x)))
 
 
-def _mixed(matrix: NDArray[np.floating[Any]], planes: Planes) -> Planes:
-    return [combined(planes, weights) for weights in matrix]
-
-
 def _move_from(s: Array, w: Array, asked: Array, half: float, relaxation: float) -> None:
     def work(rows: slice) -> None:
         z = asked[rows, :] * half
@@ -248,7 +237,3 @@ def _move_from(s: Array, w: Array, asked: Array, half: float, relaxation: float)
         s[rows, :] += w[rows, :]
 
     each_strip(work, s)
-
-
-def _rows(plane: Array) -> Rows:
-    return lambda rows: plane[rows, :]

@@ -27,8 +27,8 @@ from compensate.solver.hessian import Hessian
 from compensate.solver.level import (
     Level,
     Planes,
-    Rows,
     Value,
+    by_rows,
     coarsened,
     coarsened_value,
     rows_of,
@@ -104,7 +104,7 @@ class SeenLevel(Level):
         z = self.feasible(s, weights)
         self._kept = s, z
         return (
-            self._plane_towards(plane, weight, _rows(inner))
+            self._plane_towards(plane, weight, by_rows(inner))
             for plane, inner, weight in zip(s, z, weights, strict=True)
         )
 
@@ -113,13 +113,13 @@ class SeenLevel(Level):
         z = self._feasible_again(s, weights)
         self._kept = None
         for p, inner in enumerate(z):
-            self._move_plane(s[p], w[p], relaxation, _rows(inner))
+            self._move_plane(s[p], w[p], relaxation, by_rows(inner))
 
     def reweigh(self, s: Planes, weights: list[float], ratio: float) -> None:
         """See `Level`."""
         self._kept = None
         for p, inner in enumerate(self.feasible(s, weights)):
-            self._reweigh_plane(s[p], ratio, _rows(inner))
+            self._reweigh_plane(s[p], ratio, by_rows(inner))
 
     def state(self, s: Planes, weights: list[float]) -> tuple[Planes, Planes]:
         """See `Level`."""
@@ -140,7 +140,7 @@ class SeenLevel(Level):
         self, s: Planes, w: Planes, weights: list[float]
     ) -> Iterator[tuple[float, Array]]:
         """See `Level`: the first part is everything that is known."""
-        z = [_rows(plane) for plane in self._feasible_again(s, weights)]
+        z = [by_rows(plane) for plane in self._feasible_again(s, weights)]
         free = [namespace(plane).zeros_like(plane) for plane in s]
 
         def work(strip: slice) -> float:
@@ -271,7 +271,3 @@ class SeenLevel(Level):
         if self._kept is not None and self._kept[0] is s:
             return self._kept[1]
         return self.feasible(s, weights)
-
-
-def _rows(plane: Array) -> Rows:
-    return lambda rows: plane[rows, :]

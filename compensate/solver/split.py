@@ -59,7 +59,7 @@ class Split(ABC):
     def prepare(self, *, coarser: bool) -> None:
         """Make the levels: the problem itself, and `coarser` ones.
 
-        A level is worth while if its frequencies have most of the weights (squared).
+        A level is worth while if its frequencies have a twentieth of the weights (squared).
         """
         level, fourier = self._finest(), self.weighting.fourier
         residual = level.of_light(_each_plane(self._residual))
@@ -125,7 +125,7 @@ class BoxSplit(Split):
     @abstractmethod
     def _hessian(self) -> Hessian: ...
 
-    def _finest(self) -> Level:
+    def _finest(self) -> BoxLevel:
         damping, least = self._damping()
         offset = self._offset
         return BoxLevel(

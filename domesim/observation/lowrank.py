@@ -128,7 +128,7 @@ class LowRankObservation(AdjointObservation):
 
     def _observe(self, light: Light) -> Light:
         f = self.factors_like(light)
-        return self._spread(light, _project(f.collect, light), f.core, f.spread, f.ambient)
+        return self._spread(light, _project(f.collect, light), f.core, f.spread, self._ambient(f))
 
     def _direct(self, light: Light) -> Light:
         if self._unit_gain:
@@ -148,18 +148,16 @@ class LowRankObservation(AdjointObservation):
         self, light: Light, sums: Array, core: Array, modes: Array, ambient: Array | None = None
     ) -> Light:
         """D times light, and modes times core times (primary, rank) sums, and the ambient light."""
-        xp = namespace(light)
         gain = self.factors_like(light).direct_gain
-        weights = xp.astype((core @ sums[:, :, None])[:, :, 0], modes.dtype)
-        result = xp.empty_like(light)
+        excited = (core @ sums[:, :, None])[:, :, 0]
+        result = namespace(light).empty_like(light)
 
         def work(_: int, rows: slice) -> None:
-            part = light[0, rows, ...] * gain[rows, :, None]
-            for k in range(modes.shape[0]):
-                part = part + modes[k, rows, :, None] * weights[:, k]
+            part = light[:, rows, ...] * gain[None, rows, :, None]
+            part += _expand(modes[:, rows, :], excited)
             if ambient is not None:
-                part = part + xp.permute_dims(ambient[:, rows, :], (1, 2, 0))
-            result[0, rows, ...] = part
+                part += ambient[:, rows, ...]
+            result[:, rows, ...] = part
 
         in_parts(work, light.shape, light)
         return result
