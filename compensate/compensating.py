@@ -196,22 +196,29 @@ def weighting_of(name: str, low_frequency_gain: float | None = None) -> Eye:
 
 
 def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
-    outcome = solution.outcome()
-    written = write(outcome.frame)
-    stored = outcome.stored_error(written)
-    line = f"{line_of(outcome.figures)} As stored: {stored:.3g} JND rms"
-    if stored > 1.1 * outcome.figures.error_after and stored > INVISIBLE:
-        line += f" (rounding to {written.bits} bit {written.path.suffix} shows: --format, --bits)"
-    return {**asdict(outcome.figures), "error_stored": stored}, line
+    """Write it; of what subtraction shows, only figures that take no longer than that."""
+    outcome = solution.outcome(brief=True)
+    write(outcome.frame)
+    figures, line = asdict(outcome.figures), line_of(outcome.figures)
+    if outcome.figures.error_before is None:
+        return {**figures, "error_stored": None}, line
+    stored = write.stored()
+    error = outcome.stored_error(stored)
+    line += f" As stored: {error:.3g} JND rms"
+    if error > 1.1 * outcome.figures.error_after and error > INVISIBLE:
+        line += f" (rounding to {stored.bits} bit {stored.path.suffix} shows: --format, --bits)"
+    return {**figures, "error_stored": error}, line
 
 
 def line_of(f: Figures) -> str:
     """What was done and how good it is, for a person."""
-    parts = [
-        f"{f.method}: visible error {f.error_before:.3g} -> {f.error_after:.3g} JND rms "
-        f"(subtractive {f.error_subtractive:.3g})",
-        f"{f.clipped:.1%} of the screen too dark for exact subtraction",
-    ]
+    parts = [f"{f.method}: {f.pollution:.2g} cd/m² of pollution, subtracted"]
+    if f.error_before is not None:
+        parts = [
+            f"{f.method}: visible error {f.error_before:.3g} -> {f.error_after:.3g} JND rms "
+            f"(subtractive {f.error_subtractive:.3g})",
+            f"{f.clipped:.1%} of the screen too dark for exact subtraction",
+        ]
     if f.error_by_seat:
         seats = ", ".join(f"{name} {error:.3g}" for name, error in f.error_by_seat.items())
         parts.append(f"by seat: {seats}")

@@ -37,7 +37,7 @@ from domesim.observation.seats import SeveralSeats
 from domesim.observation.uncertain import Uncertain
 from domesim.scene import DomeScene, Scene, StereoScene
 from domesim.screening import decoded, encoded, mean_luminance, within_range
-from domesim.strips import in_strips
+from domesim.strips import all_within, in_strips
 
 REGULARISATION = 1e-4
 """Default mu, of the peak squared: keeps invisible frequencies from filling with noise."""
@@ -70,7 +70,7 @@ class Figures:
         Root-mean-square of the weighted residual over the screen, in just-noticeable differences
         (multiples of Daly's threshold contrast at the adaptation luminance), before rounding to
         the file's code values. Under another vision model, multiples of its thresholds: not to be
-        compared with those of the paper's.
+        compared with those of the paper's. `error_before` may be left out (`Solution.outcome`).
     ghost_edges
         Of a stereo pair: ghost edge energy (`compensate.ghosts`) at the first seat, 1 for the
         untouched master; None without ghosts.
@@ -99,7 +99,7 @@ class Figures:
     clipped: float
     out_of_range: float
     pollution: float
-    error_before: float
+    error_before: float | None
     error_subtractive: float
     error_after: float
     ghost_edges: float | None
@@ -126,10 +126,12 @@ class Posed:
         The theatre, or stereo system.
     desired
         (view, row, col, primary) master light, in 0..1 on the screen.
-    problem
-        What to minimise.
+    wanted
+        (seen view, row, col, primary) what all seats should see.
     observation
         What the audience sees, exactly: `problem` may know it linearised.
+    posing
+        Gives `problem`.
     single
         The problem for methods that know one seat only: of several, the mean one.
     subtractive
@@ -149,8 +151,9 @@ class Posed:
 
     scene: Scene
     desired: Light
-    problem: Problem
+    wanted: Light
     observation: Observation
+    posing: Callable[[], Problem]
     single: Problem
     subtractive: Light
     screen: NDArray[np.bool_]
@@ -158,6 +161,11 @@ class Posed:
     judge: CsfWeighting
     exact: bool
     uncertain: Callable[[], Uncertain | None]
+
+    @property
+    def problem(self) -> Problem:
+        """What to minimise."""
+        return self.posing()
 
     @property
     def clipped(self) -> float:
@@ -174,18 +182,17 @@ class Posed:
         """Mean luminance that pollution and ambient light add to the untouched master, cd/m²."""
         return self._untouched[0]
 
-    @property
+    @cached_property
     def error_before(self) -> float:
         """`visible_error` of the untouched master."""
-        return self._untouched[1]
+        return self.visible_error(self.desired)
 
     @cached_property
-    def _untouched(self) -> tuple[float, float, NDArray[np.floating]]:
-        """`pollution`, `error_before`, and (view, row, col) luminance that is seen too much."""
+    def _untouched(self) -> tuple[float, NDArray[np.floating]]:
+        """`pollution`, and (view, row, col) luminance that is seen too much."""
         residual = self.residual(self.desired)
         ghost = self._luminance(residual[: self.scene.views])
-        pollution = mean_luminance(residual, self.scene, self.areas)
-        return pollution, self._visible(residual), ghost
+        return mean_luminance(residual, self.scene, self.areas), ghost
 
     def _luminance(self, light: Light) -> NDArray[np.floating]:
         planes = np.empty(light.shape[:3], light.dtype)
@@ -222,7 +229,7 @@ class Posed:
     def residual(self, light: Light) -> Light:
         """psi(x) - seen, of all seats: (seen view, row, col, primary)."""
         residual = self.observation.observe(light)
-        residual -= self.problem.desired
+        residual -= self.wanted
         return residual
 
     def seen(self, light: Light) -> Light:
@@ -257,7 +264,7 @@ class Posed:
         if uncertain is None:
             return None
         residual = uncertain.best.observe(light)
-        residual -= self.problem.desired
+        residual -= self.wanted
         found = foreseen(
             residual,
             uncertain.changes(light),
@@ -276,6 +283,8 @@ class Posed:
         several = isinstance(self.observation, GreyToGrey | SeveralSeats)
         if result.gap is None or several:
             return None
+        if not result.gap:
+            return 0.0
         energy = 2 * result.cost * result.gap / (1 + result.gap)
         mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
         return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
@@ -287,7 +296,7 @@ class Posed:
         """
         if self.scene.views == 1:
             return None
-        ghost = self._untouched[2]
+        ghost = self._untouched[1]
         if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT:
             return None
         if self.exact and light is self.subtractive:
@@ -399,29 +408,36 @@ class Stage:
         solvable = single.observation
         if isinstance(shared.observation, SeveralSeats):
             solvable = shared.observation
-        seen = shared.observation.observe(subtractive)
         wanted = single.desired if solvable is single.observation else solvable.direct(desired)
-        problem = Problem(
-            solvable,
-            shared.weighting,
-            wanted,
-            (single.lower, single.upper),
-            anchor=subtractive,
-            regularisation=REGULARISATION,
-            negligible=shared.negligible,
-            contrast=shared.contrast(seen, wanted) if shared.contrast else None,
-        )
+        seen = shared.observation.observe(subtractive)
+        exact = _is_rounding(seen, wanted)
+
+        def problem(seen: Light) -> Problem:
+            return Problem(
+                solvable,
+                shared.weighting,
+                wanted,
+                (single.lower, single.upper),
+                anchor=subtractive,
+                regularisation=REGULARISATION,
+                negligible=shared.negligible,
+                contrast=shared.contrast(seen, wanted) if shared.contrast else None,
+            )
+
+        # Where nothing is left to solve, it may never be asked for
+        posing = cache(partial(problem, wanted)) if exact else partial(_given, problem(seen))
         return Posed(
             scene=self._scene,
             desired=desired,
-            problem=problem,
+            wanted=wanted,
             observation=shared.observation,
+            posing=posing,
             single=single,
             subtractive=subtractive,
             screen=shared.screen,
             areas=shared.areas,
             judge=shared.judge,
-            exact=_is_rounding(seen - wanted),
+            exact=exact,
             uncertain=shared.uncertain,
         )
 
@@ -510,7 +526,7 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
 
 
 def _require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:
-    if desired.min() >= 0 and desired.max() <= 1:
+    if all_within(desired, 0, 1):
         return
     outside = int(np.count_nonzero(screen[None, :, :, None] & ~((desired >= 0) & (desired <= 1))))
     if outside:
@@ -520,8 +536,20 @@ def _require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:
         )
 
 
-def _is_rounding(residual: Light) -> bool:
-    return max(float(residual.max()), -float(residual.min())) <= _ROUNDING
+def _given(problem: Problem) -> Problem:
+    return problem
+
+
+def _is_rounding(residual: Light, expected: Light | None = None) -> bool:
+    """Whether it is no more than rounding away from what is expected, or from 0."""
+
+    def work(view: int, rows: slice) -> bool:
+        part = residual[view, rows]
+        if expected is not None:
+            part = part - expected[view, rows]
+        return max(float(part.max()), -float(part.min())) <= _ROUNDING
+
+    return all(in_strips(work, residual.shape))
 
 
 def _differences(scene: Scene, weighting: Weighting) -> float:
@@ -588,22 +616,26 @@ class Solution:
     result: Result
     seconds: float
 
-    def outcome(self) -> Outcome:
-        """The frame to project, in the master's own encoding, and the figures."""
+    def outcome(self, *, brief: bool = False) -> Outcome:
+        """The frame to project, in the master's own encoding, and the figures.
+
+        If `brief`, without `error_before` where subtraction shows what is desired: in a sequence,
+        its transforms would take longer than all the rest.
+        """
         posed, result = self.posed, self.result
         stored, file_clipped = self.frame, 0.0
         if self.method != "none":
             stored, file_clipped = encoded(self.frame, result.light, posed.scene, posed.screen)
         error_after = posed.error_subtractive
         if result.light is not posed.subtractive:
-            error_after = posed.visible_error(result.light)
+            brief, error_after = False, posed.visible_error(result.light)
         left = posed.foreseen(result.light)
         figures = Figures(
             method=self.method,
             clipped=posed.clipped,
             out_of_range=self.out_of_range,
             pollution=posed.pollution,
-            error_before=posed.error_before,
+            error_before=None if brief and posed.exact else posed.error_before,
             error_subtractive=posed.error_subtractive,
             error_after=error_after,
             ghost_edges=posed.ghost_edges(result.light),

@@ -14,7 +14,7 @@ from domesim.frames import Master
 from domesim.light import Light
 from domesim.projector import require_primaries
 from domesim.scene import Scene, StereoScene
-from domesim.strips import in_strips
+from domesim.strips import all_within, in_strips
 
 BRIGHTEST = 1e9
 """Projector white = 1: the sun's disc is 1e8 of an IMAX dome's. Beyond it is damage, and float32
@@ -136,7 +136,7 @@ def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]
     """
     # Decoding rounds: a white of 1 + 1e-7 is no highlight.
     slack = 8 * float(np.finfo(np.float32).eps)
-    if light.min() >= 0 and light.max() <= 1:
+    if all_within(light, 0, 1):
         return light, 0.0
     within = np.array(light)
 

@@ -11,9 +11,10 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 T = TypeVar("T")
 
@@ -48,6 +49,16 @@ def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T
     if len(places) == 1:
         return [work(*places[0])]
     return list(_pool().map(lambda place: work(*place), places))
+
+
+def all_within(values: NDArray[Any], least: float, most: float) -> bool:
+    """Whether all of (view, row, col, primary) `values` are numbers from `least` to `most`."""
+
+    def work(view: int, rows: slice) -> bool:
+        part = values[view, rows]
+        return bool(part.min() >= least and part.max() <= most)
+
+    return all(in_strips(work, values.shape))
 
 
 def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: object) -> list[T]:

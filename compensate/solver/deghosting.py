@@ -56,7 +56,7 @@ from compensate.solver.baselines import computed
 from compensate.solver.result import Result, Status
 from domesim.light import Array, Light, namespace
 from domesim.observation.base import Observation
-from domesim.observation.crosstalk import Crosstalk
+from domesim.observation.crosstalk import Crosstalk, mixing_by
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.stereo import StereoObservation
 from domesim.projector import conversion
@@ -288,27 +288,28 @@ def subtracted_crosstalk(observation: Crosstalk, desired: Light) -> Light:
     """
     light = np.empty_like(desired)
     dtype = desired.dtype
-    mixing = [np.ascontiguousarray(matrix.T, dtype) for matrix in observation.matrices]
+    mixing = [mixing_by(matrix, desired) for matrix in observation.matrices]
     share = observation.share[..., None].astype(dtype)
     # Of a whole row: NumPy repeats three numbers slowly.
     black = np.repeat(observation.black[:, None, None, :], desired.shape[2], 2).astype(dtype)
     primaries = desired.shape[3]
-    inverse = np.linalg.inv(observation.central.reshape(2 * primaries, -1)).astype(dtype)
-    unmixing = inverse.reshape(2, primaries, 2, primaries).transpose(0, 2, 3, 1).copy()
+    inverse = np.linalg.inv(observation.central.reshape(2 * primaries, -1))
+    inverse = inverse.reshape(2, primaries, 2, primaries)
+    unmixing = [[mixing_by(inverse[v, :, u], desired) for u in (0, 1)] for v in (0, 1)]
 
     def subtract(_: int, rows: slice) -> None:
         part = light[:, rows]
         varying = share if share.shape[1] == 1 else share[:, rows]
         wanted = desired[:, rows] - black
         for view in (0, 1):
-            start = wanted[0] @ unmixing[view, 0]
-            start += wanted[1] @ unmixing[view, 1]
+            start = unmixing[view][0](wanted[0])
+            start += unmixing[view][1](wanted[1])
             np.clip(start, 0, 1, out=part[view])
         settling = _Settling(float(np.finfo(dtype).eps))
         for _ in range(MAX_ROUNDS):
             change = 0.0
             for view in (0, 1):
-                new = part[1 - view] @ mixing[view]
+                new = mixing[view](part[1 - view])
                 new *= varying[view]
                 np.subtract(wanted[view], new, out=new)
                 np.clip(new, 0, 1, out=new)

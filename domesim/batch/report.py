@@ -260,10 +260,11 @@ def _flat(row: Mapping[str, Any], above: str = "") -> dict[str, Any]:
 
 
 def _plots(columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> list[Plot]:
-    """A plot for each unit whose figures are not all 0."""
+    """A plot for each unit whose figures are not all 0, or not known of any frame."""
     plots = []
-    for unit in dict.fromkeys(column.unit for column in columns):
-        these = [column for column in columns if column.unit == unit]
+    known = [column for column in columns if any(row.get(column.key) is not None for row in rows)]
+    for unit in dict.fromkeys(column.unit for column in known):
+        these = [column for column in known if column.unit == unit]
         values = [[_number(row.get(column.key)) for row in rows] for column in these]
         top = max((value for each in values for value in each), default=0.0)
         if top > 0:

@@ -24,8 +24,9 @@ import psutil
 from domesim.batch.job import Job, Record, versions
 from domesim.console import about
 from domesim.errors import InputError, NoSpaceError
-from domesim.frames import Master, read_master, write_master
+from domesim.frames import ColourTag, Master, Packing, read_master, write_master
 from domesim.frames.messages import joined
+from domesim.frames.reading import unsaid
 from domesim.frames.views import require_writable
 from domesim.shows import Show
 
@@ -40,14 +41,17 @@ S = TypeVar("S")
 
 
 class Write(Protocol):
-    """Writes a result and gives it back as it was stored."""
+    """Writes a result."""
 
     @property
     def output(self) -> Files:
         """Where it goes."""
 
-    def __call__(self, result: Master, /) -> Master:
+    def __call__(self, result: Master, /) -> None:
         """Write it."""
+
+    def stored(self) -> Master:
+        """What was written, as others read it who know its encoding."""
 
     def beside(self, files: Sequence[Path]) -> None:
         """Other files that belong to the result have been written."""
@@ -95,7 +99,7 @@ class Column:
     def shown(self, value: Any) -> str:
         """A figure as text."""
         if not isinstance(value, int | float):
-            return "" if value is None else str(value)
+            return "–" if value is None else str(value)
         return f"{100 * value:.3g}" if self.unit == "%" else f"{value:.3g}"
 
 
@@ -343,6 +347,7 @@ class _Writer:
     def __init__(self, order: Order) -> None:
         self._order = order
         self.unsaid = ""
+        self._how: tuple[Packing | None, ColourTag | None] = None, None
         self.others: tuple[Path, ...] = ()
 
     @property
@@ -352,16 +357,18 @@ class _Writer:
     def beside(self, files: Sequence[Path]) -> None:
         self.others += tuple(files)
 
-    def __call__(self, result: Master, /) -> Master:
-        """Write it, and read it as others will who know its encoding."""
+    def __call__(self, result: Master, /) -> None:
         output, writing = self._order.output, self._order.writing
         write_master(result, output, bits=writing.bits, dither=writing.dither)
+        self.unsaid = unsaid(output[0], result.colour)
         packing = None if result.packing in ("single", "files") else result.packing
-        stored = read_master(
-            output, packing=packing, repair=True, allow_identical=True, colour=result.colour
+        self._how = packing, result.colour
+
+    def stored(self) -> Master:
+        packing, colour = self._how
+        return read_master(
+            self._order.output, packing=packing, repair=True, allow_identical=True, colour=colour
         )
-        self.unsaid = stored.unsaid()
-        return stored
 
 
 def _maker() -> dict[str, Any]:

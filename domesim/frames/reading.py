@@ -87,6 +87,27 @@ def size_of(path: Path) -> tuple[int, int]:
         reader.close()
 
 
+def unsaid(path: Path, colour: ColourTag) -> str:
+    """What a file's header says else, for a person, of code values that mean `colour`; or "".
+
+    A TIFF, JPEG or DPX cannot say most encodings.
+
+    Raises
+    ------
+    InputError
+        If it does not open.
+    """
+    container, reader = examine(path), open_image(path)
+    try:
+        stated = _colours(path, reader.spec(), reader.format_name(), container, colour)[1]
+    finally:
+        reader.close()
+    if stated is not None and colour.means_the_same_as(stated):
+        return ""
+    taken = "nothing" if stated is None else f"{stated.named}"
+    return f"{colour.named}, which the file cannot say: it reads as {taken}"
+
+
 def use_threads(count: int) -> None:
     """Let reading and writing of all images use so many threads; by default all cores."""
     for name in ("threads", "exr_threads"):

@@ -156,17 +156,6 @@ class Master:
         """For a program: ``read``, as `described`, and ``encoding``: a `ColourTag`'s fields."""
         return {"read": self.described(), "encoding": asdict(self.colour)}
 
-    def unsaid(self) -> str:
-        """Of a master read with a `colour`: what its file says else, for a person; "" if nothing.
-
-        A TIFF, JPEG or DPX cannot say most encodings.
-        """
-        colour, stated = self.colour, self.frames[0].header.colour
-        if stated is not None and colour.means_the_same_as(stated):
-            return ""
-        taken = "nothing" if stated is None else f"{stated.named}"
-        return f"{colour.named}, which the file cannot say: it reads as {taken}"
-
 
 def read_master(
     paths: Sequence[str | Path],

