@@ -189,9 +189,9 @@ class Posed:
 
     @cached_property
     def _untouched(self) -> tuple[float, NDArray[np.floating]]:
-        """`pollution`, and (view, row, col) luminance that is seen too much."""
+        """`pollution`, and (view, row, col) luminance that is seen too much of a pair."""
         residual = self.residual(self.desired)
-        ghost = self._luminance(residual[: self.scene.views])
+        ghost = self._luminance(residual[: self.scene.views if self.scene.views > 1 else 0])
         return mean_luminance(residual, self.scene, self.areas), ghost
 
     def _luminance(self, light: Light) -> NDArray[np.floating]:
@@ -367,7 +367,11 @@ def compensate(
     """
     posed = pose(desired, scene, weighting)
     chosen = solver or methods_of(scene)["perceptual"](scene, posed.problem)
-    return chosen(posed.problem, posed.subtractive)
+    found = chosen(posed.problem, posed.subtractive)
+    if posed.desired is desired:
+        return found
+    on = posed.screen[None, :, :, None]
+    return replace(found, light=np.where(on, found.light, desired))
 
 
 def pose(desired: Light, scene: Scene, weighting: Eye | None = None) -> Posed:
@@ -404,6 +408,7 @@ class Stage:
         shared = self._of_size(*desired.shape[1:3])
         require_light(desired, shared.observation.shape, who="compensate")
         _require_within_range(desired, shared.screen)
+        desired = _on(shared.screen, desired)
         single, subtractive = shared.subtracted(desired)
         solvable = single.observation
         if isinstance(shared.observation, SeveralSeats):
@@ -476,11 +481,8 @@ class _Shared:
         # Subtraction needs no adjoint, so that it knows a table as it is.
         observation = cast("AdjointObservation", self.single)
         if isinstance(observation, LowRankObservation):
-            on = observation.screen[None, :, :, None]
-            off = desired * ~on
-            # Light off the screen is left as it is: most often there is none
-            bounds = (off, off + on) if off.any() else (0.0, on.astype(desired.dtype))
-            problem = Problem(observation, self.plain, observation.direct(desired), bounds)
+            on = observation.screen[None, :, :, None].astype(desired.dtype)
+            problem = Problem(observation, self.plain, observation.direct(desired), (0.0, on))
             return problem, baselines.clipped_subtraction(problem)[0]
         problem = Problem(observation, self.plain, desired)
         if isinstance(observation, Crosstalk):
@@ -534,6 +536,23 @@ def _require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:
             f"desired light must lie in 0..1 on the screen, got {outside} values that do not; "
             f"bring it within range first (domesim.screening.within_range)"
         )
+
+
+def _on(screen: NDArray[np.bool_], light: Light) -> Light:
+    """Light without what lies off the screen, which nobody sees: files keep it (`encoded`)."""
+
+    def lit(view: int, rows: slice) -> bool:
+        return bool(np.any(light[view, rows][~screen[rows]]))
+
+    if screen.all() or not any(in_strips(lit, light.shape)):
+        return light
+    kept = np.empty_like(light)
+
+    def keep(view: int, rows: slice) -> None:
+        np.multiply(light[view, rows], screen[rows, :, None], out=kept[view, rows])
+
+    in_strips(keep, light.shape)
+    return kept
 
 
 def _given(problem: Problem) -> Problem:

@@ -171,7 +171,7 @@ class CsfWeighting(Weighting):
                 for c, gain in enumerate(self.gains)
             }
             planes = {
-                k: xp.asarray(self.gains[k] ** 2, dtype=light.dtype, device=light.device)
+                k: xp.asarray(self.gains[k], dtype=light.dtype, device=light.device) ** 2
                 for k in set(first.values())
             }
             shared = len(self.gains) == 1
@@ -262,19 +262,23 @@ class CsfWeighting(Weighting):
 
     def _counting(self, light: Light, support: Array) -> Callable[[int, slice], Array]:
         """Of rows of a view, (row, col): the root of how much each pixel counts."""
-        if self._alike:
-            return lambda view, rows: support[rows, :]
-        root = self._like(light)[3]
-        return lambda view, rows: root[view] * support[rows, :]
+        xp, root = namespace(light), self._like(light)[3]
+
+        def counting(view: int, rows: slice) -> Array:
+            counted = xp.astype(support[rows, :], light.dtype)
+            return counted if self._alike else root[view] * counted
+
+        return counting
 
     def _like(self, light: Light) -> tuple[Array, Array, Array, Array]:
         xp, key = namespace(light), kind(light)
         if key not in self._converted:
             root = np.sqrt(self.importance)
-            gains, opponent, support, importance = (
+            gains, opponent, importance = (
                 xp.asarray(array, dtype=light.dtype, device=light.device)
-                for array in (self.gains, self.opponent, self.support.astype(np.uint8), root)
+                for array in (self.gains, self.opponent, root)
             )
+            support = xp.asarray(self.support, device=light.device)  # a bool takes little memory
             self._converted[key] = (gains, opponent, support, importance)
         return self._converted[key]
 
@@ -407,7 +411,10 @@ def gains_of(
     padded: tuple[int, int],
     low_frequency: LowFrequencyFloor,
 ) -> tuple[NDArray[np.floating[Any]], float]:
-    """Omega (padded row, padded col // 2 + 1), 1 at the CSF's peak, and the peak's sensitivity."""
+    """Omega (padded row, padded col // 2 + 1), 1 at the CSF's peak, and the peak's sensitivity.
+
+    In single precision: as much memory as pictures take, and no CSF is known to seven digits.
+    """
     row_frequency, col_frequency = Fourier(*padded).frequencies(viewing.pixels_per_degree(*size))
     frequency = np.hypot(row_frequency, col_frequency)
     orientation = np.arctan2(row_frequency, col_frequency)
@@ -415,7 +422,7 @@ def gains_of(
     curve = sensitivity(axis, 0.0)
     peak = float(curve.max())
     omega = sensitivity(frequency, orientation) / peak
-    return low_frequency(frequency, omega, axis[curve.argmax()]), peak
+    return low_frequency(frequency, omega, axis[curve.argmax()]).astype(np.float32), peak
 
 
 def linear_ycbcr(luminance_weights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:

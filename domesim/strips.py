@@ -51,6 +51,11 @@ def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T
     return list(_pool().map(lambda place: work(*place), places))
 
 
+def is_large(plane: object) -> bool:
+    """Whether an array is so large that memory counts for more than time: above `KEPT`."""
+    return isinstance(plane, np.ndarray) and plane.nbytes > KEPT
+
+
 def all_within(values: NDArray[Any], least: float, most: float) -> bool:
     """Whether all of (view, row, col, primary) `values` are numbers from `least` to `most`."""
 

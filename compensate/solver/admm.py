@@ -223,28 +223,33 @@ class _Run:
 
     def _from_coarse(self) -> Planes | None:
         """S on full planes, after iterations on coarser ones; None without any."""
-        levels, rho, s = self._split.levels, self._penalties[0], None
-        first, other = self._settings.coarse
-        for depth in range(len(levels) - 1, 0, -1):
-            level = levels[depth]
-            weights = level.weights(rho)
-            anderson = Anderson(self._settings.memory, weights)
-            start = level.start() if s is None else self._finer(s, depth, rho)
-            iterations = first if s is None else other
-            s = start
-            for _ in range(iterations):
-                w = _inverse(level.hessian.fourier, _x_step(level, s, weights))
-                s = self._moved(level, s, w, weights, anderson)
-            del levels[depth + 1 :]
-        if s is not None:
-            s = self._finer(s, 0, self._penalties[1])
-            del levels[1:]
+        levels, s = self._split.levels, None
+        while len(levels) > 1:
+            s = self._finer(self._coarse(s), self._penalties[len(levels) == 2])
         return s
 
-    def _finer(self, s: Planes, depth: int, rho: float) -> Planes:
-        """S of that level, where the penalty is rho, of the coarser one's."""
-        fine, coarse = self._split.levels[depth : depth + 2]
-        return coarse.finer(s, coarse.weights(self._penalties[0]), fine, fine.weights(rho))
+    def _coarse(self, s: Planes | None) -> Planes:
+        """S after some iterations on the coarsest planes that are left."""
+        level, (first, other) = self._split.levels[-1], self._settings.coarse
+        weights = level.weights(self._penalties[0])
+        anderson = Anderson(self._settings.memory, weights)
+        iterations = first if s is None else other
+        if s is None:
+            s = level.start()
+        for _ in range(iterations):
+            w = _inverse(level.hessian.fourier, _x_step(level, s, weights))
+            s = self._moved(level, s, w, weights, anderson)
+        return s
+
+    def _finer(self, s: Planes, rho: float) -> Planes:
+        """S of the next finer level, where the penalty is rho; the coarse one is given up."""
+        coarse = self._split.levels.pop()
+        were = coarse.weights(self._penalties[0])
+        light, dual = coarse.state(s, were)
+        del coarse
+        s.clear()
+        fine = self._split.levels[-1]
+        return fine.of_coarser(light, dual, were, fine.weights(rho))
 
     def _fine(self, s: Planes) -> Status | None:
         settings, level = self._settings, self._level
@@ -300,6 +305,7 @@ class _Run:
             for part, rest in level.lower_bound(s, w, weights):
                 known += part
                 free.append(hessian.fourier.forward(rest))
+                del rest  # as large as a plane
             sigma = level.least_damping
             hessian.solve(free, [sigma] * len(free))
             dual = hessian.energy(free) + sigma * hessian.dot(free, free)

@@ -10,7 +10,7 @@ to build and solve the few by few systems, strip by strip in the cache, than to 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any, TypeAlias, TypeVar, final
 
@@ -71,15 +71,17 @@ class Blocks:
 
     def times(self, strip: slice, spectra: Sequence[Array]) -> list[Array]:
         """H_0 of a strip of rows."""
+        return list(self.each_times(strip, spectra))
+
+    def each_times(self, strip: slice, spectra: Sequence[Array]) -> Iterator[Array]:
+        """`times`, plane by plane."""
         squares = [square[strip, :] for square in self.squares]
-        return [
-            _sum(
+        for i in range(self.size):
+            yield _sum(
                 self._entry(squares, i, j, 0.0) * spectra[j]
                 for j in range(self.size)
                 if np.any(self.matrices[:, i, j] != 0)
             )
-            for i in range(self.size)
-        ]
 
     def _factors(self, strip: slice, sigma: Sequence[float]) -> tuple[list[list[Any]], list[Any]]:
         """L (below the diagonal; None for 0) and 1 / D of H_0 + diag(sigma), for a strip."""

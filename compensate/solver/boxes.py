@@ -92,9 +92,12 @@ class Nearest:
             out |= x != y
         places = np.flatnonzero(out)
         if places.size:
+            del out
             light = [x.ravel()[places] for x in z]
             limits = [(low.ravel()[places], high.ravel()[places]) for low, high in bounds]
-            self._sweep(light, [x.ravel()[places] for x in v], limits)
+            bounds.clear()
+            free = [v.pop(0).ravel()[places] for _ in light]
+            self._sweep(light, free, limits)
             for plane, found in zip(z, light, strict=True):
                 plane.reshape(-1)[places] = found
         return z

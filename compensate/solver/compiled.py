@@ -135,11 +135,29 @@ def nearest_pair(
 
 
 @_COMPILED
-def combine(out: Any, a: Any, b: Any, c: Any, weights: Any) -> None:
-    """A sum of planes times weights."""
-    for i in numba.prange(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[i, j] = weights[0] * a[i, j] + weights[1] * b[i, j] + weights[2] * c[i, j]
+def advance(
+    plane: Any, r: Any, codes: Any, units: Any, other_codes: Any, other_units: Any, was: Any,
+    weights: Any,
+) -> None:  # fmt: skip
+    """`anderson._advance` of two differences."""
+    most, tiny = numba.float32(32767), numba.float32(1e-37)
+    cols = plane.shape[1]
+    for i in numba.prange(plane.shape[0]):
+        rows = np.empty((2, cols), np.float32)
+        unit, other = units[i, 0], other_units[i, 0]
+        largest, other_largest = tiny, tiny
+        for j in range(cols):
+            a = unit * codes[i, j]
+            first = -(r[i, j] + was[0] * a + was[1] * (other * other_codes[i, j]))
+            rows[0, j], rows[1, j] = first, a + first
+            largest = max(largest, abs(first))
+            other_largest = max(other_largest, abs(a + first))
+        unit, other = largest / most, other_largest / most
+        units[i, 0], other_units[i, 0] = unit, other
+        for j in range(cols):
+            a, b = np.rint(rows[0, j] / unit), np.rint(rows[1, j] / other)
+            codes[i, j], other_codes[i, j] = a, b
+            plane[i, j] += weights[0] * (unit * a) + weights[1] * (other * b)
 
 
 @numba.njit(inline="always", error_model="numpy", fastmath={"contract", "nsz"})
@@ -440,6 +458,29 @@ def towards3(
             a[i, j] = -weight0 * s0[i, j]
             b[i, j] = -weight1 * s1[i, j]
             c[i, j] = -weight2 * s2[i, j]
+
+
+@_COMPILED
+def move3(
+    s0: Any, s1: Any, s2: Any, w0: Any, w1: Any, w2: Any, lowers: Any, widths: Any, damping: Any,
+    free: Any, coupled: Any, pinned: Any, opponent: Any, constants: Any, over: Any,
+) -> None:  # fmt: skip
+    """`OpponentLevel.move` of three primaries, without what s went to."""
+    rows, cols = lowers[0].shape
+    t = opponent
+    least, relaxation, settled = constants
+    for i in numba.prange(s0.shape[0]):
+        inside = cols if i < rows else 0
+        for j in range(s0.shape[1]):
+            p, q, r = s0[i, j], s1[i, j], s2[i, j]
+            x, y, z = 0 * p, 0 * p, 0 * p
+            if j < inside:
+                bounds, extra = bounds3(i, j, lowers, widths), at(damping, i, j) - least
+                x, y, z = best3(p, q, r, bounds, extra, free, coupled, pinned, relaxation, settled)
+            w0[i, j] = over * (w0[i, j] - t[0, 0] * x - t[0, 1] * y - t[0, 2] * z)
+            w1[i, j] = over * (w1[i, j] - t[1, 0] * x - t[1, 1] * y - t[1, 2] * z)
+            w2[i, j] = over * (w2[i, j] - t[2, 0] * x - t[2, 1] * y - t[2, 2] * z)
+            s0[i, j], s1[i, j], s2[i, j] = p + w0[i, j], q + w1[i, j], r + w2[i, j]
 
 
 @_COMPILED

@@ -201,9 +201,10 @@ class DomeHessian(Hessian):
         polluted = self._excited(spectra)
 
         def work(rows: slice) -> float:
-            added = self._combined(rows, np.concatenate([0 * polluted, polluted], 1))
-            seen = [plane[rows, :] + b for plane, b in zip(spectra, added, strict=True)]
-            images = self._blocks.times(rows, seen)
+            seen = self._combined(rows, np.concatenate([0 * polluted, polluted], 1))
+            for p, plane in enumerate(spectra):
+                seen[p] += plane[rows, :]
+            images = self._blocks.each_times(rows, seen)
             return sum(self.fourier.dot(a, b) for a, b in zip(seen, images, strict=True))
 
         return sum(each_strip(work, spectra[0]))
@@ -286,7 +287,10 @@ class DomeHessian(Hessian):
             for k, weight in enumerate(weights):
                 if weight:
                     term = self._shapes[k, rows, :] * float(weight)
-                    plane = term if plane is None else plane + term
+                    if plane is None:
+                        plane = term
+                    else:
+                        plane += term
             result.append(0 * self._shapes[0, rows, :] if plane is None else plane)
         return result
 
@@ -300,9 +304,14 @@ class DomeHessian(Hessian):
     def _small_inverse(self, sigma: tuple[float, ...]) -> Any:
         """Of M^-1 + Z' B^-1 Z, M^-1 = [[0, I], [I, -U'WU]]; rows and columns (primary, mode)."""
         if sigma not in self._small:
-            count = len(self.metric)
+            count, modes = len(self.metric), self.core.shape[-1]
 
             def between(rows: slice) -> Any:
+                if self.adapted:
+                    diagonal = np.zeros((count, count, 2 * modes, 2 * modes))
+                    for p, square in enumerate(self._squares):
+                        diagonal[p, p] = self._products(rows, 1 / (square[rows, :] + sigma[p]))
+                    return diagonal
                 zero = 0 * self._blocks.squares[0][rows, :]
                 result = []
                 for q in range(count):
@@ -314,7 +323,7 @@ class DomeHessian(Hessian):
             found = sum(each_strip(between, self._shapes[0, :, :]))
             plain, b = self._plain, self._arranged(np.swapaxes(found, 0, 1))
             core = self._core_matrix()
-            s = np.diag(np.repeat(sigma, self.core.shape[-1]))
+            s = np.diag(np.repeat(sigma, modes))
             upper = (plain["vu"] - b["vu"] @ s) @ core
             # -U'WU of M^-1 and U'WU of Z'B^-1Z cancel
             corner = core.T @ (s @ b["uu"] @ s - s @ plain["uu"]) @ core

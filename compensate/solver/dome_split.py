@@ -44,16 +44,18 @@ class DomeSplit(BoxSplit):
             raise ValueError("the weighting's support reaches outside the observation's screen")
         xp, base = namespace(self.base), self.base
 
-        def like(array: Any) -> Array:
-            return xp.asarray(array, dtype=base.dtype, device=base.device)[None, :, :, None]
+        def like(array: Any, dtype: Any) -> Array:
+            return xp.asarray(array, dtype=dtype, device=base.device)[None, :, :, None]
 
         self._observation = observation
         gain = observation.factors.direct_gain
-        self._gain = None if bool(np.all(gain == 1)) else like(np.where(gain == 0, 1, gain))
+        self._gain = None
+        if not bool(np.all(gain == 1)):
+            self._gain = like(np.where(gain == 0, 1, gain), base.dtype)
         if problem.contrast is not None:
             kept = problem.contrast
             self._gain = kept if self._gain is None else kept * self._gain
-        self._support = None if bool(support.all()) else like(support)
+        self._support = None if bool(support.all()) else like(support, xp.bool)
         opponent = self.weighting.opponent
         channels, primaries = opponent.shape
         self._opponent = None
@@ -68,8 +70,7 @@ class DomeSplit(BoxSplit):
 
     def from_gradient(self, gradient: Light) -> Planes:
         """1 / D times the gradient in x, on the support."""
-        if self._support is not None:
-            gradient = gradient * self._support
+        gradient = self._on_support(gradient)
         return planes_of(gradient if self._gain is None else gradient / self._gain)
 
     def pinned_gradient(self, weighted: Light) -> Planes:
@@ -91,10 +92,13 @@ class DomeSplit(BoxSplit):
         contrast = on_host(self.problem.contrast)[0, :, :, 0]
         return _made(self._observation, self.weighting, self.base, by_channel, contrast)
 
-    def _seen(self, light: Any) -> Any:
-        for factor in (self._gain, self._support):
-            light = light if factor is None else light * factor
-        return light
+    def _seen(self, light: Light) -> Light:
+        return self._on_support(light if self._gain is None else light * self._gain)
+
+    def _on_support(self, light: Light) -> Light:
+        if self._support is None:
+            return light
+        return light * namespace(light).astype(self._support, light.dtype)
 
     def _shown(self, plane: Array, rows: slice) -> Array:
         return plane if self._gain is None else plane / self._gain[0, rows, :, 0]
@@ -111,14 +115,17 @@ class DomeSplit(BoxSplit):
 
     def _lower(self) -> Planes:
         planes = super()._lower()
-        for factor in (self._gain, self._support):
-            if factor is not None:
-                planes = [plane * factor[0, :, :, 0] for plane in planes]
+        if self._gain is not None:
+            planes = [plane * self._gain[0, :, :, 0] for plane in planes]
+        if self._support is not None:
+            planes = [self._on_support(plane[None, :, :, None])[0, :, :, 0] for plane in planes]
         return planes
 
     def _widths(self) -> list[Array | float]:
-        plain = self._gain is None and self._support is None
-        return widths_of(self.problem, None if plain else self._seen(1.0))
+        if self._gain is None and self._support is None:
+            return widths_of(self.problem)
+        one = namespace(self.base).ones_like(self.base[:1, :1, :1, :1])
+        return widths_of(self.problem, self._seen(one))
 
 
 def hessian_of(

@@ -123,7 +123,7 @@ class Level(ABC):
         """The bounded light (row, col) of s, and its dual s - z."""
 
     @abstractmethod
-    def of_state(self, light: Planes, dual: Planes) -> Planes:
+    def of_state(self, light: Sequence[Rows], dual: Planes) -> Planes:
         """S of light, which is taken into the bounds, and of a dual, whose planes it takes."""
 
     def regulariser_at_base(self) -> float:
@@ -142,22 +142,28 @@ class Level(ABC):
         """Rho P, one a plane."""
         return [rho * value for value in self.hessian.metric]
 
-    def finer(
-        self, s: Planes, weights: list[float], fine: Level, fine_weights: list[float]
+    def of_coarser(
+        self, light: Planes, dual: Planes, were: list[float], weights: list[float]
     ) -> Planes:
-        """S on a `fine` level: of this one's light and dual, enlarged."""
-        rows, cols = fine.lower[0].shape
-        light, dual = self.state(s, weights)
-        ratios = [was / now for was, now in zip(weights, fine_weights, strict=True)]
-        return fine.of_state(
-            [enlarged(plane)[:rows, :cols] for plane in light],
-            [enlarged(plane, ratio) for plane, ratio in zip(dual, ratios, strict=True)],
-        )
+        """S of the coarser level's `state`, where weights `were` others; its dual is used up."""
+        cols = self.lower[0].shape[1]
+        for p, (was, weight) in enumerate(zip(were, weights, strict=True)):
+            dual[p] = enlarged(dual[p], was / weight)
+        return self.of_state([by_enlarged_rows(plane, cols) for plane in light], dual)
 
     def bounds(self, p: int, rows: slice) -> tuple[Array, Array]:
         """Lower and upper bounds of rows of a plane's light."""
         lower = self.lower[p][rows, :]
         return lower, lower + rows_of(self.width[p], rows)
+
+    def bounded(self, light: Sequence[Rows], rows: slice) -> list[Array]:
+        """Rows of light's planes, within the bounds."""
+        result = []
+        for p, plane in enumerate(light):
+            part, (lower, upper) = plane(rows), self.bounds(p, rows)
+            xp = namespace(part)
+            result.append(xp.minimum(xp.maximum(part, lower), upper))
+        return result
 
     def _inner(self, strip: slice) -> tuple[slice, slice] | None:
         """The picture's part of a strip of padded rows."""
@@ -370,12 +376,15 @@ class BoxLevel(Level):
             dual[-1][:rows, :cols] -= z
         return light, dual
 
-    def of_state(self, light: Planes, dual: Planes) -> Planes:
+    def of_state(self, light: Sequence[Rows], dual: Planes) -> Planes:
         """See `Level`."""
-        rows, cols = light[0].shape
-        for p, plane in enumerate(light):
-            xp, (lower, upper) = namespace(plane), self.bounds(p, slice(0, rows))
-            dual[p][:rows, :cols] += xp.minimum(xp.maximum(plane, lower), upper)
+        cols = self.lower[0].shape[1]
+
+        def work(rows: slice) -> None:
+            for plane, part in zip(dual, self.bounded(light, rows), strict=True):
+                plane[rows, :cols] += part
+
+        each_strip(work, self.lower[0])
         return dual
 
     def _numbers(self, p: int, weight: float) -> tuple[Any, ...]:
@@ -410,6 +419,18 @@ class BoxLevel(Level):
 def by_rows(plane: Array) -> Rows:
     """A plane's picture, by its rows."""
     return lambda rows: plane[rows, :]
+
+
+def by_enlarged_rows(plane: Array, cols: int) -> Rows:
+    """A picture of twice as many rows and `cols` columns, each pixel four times, by its rows."""
+
+    def rows_of_it(rows: slice) -> Array:
+        xp, first = namespace(plane), rows.start // 2
+        twice = xp.repeat(plane[first : (rows.stop + 1) // 2, :], 2, axis=0)
+        twice = twice[rows.start - 2 * first : rows.stop - 2 * first, :]
+        return xp.repeat(twice, 2, axis=1)[:, :cols]
+
+    return rows_of_it
 
 
 def padded(picture: Array, fourier: Fourier) -> Array:

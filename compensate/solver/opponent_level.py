@@ -14,7 +14,7 @@ see `boxes`. The regulariser on planes is known from below: M |d|² >= m |T d|²
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, final
 
@@ -26,8 +26,9 @@ from compensate.solver.boxes import Nearest
 from compensate.solver.certificate import parted
 from compensate.solver.fused import loops
 from compensate.solver.hessian import mixed
-from compensate.solver.level import BoxLevel, Planes, by_rows
+from compensate.solver.level import BoxLevel, Planes, Rows, by_rows
 from domesim.light import Array, namespace, total
+from domesim.strips import is_large
 
 
 @final
@@ -45,6 +46,7 @@ class OpponentLevel(BoxLevel):
 
     opponent: NDArray[np.floating[Any]] = field(kw_only=True)
     _kept: tuple[Planes, Planes] | None = field(init=False, default=None)
+    _stepped: Planes | None = field(init=False, default=None)
 
     def damping_of(self, rows: slice) -> Any:
         """M of rows of the picture."""
@@ -71,7 +73,7 @@ class OpponentLevel(BoxLevel):
 
     def gradient_in_light(self, gradient: Planes) -> Planes:
         """T' of the gradient's planes."""
-        return self._planes_mixed(self.opponent.T, gradient)
+        return self._planes_mixed(self.opponent.T, gradient, gradient)
 
     def feasible(self, s: Planes, weights: list[float]) -> Planes:
         """See `Level`: T of the light of s."""
@@ -79,11 +81,23 @@ class OpponentLevel(BoxLevel):
         return self._planes_mixed(self.opponent, light, light)
 
     def towards(self, s: Planes, weights: list[float]) -> Iterator[Array]:
-        """See `Level`; kept for `move` and `lower_bound`."""
-        return iter(self._towards_all(s, weights))
+        """See `Level`; kept for `move` and `lower_bound` where finding it again is slow."""
+        asked = self._towards_all(s, weights)
+        if self._kept is not None:
+            yield from asked
+        while self._kept is None and asked:
+            yield asked.pop(0)
 
     def move(self, s: Planes, w: Planes, weights: list[float], relaxation: float) -> None:
         """See `Level`: z is half of s and what s went to, over the weight."""
+        if self._stepped is w:
+            self._stepped = None
+            for plane, away in zip(s, w, strict=True):
+                _move_by(plane, away, relaxation)
+            return
+        if self._kept is None:
+            self._move_all(s, w, weights, relaxation)
+            return
         asked = self._towards_all(s, weights)
         self._kept = None
         for plane, x, target, weight in zip(s, w, asked, weights, strict=True):
@@ -102,18 +116,24 @@ class OpponentLevel(BoxLevel):
     def lower_bound(
         self, s: Planes, w: Planes, weights: list[float]
     ) -> Iterator[tuple[float, Array]]:
-        """See `Level`: the first part is everything that is known."""
-        asked = self._towards_all(s, weights)
-        free = [namespace(plane).zeros_like(plane) for plane in s]
+        """See `Level`: the first part is everything that is known.
+
+        Planes are few, so that g_F takes the place of what s went to, and w - z that of w: `move`,
+        which has to be next, knows.
+        """
+        free = self._towards_all(s, weights)
+        self._kept, self._stepped = None, w
         inverse, least = np.linalg.inv(self.opponent), self.least_damping
 
         def work(strip: slice) -> float:
             known, inner = 0.0, self._inner(strip)
-            at, slopes = [plane[strip, :] for plane in w], []
-            for x, plane, weight in zip(at, asked, weights, strict=True):
-                slopes.append(plane[strip, :] - x * weight)
+            at, slopes = [plane[strip, :] + 0 for plane in w], []
+            for x, away, asked, plane, weight in zip(at, w, free, s, weights, strict=True):
+                away[strip, :] -= (asked[strip, :] * (1 / weight) + plane[strip, :]) * 0.5
+                slopes.append(asked[strip, :] - x * weight)
                 # Light is pinned on the padding: all of its gradient is known
                 known -= _energy(x, slopes[-1], least)
+                asked[strip, :] = 0
             if not inner:
                 return known
             part = (slice(0, inner[0].stop - inner[0].start), inner[1])
@@ -165,19 +185,16 @@ class OpponentLevel(BoxLevel):
         each_strip(work, light[0])
         return light, dual
 
-    def of_state(self, light: Planes, dual: Planes) -> Planes:
+    def of_state(self, light: Sequence[Rows], dual: Planes) -> Planes:
         """See `Level`."""
-        cols = light[0].shape[1]
+        cols = self.lower[0].shape[1]
 
         def work(rows: slice) -> None:
-            bounded = []
-            for p, plane in enumerate(light):
-                xp, (lower, upper) = namespace(plane), self.bounds(p, rows)
-                bounded.append(xp.minimum(xp.maximum(plane[rows, :], lower), upper))
-            for plane, part in zip(dual, mixed(self.opponent, bounded), strict=True):
+            parts = mixed(self.opponent, self.bounded(light, rows))
+            for plane, part in zip(dual, parts, strict=True):
                 plane[rows, :cols] += part
 
-        each_strip(work, light[0])
+        each_strip(work, self.lower[0])
         return dual
 
     def _towards_all(self, s: Planes, weights: list[float]) -> Planes:
@@ -186,8 +203,10 @@ class OpponentLevel(BoxLevel):
             return self._kept[1]
         nearest = Nearest(self, weights)
         asked = [namespace(plane).empty_like(plane) for plane in s]
-        self._kept = s, asked
-        if (compiled := loops(*s)) and nearest.compiled:
+        compiled = loops(*s) if nearest.compiled else None
+        if not (compiled or is_large(s[0])):
+            self._kept = s, asked
+        if compiled:
             number = s[0].dtype.type
             factors = tuple(number(weight) for weight in weights)
             compiled.towards3(*asked, *s, *nearest.numbers(s[0].dtype), factors)
@@ -203,6 +222,25 @@ class OpponentLevel(BoxLevel):
 
         each_strip(work, s[0])
         return asked
+
+    def _move_all(self, s: Planes, w: Planes, weights: list[float], relaxation: float) -> None:
+        """`move`, with z found anew, strip by strip."""
+        nearest = Nearest(self, weights)
+        if (compiled := loops(*s, *w)) and nearest.compiled:
+            number = s[0].dtype.type
+            compiled.move3(*s, *w, *nearest.numbers(s[0].dtype), number(relaxation))
+            return
+
+        def work(strip: slice) -> None:
+            if inner := self._inner(strip):
+                z = mixed(self.opponent, nearest(s, inner[0]))
+                for x, plane in zip(w, z, strict=True):
+                    x[inner] -= plane
+            for plane, x in zip(s, w, strict=True):
+                x[strip, :] *= relaxation
+                plane[strip, :] += x[strip, :]
+
+        each_strip(work, s[0])
 
     @staticmethod
     def _planes_mixed(
@@ -226,6 +264,14 @@ class OpponentLevel(BoxLevel):
 def _energy(x: Array, slope: Array, damping: float) -> float:
     """<x, slope> / 2 + damping ||x||² / 2."""
     return 0.5 * (float(total(x * slope)) + damping * float(total(x * x)))
+
+
+def _move_by(s: Array, away: Array, relaxation: float) -> None:
+    def work(rows: slice) -> None:
+        away[rows, :] *= relaxation
+        s[rows, :] += away[rows, :]
+
+    each_strip(work, s)
 
 
 def _move_from(s: Array, w: Array, asked: Array, half: float, relaxation: float) -> None:

@@ -16,7 +16,7 @@ limit what q_B can win, and the quadratic what is left, g_F = g - g_B where M' K
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, final
 
@@ -27,6 +27,7 @@ from compensate.solver.hessian import Hessian
 from compensate.solver.level import (
     Level,
     Planes,
+    Rows,
     Value,
     by_rows,
     coarsened,
@@ -125,15 +126,12 @@ class SeenLevel(Level):
         """See `Level`."""
         light = self.change(s, weights)
         dual = [namespace(plane).asarray(plane, copy=True) for plane in s]
-        self._add_seen(dual, light, -1.0)
+        self._add_seen(dual, lambda rows: [plane[rows, :] for plane in light], -1.0)
         return light, dual
 
-    def of_state(self, light: Planes, dual: Planes) -> Planes:
+    def of_state(self, light: Sequence[Rows], dual: Planes) -> Planes:
         """See `Level`."""
-        for p, plane in enumerate(light):
-            xp, (lower, upper) = namespace(plane), self.bounds(p, slice(None))
-            light[p] = xp.minimum(xp.maximum(plane, lower), upper)
-        self._add_seen(dual, light, 1.0)
+        self._add_seen(dual, lambda rows: self.bounded(light, rows), 1.0)
         return dual
 
     def lower_bound(
@@ -255,16 +253,16 @@ class SeenLevel(Level):
             known -= float(total(at_bounds[p] * w[p]))
         return known, [g - part for g, part in zip(gradient, at_bounds, strict=True)]
 
-    def _add_seen(self, planes: Planes, light: Planes, sign: float) -> None:
+    def _add_seen(self, planes: Planes, light: Callable[[slice], list[Array]], sign: float) -> None:
         """Add what is seen of light, `sign` K M d, to padded planes."""
-        cols = light[0].shape[1]
+        cols = self.lower[0].shape[1]
 
         def work(rows: slice) -> None:
-            for p, plane in enumerate(self.eyes.seen([d[rows, :] for d in light], rows)):
+            for p, plane in enumerate(self.eyes.seen(light(rows), rows)):
                 k = self.contrast[p // self.eyes.primaries][rows, :]
                 planes[p][rows, :cols] += plane * (sign * k)
 
-        each_strip(work, light[0])
+        each_strip(work, self.lower[0])
 
     def _feasible_again(self, s: Planes, weights: list[float]) -> Planes:
         """`feasible`, as `towards` found it if s is the same still."""

@@ -119,18 +119,22 @@ class ClosedFormDome(LowRankObservation):
         gains = [closed_form_gain(float(rho), dome.radius, dome.screen_area) for rho in albedos]
         offset = np.broadcast_to(np.asarray(ambient, np.float64), (primaries,))
         # Rank one: the screen, the gain, the pixels' areas times the direct gain
+        # In single precision: they are as many as pixels, and known no better
         factors = LowRank(
             direct_gain=gain,
-            spread=screen[None].astype(np.float64),
+            spread=screen[None].astype(np.float32),
             core=np.asarray(gains).reshape(-1, 1, 1),
-            collect=collect[None],
+            collect=collect[None].astype(np.float32),
             ambient=_on(screen, offset),
         )
         super().__init__(factors, screen)
 
 
-def _on(screen: NDArray[np.bool_], offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+def _on(screen: NDArray[np.bool_], offsets: NDArray[np.float64]) -> NDArray[np.float32]:
     """(primary, row, col) offsets on the screen; one plane in memory if they are all alike."""
+    shape, single = (len(offsets), *screen.shape), offsets.astype(np.float32)
+    if not offsets.any():
+        return np.broadcast_to(single[:1, None, None], shape)
     if np.ptp(offsets):
-        return offsets[:, None, None] * screen
-    return np.broadcast_to(offsets[0] * screen, (len(offsets), *screen.shape))
+        return single[:, None, None] * screen
+    return np.broadcast_to(single[0] * screen, shape)

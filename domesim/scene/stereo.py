@@ -266,7 +266,7 @@ class StereoScene(Scene):
 
     def pixel_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
         """(row, col) areas of pixels on the screen, m²."""
-        return np.full((rows, cols), self.size[0] * self.size[1] / (rows * cols))
+        return np.broadcast_to(self.size[0] * self.size[1] / (rows * cols), (rows, cols))
 
     def facts(self) -> dict[str, str]:
         """What a reader of results should know of it: heading -> text."""
