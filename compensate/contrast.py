@@ -284,7 +284,7 @@ class Averaging:
             / (1 + 2 * weights.sum())
             for frequency in self._fourier.frequencies(1.0)
         )
-        self._blur = (along * across).astype(np.float32)
+        self._blur = along.astype(np.float32), across.astype(np.float32)
         self._around = np.float32(1)
         self._around = np.maximum(self(screen[None].astype(np.float32))[0], 1e-3)
 
@@ -294,7 +294,8 @@ class Averaging:
         padded = np.zeros((len(planes), self._fourier.rows, self._fourier.cols), planes.dtype)
         np.multiply(planes, self.screen, out=padded[:, :rows, :cols])
         spectrum = self._fourier.forward(padded)
-        spectrum *= self._blur
+        for factor in self._blur:
+            spectrum *= factor
         averaged: Planes = self._fourier.inverse(spectrum)[:, :rows, :cols]
         averaged /= self._around
         return averaged

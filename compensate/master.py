@@ -481,7 +481,7 @@ class _Shared:
         # Subtraction needs no adjoint, so that it knows a table as it is.
         observation = cast("AdjointObservation", self.single)
         if isinstance(observation, LowRankObservation):
-            on = observation.screen[None, :, :, None].astype(desired.dtype)
+            on = observation.screen_like(desired)[None, :, :, None]
             problem = Problem(observation, self.plain, observation.direct(desired), (0.0, on))
             return problem, baselines.clipped_subtraction(problem)[0]
         problem = Problem(observation, self.plain, desired)

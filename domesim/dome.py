@@ -17,7 +17,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -361,6 +361,10 @@ class Dome:
         np.add.at(result, (row - straight, col - across), areas[row, col])
         return result
 
+    def single_areas(self, rows: int, cols: int) -> NDArray[np.float32]:
+        """`screen_areas` in single precision: kept, and not to be changed."""
+        return _single_areas(self, rows, cols)
+
     def lens_gain(
         self,
         rows: int,
@@ -399,6 +403,13 @@ class Dome:
         distance = np.linalg.norm(ray, axis=-1)
         cosine = np.sum(ray * normal, -1) / distance
         return np.asarray(self.radius**2 * cosine / distance**2)
+
+
+@lru_cache(maxsize=1)
+def _single_areas(dome: Dome, rows: int, cols: int) -> NDArray[np.float32]:
+    areas = dome.screen_areas(rows, cols).astype(np.float32)
+    areas.flags.writeable = False
+    return areas
 
 
 def strips(rows: int, cols: int) -> list[slice]:

@@ -72,7 +72,7 @@ class LowRankObservation(AdjointObservation):
     Parameters
     ----------
     factors
-        As NumPy float64 arrays.
+        As NumPy arrays.
     screen
         (row, col) bool: pixels whose centre is on the screen; all others observe D x.
     """
@@ -83,7 +83,7 @@ class LowRankObservation(AdjointObservation):
 
     @property
     def factors(self) -> LowRank:
-        """The factors, as NumPy float64 arrays."""
+        """The factors, as NumPy arrays."""
         return self._factors
 
     @cached_property
@@ -94,6 +94,10 @@ class LowRankObservation(AdjointObservation):
     def screen(self) -> NDArray[np.bool_]:
         """(row, col) bool: pixels whose centre is on the screen; all others observe D x."""
         return self._screen
+
+    def screen_like(self, light: Light) -> Array:
+        """(row, col) 1 on the screen and 0 elsewhere, as an array like `light`."""
+        return namespace(light).asarray(self._screen, dtype=light.dtype, device=light.device)
 
     @property
     def shape(self) -> tuple[int, int, int, int]:

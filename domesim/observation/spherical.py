@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.dome import Dome
 from domesim.errors import InputError
+from domesim.light import Array, Light
 from domesim.observation.lowrank import LowRank, LowRankObservation
 
 
@@ -106,7 +107,7 @@ class ClosedFormDome(LowRankObservation):
         primaries: int = 3,
     ) -> None:
         albedos = np.broadcast_to(np.asarray(albedo, np.float64), (primaries,))
-        areas = dome.screen_areas(rows, cols)
+        areas = dome.single_areas(rows, cols)
         screen = dome.inside(rows, cols)
         if lens_gain is not None and not bool(np.all(lens_gain[screen] > 0)):
             raise InputError("lens gain must be above 0 everywhere on the screen")
@@ -124,10 +125,14 @@ class ClosedFormDome(LowRankObservation):
             direct_gain=gain,
             spread=screen[None].astype(np.float32),
             core=np.asarray(gains).reshape(-1, 1, 1),
-            collect=collect[None].astype(np.float32),
+            collect=collect[None].astype(np.float32, copy=False),
             ambient=_on(screen, offset),
         )
         super().__init__(factors, screen)
+
+    def screen_like(self, light: Light) -> Array:
+        """See `LowRankObservation`: U's only mode."""
+        return self.factors_like(light).spread[0, :, :]
 
 
 def _on(screen: NDArray[np.bool_], offsets: NDArray[np.float64]) -> NDArray[np.float32]:
