@@ -247,6 +247,10 @@ class Posed:
         """
         return self._visible(self.residual(light))
 
+    def stored_error(self, stored: Master) -> float:
+        """`visible_error` of a frame as a file holds it, with its rounding."""
+        return self.visible_error(decoded(stored, self.scene))
+
     def _visible(self, residual: Light) -> float:
         """`visible_error` of what is left; rounding is nothing."""
         if _is_rounding(residual):
@@ -333,10 +337,6 @@ class Outcome:
     light: Light
     figures: Figures
     posed: Posed
-
-    def stored_error(self, stored: Master) -> float:
-        """Visible error (JND rms) of `frame` as a file holds it, with its rounding."""
-        return self.posed.visible_error(decoded(stored, self.posed.scene))
 
 
 def compensate(

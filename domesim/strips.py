@@ -101,6 +101,12 @@ def keep_freed_memory() -> None:
         library.mallopt(_MMAP_THRESHOLD, KEPT)
 
 
+def give_back_memory() -> None:
+    """Give what was kept of freed memory back, where the C library can (glibc)."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads(), "domesim-strips")

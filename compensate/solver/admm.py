@@ -56,6 +56,7 @@ from compensate.solver.varying import Varying
 from compensate.weighting import Masked
 from domesim.light import Light, namespace
 from domesim.observation.stereo import StereoObservation
+from domesim.strips import give_back_memory, is_large
 
 
 @final
@@ -254,6 +255,8 @@ class _Run:
     def _fine(self, s: Planes) -> Status | None:
         settings, level = self._settings, self._level
         rho = self._penalties[1]
+        if is_large(s[0]):
+            give_back_memory()  # of coarse planes
         weights = level.weights(rho)
         anderson = Anderson(settings.memory, weights)
         for iteration in range(1, settings.max_iterations + 1):

@@ -198,7 +198,7 @@ def test_what_a_file_cannot_hold_is_told(scene):
     wide = replace(scene, projector=Projector("P3-D65", 13.7, 0.007))
     outcome = compensate_frame(frame(64), wide)
     assert outcome.figures.file_clipped > 0.05
-    assert outcome.stored_error(outcome.frame) > 1.02 * outcome.figures.error_after
+    assert outcome.posed.stored_error(outcome.frame) > 1.02 * outcome.figures.error_after
     assert compensate_frame(frame(64), scene).figures.file_clipped == 0
 
 
@@ -207,7 +207,7 @@ def test_the_error_of_the_stored_file_is_told(scene, tmp_path, bits, worse):
     outcome = compensate_frame(frame(96, bits), scene)
     path = tmp_path / "out.png"
     write_master(outcome.frame, [path], bits=bits)
-    stored = outcome.stored_error(read_master([path]))
+    stored = outcome.posed.stored_error(read_master([path]))
     assert stored >= outcome.figures.error_after * (1 - 1e-3)
     assert (stored > outcome.figures.error_after * (1 + 1e-3)) == worse
 

@@ -23,6 +23,7 @@ from compensate.solver.dome_split import hessian_of
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
 from domesim.scene import load_dome
+from validation.benchmarks import problems
 from validation.experiments.convergence import dense
 from validation.masters import night
 
@@ -363,3 +364,19 @@ def test_nothing_is_of_double_precision_on_the_way(monkeypatch):
     assert found.light.dtype == np.float32
     plane = posed.problem.weighting.fourier.rows * posed.problem.weighting.fourier.cols * 4
     assert peak / plane <= 110  # most of it strips, which are as large as such a small picture
+
+
+@pytest.mark.parametrize(("name", "least"), [("dome-rgb", 19), ("photo-rgb", 35)])
+def test_the_memory_that_large_frames_take_is_planned(name, least, monkeypatch):
+    """In padded planes; strips are made small, for they are as large as such a small picture."""
+    monkeypatch.setattr("domesim.strips.SAMPLES", 10_000)
+    monkeypatch.setattr("compensate.solver.opponent_level.is_large", lambda plane: True)
+    task = problems.PROBLEMS[name][1](512).single
+    fourier = task.problem.weighting.fourier
+    # What a theatre's frames share is made once
+    ADMM(max_iterations=1, coarse=(0, 0))(task.problem, task.start)
+    tracemalloc.start()
+    ADMM(stop_when_invisible=False)(task.problem, task.start)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak / (fourier.rows * fourier.cols * 4) <= least
