@@ -7,6 +7,7 @@ against the true gap; KKT conditions, not only answers.
 from __future__ import annotations
 
 import tracemalloc
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from compensate.solver.admm import ADMM
 from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
 from compensate.solver.dome_split import hessian_of
 from compensate.solver.gpcg import GPCG
+from compensate.solver.level import by_enlarged_rows
 from compensate.solver.result import Status
 from domesim.scene import load_dome
 from validation.benchmarks import problems
@@ -380,3 +382,11 @@ def test_the_memory_that_large_frames_take_is_planned(name, least, monkeypatch):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak / (fourier.rows * fourier.cols * 4) <= least
+
+
+def test_an_enlarged_picture_is_the_same_strip_by_strip():
+    plane = np.random.default_rng(0).random((5, 4), np.float32)
+    whole = np.kron(plane, np.ones((2, 2), np.float32))[:, :7]
+    rows = by_enlarged_rows(plane, 7)
+    for start, stop in combinations(range(11), 2):
+        np.testing.assert_array_equal(rows(slice(start, stop)), whole[start:stop])
