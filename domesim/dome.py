@@ -27,6 +27,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.optimize import brentq
 
 from domesim.errors import InputError
+from domesim.strips import is_large
 
 Angles: TypeAlias = NDArray[np.floating[Any]]
 
@@ -361,9 +362,9 @@ class Dome:
         np.add.at(result, (row - straight, col - across), areas[row, col])
         return result
 
-    def single_areas(self, rows: int, cols: int) -> NDArray[np.float32]:
-        """`screen_areas` in single precision: kept, and not to be changed."""
-        return _single_areas(self, rows, cols)
+    def kept_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
+        """`screen_areas`, kept and not to be changed; large pictures' in single precision."""
+        return _kept_areas(self, rows, cols)
 
     def lens_gain(
         self,
@@ -406,8 +407,10 @@ class Dome:
 
 
 @lru_cache(maxsize=1)
-def _single_areas(dome: Dome, rows: int, cols: int) -> NDArray[np.float32]:
-    areas = dome.screen_areas(rows, cols).astype(np.float32)
+def _kept_areas(dome: Dome, rows: int, cols: int) -> NDArray[np.floating]:
+    areas: NDArray[np.floating] = dome.screen_areas(rows, cols)
+    if is_large(areas):
+        areas = areas.astype(np.float32)
     areas.flags.writeable = False
     return areas
 

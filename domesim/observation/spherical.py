@@ -107,7 +107,7 @@ class ClosedFormDome(LowRankObservation):
         primaries: int = 3,
     ) -> None:
         albedos = np.broadcast_to(np.asarray(albedo, np.float64), (primaries,))
-        areas = dome.single_areas(rows, cols)
+        areas = dome.kept_areas(rows, cols)
         screen = dome.inside(rows, cols)
         if lens_gain is not None and not bool(np.all(lens_gain[screen] > 0)):
             raise InputError("lens gain must be above 0 everywhere on the screen")
@@ -120,13 +120,12 @@ class ClosedFormDome(LowRankObservation):
         gains = [closed_form_gain(float(rho), dome.radius, dome.screen_area) for rho in albedos]
         offset = np.broadcast_to(np.asarray(ambient, np.float64), (primaries,))
         # Rank one: the screen, the gain, the pixels' areas times the direct gain
-        # In single precision: they are as many as pixels, and known no better
         factors = LowRank(
             direct_gain=gain,
             spread=screen[None].astype(np.float32),
             core=np.asarray(gains).reshape(-1, 1, 1),
-            collect=collect[None].astype(np.float32, copy=False),
-            ambient=_on(screen, offset),
+            collect=collect[None].astype(areas.dtype, copy=False),
+            ambient=_on(screen, offset.astype(areas.dtype)),
         )
         super().__init__(factors, screen)
 
@@ -135,11 +134,11 @@ class ClosedFormDome(LowRankObservation):
         return self.factors_like(light).spread[0, :, :]
 
 
-def _on(screen: NDArray[np.bool_], offsets: NDArray[np.float64]) -> NDArray[np.float32]:
+def _on(screen: NDArray[np.bool_], offsets: NDArray[np.floating]) -> NDArray[np.floating]:
     """(primary, row, col) offsets on the screen; one plane in memory if they are all alike."""
-    shape, single = (len(offsets), *screen.shape), offsets.astype(np.float32)
+    shape = (len(offsets), *screen.shape)
     if not offsets.any():
-        return np.broadcast_to(single[:1, None, None], shape)
+        return np.broadcast_to(offsets[:1, None, None], shape)
     if np.ptp(offsets):
-        return single[:, None, None] * screen
-    return np.broadcast_to(single[0] * screen, shape)
+        return offsets[:, None, None] * screen
+    return np.broadcast_to(offsets[0] * screen, shape)

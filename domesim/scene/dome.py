@@ -151,7 +151,7 @@ class DomeScene(Scene):
 
     def pixel_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
         """(row, col) areas of pixels on the screen, m²."""
-        return self.dome.single_areas(rows, cols)
+        return self.dome.kept_areas(rows, cols)
 
     def facts(self) -> dict[str, str]:
         """What a reader of results should know of it: heading -> text."""

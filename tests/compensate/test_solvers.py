@@ -368,7 +368,7 @@ def test_nothing_is_of_double_precision_on_the_way(monkeypatch):
     assert peak / plane <= 110  # most of it strips, which are as large as such a small picture
 
 
-@pytest.mark.parametrize(("name", "least"), [("dome-rgb", 19), ("photo-rgb", 35)])
+@pytest.mark.parametrize(("name", "least"), [("dome-rgb", 19), ("synthetic-rgb", 35)])
 def test_the_memory_that_large_frames_take_is_planned(name, least, monkeypatch):
     """In padded planes; strips are made small, for they are as large as such a small picture."""
     monkeypatch.setattr("domesim.strips.SAMPLES", 10_000)

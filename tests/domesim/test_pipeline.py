@@ -63,7 +63,8 @@ def work(
 
     def finish(master: Master, write: Write) -> tuple[dict[str, Any], str]:
         finishing(number_of(master))
-        stored = write(master)
+        write(master)
+        stored = write.stored()
         written(number_of(stored))
         return {"number": number_of(stored)}, f"told {number_of(stored)}"
 
