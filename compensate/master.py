@@ -185,14 +185,19 @@ class Posed:
     @cached_property
     def error_before(self) -> float:
         """`visible_error` of the untouched master."""
-        return self.visible_error(self.desired)
+        known = self._untouched[1]
+        return self.visible_error(self.desired) if known is None else known
 
     @cached_property
-    def _untouched(self) -> tuple[float, NDArray[np.floating]]:
-        """`pollution`, and (view, row, col) luminance that is seen too much of a pair."""
+    def _untouched(self) -> tuple[float, float | None, NDArray[np.floating]]:
+        """`pollution`, `error_before`, and (view, row, col) luminance that a pair sees too much.
+
+        The error is None where subtraction is exact: it may not be asked for.
+        """
         residual = self.residual(self.desired)
         ghost = self._luminance(residual[: self.scene.views if self.scene.views > 1 else 0])
-        return mean_luminance(residual, self.scene, self.areas), ghost
+        pollution = mean_luminance(residual, self.scene, self.areas)
+        return pollution, None if self.exact else self._visible(residual), ghost
 
     def _luminance(self, light: Light) -> NDArray[np.floating]:
         planes = np.empty(light.shape[:3], light.dtype)
@@ -300,7 +305,7 @@ class Posed:
         """
         if self.scene.views == 1:
             return None
-        ghost = self._untouched[1]
+        ghost = self._untouched[2]
         if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT:
             return None
         if self.exact and light is self.subtractive:

@@ -30,7 +30,7 @@ from domesim.light import Array, namespace, total
 _GROWN = 2.0  # times the last residual: the acceleration is given up and begins anew
 _STRIDE = 4  # between the pixels that are looked at
 _DAMPING = 1e-8  # of the inner products' trace
-LARGEST, TINY = 32767, np.float32(1e-37)
+LARGEST, TINY = np.float32(32767), np.float32(1e-37)
 """What 16 bits hold, and the least that counts as light."""
 
 
@@ -126,7 +126,7 @@ class Short:
 
     def __setitem__(self, rows: tuple[slice, slice], part: NDArray[np.float32]) -> None:
         largest = np.maximum(part.max(axis=1, keepdims=True), -part.min(axis=1, keepdims=True))
-        units = np.maximum(largest, TINY) / np.float32(LARGEST)
+        units = np.maximum(largest, TINY) / LARGEST
         self.units[rows[0]] = units
         np.rint(part / units, out=self.codes[rows], casting="unsafe")
 

@@ -6,7 +6,7 @@ Without bounds, and with one M for all pixels and no o, it is v = (Q + M)^-1 T' 
 Where that is out of bounds, the primaries are set to their best, one after the other, and again
 (projected Gauss-Seidel, over-relaxed: it converges for any bounds, as Q + M is positive definite;
 Cottle, Pang & Stone 1992, *The Linear Complementarity Problem*, section 5.2). The compiled loops
-find the active set instead: who is out of bounds is pinned, and let go if it pulls inwards.
+find the active set instead, from that of the step before (`compiled.searched3`).
 
 Where M differs from pixel to pixel, or there is an o, the same sweeps go on from there; as M is
 small, one or two do.
@@ -62,12 +62,9 @@ class Nearest:
         level, number = self._level, dtype.type
         widths = tuple(number(w) if isinstance(w, float) else w for w in level.width)
         damping = number(level.damping) if isinstance(level.damping, float) else level.damping
-        matrices = (self._free, self._coupled, self._pinned, level.opponent)
-        constants = number(self._least), number(_RELAXATION), number(_settled(dtype))
         return (
-            *(tuple(level.lower), widths, damping),
-            *(matrix.astype(dtype) for matrix in matrices),
-            constants,
+            *(tuple(level.lower), widths, damping, number(self._least)),
+            *(matrix.astype(dtype) for matrix in (self._free, self._coupled, level.opponent)),
         )
 
     def __call__(self, s: Planes, rows: slice) -> Planes:
@@ -133,18 +130,6 @@ class Nearest:
                 away[p] = best - v[p]
             if moved <= least:
                 break
-
-    @property
-    def _pinned(self) -> Any:
-        """(which are pinned, primary, primary) the nearest d, of the pinned primaries' d."""
-        size = len(self._coupled)
-        result = np.zeros((2**size, size, size))
-        for held, matrix in enumerate(result):
-            bits = np.array([bool(held >> p & 1) for p in range(size)])
-            matrix[bits, bits] = 1
-            free, across = np.ix_(~bits, ~bits), np.ix_(~bits, bits)
-            matrix[across] = -np.linalg.solve(self._coupled[free], self._coupled[across])
-        return result
 
 
 def _settled(dtype: Any) -> float:

@@ -14,6 +14,8 @@ import numba
 import numpy as np
 from numba.extending import overload
 
+from compensate.solver.anderson import LARGEST, TINY
+
 # Before OpenMP is loaded, which is at the first loop. Threads that wait for others in a busy loop
 # made a solution ten times slower while other programs ran, and are no faster while none do.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
@@ -140,19 +142,18 @@ def advance(
     weights: Any,
 ) -> None:  # fmt: skip
     """`anderson._advance` of two differences."""
-    most, tiny = numba.float32(32767), numba.float32(1e-37)
     cols = plane.shape[1]
     for i in numba.prange(plane.shape[0]):
         rows = np.empty((2, cols), np.float32)
         unit, other = units[i, 0], other_units[i, 0]
-        largest, other_largest = tiny, tiny
+        largest, other_largest = TINY, TINY
         for j in range(cols):
             a = unit * codes[i, j]
             first = -(r[i, j] + was[0] * a + was[1] * (other * other_codes[i, j]))
             rows[0, j], rows[1, j] = first, a + first
             largest = max(largest, abs(first))
             other_largest = max(other_largest, abs(a + first))
-        unit, other = largest / most, other_largest / most
+        unit, other = largest / LARGEST, other_largest / LARGEST
         units[i, 0], other_units[i, 0] = unit, other
         for j in range(cols):
             a, b = np.rint(rows[0, j] / unit), np.rint(rows[1, j] / other)
@@ -330,130 +331,199 @@ def channels3(
                 c[i, k] = d2 * x - weights[2, 2] * at_u
 
 
-_INLINE: Any = numba.njit(inline="always", error_model="numpy", fastmath={"contract", "nsz"})
+_INLINE: Any = numba.njit(forceinline=True, error_model="numpy", fastmath=_EXACT)
+
+
+# An *active set* of one pixel of three primaries is a byte. Bits 0 to 2 say which primaries are at
+# a bound, 3 to 5 that it is the upper one, 7 that another set is to be found. From step to step of
+# the solver few sets change.
+_WRONG = 128
 
 
 @_INLINE
-def pinned3(
-    low0: Any, low1: Any, low2: Any, high0: Any, high1: Any, high2: Any, d0: Any, d1: Any, d2: Any,
-    coupled: Any, pinned: Any,
-) -> Any:  # fmt: skip
-    """The least d'(coupled)d within bounds, by its active set; `pinned` by which are pinned."""
-    at0, at1, at2 = d0, d1, d2
-    held = 0
-    for _ in range(8):
-        # Who is out of bounds is pinned to the bound
-        change = 0
-        if d0 < low0 or d0 > high0:
-            at0, change = (low0 if d0 < low0 else high0), 1
-        if d1 < low1 or d1 > high1:
-            at1, change = (low1 if d1 < low1 else high1), change | 2
-        if d2 < low2 or d2 > high2:
-            at2, change = (low2 if d2 < low2 else high2), change | 4
-        if change == 0:
-            # ... and let go if it pulls inwards
-            if held & 1 and low0 < high0:
-                g = coupled[0, 0] * d0 + coupled[0, 1] * d1 + coupled[0, 2] * d2
-                change |= 1 if (g < 0 if at0 == low0 else g > 0) else 0
-            if held & 2 and low1 < high1:
-                g = coupled[1, 0] * d0 + coupled[1, 1] * d1 + coupled[1, 2] * d2
-                change |= 2 if (g < 0 if at1 == low1 else g > 0) else 0
-            if held & 4 and low2 < high2:
-                g = coupled[2, 0] * d0 + coupled[2, 1] * d1 + coupled[2, 2] * d2
-                change |= 4 if (g < 0 if at2 == low2 else g > 0) else 0
-            if change == 0:
-                break
-            held &= ~change
-        else:
-            held |= change
-        e0 = at0 if held & 1 else 0 * d0
-        e1 = at1 if held & 2 else 0 * d1
-        e2 = at2 if held & 4 else 0 * d2
-        d0 = pinned[held, 0, 0] * e0 + pinned[held, 0, 1] * e1 + pinned[held, 0, 2] * e2
-        d1 = pinned[held, 1, 0] * e0 + pinned[held, 1, 1] * e1 + pinned[held, 1, 2] * e2
-        d2 = pinned[held, 2, 0] * e0 + pinned[held, 2, 1] * e1 + pinned[held, 2, 2] * e2
-        d0 = e0 if held & 1 else d0
-        d1 = e1 if held & 2 else d1
-        d2 = e2 if held & 4 else d2
-    return min(max(d0, low0), high0), min(max(d1, low1), high1), min(max(d2, low2), high2)
-
-
-@_INLINE
-def best3(
-    p: Any, q: Any, r: Any, bounds: Any, extra: Any, free: Any, coupled: Any, pinned: Any,
-    relaxation: Any, settled: Any,
-) -> Any:  # fmt: skip
-    """The best light of one pixel, of s."""
-    low0, high0, low1, high1, low2, high2 = bounds
-    x = free[0, 0] * p + free[0, 1] * q + free[0, 2] * r
-    y = free[1, 0] * p + free[1, 1] * q + free[1, 2] * r
-    z = free[2, 0] * p + free[2, 1] * q + free[2, 2] * r
-    low0, low1, low2 = low0 - x, low1 - y, low2 - z
-    high0, high1, high2 = high0 - x, high1 - y, high2 - z
-    d0, d1, d2 = 0 * p, 0 * q, 0 * r
-    if max(low0, low1, low2, -high0, -high1, -high2) > 0:
-        d0, d1, d2 = pinned3(low0, low1, low2, high0, high1, high2, d0, d1, d2, coupled, pinned)
-    if extra != 0:
-        for _ in range(200):
-            g = coupled[0, 0] * d0 + coupled[0, 1] * d1 + coupled[0, 2] * d2 + extra * (x + d0)
-            e0 = min(max(d0 - relaxation * g / (coupled[0, 0] + extra), low0), high0)
-            g = coupled[1, 0] * e0 + coupled[1, 1] * d1 + coupled[1, 2] * d2 + extra * (y + d1)
-            e1 = min(max(d1 - relaxation * g / (coupled[1, 1] + extra), low1), high1)
-            g = coupled[2, 0] * e0 + coupled[2, 1] * e1 + coupled[2, 2] * d2 + extra * (z + d2)
-            e2 = min(max(d2 - relaxation * g / (coupled[2, 2] + extra), low2), high2)
-            moved = max(abs(e0 - d0), abs(e1 - d1), abs(e2 - d2))
-            d0, d1, d2 = e0, e1, e2
-            if moved <= settled:
-                break
-    return x + d0, y + d1, z + d2
-
-
-@_INLINE
-def bounds3(i: Any, j: Any, lowers: Any, widths: Any) -> Any:
-    """Of one pixel: lower and upper ones of three primaries by turns."""
-    low0, low1, low2 = lowers[0][i, j], lowers[1][i, j], lowers[2][i, j]
+def entries(matrix: Any) -> Any:
+    """Of a matrix of three rows and columns, as numbers: loops over pixels keep these at hand."""
     return (
+        matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 0], matrix[1, 1], matrix[1, 2],
+        matrix[2, 0], matrix[2, 1], matrix[2, 2],
+    )  # fmt: skip
+
+
+@_INLINE
+def times3(m: Any, x: Any, y: Any, z: Any) -> Any:
+    """A matrix of `entries` times three numbers."""
+    return (
+        m[0] * x + m[1] * y + m[2] * z,
+        m[3] * x + m[4] * y + m[5] * z,
+        m[6] * x + m[7] * y + m[8] * z,
+    )
+
+
+@_INLINE
+def pixel3(
+    i: Any, j: Any, s: Any, lowers: Any, widths: Any, damping: Any, least: Any
+) -> Any:  # fmt: skip
+    """Of one pixel: s; lower and upper bounds by turns; what its damping is above the least."""
+    low0, low1, low2 = lowers[0][i, j], lowers[1][i, j], lowers[2][i, j]
+    bounds = (
         low0, low0 + at(widths[0], i, j), low1, low1 + at(widths[1], i, j),
         low2, low2 + at(widths[2], i, j),
     )  # fmt: skip
+    return (s[0][i, j], s[1][i, j], s[2][i, j]), bounds, at(damping, i, j) - least
+
+
+@_INLINE
+def held3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: Any) -> Any:
+    """The best light with that active set, and how it fits, without a branch.
+
+    Returns
+    -------
+    x, y, z
+        Light.
+    under, over
+        For each primary, how far it is beyond its bounds: where positive, it is to be active.
+    inwards
+        For each, how much it pulls away from the bound: where positive, it is to be let go.
+    """
+    vx, vy, vz = times3(free, s[0], s[1], s[2])
+    low0, low1, low2 = bounds[0] - vx, bounds[2] - vy, bounds[4] - vz
+    high0, high1, high2 = bounds[1] - vx, bounds[3] - vy, bounds[5] - vz
+    none = 0 * vx
+    # 1 where a primary is free, and what the others are
+    m0 = none if active & 1 else none + 1
+    m1 = none if active & 2 else none + 1
+    m2 = none if active & 4 else none + 1
+    e0 = (1 - m0) * (high0 if active & 8 else low0)
+    e1 = (1 - m1) * (high1 if active & 16 else low1)
+    e2 = (1 - m2) * (high2 if active & 32 else low2)
+    # Rows and columns of active primaries are the unit matrix's. LDL' of (coupled + extra)
+    a00, a11, a22 = coupled[0] + extra, coupled[4] + extra, coupled[8] + extra
+    a01, a02, a12 = m0 * m1 * coupled[1], m0 * m2 * coupled[2], m1 * m2 * coupled[5]
+    b0 = -m0 * (coupled[1] * e1 + coupled[2] * e2 + extra * vx)
+    b1 = -m1 * (coupled[3] * e0 + coupled[5] * e2 + extra * vy)
+    b2 = -m2 * (coupled[6] * e0 + coupled[7] * e1 + extra * vz)
+    i0 = m0 / a00 + (1 - m0)
+    c01, c02 = a01 * i0, a02 * i0
+    i1 = 1 / (m1 * a11 + (1 - m1) - c01 * a01)
+    a12 -= c01 * a02
+    c12 = a12 * i1
+    b1 -= c01 * b0
+    b2 -= c02 * b0 + c12 * b1
+    d2 = b2 / (m2 * a22 + (1 - m2) - c02 * a02 - c12 * a12)
+    d1 = b1 * i1 - c12 * d2
+    d0 = b0 * i0 - c01 * d1 - c02 * d2 + e0
+    d1 += e1
+    d2 += e2
+    g0, g1, g2 = times3(coupled, d0, d1, d2)
+    g0 += extra * (vx + d0)
+    g1 += extra * (vy + d1)
+    g2 += extra * (vz + d2)
+    g0, g1, g2 = (
+        g0 if active & 8 else -g0, g1 if active & 16 else -g1, g2 if active & 32 else -g2,
+    )  # fmt: skip
+    under = m0 * (low0 - d0), m1 * (low1 - d1), m2 * (low2 - d2)
+    over = m0 * (d0 - high0), m1 * (d1 - high1), m2 * (d2 - high2)
+    inwards = (
+        (1 - m0) * g0 * (high0 - low0), (1 - m1) * g1 * (high1 - low1),
+        (1 - m2) * g2 * (high2 - low2),
+    )  # fmt: skip
+    return (vx + d0, vy + d1, vz + d2), under, over, inwards
+
+
+@_INLINE
+def searched3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: Any) -> Any:
+    """The active set of the best light, by turns of `held3`.
+
+    All that are out of bounds are held there, or else all that pull inwards are let go. That may go
+    round in circles: after some turns, only the first of all these is (Murty 1974, *Opsearch* 11).
+    """
+    for turn in range(40):
+        _, under, over, inwards = held3(s, bounds, extra, active, free, coupled)
+        out, inner = 0, 0
+        for k in range(3):
+            out |= (1 << k) if under[k] > 0 or over[k] > 0 else 0
+            inner |= (1 << k) if inwards[k] > 0 else 0
+        if out | inner == 0:
+            break
+        if turn >= 8:
+            first = (out | inner) & -(out | inner)
+            out, inner = out & first, inner & first
+        elif out:
+            inner = 0
+        for k in range(3):
+            if out & 1 << k:
+                active = active | (8 << k) if over[k] > 0 else active & ~(8 << k)
+        active = (active | out) & ~inner
+    return active
+
+
+@_INLINE
+def hold3(
+    i: Any, active: Any, s: Any, lowers: Any, widths: Any, damping: Any, least: Any, free: Any,
+    coupled: Any,
+) -> None:  # fmt: skip
+    """The active sets of a row: most are what they were."""
+    for j in range(active.shape[1]):
+        at_pixel, bounds, extra = pixel3(i, j, s, lowers, widths, damping, least)
+        was = active[i, j]
+        _, under, over, inwards = held3(at_pixel, bounds, extra, was, free, coupled)
+        worst = max(
+            under[0], under[1], under[2], over[0], over[1], over[2], inwards[0], inwards[1],
+            inwards[2],
+        )  # fmt: skip
+        active[i, j] = was | _WRONG if worst > 0 else was
+    for j in range(active.shape[1]):
+        if active[i, j] & _WRONG:
+            at_pixel, bounds, extra = pixel3(i, j, s, lowers, widths, damping, least)
+            active[i, j] = searched3(at_pixel, bounds, extra, active[i, j] & 63, free, coupled)
+
+
+@_INLINE
+def light3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: Any) -> Any:
+    """The best light with that active set, within the bounds."""
+    (x, y, z), _, _, _ = held3(s, bounds, extra, active, free, coupled)
+    return (
+        min(max(x, bounds[0]), bounds[1]),
+        min(max(y, bounds[2]), bounds[3]),
+        min(max(z, bounds[4]), bounds[5]),
+    )
 
 
 @_COMPILED
 def nearest3(
     a: Any, b: Any, c: Any, s0: Any, s1: Any, s2: Any, lowers: Any, widths: Any, damping: Any,
-    free: Any, coupled: Any, pinned: Any, opponent: Any, constants: Any,
+    least: Any, free: Any, coupled: Any, opponent: Any, active: Any,
 ) -> None:  # fmt: skip
     """`OpponentLevel.answer` of three primaries."""
-    rows, cols = a.shape
-    least, relaxation, settled = constants
-    for i in numba.prange(rows):
-        for j in range(cols):
-            bounds, extra = bounds3(i, j, lowers, widths), at(damping, i, j) - least
-            p, q, r = s0[i, j], s1[i, j], s2[i, j]
-            a[i, j], b[i, j], c[i, j] = best3(
-                p, q, r, bounds, extra, free, coupled, pinned, relaxation, settled
-            )
+    for i in numba.prange(a.shape[0]):
+        of, by = entries(free), entries(coupled)
+        hold3(i, active, (s0, s1, s2), lowers, widths, damping, least, of, by)
+        for j in range(a.shape[1]):
+            s, bounds, extra = pixel3(i, j, (s0, s1, s2), lowers, widths, damping, least)
+            a[i, j], b[i, j], c[i, j] = light3(s, bounds, extra, active[i, j], of, by)
 
 
 @_COMPILED
 def towards3(
     a: Any, b: Any, c: Any, s0: Any, s1: Any, s2: Any, lowers: Any, widths: Any, damping: Any,
-    free: Any, coupled: Any, pinned: Any, opponent: Any, constants: Any, weights: Any,
+    least: Any, free: Any, coupled: Any, opponent: Any, active: Any, weights: Any,
 ) -> None:  # fmt: skip
     """`OpponentLevel.towards` of three primaries."""
-    rows, cols = lowers[0].shape
-    t = opponent + opponent
-    least, relaxation, settled = constants
+    rows, cols = active.shape
     weight0, weight1, weight2 = weights
     for i in numba.prange(s0.shape[0]):
-        inside = cols if i < rows else 0
+        of, by, to = entries(free), entries(coupled), entries(opponent)
+        inside = 0
+        if i < rows:
+            inside = cols
+            hold3(i, active, (s0, s1, s2), lowers, widths, damping, least, of, by)
         for j in range(inside):
-            bounds, extra = bounds3(i, j, lowers, widths), at(damping, i, j) - least
-            p, q, r = s0[i, j], s1[i, j], s2[i, j]
-            x, y, z = best3(p, q, r, bounds, extra, free, coupled, pinned, relaxation, settled)
-            a[i, j] = weight0 * (t[0, 0] * x + t[0, 1] * y + t[0, 2] * z - p)
-            b[i, j] = weight1 * (t[1, 0] * x + t[1, 1] * y + t[1, 2] * z - q)
-            c[i, j] = weight2 * (t[2, 0] * x + t[2, 1] * y + t[2, 2] * z - r)
+            s, bounds, extra = pixel3(i, j, (s0, s1, s2), lowers, widths, damping, least)
+            x, y, z = light3(s, bounds, extra, active[i, j], of, by)
+            x, y, z = times3(to, x + x, y + y, z + z)
+            a[i, j], b[i, j], c[i, j] = (
+                weight0 * (x - s[0]), weight1 * (y - s[1]), weight2 * (z - s[2]),
+            )  # fmt: skip
         for j in range(inside, s0.shape[1]):
             a[i, j] = -weight0 * s0[i, j]
             b[i, j] = -weight1 * s1[i, j]
@@ -463,31 +533,23 @@ def towards3(
 @_COMPILED
 def move3(
     s0: Any, s1: Any, s2: Any, w0: Any, w1: Any, w2: Any, lowers: Any, widths: Any, damping: Any,
-    free: Any, coupled: Any, pinned: Any, opponent: Any, constants: Any, over: Any,
+    least: Any, free: Any, coupled: Any, opponent: Any, active: Any, over: Any,
 ) -> None:  # fmt: skip
-    """`OpponentLevel.move` of three primaries, without what s went to."""
-    rows, cols = lowers[0].shape
-    t = opponent
-    least, relaxation, settled = constants
+    """`OpponentLevel.move` of three primaries, after `towards3` of the same s."""
+    rows, cols = active.shape
     for i in numba.prange(s0.shape[0]):
-        inside = cols if i < rows else 0
+        of, by, to = entries(free), entries(coupled), entries(opponent)
+        for j in range(cols if i < rows else 0):
+            s, bounds, extra = pixel3(i, j, (s0, s1, s2), lowers, widths, damping, least)
+            x, y, z = light3(s, bounds, extra, active[i, j], of, by)
+            x, y, z = times3(to, x, y, z)
+            w0[i, j] -= x
+            w1[i, j] -= y
+            w2[i, j] -= z
         for j in range(s0.shape[1]):
-            p, q, r = s0[i, j], s1[i, j], s2[i, j]
-            x, y, z = 0 * p, 0 * p, 0 * p
-            if j < inside:
-                bounds, extra = bounds3(i, j, lowers, widths), at(damping, i, j) - least
-                x, y, z = best3(p, q, r, bounds, extra, free, coupled, pinned, relaxation, settled)
-            w0[i, j] = over * (w0[i, j] - t[0, 0] * x - t[0, 1] * y - t[0, 2] * z)
-            w1[i, j] = over * (w1[i, j] - t[1, 0] * x - t[1, 1] * y - t[1, 2] * z)
-            w2[i, j] = over * (w2[i, j] - t[2, 0] * x - t[2, 1] * y - t[2, 2] * z)
-            s0[i, j], s1[i, j], s2[i, j] = p + w0[i, j], q + w1[i, j], r + w2[i, j]
-
-
-@_COMPILED
-def move_from(s: Any, w: Any, asked: Any, half: Any, relaxation: Any) -> None:
-    """`OpponentLevel.move` of one plane."""
-    for i in numba.prange(s.shape[0]):
-        for j in range(s.shape[1]):
-            r = relaxation * (w[i, j] - half * asked[i, j] - s[i, j] / 2)
-            w[i, j] = r
-            s[i, j] += r
+            w0[i, j] *= over
+            w1[i, j] *= over
+            w2[i, j] *= over
+            s0[i, j] += w0[i, j]
+            s1[i, j] += w1[i, j]
+            s2[i, j] += w2[i, j]

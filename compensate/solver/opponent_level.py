@@ -47,6 +47,7 @@ class OpponentLevel(BoxLevel):
     opponent: NDArray[np.floating[Any]] = field(kw_only=True)
     _kept: tuple[Planes, Planes] | None = field(init=False, default=None)
     _stepped: Planes | None = field(init=False, default=None)
+    _active: NDArray[np.uint8] | None = field(init=False, default=None)
 
     def damping_of(self, rows: slice) -> Any:
         """M of rows of the picture."""
@@ -61,7 +62,7 @@ class OpponentLevel(BoxLevel):
         nearest = Nearest(self, weights)
         z = [namespace(s[0]).empty_like(lower) for lower in self.lower]
         if (compiled := loops(*s)) and nearest.compiled:
-            compiled.nearest3(*z, *s, *nearest.numbers(s[0].dtype))
+            compiled.nearest3(*z, *s, *self._numbers_of(nearest))
             return z
 
         def work(rows: slice) -> None:
@@ -82,30 +83,28 @@ class OpponentLevel(BoxLevel):
 
     def towards(self, s: Planes, weights: list[float]) -> Iterator[Array]:
         """See `Level`; kept for `move` and `lower_bound` where finding it again is slow."""
-        asked = self._towards_all(s, weights)
-        if self._kept is not None:
-            yield from asked
-        while self._kept is None and asked:
+        asked = [*self._towards_all(s, weights)]
+        while asked:  # one by one: each becomes a spectrum
             yield asked.pop(0)
 
     def move(self, s: Planes, w: Planes, weights: list[float], relaxation: float) -> None:
         """See `Level`: z is half of s and what s went to, over the weight."""
         if self._stepped is w:
             self._stepped = None
-            for plane, away in zip(s, w, strict=True):
-                _move_by(plane, away, relaxation)
+            each_strip(lambda rows: _step(s, w, rows, relaxation), s[0])
             return
         if self._kept is None:
             self._move_all(s, w, weights, relaxation)
             return
         asked = self._towards_all(s, weights)
         self._kept = None
-        for plane, x, target, weight in zip(s, w, asked, weights, strict=True):
-            if compiled := loops(plane):
-                numbers = (plane.dtype.type(value) for value in (0.5 / weight, relaxation))
-                compiled.move_from(plane, x, target, *numbers)
-            else:
-                _move_from(plane, x, target, 0.5 / weight, relaxation)
+
+        def work(rows: slice) -> None:
+            for plane, x, target, weight in zip(s, w, asked, weights, strict=True):
+                x[rows, :] -= target[rows, :] * (0.5 / weight) + plane[rows, :] * 0.5
+            _step(s, w, rows, relaxation)
+
+        each_strip(work, s[0])
 
     def reweigh(self, s: Planes, weights: list[float], ratio: float) -> None:
         """See `Level`."""
@@ -209,7 +208,7 @@ class OpponentLevel(BoxLevel):
         if compiled:
             number = s[0].dtype.type
             factors = tuple(number(weight) for weight in weights)
-            compiled.towards3(*asked, *s, *nearest.numbers(s[0].dtype), factors)
+            compiled.towards3(*asked, *s, *self._numbers_of(nearest), factors)
             return asked
 
         def work(strip: slice) -> None:
@@ -224,11 +223,11 @@ class OpponentLevel(BoxLevel):
         return asked
 
     def _move_all(self, s: Planes, w: Planes, weights: list[float], relaxation: float) -> None:
-        """`move`, with z found anew, strip by strip."""
+        """`move`, with z found anew; compiled loops take the active sets that `towards` left."""
         nearest = Nearest(self, weights)
         if (compiled := loops(*s, *w)) and nearest.compiled:
             number = s[0].dtype.type
-            compiled.move3(*s, *w, *nearest.numbers(s[0].dtype), number(relaxation))
+            compiled.move3(*s, *w, *self._numbers_of(nearest), number(relaxation))
             return
 
         def work(strip: slice) -> None:
@@ -236,11 +235,15 @@ class OpponentLevel(BoxLevel):
                 z = mixed(self.opponent, nearest(s, inner[0]))
                 for x, plane in zip(w, z, strict=True):
                     x[inner] -= plane
-            for plane, x in zip(s, w, strict=True):
-                x[strip, :] *= relaxation
-                plane[strip, :] += x[strip, :]
+            _step(s, w, strip, relaxation)
 
         each_strip(work, s[0])
+
+    def _numbers_of(self, nearest: Nearest) -> tuple[Any, ...]:
+        """What the compiled loops take; they begin with the active sets of the step before."""
+        if self._active is None:
+            self._active = np.zeros(self.lower[0].shape, np.uint8)
+        return *nearest.numbers(self.lower[0].dtype), self._active
 
     @staticmethod
     def _planes_mixed(
@@ -266,20 +269,8 @@ def _energy(x: Array, slope: Array, damping: float) -> float:
     return 0.5 * (float(total(x * slope)) + damping * float(total(x * x)))
 
 
-def _move_by(s: Array, away: Array, relaxation: float) -> None:
-    def work(rows: slice) -> None:
-        away[rows, :] *= relaxation
-        s[rows, :] += away[rows, :]
-
-    each_strip(work, s)
-
-
-def _move_from(s: Array, w: Array, asked: Array, half: float, relaxation: float) -> None:
-    def work(rows: slice) -> None:
-        z = asked[rows, :] * half
-        z += s[rows, :] * 0.5
-        w[rows, :] -= z
-        w[rows, :] *= relaxation
-        s[rows, :] += w[rows, :]
-
-    each_strip(work, s)
+def _step(s: Planes, away: Planes, rows: slice, relaxation: float) -> None:
+    """In place, of rows: w - z to the residual, and s to s + r."""
+    for plane, x in zip(s, away, strict=True):
+        x[rows, :] *= relaxation
+        plane[rows, :] += x[rows, :]

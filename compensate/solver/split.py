@@ -260,9 +260,8 @@ def require_certifiable(problem: Problem) -> CsfWeighting:
     if not problem.regularisation > 0:
         raise ValueError("ADMM certifies regularised problems only, got regularisation 0")
     if not weighting.support.all():
-        free = xp.broadcast_to(problem.lower != problem.upper, problem.observation.shape)
         off = xp.asarray(~weighting.support, device=problem.desired.device)
-        if bool(xp.any(free & off[None, :, :, None])):
+        if bool(xp.any((problem.lower != problem.upper) & off[None, :, :, None])):
             raise ValueError("ADMM takes a problem whose pixels off the support are pinned")
     return weighting
 
@@ -274,12 +273,12 @@ def widths_of(problem: Problem, gain: Any = None) -> list[Array | float]:
     """
     xp = namespace(problem.desired)
     width = problem.upper - problem.lower
-    views, _, _, primaries = shape = problem.observation.shape
+    views, rows, cols, primaries = shape = problem.observation.shape
     if width.ndim == 0 and gain is None:
         return [float(width)] * (views * primaries)
-    width = xp.broadcast_to(width, shape)
-    if bool(xp.all(width == width[:1, :, :, :1])):
-        width = width[:1, :, :, :1]
+    spread = xp.broadcast_to(width, np.broadcast_shapes(width.shape, (1, rows, cols, 1)))
+    one = spread[:1, :, :, :1]
+    width = one if bool(xp.all(spread == one)) else xp.broadcast_to(width, shape)
     if gain is not None:
         width = width * gain
     if bool(xp.all(width == width[0, 0, 0, 0])):

@@ -128,11 +128,13 @@ class LowRankObservation(AdjointObservation):
         identity = xp.eye(len(ranks), dtype=xp.float64, device=seen.device)
         system = identity[None, :, :] + overlap[None, :, :] @ f.core
         sums = xp.linalg.solve(system, _project(f.collect, wanted)[:, :, None])
-        return wanted - _expand(modes, (f.core @ sums)[:, :, 0])
+        excited = xp.astype((f.core @ sums)[:, :, 0], modes.dtype)
+        planes = [_expand(modes, excited[p, :]) for p in range(excited.shape[0])]
+        return wanted - xp.stack(planes, axis=-1)[None, ...]
 
     def _observe(self, light: Light) -> Light:
         f = self.factors_like(light)
-        return self._spread(light, _project(f.collect, light), f.core, f.spread, self._ambient(f))
+        return self._spread(light, _project(f.collect, light), f.core, f.spread, f.ambient)
 
     def _direct(self, light: Light) -> Light:
         if self._unit_gain:
@@ -151,17 +153,19 @@ class LowRankObservation(AdjointObservation):
     def _spread(
         self, light: Light, sums: Array, core: Array, modes: Array, ambient: Array | None = None
     ) -> Light:
-        """D times light, and modes times core times (primary, rank) sums, and the ambient light."""
-        gain = self.factors_like(light).direct_gain
-        excited = (core @ sums[:, :, None])[:, :, 0]
-        result = namespace(light).empty_like(light)
+        """D times light, and modes times core times (primary, rank) sums, and ambient light."""
+        gain, xp = self.factors_like(light).direct_gain, namespace(light)
+        excited = xp.astype((core @ sums[:, :, None])[:, :, 0], modes.dtype)
+        result = xp.empty_like(light)
 
         def work(_: int, rows: slice) -> None:
-            part = light[:, rows, ...] * gain[None, rows, :, None]
-            part += _expand(modes[:, rows, :], excited)
-            if ambient is not None:
-                part += ambient[:, rows, ...]
-            result[:, rows, ...] = part
+            for p in range(light.shape[-1]):
+                direct = light[0, rows, :, p]
+                part = _expand(modes[:, rows, :], excited[p, :])
+                part += direct if self._unit_gain else direct * gain[rows, :]
+                if ambient is not None:
+                    part += ambient[p, rows, :]
+                result[0, rows, :, p] = part
 
         in_parts(work, light.shape, light)
         return result
@@ -190,11 +194,9 @@ def _project(modes: Array, light: Light) -> Array:
     return first
 
 
-def _expand(modes: Array, coefficients: Array) -> Light:
-    """(1, row, col, primary): sums of modes times (primary, rank) coefficients."""
-    xp = namespace(modes)
-    weights = xp.astype(coefficients, modes.dtype)
-    total = modes[0, :, :, None] * weights[:, 0]
+def _expand(modes: Array, coefficients: Array) -> Array:
+    """(row, col): the sum of modes times (rank,) coefficients of their type."""
+    result = modes[0, :, :] * coefficients[0]
     for k in range(1, modes.shape[0]):
-        total = total + modes[k, :, :, None] * weights[:, k]
-    return total[None, ...]
+        result = result + modes[k, :, :] * coefficients[k]
+    return result

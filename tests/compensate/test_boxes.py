@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -154,3 +155,25 @@ def test_the_penalty_is_as_large_as_what_is_seen():
     even[0, 0] = 0.0
     unseen[0, 0] = 1.0
     assert adapted_metric([even, unseen]) == pytest.approx((0.1, 0.02))
+
+
+def test_active_sets_of_another_step_lead_to_the_same_light(monkeypatch):
+    """Steep weights: pinning and letting go by turns would go round in circles."""
+    pytest.importorskip("numba")
+    module = importlib.import_module("compensate.solver.compiled")
+    random = np.random.default_rng(0)
+    for weights in ([0.03, 1.0, 0.002], [0.001, 0.3, 0.8]):
+        shape = (200, 300)
+        posed = replace(
+            level(),
+            lower=list(-random.random((3, *shape)) * (random.random((3, *shape)) < 0.7)),
+            width=list(random.random((3, *shape)) * (random.random((3, *shape)) < 0.8)),
+            damping=1e-4,
+        )
+        first, then = random.normal(size=(2, 3, *shape))
+        by_sweeps = posed.answer(list(then), weights)
+        with monkeypatch.context() as patch:
+            patch.setattr("compensate.solver.opponent_level.loops", lambda *planes: module)
+            posed.answer(list(first), weights)
+            by_sets = posed.answer(list(then), weights)
+        assert np.stack(by_sets) == pytest.approx(np.stack(by_sweeps), abs=1e-6)

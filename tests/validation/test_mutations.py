@@ -8,7 +8,7 @@ import pytest
 import compensate.vision.csf
 import domesim.observation.spherical
 from domesim.light import namespace
-from domesim.observation.lowrank import LowRankObservation, _expand, _project
+from domesim.observation.lowrank import LowRankObservation, _project
 from domesim.observation.spherical import ClosedFormDome
 from domesim.pathtrace.llvm import backend
 from validation.experiment import Work, load_experiment
@@ -65,7 +65,7 @@ def adjoint_without_area(monkeypatch):
         sums = _project(f.spread, light)
         turned = xp.permute_dims(f.core, (0, 2, 1))
         even = xp.mean(f.collect, axis=(1, 2), keepdims=True) * xp.ones_like(f.collect)
-        return self._direct(light) + _expand(even, (turned @ sums[:, :, None])[:, :, 0])
+        return self._spread(light, sums, turned, even)
 
     monkeypatch.setattr(LowRankObservation, "_adjoint", adjoint)
 
