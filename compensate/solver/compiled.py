@@ -338,6 +338,7 @@ _INLINE: Any = numba.njit(forceinline=True, error_model="numpy", fastmath=_EXACT
 # a bound, 3 to 5 that it is the upper one, 7 that another set is to be found. From step to step of
 # the solver few sets change.
 _WRONG = 128
+_TURNS, _FEW = 4, 16  # of a row; not if fewer than one of so many pixels have another set
 
 
 @_INLINE
@@ -431,62 +432,93 @@ def held3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: Any)
 
 
 @_INLINE
-def searched3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: Any) -> Any:
-    """The active set of the best light, by turns of `held3`.
+def turned3(active: Any, under: Any, over: Any, inwards: Any) -> Any:
+    """The set after one turn of the search, without a branch; `_WRONG` where it is another one.
 
-    All that are out of bounds are held there, or else all that pull inwards are let go. That may go
-    round in circles: after some turns, only the first of all these is (Murty 1974, *Opsearch* 11).
+    All that are out of bounds are held there, or else all that pull inwards are let go.
+    """
+    out = (
+        (1 if max(under[0], over[0]) > 0 else 0) | (2 if max(under[1], over[1]) > 0 else 0)
+        | (4 if max(under[2], over[2]) > 0 else 0)
+    )  # fmt: skip
+    up = (
+        (8 if over[0] > 0 else 0) | (16 if over[1] > 0 else 0) | (32 if over[2] > 0 else 0)
+    )  # fmt: skip
+    inner = (
+        (1 if inwards[0] > 0 else 0) | (2 if inwards[1] > 0 else 0) | (4 if inwards[2] > 0 else 0)
+    )  # fmt: skip
+    let_go = 0 if out else inner
+    wrong = _WRONG if out | inner else 0
+    return (((active & ~(out << 3)) | out | up) & ~let_go & 63) | wrong
+
+
+@_INLINE
+def searched3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: Any) -> Any:
+    """The active set of the best light, by turns of `held3` and `turned3`.
+
+    They may go round in circles: after some, only the first light that is to be held or let go is
+    (Murty 1974, *Opsearch* 11).
     """
     for turn in range(40):
         _, under, over, inwards = held3(s, bounds, extra, active, free, coupled)
-        out, inner = 0, 0
-        for k in range(3):
-            out |= (1 << k) if under[k] > 0 or over[k] > 0 else 0
-            inner |= (1 << k) if inwards[k] > 0 else 0
-        if out | inner == 0:
+        after = turned3(active, under, over, inwards)
+        if after < _WRONG:
             break
-        if turn >= 8:
-            first = (out | inner) & -(out | inner)
-            out, inner = out & first, inner & first
-        elif out:
-            inner = 0
+        if turn < 8:
+            active = after & 63
+            continue
         for k in range(3):
-            if out & 1 << k:
-                active = active | (8 << k) if over[k] > 0 else active & ~(8 << k)
-        active = (active | out) & ~inner
+            if under[k] > 0 or over[k] > 0:
+                active = (active & ~(8 << k)) | 1 << k | ((8 << k) if over[k] > 0 else 0)
+                break
+            if inwards[k] > 0:
+                active = active & ~(1 << k)
+                break
     return active
 
 
 @_INLINE
-def hold3(
-    i: Any, active: Any, s: Any, lowers: Any, widths: Any, damping: Any, least: Any, free: Any,
-    coupled: Any,
-) -> None:  # fmt: skip
-    """The active sets of a row: most are what they were."""
-    for j in range(active.shape[1]):
-        at_pixel, bounds, extra = pixel3(i, j, s, lowers, widths, damping, least)
-        was = active[i, j]
-        _, under, over, inwards = held3(at_pixel, bounds, extra, was, free, coupled)
-        worst = max(
-            under[0], under[1], under[2], over[0], over[1], over[2], inwards[0], inwards[1],
-            inwards[2],
-        )  # fmt: skip
-        active[i, j] = was | _WRONG if worst > 0 else was
-    for j in range(active.shape[1]):
-        if active[i, j] & _WRONG:
-            at_pixel, bounds, extra = pixel3(i, j, s, lowers, widths, damping, least)
-            active[i, j] = searched3(at_pixel, bounds, extra, active[i, j] & 63, free, coupled)
-
-
-@_INLINE
 def light3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: Any) -> Any:
-    """The best light with that active set, within the bounds."""
-    (x, y, z), _, _, _ = held3(s, bounds, extra, active, free, coupled)
-    return (
+    """The best light with that active set, within the bounds; and the set after a turn."""
+    (x, y, z), under, over, inwards = held3(s, bounds, extra, active, free, coupled)
+    light = (
         min(max(x, bounds[0]), bounds[1]),
         min(max(y, bounds[2]), bounds[3]),
         min(max(z, bounds[4]), bounds[5]),
     )
+    return light, turned3(active, under, over, inwards)
+
+
+@_INLINE
+def hold3(
+    i: Any, a: Any, b: Any, c: Any, s: Any, lowers: Any, widths: Any, damping: Any, least: Any,
+    free: Any, coupled: Any, active: Any,
+) -> None:  # fmt: skip
+    """The best light of a row, and its active sets.
+
+    Most sets are what they were, or become it in one turn: turns of the whole row take several
+    pixels at once. What is left is searched for pixel by pixel.
+    """
+    cols = active.shape[1]
+    for _ in range(_TURNS):
+        wrong = 0
+        for j in range(cols):
+            at_pixel, bounds, extra = pixel3(i, j, s, lowers, widths, damping, least)
+            was = active[i, j] & 63
+            (x, y, z), after = light3(at_pixel, bounds, extra, was, free, coupled)
+            active[i, j] = after
+            wrong += after >> 7
+            a[i, j], b[i, j], c[i, j] = x, y, z
+        if wrong * _FEW < cols:
+            break
+    if wrong:
+        for j in range(cols):
+            if active[i, j] & _WRONG:
+                at_pixel, bounds, extra = pixel3(i, j, s, lowers, widths, damping, least)
+                found = searched3(at_pixel, bounds, extra, active[i, j] & 63, free, coupled)
+                (x, y, z), _ = light3(at_pixel, bounds, extra, found, free, coupled)
+                active[i, j] = found
+                a[i, j], b[i, j], c[i, j] = x, y, z
 
 
 @_COMPILED
@@ -497,10 +529,7 @@ def nearest3(
     """`OpponentLevel.answer` of three primaries."""
     for i in numba.prange(a.shape[0]):
         of, by = entries(free), entries(coupled)
-        hold3(i, active, (s0, s1, s2), lowers, widths, damping, least, of, by)
-        for j in range(a.shape[1]):
-            s, bounds, extra = pixel3(i, j, (s0, s1, s2), lowers, widths, damping, least)
-            a[i, j], b[i, j], c[i, j] = light3(s, bounds, extra, active[i, j], of, by)
+        hold3(i, a, b, c, (s0, s1, s2), lowers, widths, damping, least, of, by, active)
 
 
 @_COMPILED
@@ -516,14 +545,13 @@ def towards3(
         inside = 0
         if i < rows:
             inside = cols
-            hold3(i, active, (s0, s1, s2), lowers, widths, damping, least, of, by)
+            hold3(i, a, b, c, (s0, s1, s2), lowers, widths, damping, least, of, by, active)
         for j in range(inside):
-            s, bounds, extra = pixel3(i, j, (s0, s1, s2), lowers, widths, damping, least)
-            x, y, z = light3(s, bounds, extra, active[i, j], of, by)
+            x, y, z = a[i, j], b[i, j], c[i, j]
             x, y, z = times3(to, x + x, y + y, z + z)
-            a[i, j], b[i, j], c[i, j] = (
-                weight0 * (x - s[0]), weight1 * (y - s[1]), weight2 * (z - s[2]),
-            )  # fmt: skip
+            a[i, j] = weight0 * (x - s0[i, j])
+            b[i, j] = weight1 * (y - s1[i, j])
+            c[i, j] = weight2 * (z - s2[i, j])
         for j in range(inside, s0.shape[1]):
             a[i, j] = -weight0 * s0[i, j]
             b[i, j] = -weight1 * s1[i, j]
@@ -541,7 +569,7 @@ def move3(
         of, by, to = entries(free), entries(coupled), entries(opponent)
         for j in range(cols if i < rows else 0):
             s, bounds, extra = pixel3(i, j, (s0, s1, s2), lowers, widths, damping, least)
-            x, y, z = light3(s, bounds, extra, active[i, j], of, by)
+            (x, y, z), _ = light3(s, bounds, extra, active[i, j], of, by)
             x, y, z = times3(to, x, y, z)
             w0[i, j] -= x
             w1[i, j] -= y
