@@ -247,9 +247,10 @@ class _Run:
         coarse = self._split.levels.pop()
         were = coarse.weights(self._penalties[0])
         light, dual = coarse.state(s, were)
+        fine = self._split.levels[-1]
+        fine.follow(coarse)
         del coarse
         s.clear()
-        fine = self._split.levels[-1]
         return fine.of_coarser(light, dual, were, fine.weights(rho))
 
     def _fine(self, s: Planes) -> Status | None:

@@ -60,10 +60,9 @@ class Nearest:
     def numbers(self, dtype: Any) -> tuple[Any, ...]:
         """What the compiled loops take."""
         level, number = self._level, dtype.type
-        widths = tuple(number(w) if isinstance(w, float) else w for w in level.width)
         damping = number(level.damping) if isinstance(level.damping, float) else level.damping
         return (
-            *(tuple(level.lower), widths, damping, number(self._least)),
+            *(*level.bounds_as_numbers, damping, number(self._least)),
             *(matrix.astype(dtype) for matrix in (self._free, self._coupled, level.opponent)),
         )
 

@@ -331,6 +331,65 @@ def channels3(
                 c[i, k] = d2 * x - weights[2, 2] * at_u
 
 
+@_COMPILED
+def dots3(a: Any, b: Any, c: Any, v: Any, sums: Any) -> None:
+    """`DomeHessian._sums` of one mode, of channels: the row's go to `sums` (row, 4), as below."""
+    last = a.shape[1]
+    for i in numba.prange(a.shape[0]):
+        first, beyond = sums[i, 0], sums[i, 1]
+        x, y, z = 0.0, 0.0, 0.0
+        for k in range(last):
+            at_v = (first if k < 2 else (beyond if k >= last - 2 else 2.0)) * v[i, k]
+            x += at_v * a[i, k]
+            y += at_v * b[i, k]
+            z += at_v * c[i, k]
+        sums[i, 0], sums[i, 1], sums[i, 2] = x, y, z
+
+
+@_COMPILED
+def weigh3(
+    a: Any, b: Any, c: Any, u: Any, squares: Any, polluted: Any, keep: Any, sums: Any
+) -> None:  # fmt: skip
+    """Omega² of channels and of U times `polluted` (channel), in place unless it is to `keep` them.
+
+    The row's sums go to `sums` (row, 4): how much the first and the last column count, before; after,
+    U's inner products with what it is then, and the energy.
+    """
+    first, second, third = squares
+    p, q, r = polluted
+    last = first.shape[1] - 1
+    for i in numba.prange(first.shape[0]):
+        by_a, by_b, by_c, energy = 0.0, 0.0, 0.0, 0.0
+        low, high = sums[i, 0], sums[i, 1]
+        for j in range(last + 1):
+            share = low if j == 0 else (high if j == last else 2.0)
+            f, g, h = first[i, j], second[i, j], third[i, j]
+            for k in (2 * j, 2 * j + 1):
+                at_u = u[i, k]
+                x, y, z = a[i, k] + p * at_u, b[i, k] + q * at_u, c[i, k] + r * at_u
+                fx, gy, hz = f * x, g * y, h * z
+                at_u *= share
+                by_a += at_u * fx
+                by_b += at_u * gy
+                by_c += at_u * hz
+                energy += share * (x * fx + y * gy + z * hz)
+                if not keep:
+                    a[i, k], b[i, k], c[i, k] = fx, gy, hz
+        sums[i, 0], sums[i, 1], sums[i, 2], sums[i, 3] = by_a, by_b, by_c, energy
+
+
+@_COMPILED
+def add3(a: Any, b: Any, c: Any, v: Any, weights: Any) -> None:
+    """V times `weights` (channel) added to channels, in place."""
+    p, q, r = weights
+    for i in numba.prange(a.shape[0]):
+        for k in range(a.shape[1]):
+            at_v = v[i, k]
+            a[i, k] += p * at_v
+            b[i, k] += q * at_v
+            c[i, k] += r * at_v
+
+
 _INLINE: Any = numba.njit(forceinline=True, error_model="numpy", fastmath=_EXACT)
 
 
@@ -581,3 +640,29 @@ def move3(
             s0[i, j] += w0[i, j]
             s1[i, j] += w1[i, j]
             s2[i, j] += w2[i, j]
+
+
+@_COMPILED
+def finer3(
+    s0: Any, s1: Any, s2: Any, light: Any, dual: Any, ratios: Any, lowers: Any, widths: Any,
+    opponent: Any,
+) -> None:  # fmt: skip
+    """`OpponentLevel.of_coarser` of three primaries: s of the coarser level's light and dual."""
+    rows, cols = lowers[0].shape
+    ratio0, ratio1, ratio2 = ratios
+    for i in numba.prange(s0.shape[0]):
+        to = entries(opponent)
+        for j in range(s0.shape[1]):
+            s0[i, j] = ratio0 * dual[0][i // 2, j // 2]
+            s1[i, j] = ratio1 * dual[1][i // 2, j // 2]
+            s2[i, j] = ratio2 * dual[2][i // 2, j // 2]
+        for j in range(cols if i < rows else 0):
+            low0, low1, low2 = lowers[0][i, j], lowers[1][i, j], lowers[2][i, j]
+            x, y, z = light[0][i // 2, j // 2], light[1][i // 2, j // 2], light[2][i // 2, j // 2]
+            x = min(max(x, low0), low0 + at(widths[0], i, j))
+            y = min(max(y, low1), low1 + at(widths[1], i, j))
+            z = min(max(z, low2), low2 + at(widths[2], i, j))
+            x, y, z = times3(to, x, y, z)
+            s0[i, j] += x
+            s1[i, j] += y
+            s2[i, j] += z

@@ -124,10 +124,10 @@ class DomeHessian(Hessian):
 
         each_strip(correct, spectra[0])
 
-    def _fused(self, spectra: Spectra) -> Any:
-        """The compiled loops, where there are any for such a problem."""
+    def _fused(self, spectra: Spectra, *, adapted: bool = False) -> Any:
+        """The compiled loops, where there are any for such a problem; if planes are channels."""
         plain = len(spectra) == 3 and self.core.shape[-1] == 1 and len(self._blocks.squares) <= 3
-        return loops(*spectra) if plain else None
+        return loops(*spectra) if plain and (self.adapted or not adapted) else None
 
     @property
     def _shapes_and_squares(self) -> tuple[Any, ...]:
@@ -140,20 +140,42 @@ class DomeHessian(Hessian):
     def _given(self, sigma: Sequence[float]) -> Any:
         return np.asarray(sigma, self._blocks.coefficients.dtype)
 
+    def _shares(self, columns: int) -> Any:
+        """(row, column) for the compiled loops' sums: how much the first and last column count."""
+        fourier = self.fourier
+        sums = np.zeros((fourier.rows, columns))
+        sums[:, 0], sums[:, 1] = 1, 1 if fourier.cols % 2 == 0 else 2
+        return sums
+
+    def _summed(self, sums: Any) -> Any:
+        """Inner products of planes, of the rows' sums over spectra."""
+        return sums.sum(axis=0) / (self.fourier.rows * self.fourier.cols)
+
+    def _compiled_weights(
+        self, compiled: Any, spectra: Spectra, polluted: Any, *, keep: bool = False
+    ) -> float:
+        """`multiply` of channels where `polluted` (channel, mode) is excited, and their energy."""
+        v, u, squares = self._shapes_and_squares
+        number, sums = squares[0].dtype.type, self._shares(4)
+        excited = tuple(number(weight) for weight in polluted[:, 0])
+        compiled.weigh3(*parts(spectra), u, squares, excited, keep, sums)
+        found = self._summed(sums)
+        if not keep:
+            collected = np.einsum("pqjk,pj->qk", self.core, found[:3, None])
+            compiled.add3(*parts(spectra), v, tuple(number(weight) for weight in collected[:, 0]))
+        return float(found[3])
+
     def _compiled_sums(
         self, compiled: Any, spectra: Spectra, added: Any, sigma: Sequence[float]
     ) -> tuple[Any, Any]:
         """`_solve_blocks`, but that planes that are channels are left as they are."""
-        fourier = self.fourier
-        sums = np.zeros((fourier.rows, 9))
-        # How much the first and the last column count
-        sums[:, 0], sums[:, 1] = 1, 1 if fourier.cols % 2 == 0 else 2
+        sums = self._shares(9)
         given = *parts(spectra), added, *self._shapes_and_squares
         if self.adapted:
             compiled.channels3_sums(*given, self._given(sigma), sums)
         else:
             compiled.dome3(*given, self._blocks.coefficients, self._given(sigma), sums)
-        found = sums.sum(axis=0).reshape(3, 3) / (fourier.rows * fourier.cols)
+        found = self._summed(sums).reshape(3, 3)
         return found[0][:, None], found[1:].T
 
     def _solve_blocks(
@@ -183,6 +205,9 @@ class DomeHessian(Hessian):
         """C'WC of `spectra`, in place."""
         modes = self.core.shape[-1]
         polluted = self._excited(spectra)
+        if compiled := self._fused(spectra, adapted=True):
+            self._compiled_weights(compiled, spectra, polluted)
+            return
 
         def weighted(rows: slice) -> Any:
             strip = [plane[rows, :] for plane in spectra]
@@ -199,6 +224,8 @@ class DomeHessian(Hessian):
     def energy(self, spectra: Spectra) -> float:
         """<w, C'WC w>."""
         polluted = self._excited(spectra)
+        if compiled := self._fused(spectra, adapted=True):
+            return self._compiled_weights(compiled, spectra, polluted, keep=True)
 
         def work(rows: slice) -> float:
             seen = self._combined(rows, np.concatenate([0 * polluted, polluted], 1))
@@ -217,6 +244,9 @@ class DomeHessian(Hessian):
     def seen(self, residual: Spectra) -> tuple[float, Spectra]:
         """||A r||² and C'W r of a residual r."""
         modes = self.core.shape[-1]
+        if compiled := self._fused(residual, adapted=True):
+            nothing = np.zeros((len(residual), 1))
+            return self._compiled_weights(compiled, residual, nothing), residual
 
         def weighted(rows: slice) -> tuple[float, Any]:
             strip = [plane[rows, :] for plane in residual]
@@ -234,7 +264,13 @@ class DomeHessian(Hessian):
     def _excited(self, spectra: Spectra) -> Any:
         """(primary, mode) core V'w: how much each shape of U is seen."""
         modes = self.core.shape[-1]
-        return np.einsum("pqjk,qk->pj", self.core, self._sums(spectra)[:, :modes])
+        if compiled := self._fused(spectra, adapted=True):
+            sums = self._shares(3)
+            compiled.dots3(*parts(spectra), self._shapes_and_squares[0], sums)
+            found = self._summed(sums)[:, None]
+        else:
+            found = self._sums(spectra)[:, :modes]
+        return np.einsum("pqjk,qk->pj", self.core, found)
 
     def _sums(self, spectra: Spectra) -> Any:
         """(primary, V and U mode) inner products with the modes."""

@@ -142,6 +142,9 @@ class Level(ABC):
         """Rho P, one a plane."""
         return [rho * value for value in self.hessian.metric]
 
+    def follow(self, coarse: Level) -> None:
+        """Take over what makes the next steps faster, where a coarser level has it."""
+
     def of_coarser(
         self, light: Planes, dual: Planes, were: list[float], weights: list[float]
     ) -> Planes:

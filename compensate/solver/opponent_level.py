@@ -26,7 +26,7 @@ from compensate.solver.boxes import Nearest
 from compensate.solver.certificate import parted
 from compensate.solver.fused import loops
 from compensate.solver.hessian import mixed
-from compensate.solver.level import BoxLevel, Planes, Rows, by_rows
+from compensate.solver.level import BoxLevel, Level, Planes, Rows, by_rows
 from domesim.light import Array, namespace, total
 from domesim.strips import is_large
 
@@ -48,6 +48,12 @@ class OpponentLevel(BoxLevel):
     _kept: tuple[Planes, Planes] | None = field(init=False, default=None)
     _stepped: Planes | None = field(init=False, default=None)
     _active: NDArray[np.uint8] | None = field(init=False, default=None)
+
+    @property
+    def bounds_as_numbers(self) -> tuple[Any, Any]:
+        """Lower bounds and widths as the compiled loops take them."""
+        number = self.lower[0].dtype.type
+        return tuple(self.lower), tuple(number(w) if isinstance(w, float) else w for w in self.width)
 
     def damping_of(self, rows: slice) -> Any:
         """M of rows of the picture."""
@@ -195,6 +201,28 @@ class OpponentLevel(BoxLevel):
 
         each_strip(work, self.lower[0])
         return dual
+
+    def of_coarser(
+        self, light: Planes, dual: Planes, were: list[float], weights: list[float]
+    ) -> Planes:
+        """See `Level`."""
+        compiled = loops(*light)
+        if len(light) != 3 or not compiled:
+            return super().of_coarser(light, dual, were, weights)
+        fourier, number = self.hessian.fourier, dual[0].dtype.type
+        s = [np.empty((fourier.rows, fourier.cols), plane.dtype) for plane in dual]
+        ratios = tuple(number(was / weight) for was, weight in zip(were, weights, strict=True))
+        opponent = self.opponent.astype(dual[0].dtype)
+        compiled.finer3(*s, tuple(light), tuple(dual), ratios, *self.bounds_as_numbers, opponent)
+        return s
+
+    def follow(self, coarse: Level) -> None:
+        """See `Level`: the active sets."""
+        assert isinstance(coarse, OpponentLevel)
+        if coarse._active is not None:
+            rows, cols = self.lower[0].shape
+            large = np.repeat(np.repeat(coarse._active, 2, axis=0), 2, axis=1)
+            self._active = np.ascontiguousarray(large[:rows, :cols])
 
     def _towards_all(self, s: Planes, weights: list[float]) -> Planes:
         """Weight (2 z - s) of all planes, as they were kept or anew."""
