@@ -39,6 +39,18 @@ def _at(value, row, col):  # type: ignore[no-untyped-def]
     return lambda value, row, col: value
 
 
+def one(like):  # type: ignore[no-untyped-def]
+    """1, of a number's type: with a literal, single precision would become double, and slow."""
+    raise NotImplementedError
+
+
+@overload(one, inline="always")
+def _one(like):  # type: ignore[no-untyped-def]
+    if like == numba.types.float32:
+        return lambda like: np.float32(1)
+    return lambda like: 1.0
+
+
 @_COMPILED
 def towards(out: Any, s: Any, lower: Any, width: Any, damping: Any, weight: Any) -> None:
     """`Level.towards`."""
@@ -168,15 +180,16 @@ def solve3(m: Any, sigma: Any, x: Any, y: Any, z: Any, b0: Any, b1: Any, b2: Any
     a10 = x * m[0, 1, 0] + y * m[1, 1, 0] + z * m[2, 1, 0]
     a20 = x * m[0, 2, 0] + y * m[1, 2, 0] + z * m[2, 2, 0]
     a21 = x * m[0, 2, 1] + y * m[1, 2, 1] + z * m[2, 2, 1]
-    i0 = 1 / d0
+    unit = one(d0)
+    i0 = unit / d0
     l10, l20 = a10 * i0, a20 * i0
     d1 = x * m[0, 1, 1] + y * m[1, 1, 1] + z * m[2, 1, 1] + sigma[1] - l10 * a10
-    i1 = 1 / d1
+    i1 = unit / d1
     e21 = a21 - l20 * a10
     l21 = e21 * i1
     d2 = x * m[0, 2, 2] + y * m[1, 2, 2] + z * m[2, 2, 2] + sigma[2] - l20 * a20 - l21 * e21
     b1 = b1 - l10 * b0
-    b2 = (b2 - l20 * b0 - l21 * b1) * (1 / d2)
+    b2 = (b2 - l20 * b0 - l21 * b1) * (unit / d2)
     b1 = b1 * i1 - l21 * b2
     b0 = b0 * i0 - l10 * b1 - l20 * b2
     return b0, b1, b2
@@ -285,24 +298,24 @@ def channels3_sums(
     first, second, third = squares
     last = 2 * first.shape[1]
     for i in numba.prange(first.shape[0]):
-        row = np.zeros(9)
+        row, unit = np.zeros(9), one(first[i, 0])
         for j in range(first.shape[1]):
             share = sums[i, 0] if j == 0 else (sums[i, 1] if 2 * j == last - 2 else 2.0)
             k, m = 2 * j, 2 * j + 1
             ur, ui = share * u[i, k], share * u[i, m]
             vr, vi = share * v[i, k], share * v[i, m]
             x, y = a[i, k] + p0[i, k], a[i, m] + p0[i, m]
-            by_u, by_v, d = ur * x + ui * y, vr * x + vi * y, 1 / (first[i, j] + sigma[0])
+            by_u, by_v, d = ur * x + ui * y, vr * x + vi * y, unit / (first[i, j] + sigma[0])
             row[0] += by_u
             row[3] += by_v * d
             row[6] += by_u * d
             x, y = b[i, k] + p1[i, k], b[i, m] + p1[i, m]
-            by_u, by_v, d = ur * x + ui * y, vr * x + vi * y, 1 / (second[i, j] + sigma[1])
+            by_u, by_v, d = ur * x + ui * y, vr * x + vi * y, unit / (second[i, j] + sigma[1])
             row[1] += by_u
             row[4] += by_v * d
             row[7] += by_u * d
             x, y = c[i, k] + p2[i, k], c[i, m] + p2[i, m]
-            by_u, by_v, d = ur * x + ui * y, vr * x + vi * y, 1 / (third[i, j] + sigma[2])
+            by_u, by_v, d = ur * x + ui * y, vr * x + vi * y, unit / (third[i, j] + sigma[2])
             row[2] += by_u
             row[5] += by_v * d
             row[8] += by_u * d
@@ -317,10 +330,11 @@ def channels3(
     p0, p1, p2 = plus
     first, second, third = squares
     for i in numba.prange(first.shape[0]):
+        unit = one(first[i, 0])
         for j in range(first.shape[1]):
-            d0 = 1 / (first[i, j] + sigma[0])
-            d1 = 1 / (second[i, j] + sigma[1])
-            d2 = 1 / (third[i, j] + sigma[2])
+            d0 = unit / (first[i, j] + sigma[0])
+            d1 = unit / (second[i, j] + sigma[1])
+            d2 = unit / (third[i, j] + sigma[2])
             for k in (2 * j, 2 * j + 1):
                 at_v, at_u = v[i, k], u[i, k]
                 x = a[i, k] + p0[i, k] - weights[0, 0] * at_v - weights[1, 0] * at_u
@@ -448,28 +462,29 @@ def held3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: Any)
     vx, vy, vz = times3(free, s[0], s[1], s[2])
     low0, low1, low2 = bounds[0] - vx, bounds[2] - vy, bounds[4] - vz
     high0, high1, high2 = bounds[1] - vx, bounds[3] - vy, bounds[5] - vz
-    none = 0 * vx
-    # 1 where a primary is free, and what the others are
-    m0 = none if active & 1 else none + 1
-    m1 = none if active & 2 else none + 1
-    m2 = none if active & 4 else none + 1
-    e0 = (1 - m0) * (high0 if active & 8 else low0)
-    e1 = (1 - m1) * (high1 if active & 16 else low1)
-    e2 = (1 - m2) * (high2 if active & 32 else low2)
+    unit = one(vx)
+    none = unit - unit
+    # 1 where a primary is free, and where it is active; what the active ones are
+    m0, n0 = (none, unit) if active & 1 else (unit, none)
+    m1, n1 = (none, unit) if active & 2 else (unit, none)
+    m2, n2 = (none, unit) if active & 4 else (unit, none)
+    e0 = n0 * (high0 if active & 8 else low0)
+    e1 = n1 * (high1 if active & 16 else low1)
+    e2 = n2 * (high2 if active & 32 else low2)
     # Rows and columns of active primaries are the unit matrix's. LDL' of (coupled + extra)
     a00, a11, a22 = coupled[0] + extra, coupled[4] + extra, coupled[8] + extra
     a01, a02, a12 = m0 * m1 * coupled[1], m0 * m2 * coupled[2], m1 * m2 * coupled[5]
     b0 = -m0 * (coupled[1] * e1 + coupled[2] * e2 + extra * vx)
     b1 = -m1 * (coupled[3] * e0 + coupled[5] * e2 + extra * vy)
     b2 = -m2 * (coupled[6] * e0 + coupled[7] * e1 + extra * vz)
-    i0 = m0 / a00 + (1 - m0)
+    i0 = m0 / a00 + n0
     c01, c02 = a01 * i0, a02 * i0
-    i1 = 1 / (m1 * a11 + (1 - m1) - c01 * a01)
+    i1 = unit / (m1 * a11 + n1 - c01 * a01)
     a12 -= c01 * a02
     c12 = a12 * i1
     b1 -= c01 * b0
     b2 -= c02 * b0 + c12 * b1
-    d2 = b2 / (m2 * a22 + (1 - m2) - c02 * a02 - c12 * a12)
+    d2 = b2 / (m2 * a22 + n2 - c02 * a02 - c12 * a12)
     d1 = b1 * i1 - c12 * d2
     d0 = b0 * i0 - c01 * d1 - c02 * d2 + e0
     d1 += e1
@@ -484,8 +499,8 @@ def held3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: Any)
     under = m0 * (low0 - d0), m1 * (low1 - d1), m2 * (low2 - d2)
     over = m0 * (d0 - high0), m1 * (d1 - high1), m2 * (d2 - high2)
     inwards = (
-        (1 - m0) * g0 * (high0 - low0), (1 - m1) * g1 * (high1 - low1),
-        (1 - m2) * g2 * (high2 - low2),
+        n0 * g0 * (high0 - low0), n1 * g1 * (high1 - low1),
+        n2 * g2 * (high2 - low2),
     )  # fmt: skip
     return (vx + d0, vy + d1, vz + d2), under, over, inwards
 
@@ -538,14 +553,17 @@ def searched3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: 
 
 @_INLINE
 def light3(s: Any, bounds: Any, extra: Any, active: Any, free: Any, coupled: Any) -> Any:
-    """The best light with that active set, within the bounds; and the set after a turn."""
+    """The best light with that active set, within the bounds; and whether the set is another."""
     (x, y, z), under, over, inwards = held3(s, bounds, extra, active, free, coupled)
+    wrong = max(
+        under[0], under[1], under[2], over[0], over[1], over[2], inwards[0], inwards[1], inwards[2],
+    )  # fmt: skip
     light = (
         min(max(x, bounds[0]), bounds[1]),
         min(max(y, bounds[2]), bounds[3]),
         min(max(z, bounds[4]), bounds[5]),
     )
-    return light, turned3(active, under, over, inwards)
+    return light, wrong > 0
 
 
 @_INLINE
@@ -555,29 +573,34 @@ def hold3(
 ) -> None:  # fmt: skip
     """The best light of a row, and its active sets.
 
-    Most sets are what they were, or become it in one turn: turns of the whole row take several
-    pixels at once. What is left is searched for pixel by pixel.
+    Most sets are what they were. Where few are, turns of the whole row take several pixels at once.
+    What is left is searched for pixel by pixel.
     """
     cols = active.shape[1]
-    for _ in range(_TURNS):
-        wrong = 0
+    for turn in range(_TURNS):
+        for j in range(cols):
+            at_pixel, bounds, extra = pixel3(i, j, s, lowers, widths, damping, least)
+            was = active[i, j]
+            (x, y, z), wrong = light3(at_pixel, bounds, extra, was, free, coupled)
+            active[i, j] = was | _WRONG if wrong else was
+            a[i, j], b[i, j], c[i, j] = x, y, z
+        many = 0  # counted here: 64 bits in the loop above would halve the pixels that it takes
+        for j in range(cols):
+            many += active[i, j] >> 7
+        if many * _FEW < cols or turn == _TURNS - 1:
+            break
         for j in range(cols):
             at_pixel, bounds, extra = pixel3(i, j, s, lowers, widths, damping, least)
             was = active[i, j] & 63
-            (x, y, z), after = light3(at_pixel, bounds, extra, was, free, coupled)
-            active[i, j] = after
-            wrong += after >> 7
+            _, under, over, inwards = held3(at_pixel, bounds, extra, was, free, coupled)
+            active[i, j] = turned3(was, under, over, inwards) & 63
+    for j in range(cols):
+        if active[i, j] & _WRONG:
+            at_pixel, bounds, extra = pixel3(i, j, s, lowers, widths, damping, least)
+            found = searched3(at_pixel, bounds, extra, active[i, j] & 63, free, coupled)
+            (x, y, z), _ = light3(at_pixel, bounds, extra, found, free, coupled)
+            active[i, j] = found
             a[i, j], b[i, j], c[i, j] = x, y, z
-        if wrong * _FEW < cols:
-            break
-    if wrong:
-        for j in range(cols):
-            if active[i, j] & _WRONG:
-                at_pixel, bounds, extra = pixel3(i, j, s, lowers, widths, damping, least)
-                found = searched3(at_pixel, bounds, extra, active[i, j] & 63, free, coupled)
-                (x, y, z), _ = light3(at_pixel, bounds, extra, found, free, coupled)
-                active[i, j] = found
-                a[i, j], b[i, j], c[i, j] = x, y, z
 
 
 @_COMPILED

@@ -53,7 +53,9 @@ class OpponentLevel(BoxLevel):
     def bounds_as_numbers(self) -> tuple[Any, Any]:
         """Lower bounds and widths as the compiled loops take them."""
         number = self.lower[0].dtype.type
-        return tuple(self.lower), tuple(number(w) if isinstance(w, float) else w for w in self.width)
+        return tuple(self.lower), tuple(
+            number(w) if isinstance(w, float) else w for w in self.width
+        )
 
     def damping_of(self, rows: slice) -> Any:
         """M of rows of the picture."""
