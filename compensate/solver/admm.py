@@ -83,6 +83,8 @@ class ADMM:
     coarse
         Iterations on the coarsest planes, and on each of those between. How coarse they are, is up
         to the weighting (`Split.prepare`).
+    coarse_channels
+        The same for a dome's opponent channels without a contrast, which need fewer.
     memory
         Of the acceleration: how many old points it combines.
     stop_when_invisible
@@ -102,6 +104,7 @@ class ADMM:
     penalties: tuple[float, float, float] = (0.1, 0.05, 0.02)
     hold: int = 5
     coarse: tuple[int, int] = (10, 5)
+    coarse_channels: tuple[int, int] = (4, 2)
     memory: int = 2
     stop_when_invisible: bool = True
     first_check: int = 3
@@ -173,8 +176,11 @@ class _Run:
         raised = max(1.0, self._level.hessian.strength**1.5 / 6)
         first, then, last = settings.penalties
         last = min(max(last, 1.5 * split.weighting.typical), first)
+        self._iterations = settings.coarse
         if self._level.hessian.adapted:
             first = then = last = 1.0
+            if problem.contrast is None:
+                self._iterations = settings.coarse_channels
         self._penalties = [rho * raised for rho in (first, max(then, last), last)]
         self._varying: Varying | None = None
         if isinstance(split, BoxSplit) and (masked or not split.uniform):
@@ -231,7 +237,7 @@ class _Run:
 
     def _coarse(self, s: Planes | None) -> Planes:
         """S after some iterations on the coarsest planes that are left."""
-        level, (first, other) = self._split.levels[-1], self._settings.coarse
+        level, (first, other) = self._split.levels[-1], self._iterations
         weights = level.weights(self._penalties[0])
         anderson = Anderson(self._settings.memory, weights)
         iterations = first if s is None else other

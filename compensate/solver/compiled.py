@@ -667,11 +667,11 @@ def move3(
 
 @_COMPILED
 def finer3(
-    s0: Any, s1: Any, s2: Any, light: Any, dual: Any, ratios: Any, lowers: Any, widths: Any,
-    opponent: Any,
+    s0: Any, s1: Any, s2: Any, active: Any, light: Any, dual: Any, coarse: Any, ratios: Any,
+    lowers: Any, widths: Any, opponent: Any,
 ) -> None:  # fmt: skip
-    """`OpponentLevel.of_coarser` of three primaries: s of the coarser level's light and dual."""
-    rows, cols = lowers[0].shape
+    """`OpponentLevel.of_coarser` of three primaries: s, and active sets, of the coarser level's."""
+    rows, cols = active.shape
     ratio0, ratio1, ratio2 = ratios
     for i in numba.prange(s0.shape[0]):
         to = entries(opponent)
@@ -689,3 +689,4 @@ def finer3(
             s0[i, j] += x
             s1[i, j] += y
             s2[i, j] += z
+            active[i, j] = coarse[i // 2, j // 2]

@@ -208,23 +208,23 @@ class OpponentLevel(BoxLevel):
         self, light: Planes, dual: Planes, were: list[float], weights: list[float]
     ) -> Planes:
         """See `Level`."""
+        coarse, self._active = self._active, None
         compiled = loops(*light)
-        if len(light) != 3 or not compiled:
+        if coarse is None or not compiled:
             return super().of_coarser(light, dual, were, weights)
         fourier, number = self.hessian.fourier, dual[0].dtype.type
         s = [np.empty((fourier.rows, fourier.cols), plane.dtype) for plane in dual]
         ratios = tuple(number(was / weight) for was, weight in zip(were, weights, strict=True))
         opponent = self.opponent.astype(dual[0].dtype)
-        compiled.finer3(*s, tuple(light), tuple(dual), ratios, *self.bounds_as_numbers, opponent)
+        self._active = np.empty(self.lower[0].shape, np.uint8)
+        given = tuple(light), tuple(dual), coarse, ratios, *self.bounds_as_numbers, opponent
+        compiled.finer3(*s, self._active, *given)
         return s
 
     def follow(self, coarse: Level) -> None:
-        """See `Level`: the active sets."""
+        """See `Level`: the active sets, until `of_coarser` enlarges them."""
         assert isinstance(coarse, OpponentLevel)
-        if coarse._active is not None:
-            rows, cols = self.lower[0].shape
-            large = np.repeat(np.repeat(coarse._active, 2, axis=0), 2, axis=1)
-            self._active = np.ascontiguousarray(large[:rows, :cols])
+        self._active = coarse._active
 
     def _towards_all(self, s: Planes, weights: list[float]) -> Planes:
         """Weight (2 z - s) of all planes, as they were kept or anew."""
