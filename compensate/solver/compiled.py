@@ -364,10 +364,10 @@ def dots3(a: Any, b: Any, c: Any, v: Any, sums: Any) -> None:
 def weigh3(
     a: Any, b: Any, c: Any, u: Any, squares: Any, polluted: Any, keep: Any, sums: Any
 ) -> None:  # fmt: skip
-    """Omega² of channels and of U times `polluted` (channel), in place unless it is to `keep` them.
+    """Omega² of channels, with U times `polluted` (channel); in place unless it is to `keep` them.
 
-    The row's sums go to `sums` (row, 4): how much the first and the last column count, before; after,
-    U's inner products with what it is then, and the energy.
+    The row's sums go to `sums` (row, 4): U's inner products with that, and the energy. Before, it
+    says how much the first and the last column count.
     """
     first, second, third = squares
     p, q, r = polluted
@@ -663,6 +663,63 @@ def move3(
             s0[i, j] += w0[i, j]
             s1[i, j] += w1[i, j]
             s2[i, j] += w2[i, j]
+
+
+@_COMPILED
+def lower_bound3(
+    a: Any, b: Any, c: Any, w0: Any, w1: Any, w2: Any, lowers: Any, widths: Any, damping: Any,
+    least: Any, opponent: Any, inverse: Any, weights: Any, curvature: Any,
+) -> float:  # fmt: skip
+    """`OpponentLevel.lower_bound` of three primaries; a, b, c go from what s went to, to g_F.
+
+    `least` is that of the damping of planes, which counts on the padding alone.
+    """
+    rows, cols = lowers[0].shape
+    weight0, weight1, weight2 = weights
+    known = 0.0
+    for i in numba.prange(a.shape[0]):
+        to, back = entries(opponent), entries(inverse)
+        half, nothing = one(a[i, 0]) / (one(a[i, 0]) + one(a[i, 0])), a[i, 0] - a[i, 0]
+        parts = np.empty(a.shape[1], a.dtype)
+        inside = cols if i < rows else 0
+        for j in range(inside):
+            x, y, z = w0[i, j], w1[i, j], w2[i, j]
+            g0, g1, g2 = a[i, j] - weight0 * x, b[i, j] - weight1 * y, c[i, j] - weight2 * z
+            part = half * (x * g0 + y * g1 + z * g2)
+            g0, g1, g2 = (
+                to[0] * g0 + to[3] * g1 + to[6] * g2, to[1] * g0 + to[4] * g1 + to[7] * g2,
+                to[2] * g0 + to[5] * g1 + to[8] * g2,
+            )  # fmt: skip
+            x, y, z = times3(back, x, y, z)
+            damped = at(damping, i, j)
+            part += half * damped * (x * x + y * y + z * z)
+            g0, g1, g2 = g0 + damped * x, g1 + damped * y, g2 + damped * z
+            low0, low1, low2 = lowers[0][i, j], lowers[1][i, j], lowers[2][i, j]
+            d0 = x - low0 if g0 > 0 else low0 + at(widths[0], i, j) - x
+            d1 = y - low1 if g1 > 0 else low1 + at(widths[1], i, j) - y
+            d2 = z - low2 if g2 > 0 else low2 + at(widths[2], i, j) - z
+            bound0 = d0 * (curvature + curvature) <= abs(g0)
+            bound1 = d1 * (curvature + curvature) <= abs(g1)
+            bound2 = d2 * (curvature + curvature) <= abs(g2)
+            part -= abs(g0) * d0 if bound0 else nothing
+            part -= abs(g1) * d1 if bound1 else nothing
+            parts[j] = part - (abs(g2) * d2 if bound2 else nothing)
+            g0 = nothing if bound0 else g0
+            g1 = nothing if bound1 else g1
+            g2 = nothing if bound2 else g2
+            a[i, j] = back[0] * g0 + back[3] * g1 + back[6] * g2
+            b[i, j] = back[1] * g0 + back[4] * g1 + back[7] * g2
+            c[i, j] = back[2] * g0 + back[5] * g1 + back[8] * g2
+        for j in range(inside, a.shape[1]):
+            x, y, z = w0[i, j], w1[i, j], w2[i, j]
+            g0, g1, g2 = a[i, j] - weight0 * x, b[i, j] - weight1 * y, c[i, j] - weight2 * z
+            parts[j] = -half * (x * (g0 + least * x) + y * (g1 + least * y) + z * (g2 + least * z))
+            a[i, j], b[i, j], c[i, j] = nothing, nothing, nothing
+        row = 0.0
+        for j in range(a.shape[1]):
+            row += parts[j]
+        known += row
+    return known
 
 
 @_COMPILED

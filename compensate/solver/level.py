@@ -144,6 +144,7 @@ class Level(ABC):
 
     def follow(self, coarse: Level) -> None:
         """Take over what makes the next steps faster, where a coarser level has it."""
+        return  # nothing, usually
 
     def of_coarser(
         self, light: Planes, dual: Planes, were: list[float], weights: list[float]

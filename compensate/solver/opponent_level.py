@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from compensate.solver.blocks import each_strip
 from compensate.solver.boxes import Nearest
-from compensate.solver.certificate import parted
+from compensate.solver.certificate import CURVATURE, parted
 from compensate.solver.fused import loops
 from compensate.solver.hessian import mixed
 from compensate.solver.level import BoxLevel, Level, Planes, Rows, by_rows
@@ -56,6 +56,13 @@ class OpponentLevel(BoxLevel):
         return tuple(self.lower), tuple(
             number(w) if isinstance(w, float) else w for w in self.width
         )
+
+    @property
+    def active(self) -> NDArray[np.uint8]:
+        """(row, col) active sets of the compiled loops' last step; none at first."""
+        if self._active is None:
+            self._active = np.zeros(self.lower[0].shape, np.uint8)
+        return self._active
 
     def damping_of(self, rows: slice) -> Any:
         """M of rows of the picture."""
@@ -125,12 +132,18 @@ class OpponentLevel(BoxLevel):
     ) -> Iterator[tuple[float, Array]]:
         """See `Level`: the first part is everything that is known.
 
-        Planes are few, so that g_F takes the place of what s went to, and w - z that of w: `move`,
-        which has to be next, knows.
+        Planes are few, so that g_F takes the place of what s went to, and w - z that of w (but in
+        compiled loops): `move`, which has to be next, knows.
         """
         free = self._towards_all(s, weights)
-        self._kept, self._stepped = None, w
         inverse, least = np.linalg.inv(self.opponent), self.least_damping
+        if (compiled := loops(*s, *w)) and Nearest(self, weights).compiled:
+            known = self._compiled_lower_bound(compiled, free, w, weights)
+            while free:  # one by one: each becomes a spectrum
+                yield known, free.pop(0)
+                known = 0.0
+            return
+        self._kept, self._stepped = None, w
 
         def work(strip: slice) -> float:
             known, inner = 0.0, self._inner(strip)
@@ -163,6 +176,19 @@ class OpponentLevel(BoxLevel):
         while free:  # one by one: each becomes a spectrum
             yield known, free.pop(0)
             known = 0.0
+
+    def _compiled_lower_bound(
+        self, compiled: Any, free: Planes, w: Planes, weights: list[float]
+    ) -> float:
+        """What is known of `lower_bound`; `free` is g_F then."""
+        dtype = free[0].dtype
+        number = dtype.type
+        lowers, widths, damping, *_ = Nearest(self, weights).numbers(dtype)
+        matrices = self.opponent.astype(dtype), np.linalg.inv(self.opponent).astype(dtype)
+        factors = tuple(number(weight) for weight in weights)
+        bounds = lowers, widths, damping, number(self.least_damping)
+        found = compiled.lower_bound3(*free, *w, *bounds, *matrices, factors, number(CURVATURE))
+        return float(found)
 
     def regulariser(self, z: Planes) -> float:
         """See `Level`."""
@@ -271,9 +297,7 @@ class OpponentLevel(BoxLevel):
 
     def _numbers_of(self, nearest: Nearest) -> tuple[Any, ...]:
         """What the compiled loops take; they begin with the active sets of the step before."""
-        if self._active is None:
-            self._active = np.zeros(self.lower[0].shape, np.uint8)
-        return *nearest.numbers(self.lower[0].dtype), self._active
+        return *nearest.numbers(self.lower[0].dtype), self.active
 
     @staticmethod
     def _planes_mixed(

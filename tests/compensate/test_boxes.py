@@ -115,12 +115,57 @@ def test_another_penalty_scales_the_dual_alone():
     assert np.stack(again) == pytest.approx(before, abs=1e-12)
 
 
-def test_the_hessian_of_channels_is_the_primaries():
+def compiled(monkeypatch, *modules):
+    """The compiled loops in `modules` of the solver."""
+    pytest.importorskip("numba")
+    found = importlib.import_module("compensate.solver.compiled")
+    for module in modules:
+        monkeypatch.setattr(f"compensate.solver.{module}.loops", lambda *planes: found)
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_compiled_lower_bounds_are_the_same(uneven, monkeypatch):
+    random = np.random.default_rng(2)
+    s, w = random.normal(size=(2, 3, *PADDED))
+    found = []
+    for _ in range(2):
+        posed = level(uneven=uneven, seed=5)
+        parts = list(posed.lower_bound(list(s.copy()), list(w.copy()), WEIGHTS))
+        found.append((sum(known for known, _ in parts), np.stack([free for _, free in parts])))
+        compiled(monkeypatch, "opponent_level")
+    (known, free), (same, planes) = found
+    assert same == pytest.approx(known, rel=1e-12)
+    assert planes == pytest.approx(free, abs=1e-12)
+    inside = free[:, :ROWS, :COLS]
+    assert 0.05 < np.mean(inside != 0) < 0.95  # at bounds and not
+
+
+def test_compiled_enlarging_is_the_same(monkeypatch):
+    coarse, fine = level(seed=1), level(seed=2)
+    random = np.random.default_rng(3)
+    rows, cols = (side // 2 for side in PADDED)
+    light = list(random.normal(size=(3, ROWS // 2, COLS // 2 + 1)))
+    dual = random.normal(size=(3, rows, cols))
+    sets = random.integers(0, 8, light[0].shape).astype(np.uint8)
+    weights = [2 * weight for weight in WEIGHTS]
+    wanted = fine.of_coarser(light, list(dual), WEIGHTS, weights)
+    compiled(monkeypatch, "opponent_level")
+    monkeypatch.setattr(coarse, "_active", sets)
+    fine.follow(coarse)
+    found = fine.of_coarser(light, list(dual), WEIGHTS, weights)
+    assert np.stack(found) == pytest.approx(np.stack(wanted), abs=1e-12)
+    assert np.array_equal(fine.active, np.kron(sets, np.ones((2, 2), np.uint8))[:ROWS, :COLS])
+
+
+@pytest.mark.parametrize(("fast", "modes"), [(False, 2), (False, 1), (True, 1)])
+def test_the_hessian_of_channels_is_the_primaries(fast, modes, monkeypatch):
     """Solving in opponent channels what differs from primary to primary."""
+    if fast:
+        compiled(monkeypatch, "dome_hessian")
     random = np.random.default_rng(1)
     fourier, opponent = Fourier(*PADDED), linear_ycbcr(np.array([0.2, 0.7, 0.1]))
-    spread, collect = random.random((2, 2, *PADDED))
-    cores = 0.02 * random.random((3, 2, 2))
+    spread, collect = random.random((2, modes, *PADDED))
+    cores = 0.02 * random.random((3, modes, modes))
     squares = [random.random((PADDED[0], PADDED[1] // 2 + 1)) for _ in range(3)]
     primary = np.einsum("pq,pjk->pqjk", np.eye(3), cores)
     channel = np.einsum("cp,pjk,pd->cdjk", opponent, cores, np.linalg.inv(opponent))
@@ -130,6 +175,15 @@ def test_the_hessian_of_channels_is_the_primaries():
     spectra = [fourier.forward(plane) for plane in light]
     planes = [fourier.forward(plane) for plane in np.einsum("cp,prk->crk", opponent, light)]
     assert of_channels.energy(planes) == pytest.approx(of_light.energy(spectra), rel=1e-12)
+    # What is seen of light, its energy, and the gradient that it makes
+    seen = [fourier.forward(plane) for plane in light]
+    (one, primaries), (other, channels) = (
+        hessian.seen([plane.copy() for plane in residual])
+        for hessian, residual in ((of_light, seen), (of_channels, planes))
+    )
+    assert other == pytest.approx(one, rel=1e-12)
+    turned = np.einsum("cp,crk->prk", opponent, np.stack(channels))
+    assert turned == pytest.approx(np.stack(primaries), abs=1e-10)
     # (H + sigma)^-1 undoes H + sigma
     sigma = [0.1, 0.5, 2.0]
     asked = [plane.copy() for plane in planes]
