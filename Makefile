@@ -3,9 +3,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+# A process for each core, up to four: each may take some GiB.
+SIDE_BY_SIDE := -n auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint validate readme schema bench masters gallery requirements clean
+.PHONY: help demo test long lint validate readme schema bench masters gallery requirements clean
 
 help: ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -23,8 +25,11 @@ $(READY): pyproject.toml requirements/dev.txt
 demo: $(READY) ## Set up, compensate the bundled night scene, name the page to open
 	@$(BIN)/domesim demo --out out/demo
 
-test: $(READY) ## Set up and run the tests, but for long ones (pytest -m long)
-	@$(BIN)/python -m pytest
+test: $(READY) ## Set up and run the tests, but for long ones
+	@$(BIN)/python -m pytest $(SIDE_BY_SIDE)
+
+long: $(READY) ## The long tests: as thorough as a change deserves before it lands
+	@$(BIN)/python -m pytest $(SIDE_BY_SIDE) -m long
 
 lint: $(READY) ## Style, types and import contracts
 	@$(BIN)/ruff check .

@@ -65,11 +65,15 @@ class Fourier:
             return transforms().rfft2(planes, workers=threads())
         return namespace(planes).fft.rfftn(planes, axes=(-2, -1))
 
-    def inverse(self, spectrum: Array) -> Array:
-        """Inverse of `forward`."""
+    def inverse(self, spectrum: Array, *, spent: bool = False) -> Array:
+        """Inverse of `forward`; a `spent` spectrum may be overwritten, which saves its memory."""
         self._note(math.prod(spectrum.shape[:-2]))
         size = (self.rows, self.cols)
         if isinstance(spectrum, np.ndarray):
+            if spent:
+                given: dict[str, Any] = {"overwrite_x": True, "workers": threads()}
+                columns = transforms().ifft(spectrum, axis=-2, **given)
+                return transforms().irfft(columns, n=self.cols, axis=-1, **given)
             return transforms().irfft2(spectrum, s=size, workers=threads())
         return namespace(spectrum).fft.irfftn(spectrum, s=size, axes=(-2, -1))
 

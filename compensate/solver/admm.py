@@ -179,7 +179,7 @@ class _Run:
         self._iterations = settings.coarse
         if self._level.hessian.adapted:
             first = then = last = 1.0
-            if problem.contrast is None:
+            if problem.contrast is None and len(self._level.hessian.metric) > 1:
                 self._iterations = settings.coarse_channels
         self._penalties = [rho * raised for rho in (first, max(then, last), last)]
         self._varying: Varying | None = None
@@ -429,7 +429,7 @@ def _inverse(fourier: Fourier, spectra: Spectra) -> Planes:
     """Planes of spectra, which are used up one by one."""
     planes = []
     while spectra:
-        planes.append(fourier.inverse(spectra.pop(0)))
+        planes.append(fourier.inverse(spectra.pop(0), spent=True))
     return planes
 
 

@@ -147,7 +147,7 @@ def test_compiled_enlarging_is_the_same(monkeypatch):
     light = list(random.normal(size=(3, ROWS // 2, COLS // 2 + 1)))
     dual = random.normal(size=(3, rows, cols))
     sets = random.integers(0, 8, light[0].shape).astype(np.uint8)
-    weights = [2 * weight for weight in WEIGHTS]
+    weights = [2 * WEIGHTS[0], 3 * WEIGHTS[1], 0.5 * WEIGHTS[2]]
     wanted = fine.of_coarser(light, list(dual), WEIGHTS, weights)
     compiled(monkeypatch, "opponent_level")
     monkeypatch.setattr(coarse, "_active", sets)

@@ -15,7 +15,7 @@ from laws.test_linear_maps import RankTwo
 from scipy.optimize import lsq_linear, minimize
 from theatres import closed_form, picture, problem, unequal_weighting, weighting
 
-from compensate.fourier import Fourier
+from compensate.fourier import LIBRARIES, Fourier
 from compensate.master import pose
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
@@ -312,6 +312,18 @@ def test_planes_of_a_quarter_count_as_a_quarter():
     assert fine.count == 6 + 2 / 16 + 1 / 4
     with pytest.raises(ValueError, match="no half"):
         Fourier(9, 12).coarser()
+
+
+@pytest.mark.parametrize("cols", [11, 12])
+@pytest.mark.parametrize("library", ["scipy.fft", *LIBRARIES])
+def test_a_spent_spectrum_becomes_the_same_plane(library, cols, monkeypatch):
+    module = pytest.importorskip(library)
+    monkeypatch.setattr("compensate.fourier.transforms", lambda: module)
+    plane = np.random.default_rng(0).random((9, cols), np.float32)
+    fourier = Fourier(9, cols)
+    found = fourier.inverse(fourier.forward(plane), spent=True)
+    assert found == pytest.approx(plane, abs=1e-6)
+    assert (found.dtype, fourier.count) == (np.float32, 2)
 
 
 def test_infinite_bounds_are_refused():

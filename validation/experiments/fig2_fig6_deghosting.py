@@ -307,7 +307,7 @@ def run(work: Work) -> Finding:
         },
         left_out=(
             *left_out,
-            "Figure 1 (left), another such example; figure 8, prediction, which is not built yet.",
+            "Figure 1 (left), another such example; figure 8, which `domesim predict` draws.",
         ),
     )
 
