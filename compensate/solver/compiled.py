@@ -347,7 +347,7 @@ def channels3(
 
 @_COMPILED
 def dots3(a: Any, b: Any, c: Any, v: Any, sums: Any) -> None:
-    """`DomeHessian._sums` of one mode, of channels: the row's go to `sums` (row, 4), as below."""
+    """`DomeHessian._sums` of one mode, of channels: the row's go to `sums` (row, 3), as below."""
     last = a.shape[1]
     for i in numba.prange(a.shape[0]):
         first, beyond = sums[i, 0], sums[i, 1]

@@ -136,14 +136,20 @@ class OpponentLevel(BoxLevel):
         compiled loops): `move`, which has to be next, knows.
         """
         free = self._towards_all(s, weights)
-        inverse, least = np.linalg.inv(self.opponent), self.least_damping
         if (compiled := loops(*s, *w)) and Nearest(self, weights).compiled:
             known = self._compiled_lower_bound(compiled, free, w, weights)
-            while free:  # one by one: each becomes a spectrum
-                yield known, free.pop(0)
-                known = 0.0
-            return
+        else:
+            known = self._lower_bound_in_strips(free, s, w, weights)
+        while free:  # one by one: each becomes a spectrum
+            yield known, free.pop(0)
+            known = 0.0
+
+    def _lower_bound_in_strips(
+        self, free: Planes, s: Planes, w: Planes, weights: list[float]
+    ) -> float:
+        """As `_compiled_lower_bound`; w is w - z then."""
         self._kept, self._stepped = None, w
+        inverse, least = np.linalg.inv(self.opponent), self.least_damping
 
         def work(strip: slice) -> float:
             known, inner = 0.0, self._inner(strip)
@@ -172,10 +178,7 @@ class OpponentLevel(BoxLevel):
                 plane[inner] = rest
             return known
 
-        known = sum(each_strip(work, s[0]))
-        while free:  # one by one: each becomes a spectrum
-            yield known, free.pop(0)
-            known = 0.0
+        return sum(each_strip(work, s[0]))
 
     def _compiled_lower_bound(
         self, compiled: Any, free: Planes, w: Planes, weights: list[float]

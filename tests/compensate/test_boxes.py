@@ -68,6 +68,14 @@ def wanted(posed: OpponentLevel, s: list, row: int, col: int) -> np.ndarray:
     return result
 
 
+def compiled(monkeypatch, *modules):
+    """The compiled loops in `modules` of the solver."""
+    pytest.importorskip("numba")
+    found = importlib.import_module("compensate.solver.compiled")
+    for module in modules:
+        monkeypatch.setattr(f"compensate.solver.{module}.loops", lambda *planes: found)
+
+
 @pytest.mark.parametrize("uneven", [False, True])
 @pytest.mark.parametrize("offset", [False, True])
 @pytest.mark.parametrize("fast", [False, True])
@@ -75,9 +83,7 @@ def wanted(posed: OpponentLevel, s: list, row: int, col: int) -> np.ndarray:
 def test_it_is_the_best_light_of_each_pixel(uneven, offset, fast, large, monkeypatch):
     monkeypatch.setattr("compensate.solver.opponent_level.is_large", lambda plane: large)
     if fast:
-        pytest.importorskip("numba")
-        module = importlib.import_module("compensate.solver.compiled")
-        monkeypatch.setattr("compensate.solver.opponent_level.loops", lambda *planes: module)
+        compiled(monkeypatch, "opponent_level")
     for seed in range(3):
         posed = level(uneven=uneven, offset=offset, seed=seed)
         s = list(np.random.default_rng(seed).normal(size=(3, *PADDED)))
@@ -113,14 +119,6 @@ def test_another_penalty_scales_the_dual_alone():
     # Light and dual together are s again
     again = posed.of_state([by_rows(plane) for plane in light], dual)
     assert np.stack(again) == pytest.approx(before, abs=1e-12)
-
-
-def compiled(monkeypatch, *modules):
-    """The compiled loops in `modules` of the solver."""
-    pytest.importorskip("numba")
-    found = importlib.import_module("compensate.solver.compiled")
-    for module in modules:
-        monkeypatch.setattr(f"compensate.solver.{module}.loops", lambda *planes: found)
 
 
 @pytest.mark.parametrize("uneven", [False, True])
@@ -213,8 +211,6 @@ def test_the_penalty_is_as_large_as_what_is_seen():
 
 def test_active_sets_of_another_step_lead_to_the_same_light(monkeypatch):
     """Steep weights: pinning and letting go by turns would go round in circles."""
-    pytest.importorskip("numba")
-    module = importlib.import_module("compensate.solver.compiled")
     random = np.random.default_rng(0)
     for weights in ([0.03, 1.0, 0.002], [0.001, 0.3, 0.8]):
         shape = (200, 300)
@@ -227,7 +223,7 @@ def test_active_sets_of_another_step_lead_to_the_same_light(monkeypatch):
         first, then = random.normal(size=(2, 3, *shape))
         by_sweeps = posed.answer(list(then), weights)
         with monkeypatch.context() as patch:
-            patch.setattr("compensate.solver.opponent_level.loops", lambda *planes: module)
+            compiled(patch, "opponent_level")
             posed.answer(list(first), weights)
             by_sets = posed.answer(list(then), weights)
         assert np.stack(by_sets) == pytest.approx(np.stack(by_sweeps), abs=1e-6)
