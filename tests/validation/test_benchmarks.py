@@ -16,7 +16,7 @@ from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
 from domesim.errors import InputError
-from validation.benchmarks import measuring, tao, writing
+from validation.benchmarks import measuring, recording, tao, writing
 from validation.benchmarks.measuring import (
     Cost,
     Settings,
@@ -24,6 +24,7 @@ from validation.benchmarks.measuring import (
     costs,
     least_cost,
     measure,
+    seconds_to,
     traced,
 )
 from validation.benchmarks.problems import PROBLEMS, Case, night_dome
@@ -137,6 +138,20 @@ def test_a_solver_is_stopped_when_its_budget_is_used_up(synthetic):
     case, least = synthetic
     seen = traced(case, "accelerated", least, 0.0, budget=20)
     assert seen[-1].ffts == 20 * 2
+
+
+def test_time_is_taken_until_a_light_is_found(synthetic, monkeypatch):
+    """Of clocks that tick once a transform, the same transforms as traced."""
+    case, least = synthetic
+    task, ticks = case.single, []
+    fourier = task.problem.weighting.fourier
+    monkeypatch.setattr(recording.time, "perf_counter", lambda: fourier.count)
+    for name in (OURS, "gpcg", "accelerated"):
+        seen = traced(case, name, least, 1e-2)
+        ticks.append(seconds_to(task, name, len(seen)))
+        assert math.ceil(ticks[-1]) == seen[-1].ffts
+        assert math.ceil(seconds_to(task, name, 1)) == seen[0].ffts < seen[-1].ffts
+    assert len(set(ticks)) > 1
 
 
 def test_gpcg_is_watched_without_being_changed():

@@ -1,9 +1,9 @@
 """What a solver costs on a problem: FFTs of planes, seconds as multiples, memory.
 
 Counts are the same on every machine. Seconds depend on it; as multiples of one forward and inverse
-transform of one plane, and of one subtraction of the other view with a clip, both timed in the same
-run, they nearly do not. Memory is what Python allocates during a solution of a problem on which
-nothing has been computed yet, in planes of the picture in float32.
+transform of one plane, and of one subtraction of the other view with a clip, both timed right
+before and after, they nearly do not. Memory is what Python allocates during a solution of a problem
+on which nothing has been computed yet, in planes of the picture in float32.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from compensate.solver.admm import ADMM
 from domesim.frames import write_whole
 from validation.benchmarks.problems import CROSSTALK, POLLUTION, PROBLEMS, Case, Task
 from validation.benchmarks.recording import Enough, Recorder, Seen, Truth
-from validation.benchmarks.solvers import OURS, SOLVERS
+from validation.benchmarks.solvers import OURS, SOLVERS, Solver
 from validation.experiment import Missing
 
 GAPS = (1e-2, 1e-3, 1e-4)
@@ -96,7 +96,8 @@ class Cost:
     ffts
         FFTs of planes until the true gap fell below each of `GAPS`; None where it never did.
     seconds, pairs, passes
-        Time to a true gap of 1e-3, and in multiples as of `Stop`; None where it did not come there.
+        Time to a true gap of 1e-3 (median), and in multiples as of `Stop`; None where it did not
+        come there.
     memory
         Peak memory, planes of the picture in float32; None where it was not measured.
     seen
@@ -142,7 +143,7 @@ class Settings:
     budget
         FFTs for each plane of light after which they are.
     repeats
-        Timed runs to a stop of the product's solver, after a first one.
+        Timed runs, of which the median counts, after a first one.
     memory
         Whether peak memory is measured.
     """
@@ -231,18 +232,16 @@ def measure(case: Case, name: str, least: float | None, settings: Settings) -> C
     """
     solver = SOLVERS[name]
     task = case.double if solver.double else case.single
-    unit = _Units(case.single)
+    units = _Units(case.single, settings.repeats)
     truth = None if least is None else Truth(case.double.problem, least)
     if name == OURS and case.name in PROBLEMS:
         small = PROBLEMS[case.name][1](_SMALL).single
         _product(TOLERANCES[0])(small.problem, small.start)  # its loops may have to be compiled
     seen = () if least is None else traced(case, name, least, settings.goal, settings.budget)
-    reached = next((one for one in seen if one.gap <= 1e-3), None)
-    seconds = None if reached is None else reached.seconds
+    enough = next((k for k, one in enumerate(seen, 1) if one.gap <= 1e-3), None)
+    found = None if enough is None else units.times(lambda: seconds_to(task, name, enough))
     stops = (
-        tuple(_stopped(case.single, t, truth, unit, settings.repeats) for t in TOLERANCES)
-        if name == OURS
-        else ()
+        tuple(_stopped(case.single, t, truth, units) for t in TOLERANCES) if name == OURS else ()
     )
     fourier = task.problem.weighting.fourier
     return Cost(
@@ -253,9 +252,9 @@ def measure(case: Case, name: str, least: float | None, settings: Settings) -> C
         pixels=task.planes * fourier.rows * fourier.cols,
         clipped=case.single.clipped,
         ffts=tuple(next((s.ffts for s in seen if s.gap <= gap), None) for gap in GAPS),
-        seconds=seconds,
-        pairs=None if seconds is None else seconds / unit.pair,
-        passes=None if seconds is None else seconds / unit.clip,
+        seconds=found and found.seconds,
+        pairs=found and found.pairs,
+        passes=found and found.passes,
         memory=_memory(case, name) if settings.memory else None,
         seen=seen,
         stops=stops,
@@ -282,31 +281,47 @@ def traced(
     task = case.double if solver.double else case.single
     truth = Truth(case.double.problem, least)
     recorder = Recorder(task.problem, truth, goal=goal, budget=budget * task.planes)
+    _run(solver, recorder, task)
+    return tuple(recorder.seen)
+
+
+def seconds_to(task: Task, name: str, lights: int) -> float:
+    """Time until the solver of that name has found so many lights, undisturbed.
+
+    Looking for a light's gap takes the caches, and memory that was kept for the next arrays: an RGB
+    dome that is traced takes a quarter longer.
+    """
+    recorder = Recorder(task.problem, None, most=lights)
+    _run(SOLVERS[name], recorder, task)
+    return recorder.seconds
+
+
+def _run(solver: Solver, recorder: Recorder, task: Task) -> None:
     with suppress(Enough):
         answer = solver.run(recorder, task.start)
         if answer is not None:
             recorder.see(lambda: answer)
-    return tuple(recorder.seen)
 
 
-def _stopped(task: Task, tolerance: float, truth: Truth | None, unit: _Units, repeats: int) -> Stop:
+def _stopped(task: Task, tolerance: float, truth: Truth | None, units: _Units) -> Stop:
     solver = _product(tolerance)
-    solver(task.problem, task.start)
-    times = []
-    for _ in range(repeats):
+    result = solver(task.problem, task.start)
+
+    def run() -> float:
         begin = time.perf_counter()
-        result = solver(task.problem, task.start)
-        times.append(time.perf_counter() - begin)
-    seconds = float(np.median(times))
+        solver(task.problem, task.start)
+        return time.perf_counter() - begin
+
+    found = units.times(run)
     return Stop(
         tolerance,
         math.ceil(result.ffts),
         result.iterations,
-        seconds,
+        found.seconds,
         result.gap,
         None if truth is None else truth.gap(result.light),
-        seconds / unit.pair,
-        seconds / unit.clip,
+        found.pairs,
+        found.passes,
     )
 
 
@@ -320,7 +335,7 @@ def _memory(case: Case, name: str) -> float | None:
         return None
     solver = SOLVERS[name]
     task = case.posed(np.float64 if solver.double else np.float32)
-    recorder = Recorder(task.problem, None, goal=0.0, budget=_MEMORY_BUDGET * task.planes)
+    recorder = Recorder(task.problem, None, budget=_MEMORY_BUDGET * task.planes)
     gc.collect()
     tracemalloc.start()
     try:
@@ -337,9 +352,17 @@ def _memory(case: Case, name: str) -> float | None:
 
 
 class _Units:
-    """Seconds of what solutions are compared with: medians of nine."""
+    """Times of runs, and in multiples of what they are compared with; medians.
 
-    def __init__(self, task: Task) -> None:
+    Parameters
+    ----------
+    task
+        Whose planes are transformed, and subtracted and clipped.
+    repeats
+        Runs.
+    """
+
+    def __init__(self, task: Task, repeats: int) -> None:
         fourier = task.problem.weighting.fourier
         plane = np.zeros((fourier.rows, fourier.cols), np.float32)
         light = task.start
@@ -357,7 +380,33 @@ class _Units:
                 np.subtract(light, np.float32(POLLUTION) * light.mean(axis=(1, 2)), out=out)
             np.clip(out, 0, 1, out=out)
 
-        self.pair, self.clip = _median_seconds(pair), _median_seconds(clip)
+        self._units, self._repeats = (pair, clip), repeats
+
+    def times(self, run: Callable[[], float]) -> _Times:
+        """Of `run`, which says how many seconds it took; each between measurements of the units.
+
+        A machine that others use, too, is now faster and now slower.
+        """
+        found, around = [], [self._measured()]
+        for _ in range(self._repeats):
+            seconds = run()
+            around.append(self._measured())
+            pair, clip = ((one + other) / 2 for one, other in zip(*around[-2:], strict=True))
+            found.append((seconds, seconds / pair, seconds / clip))
+        return _Times(*map(float, np.median(found, axis=0)))
+
+    def _measured(self) -> list[float]:
+        return [_median_seconds(unit) for unit in self._units]
+
+
+@final
+@dataclass(frozen=True)
+class _Times:
+    """Seconds, and the same in FFT pairs and in passes of subtract-and-clip."""
+
+    seconds: float
+    pairs: float
+    passes: float
 
 
 def _median_seconds(work: Callable[[], None]) -> float:

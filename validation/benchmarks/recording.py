@@ -69,22 +69,34 @@ class Recorder:
         True gap at which to stop the solver.
     budget
         FFTs of planes after which to stop it.
+    most
+        Lights after which to stop it.
 
     Attributes
     ----------
     seen
-        The lights that it has found.
+        The lights that it has found, if their gaps are known.
+    seconds
+        Until the last light.
     iterations
         Of the solver; counted up with each light unless it says.
     """
 
     def __init__(
-        self, problem: Problem, truth: Truth | None, *, goal: float, budget: float = math.inf
+        self,
+        problem: Problem,
+        truth: Truth | None,
+        *,
+        goal: float = 0.0,
+        budget: float = math.inf,
+        most: float = math.inf,
     ) -> None:
         self.problem = problem
         self.seen: list[Seen] = []
+        self.seconds = 0.0
         self.iterations: int | None = None
-        self._truth, self._goal, self._budget = truth, goal, budget
+        self._truth, self._goal, self._budget, self._most = truth, goal, budget, most
+        self._lights = 0
         self.begin()
 
     def begin(self) -> None:
@@ -110,7 +122,8 @@ class Recorder:
         Enough
             If the solver is to stop.
         """
-        ffts, seconds = self.ffts, time.perf_counter() - self._begin
+        ffts, self.seconds = self.ffts, time.perf_counter() - self._begin
+        self._lights += 1
         gap = math.inf
         if self._truth is not None:
             asked = self.problem.ffts
@@ -118,11 +131,11 @@ class Recorder:
             # Both problems may count together
             self._first += self.problem.ffts - asked
             iterations = len(self.seen) + 1 if self.iterations is None else self.iterations
-            self.seen.append(Seen(math.ceil(ffts), iterations, seconds, gap))
-        if gap <= self._goal:
+            self.seen.append(Seen(math.ceil(ffts), iterations, self.seconds, gap))
+        if gap <= self._goal or self._lights >= self._most:
             raise Enough
         self.pay()
-        self._begin = time.perf_counter() - seconds
+        self._begin = time.perf_counter() - self.seconds
 
     def pay(self) -> None:
         """Stop the solver if it has used up its budget.
