@@ -84,7 +84,12 @@ class Fourier:
         """
         xp = namespace(left, right)
         # rfft keeps half of the columns: all but the first (and Nyquist's) stand for two
-        result = 2 * total(xp.real(xp.vecdot(left, right)))
+        if isinstance(left, np.ndarray) and isinstance(right, np.ndarray):
+            # NumPy's vecdot holds Python's lock: no other strip's thread would go on
+            parts = (plane.view(plane.real.dtype) for plane in (left, right))
+            result = 2 * total(np.einsum("...i,...i", *parts))
+        else:
+            result = 2 * total(xp.real(xp.vecdot(left, right)))
         for col in (0, -1) if self.cols % 2 == 0 else (0,):
             result -= total(xp.real(xp.conj(left[..., col]) * right[..., col]))
         return float(result) / (self.rows * self.cols)

@@ -96,6 +96,8 @@ class DomeHessian(Hessian):
         if compiled:
             added = parts_or_zero(plus, spectra)
             asked, found = self._compiled_sums(compiled, spectra, added, sigma)
+        elif self.adapted:
+            asked, found = self._channels_sums(spectra, sigma, plus)
         else:
             asked, found = self._solve_blocks(spectra, sigma, plus)
         damping = np.asarray(sigma)[:, None]
@@ -115,6 +117,9 @@ class DomeHessian(Hessian):
                 compiled.correct3(*parts(spectra), *given, weights)
             return
         asks, shows = np.concatenate([c, -damping * e], 1), np.concatenate([0 * c, e], 1)
+        if self.adapted:
+            self._solve_channels(spectra, sigma, asks, shows)
+            return
 
         def correct(rows: slice) -> None:
             correction = self._blocks.solved(rows, self._combined(rows, asks), sigma)
@@ -201,6 +206,41 @@ class DomeHessian(Hessian):
         each_strip(work, spectra[0])
         return asked, self._sums(spectra)
 
+    def _channels_sums(
+        self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None
+    ) -> tuple[Any, Any]:
+        """`_solve_blocks` of planes that are channels, but that nothing is solved in place yet."""
+        modes = self.core.shape[-1]
+
+        def work(rows: slice) -> Any:
+            sums = []
+            for p, plane in enumerate(spectra):
+                if plus is not None:
+                    plane[rows, :] += plus[p][rows, :]
+                part = plane[rows, :]
+                asked = self._dots(rows, [part], slice(modes, None))
+                found = self._dots(rows, [part * self._inverse(p, rows, sigma)])
+                sums.append([*asked[0], *found[0]])
+            return np.asarray(sums)
+
+        found = sum(each_strip(work, spectra[0]))
+        return found[:, :modes], found[:, modes:]
+
+    def _solve_channels(
+        self, spectra: Spectra, sigma: Sequence[float], asks: Any, shows: Any
+    ) -> None:
+        """B^-1 of (`spectra` less the modes' `asks`) less their `shows`, in place."""
+
+        def work(rows: slice) -> None:
+            for p, plane in enumerate(spectra):
+                (asked,) = self._combined(rows, asks[p : p + 1])
+                plane[rows, :] -= asked
+                plane[rows, :] *= self._inverse(p, rows, sigma)
+                (shown,) = self._combined(rows, shows[p : p + 1])
+                plane[rows, :] -= shown
+
+        each_strip(work, spectra[0])
+
     def multiply(self, spectra: Spectra) -> None:
         """C'WC of `spectra`, in place."""
         modes = self.core.shape[-1]
@@ -272,6 +312,10 @@ class DomeHessian(Hessian):
             found = self._sums(spectra)[:, :modes]
         return np.einsum("pqjk,qk->pj", self.core, found)
 
+    def _inverse(self, p: int, rows: slice, sigma: Sequence[float]) -> Array:
+        """B^-1 of a strip of a channel."""
+        return 1 / (self._squares[p][rows, :] + sigma[p])
+
     def _sums(self, spectra: Spectra) -> Any:
         """(primary, V and U mode) inner products with the modes."""
         return sum(
@@ -305,14 +349,12 @@ class DomeHessian(Hessian):
             self.fourier.coarser(),
         )
 
-    def _dots(self, rows: slice, strip: Sequence[Array]) -> Any:
-        """(primary, V and U mode) inner products with a strip's part of the modes."""
+    def _dots(self, rows: slice, strip: Sequence[Array], which: slice = slice(None)) -> Any:
+        """(primary, V and U mode) inner products with a strip's part of `which` of the modes."""
         shapes = self._shapes
+        chosen = range(shapes.shape[0])[which]
         # Row by row: a product of matrices would start threads of its own, in each strip's thread
-        found = [
-            [self.fourier.dot(shapes[k, rows, :], plane) for k in range(shapes.shape[0])]
-            for plane in strip
-        ]
+        found = [[self.fourier.dot(shapes[k, rows, :], plane) for k in chosen] for plane in strip]
         return np.asarray(found)
 
     def _combined(self, rows: slice, coefficients: Any) -> list[Array]:

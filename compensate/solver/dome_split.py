@@ -14,6 +14,7 @@ import numpy as np
 
 from compensate.problem import Problem
 from compensate.solver.dome_hessian import DomeHessian
+from compensate.solver.fused import loops
 from compensate.solver.level import BoxLevel, Planes
 from compensate.solver.opponent_level import OpponentLevel
 from compensate.solver.split import BoxSplit, light_of, planes_of, widths_of
@@ -103,6 +104,9 @@ class DomeSplit(BoxSplit):
     def _shown(self, plane: Array, rows: slice) -> Array:
         return plane if self._gain is None else plane / self._gain[0, rows, :, 0]
 
+    def _scaled(self, part: Array, rows: slice) -> Array:
+        return part if self._gain is None else part * self._gain[0, rows, :, 0]
+
     def _damping(self) -> tuple[Any, float]:
         mu = self.problem.regularisation
         if self._gain is None or self.problem.contrast is not None:
@@ -114,12 +118,9 @@ class DomeSplit(BoxSplit):
         return mu / around**2, mu / max(float(xp.max(around)), 1.0) ** 2
 
     def _lower(self) -> Planes:
-        planes = super()._lower()
-        if self._gain is not None:
-            planes = [plane * self._gain[0, :, :, 0] for plane in planes]
-        if self._support is not None:
-            planes = [self._on_support(plane[None, :, :, None])[0, :, :, 0] for plane in planes]
-        return planes
+        by_channel = self._opponent is not None and isinstance(self.base, np.ndarray)
+        # NumPy's operations hardly notice; the compiled loops take arrays
+        return self._lowest() if by_channel and not loops(self.base) else super()._lower()
 
     def _widths(self) -> list[Array | float]:
         if self._gain is None and self._support is None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, final
 
 from compensate.fourier import Fourier
 from compensate.solver.blocks import Spectra, each_strip
@@ -34,6 +34,25 @@ Rows: TypeAlias = Callable[[slice], Array]
 """A plane's (row, col) picture, by its rows."""
 
 
+@final
+class Computed:
+    """A plane that is computed where its rows are asked for, and takes no memory.
+
+    Parameters
+    ----------
+    rows
+        What computes them.
+    like
+        An array of its shape and type.
+    """
+
+    def __init__(self, rows: Rows, like: Array) -> None:
+        self._rows, self.shape, self.dtype = rows, like.shape, like.dtype
+
+    def __getitem__(self, place: tuple[slice, slice]) -> Array:
+        return self._rows(place[0])[:, place[1]]
+
+
 class Level(ABC):
     """The problem at one resolution.
 
@@ -46,7 +65,7 @@ class Level(ABC):
     least_damping
         The least of M.
     lower
-        (row, col) lower bounds of each plane's light.
+        (row, col) lower bounds of each plane's light; they may be `Computed`.
     width
         How far up the upper ones are; planes may share one.
     offset
@@ -128,7 +147,7 @@ class Level(ABC):
 
     def regulariser_at_base(self) -> float:
         """`regulariser` of the base itself, of which o may be away."""
-        return 0.0 if self.offset is None else self.regulariser([0 * at for at in self.lower])
+        return 0.0 if self.offset is None else self.regulariser([0 * at for at in self.offset])
 
     @abstractmethod
     def regulariser(self, z: Planes) -> float:
@@ -365,7 +384,7 @@ class BoxLevel(Level):
             self,
             hessian=self.hessian.coarser,
             target=[],
-            lower=[half(plane) for plane in self.lower],
+            lower=[coarsened(plane[:, :]) for plane in self.lower],
             width=[half(value) for value in self.width],
             damping=half(self.damping),
             offset=None if self.offset is None else [half(plane) for plane in self.offset],
@@ -382,13 +401,13 @@ class BoxLevel(Level):
 
     def of_state(self, light: Sequence[Rows], dual: Planes) -> Planes:
         """See `Level`."""
-        cols = self.lower[0].shape[1]
+        rows, cols = self.lower[0].shape
 
         def work(rows: slice) -> None:
             for plane, part in zip(dual, self.bounded(light, rows), strict=True):
                 plane[rows, :cols] += part
 
-        each_strip(work, self.lower[0])
+        each_strip(work, dual[0][:rows, :cols])
         return dual
 
     def _numbers(self, p: int, weight: float) -> tuple[Any, ...]:
@@ -429,10 +448,10 @@ def by_enlarged_rows(plane: Array, cols: int) -> Rows:
     """A picture of twice as many rows and `cols` columns, each pixel four times, by its rows."""
 
     def rows_of_it(rows: slice) -> Array:
-        xp, first = namespace(plane), rows.start // 2
-        twice = xp.repeat(plane[first : (rows.stop + 1) // 2, :], 2, axis=0)
-        twice = twice[rows.start - 2 * first : rows.stop - 2 * first, :]
-        return xp.repeat(twice, 2, axis=1)[:, :cols]
+        shape = (rows.stop - rows.start, cols)
+        result = namespace(plane).empty(shape, dtype=plane.dtype, device=plane.device)
+        _enlarge(plane, rows, result)
+        return result
 
     return rows_of_it
 
@@ -448,15 +467,26 @@ def padded(picture: Array, fourier: Fourier) -> Array:
 
 def enlarged(plane: Array, times: float = 1.0) -> Array:
     """Twice as many rows and columns: each pixel four times, and all of it `times` a factor."""
-    xp = namespace(plane)
     rows, cols = plane.shape
-    result = xp.empty((rows, 2, cols, 2), dtype=plane.dtype, device=plane.device)
+    shape = (2 * rows, 2 * cols)
+    result = namespace(plane).empty(shape, dtype=plane.dtype, device=plane.device)
 
     def work(strip: slice) -> None:
-        result[strip, :, :, :] = (plane[strip, :] * times)[:, None, :, None]
+        part = plane[strip, :] * times
+        rows = slice(2 * strip.start, 2 * strip.stop)
+        _enlarge(part, slice(0, 2 * part.shape[0]), result[rows, :])
 
     each_strip(work, plane)
-    return xp.reshape(result, (2 * rows, 2 * cols))
+    return result
+
+
+def _enlarge(plane: Array, rows: slice, to: Array) -> None:
+    """Set `to` to rows of a plane of which each pixel is there four times."""
+    wide = to.shape[1]
+    for i in range(2):
+        first, number = (rows.start + i) // 2, (rows.stop - rows.start - i + 1) // 2
+        for j in range(2):
+            to[i::2, j::2] = plane[first : first + number, : (wide - j + 1) // 2]
 
 
 def coarsened(plane: Array) -> Array:

@@ -75,7 +75,8 @@ class OpponentLevel(BoxLevel):
     def answer(self, s: Planes, weights: list[float]) -> Planes:
         """The light of s."""
         nearest = Nearest(self, weights)
-        z = [namespace(s[0]).empty_like(lower) for lower in self.lower]
+        rows, cols = self.lower[0].shape
+        z = [namespace(s[0]).empty_like(plane[:rows, :cols]) for plane in s]
         if (compiled := loops(*s)) and nearest.compiled:
             compiled.nearest3(*z, *s, *self._numbers_of(nearest))
             return z
@@ -223,14 +224,14 @@ class OpponentLevel(BoxLevel):
 
     def of_state(self, light: Sequence[Rows], dual: Planes) -> Planes:
         """See `Level`."""
-        cols = self.lower[0].shape[1]
+        rows, cols = self.lower[0].shape
 
         def work(rows: slice) -> None:
             parts = mixed(self.opponent, self.bounded(light, rows))
             for plane, part in zip(dual, parts, strict=True):
                 plane[rows, :cols] += part
 
-        each_strip(work, self.lower[0])
+        each_strip(work, dual[0][:rows, :cols])
         return dual
 
     def of_coarser(
@@ -270,13 +271,14 @@ class OpponentLevel(BoxLevel):
             compiled.towards3(*asked, *s, *self._numbers_of(nearest), factors)
             return asked
 
+        doubled = 2 * np.asarray(weights)[:, None] * self.opponent
+
         def work(strip: slice) -> None:
             for plane, to, weight in zip(s, asked, weights, strict=True):
                 to[strip, :] = plane[strip, :] * -weight
             if inner := self._inner(strip):
-                z = mixed(self.opponent, nearest(s, inner[0]))
-                for plane, to, weight in zip(z, asked, weights, strict=True):
-                    to[inner] += plane * (2 * weight)
+                for plane, to in zip(mixed(doubled, nearest(s, inner[0])), asked, strict=True):
+                    to[inner] += plane
 
         each_strip(work, s[0])
         return asked

@@ -10,7 +10,7 @@ import numpy as np
 from compensate.problem import Problem
 from compensate.solver.blocks import each_strip
 from compensate.solver.hessian import Hessian
-from compensate.solver.level import BoxLevel, Level, Planes, coarsened, padded
+from compensate.solver.level import BoxLevel, Computed, Level, Planes, coarsened, padded
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace
 from domesim.strips import in_parts
@@ -107,7 +107,7 @@ class BoxSplit(Split):
                 x = self._shown(planes[view * primaries + p][rows, :], rows) + base[place]
                 result[place] = xp.minimum(xp.maximum(x, lower[place]), upper[place])
 
-        in_parts(work, base.shape, base)
+        in_parts(work, base.shape[:3], base)
         return result
 
     @abstractmethod
@@ -146,15 +146,29 @@ class BoxSplit(Split):
         """M, and the least of it."""
         return self.problem.regularisation, self.problem.regularisation
 
+    def _scaled(self, part: Array, rows: slice) -> Array:
+        """D times rows of a plane."""
+        return part
+
+    def _lowest(self) -> Planes:
+        """Lower bounds of planes' light, computed where they are asked for."""
+
+        def of(bound: Array, plane: Array) -> Computed:
+            return Computed(
+                lambda rows: self._scaled(bound[rows, :] - plane[rows, :], rows), like=plane
+            )
+
+        bounds = namespace(self.base).broadcast_to(self.problem.lower, self.base.shape)
+        return list(map(of, _each_plane(bounds), _each_plane(self.base)))
+
     def _lower(self) -> Planes:
-        xp, base = namespace(self.base), self.base
-        bounds = _each_plane(xp.broadcast_to(self.problem.lower, base.shape))
-        planes = _each_plane(base)
-        result = [xp.empty(p.shape, dtype=base.dtype, device=base.device) for p in planes]
+        """Lower bounds of planes' light."""
+        xp, base, lowest = namespace(self.base), self.base, self._lowest()
+        result = [xp.empty(p.shape, dtype=p.dtype, device=base.device) for p in lowest]
 
         def work(rows: slice) -> None:
-            for lower, bound, plane in zip(result, bounds, planes, strict=True):
-                lower[rows, :] = bound[rows, :] - plane[rows, :]
+            for plane, computed in zip(result, lowest, strict=True):
+                plane[rows, :] = computed[rows, :]
 
         each_strip(work, result[0])
         return result
@@ -212,9 +226,11 @@ def _beyond(problem: Problem, light: Light, weighting: CsfWeighting) -> Light:
         support = xp.asarray(weighting.support, dtype=light.dtype, device=light.device)
 
         def work(view: int, rows: slice) -> None:
-            residual[view, rows, ...] *= support[rows, :, None]
+            # Plane by plane: NumPy is slow where few numbers share a factor
+            for p in range(residual.shape[3]):
+                residual[view, rows, :, p] *= support[rows, :]
 
-        in_parts(work, residual.shape, residual)
+        in_parts(work, residual.shape[:3], residual)
     return residual
 
 

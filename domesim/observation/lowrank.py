@@ -167,7 +167,7 @@ class LowRankObservation(AdjointObservation):
                     part += ambient[p, rows, :]
                 result[0, rows, :, p] = part
 
-        in_parts(work, light.shape, light)
+        in_parts(work, light.shape[:3], light)
         return result
 
     def _direct_adjoint(self, light: Light) -> Light:
@@ -188,7 +188,7 @@ def _project(modes: Array, light: Light) -> Array:
             [xp.stack([total(modes[k, rows, :] * plane) for k in ranks]) for plane in planes]
         )
 
-    first, *others = in_parts(work, light.shape, light)
+    first, *others = in_parts(work, light.shape[:3], light)
     for part in others:
         first = first + part
     return first

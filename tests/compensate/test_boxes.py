@@ -109,6 +109,23 @@ def test_it_is_the_best_light_of_each_pixel(uneven, offset, fast, large, monkeyp
         assert np.stack(s) == pytest.approx(np.stack(moved), abs=1e-9)
 
 
+@pytest.mark.parametrize("primary", range(3))
+def test_one_primary_out_of_bounds_takes_no_sweep(primary, monkeypatch):
+    """Nor do pixels that the bounds leave nothing to choose."""
+    monkeypatch.setattr(Nearest, "_sweep", lambda *_: pytest.fail("swept"))
+    bounds = np.full((3, ROWS, COLS), -9.0), np.full((3, ROWS, COLS), 18.0)
+    bounds[0][primary], bounds[1][primary] = -0.1, 0.2
+    for bound in bounds:
+        bound[:, :, 0] = 0
+    posed = replace(level(), lower=list(bounds[0]), width=list(bounds[1]))
+    s = list(np.random.default_rng(0).normal(size=(3, *PADDED)))
+    found = posed.answer(s, WEIGHTS)
+    for row, col in np.ndindex(ROWS, COLS):
+        light = [plane[row, col] for plane in found]
+        assert light == pytest.approx(wanted(posed, s, row, col), abs=1e-9)
+    assert 0.2 < np.mean(np.isclose(np.abs(found[primary][:, 1:]), 0.1)) < 1
+
+
 def test_another_penalty_scales_the_dual_alone():
     posed = level()
     s = list(np.random.default_rng(4).normal(size=(3, *PADDED)))

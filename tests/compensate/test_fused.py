@@ -16,6 +16,7 @@ from compensate.problem import Problem
 from compensate.solver import (
     anderson,
     dome_hessian,
+    dome_split,
     fused,
     hessian,
     level,
@@ -28,7 +29,7 @@ from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.scene import load_dome
 from validation.masters import night
 
-USERS = (anderson, dome_hessian, hessian, level, opponent_level, seen_level)
+USERS = (anderson, dome_hessian, dome_split, hessian, level, opponent_level, seen_level)
 
 
 @pytest.fixture
