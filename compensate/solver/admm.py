@@ -56,7 +56,7 @@ from compensate.solver.varying import Varying
 from compensate.weighting import Masked
 from domesim.light import Light, namespace
 from domesim.observation.stereo import StereoObservation
-from domesim.strips import give_back_memory, is_large
+from domesim.strips import give_back_memory, in_parts, is_large
 
 
 @final
@@ -205,7 +205,7 @@ class _Run:
             self._bounds.cost = self._base_cost
             self._optimality = problem.optimality(split.base)
             return Status.INVISIBLE
-        if start is split.base or start is problem.anchor:
+        if start is problem.anchor or _same(start, split.base):
             # Without a name for it here, which would keep its planes
             return self._fine(self._from_coarse() or level.start())
         del split.levels[1:]
@@ -415,6 +415,20 @@ class _Run:
         assert isinstance(level, BoxLevel)
         self._found = self._split.light(picture)
         self._optimality = level.kkt_residual(picture, gradient, mu)
+
+
+def _same(light: Light, other: Light) -> bool:
+    """Whether two lights are the same, pixel by pixel."""
+    if light is other:
+        return True
+    xp = namespace(light, other)
+    return all(
+        in_parts(
+            lambda view, rows: bool(xp.all(light[view, rows, ...] == other[view, rows, ...])),
+            light.shape,
+            light,
+        )
+    )
 
 
 def _x_step(level: Level, s: Planes, weights: list[float]) -> Spectra:

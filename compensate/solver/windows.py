@@ -12,6 +12,7 @@ The weights of a window's frequencies are the whole picture's, between whose sam
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, TypeAlias, final
@@ -41,7 +42,8 @@ Box: TypeAlias = tuple[slice, slice]
 class Windows:
     """Solves a problem in rectangles only.
 
-    If their windows take more than `_WORTH` of the picture, all of it is solved instead.
+    If their windows take more than `_WORTH` of the picture, all of it is solved instead. The whole
+    picture's cost is not computed, for that would take longer than a small window.
 
     Parameters
     ----------
@@ -67,7 +69,6 @@ class Windows:
         """
         weighting = require_certifiable(problem)
         light, ffts, iterations = start.copy(), 0.0, 0
-        before = weighting.fourier.count
         boxes = joined(self.boxes, self.reach)
         if sum(_pixels(box, self.reach) for box in boxes) > _WORTH * light[0, ..., 0].size:
             return self.solver(problem, start)
@@ -80,9 +81,7 @@ class Windows:
             pixels = fourier.rows * fourier.cols
             ffts += result.ffts * pixels / (weighting.fourier.rows * weighting.fourier.cols)
             iterations = max(iterations, result.iterations)
-        cost = problem.cost(light)
-        ffts += weighting.fourier.count - before
-        return Result(light, cost, float("nan"), Status.WINDOWS, iterations, round(ffts))
+        return Result(light, math.nan, math.nan, Status.WINDOWS, iterations, round(ffts))
 
 
 def joined(boxes: Iterable[Box], reach: int) -> tuple[Box, ...]:

@@ -399,10 +399,26 @@ def test_the_memory_that_large_frames_take_is_planned(name, large, most, monkeyp
     assert peak / (fourier.rows * fourier.cols * 4) <= most
 
 
+@pytest.mark.parametrize("name", ["dome-rgb", "synthetic"])
+def test_a_start_is_known_by_its_light(name):
+    """A window's is a copy: from its base it begins on coarse planes all the same."""
+    task = problems.PROBLEMS[name][1](256).single
+    ADMM(max_iterations=1)(task.problem, task.start)  # what a theatre's frames share is made once
+    known = ADMM()(task.problem, task.problem.anchor)
+    copied = ADMM()(task.problem, task.problem.anchor.copy())
+    assert copied.ffts == known.ffts
+    np.testing.assert_array_equal(copied.light, known.light)
+    # Another one is taken as it is
+    other = task.problem.project(task.problem.anchor + np.float32(0.01))
+    assert ADMM()(task.problem, other).ffts != known.ffts
+
+
 def test_an_enlarged_picture_is_the_same_strip_by_strip():
     plane = np.random.default_rng(0).random((5, 4), np.float32)
     whole = np.kron(plane, np.ones((2, 2), np.float32))[:, :7]
     rows = by_enlarged_rows(plane, 7)
     for start, stop in combinations(range(11), 2):
         np.testing.assert_array_equal(rows(slice(start, stop)), whole[start:stop])
-    np.testing.assert_array_equal(enlarged(plane, 3.0), np.kron(3 * plane, np.ones((2, 2), np.float32)))
+    np.testing.assert_array_equal(
+        enlarged(plane, 3.0), np.kron(3 * plane, np.ones((2, 2), np.float32))
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -98,7 +99,8 @@ def test_a_window_is_the_problem_with_the_rest_pinned(case: str) -> None:
     assert gained > 0.02 * before
     assert found.status is Status.WINDOWS
     # Half a degree around is enough; a dome's window does not see what it adds to other places
-    assert wanted.cost - 1e-6 * before <= found.cost < wanted.cost + 0.01 * gained
+    cost = problem.cost(found.light)
+    assert wanted.cost - 1e-6 * before <= cost < wanted.cost + 0.01 * gained
     outside = np.ones(start.shape[1:3], bool)
     outside[BOX] = False
     np.testing.assert_array_equal(found.light[:, outside], start[:, outside])
@@ -112,9 +114,9 @@ def test_a_window_costs_what_its_area_does() -> None:
     found = Windows((BOX,), 10, SOLVER)(problem, start)
     fourier = problem.weighting.fourier
     area = (32 + 20 + 10 + 8) * (50 + 20 + 10 + 8) / (fourier.rows * fourier.cols)
-    energy = 6  # the whole's cost is told
-    assert found.ffts <= energy + 1.5 * area * whole.ffts
-    assert found.ffts < 0.5 * whole.ffts
+    assert found.ffts <= 1.5 * area * whole.ffts
+    assert found.ffts < 0.4 * whole.ffts
+    assert math.isnan(found.cost)  # which would take transforms of the whole
 
 
 def test_what_is_no_less_work_is_solved_as_a_whole() -> None:
@@ -130,7 +132,7 @@ def test_without_rectangles_subtraction_stays() -> None:
     problem, start = posed("flat")
     found = Windows((), 10, ADMM())(problem, start)
     np.testing.assert_array_equal(found.light, start)
-    assert found.cost == pytest.approx(problem.cost(start), rel=1e-12)
+    assert found.ffts == 0
 
 
 sides = st.tuples(st.integers(0, 60), st.integers(1, 30)).map(lambda s: slice(s[0], sum(s)))
@@ -171,7 +173,8 @@ def test_only_what_is_seen_is_solved() -> None:
     assert not changed[far].any()
     whole = solved(shown, "perceptual")
     before = shown.problem.cost(shown.subtractive)
-    assert before - found.cost > 0.8 * (before - whole.cost)
+    cost = shown.problem.cost(found.light)
+    assert before - cost > 0.8 * (before - whole.cost)
     assert found.ffts < whole.ffts
 
 
