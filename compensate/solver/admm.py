@@ -84,7 +84,8 @@ class ADMM:
         Iterations on the coarsest planes, and on each of those between. How coarse they are, is up
         to the weighting (`Split.prepare`).
     coarse_channels
-        The same for a dome's opponent channels without a contrast, which need fewer.
+        The same for a dome's opponent channels without a contrast, which need fewer where most
+        frequencies are seen.
     memory
         Of the acceleration: how many old points it combines.
     stop_when_invisible
@@ -179,7 +180,8 @@ class _Run:
         self._iterations = settings.coarse
         if self._level.hessian.adapted:
             first = then = last = 1.0
-            if problem.contrast is None and len(self._level.hessian.metric) > 1:
+            several = problem.contrast is None and len(self._level.hessian.metric) > 1
+            if several and split.weighting.typical > settings.penalties[-1]:
                 self._iterations = settings.coarse_channels
         self._penalties = [rho * raised for rho in (first, max(then, last), last)]
         self._varying: Varying | None = None
