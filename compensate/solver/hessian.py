@@ -95,7 +95,7 @@ class Hessian(ABC):
         return sum(each_strip(work, left[0]))
 
 
-_LEAST_METRIC, _LOW_METRIC = 0.02, 0.1  # of an adapted metric, and of what is seen so far
+_LEAST_METRIC, _LOW_METRIC = 0.04, 0.1  # of an adapted metric, and of what is seen so far
 
 
 @final
