@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _RELAXATION = 1.15
 _SWEEPS = 200
-_SETTLED = 60.0  # roundings: the sweeps end where no light moves by more
+_SETTLED = 20.0  # roundings: the sweeps end where no light moves by more
 
 
 @final
