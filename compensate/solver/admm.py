@@ -18,8 +18,9 @@ are of primaries, and P is about the root of diag(T'T).
 planes of a half or a quarter of the rows and columns, where an FFT costs a quarter or a sixteenth.
 As s is relative to the clipped subtraction, it is enlarged without blurring the picture.
 
-*A falling penalty* rho over primaries: 0.1 on coarse planes, 0.05 at first, then 0.02; u is
-rescaled with it. The less is unseen, the larger it stays: 3/2 of the median of Omega².
+*A falling penalty* rho over primaries: 0.1 on coarse planes, half of the root of the median of
+Omega² at first, a quarter of it then, and 0.01 at least; u is rescaled with it. Where most is seen
+it is 0.1 throughout.
 
 *Anderson acceleration* (`anderson`), begun anew when rho changes.
 
@@ -47,6 +48,7 @@ from compensate.problem import Problem
 from compensate.solver.anderson import Anderson
 from compensate.solver.blocks import Spectra
 from compensate.solver.dome_split import DomeSplit
+from compensate.solver.hessian import penalty_of
 from compensate.solver.level import BoxLevel, Level, Planes, padded
 from compensate.solver.pair_split import PairSplit
 from compensate.solver.result import Result, Status
@@ -73,9 +75,9 @@ class ADMM:
     relaxation
         alpha.
     penalties
-        rho over primaries: on coarse planes, for the first `hold` iterations on full ones, and
-        then. The last is the least: small pictures, most of whose frequencies are seen, have a
-        larger one. (Over opponent channels it is 1, and P says the rest.) In a theatre with strong
+        rho over primaries: on coarse planes, and at least on full ones. The more is seen, the
+        larger it is, up to the first, and larger for the first `hold` iterations (`penalty_of`).
+        (Over opponent channels it is 1, and P says the rest.) In a theatre with strong
         pollution all are raised, with ||C||^1.5: found by trial, and tested from a cap of 60
         degrees and albedo 0.3 to 170 degrees and 0.95.
     hold
@@ -102,7 +104,7 @@ class ADMM:
     tolerance: float = 1e-3
     max_iterations: int = 400
     relaxation: float = 1.9
-    penalties: tuple[float, float, float] = (0.1, 0.05, 0.02)
+    penalties: tuple[float, float] = (0.1, 0.01)
     hold: int = 5
     coarse: tuple[int, int] = (10, 5)
     coarse_channels: tuple[int, int] = (4, 2)
@@ -175,15 +177,16 @@ class _Run:
         split.prepare(coarser=not masked and max(settings.coarse) > 0)
         self._level = split.levels[0]
         raised = max(1.0, self._level.hessian.strength**1.5 / 6)
-        first, then, last = settings.penalties
-        last = min(max(last, 1.5 * split.weighting.typical), first)
+        first, least = settings.penalties
+        typical = split.weighting.typical
+        then, last = (min(max(least, penalty_of(typical, share)), first) for share in _SHARES)
         self._iterations = settings.coarse
         if self._level.hessian.adapted:
             first = then = last = 1.0
             several = problem.contrast is None and len(self._level.hessian.metric) > 1
-            if several and split.weighting.typical > settings.penalties[-1]:
+            if several and typical > _HARDLY_SEEN:
                 self._iterations = settings.coarse_channels
-        self._penalties = [rho * raised for rho in (first, max(then, last), last)]
+        self._penalties = [rho * raised for rho in (first, then, last)]
         self._varying: Varying | None = None
         if isinstance(split, BoxSplit) and (masked or not split.uniform):
             self._varying = Varying(problem, split, min(self._penalties))
@@ -274,7 +277,7 @@ class _Run:
                 level.reweigh(s, weights, ratio)
                 weights = level.weights(rho)
                 anderson.reweigh(weights)
-            likely = self._bounds.likely(anderson.energy)
+            likely = self._bounds.likely(anderson.energy, iteration)
             due = iteration >= settings.first_check and (
                 likely or iteration - self._checked_at >= settings.check_every
             )
@@ -466,6 +469,7 @@ class _Bounds:
         self._share, self._sign = share, 0.0
         self._start = start
         self._expected = 0.5 * start
+        self._due = 0
         self.cost = math.inf
         self.iterations = 0
 
@@ -488,8 +492,13 @@ class _Bounds:
 
     def verdict(self, cost: float, iteration: int) -> Status | None:
         """Why to stop at a feasible cost after `iteration` iterations, if there is a reason."""
+        before, since = self.gap, iteration - self.iterations
         self.cost, self.iterations = cost, iteration
         gap = self.gap
+        if gap < before < math.inf:
+            wanted = max(self._tolerance, self.negligible / self._lower)
+            left = since * math.log(gap / wanted) / math.log(before / gap)
+            self._due = iteration + int(left / 2)  # at half of the way, as it may fall faster
         if math.isfinite(gap) and gap > 0 and self._sign > 0:
             # It tends to fall
             found, usual = self._sign / (cost * gap), self._usual
@@ -504,13 +513,20 @@ class _Bounds:
             return Status.STALLED
         return None
 
-    def likely(self, sign: float) -> bool:
-        """Whether the gap is likely to be small enough, by a `sign` that goes with it."""
+    def likely(self, sign: float, iteration: int) -> bool:
+        """Whether the gap is likely to be small enough.
+
+        By a `sign` that goes with it, and by how fast it fell between the last two certificates.
+        """
         self._sign = sign
+        if iteration < self._due:
+            return False
         cost = self.cost if math.isfinite(self.cost) else self._expected
         return sign <= self._share * max(self._tolerance * cost, self.negligible)
 
 
+_SHARES = 0.5, 0.25  # of the root of the median Omega²: rho's at first, and then
+_HARDLY_SEEN = 0.02  # a median Omega²
 # rho P ||alpha (w - z)||² in shares of the certified gap, as is usual; and where a certificate
 # takes conjugate gradients: later, for it costs as much as five iterations
 _SHARE, _SHARE_VARYING = 1.6, 0.15

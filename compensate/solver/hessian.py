@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from compensate.fourier import Fourier
 from compensate.solver.blocks import Blocks, Spectra, each_strip
+from compensate.solver.certificate import LEAST_CURVATURE, MOST_CURVATURE
 from compensate.solver.fused import loops, parts, parts_or_zero
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, namespace, on_host, total
@@ -79,6 +80,11 @@ class Hessian(ABC):
         return float(total(self.squares[0]))
 
     @cached_property
+    def curvature(self) -> float:
+        """What is typical of the quadratic's, to a certificate."""
+        return min(max(_median(self.squares[0]), LEAST_CURVATURE), MOST_CURVATURE)
+
+    @cached_property
     def coarser(self) -> Hessian:
         """The same on planes of half the rows and columns."""
         # Channels of one sensitivity stay one
@@ -95,7 +101,7 @@ class Hessian(ABC):
         return sum(each_strip(work, left[0]))
 
 
-_LEAST_METRIC, _LOW_METRIC = 0.04, 0.1  # of an adapted metric, and of what is seen so far
+_LEAST_METRIC, _LOW_METRIC = 0.02, 0.1  # of an adapted metric, and of what is seen so far
 
 
 @final
@@ -298,15 +304,28 @@ def adapted_metric(squares: Sequence[Array]) -> tuple[float, ...]:
 
     Alternating directions go best with the geometric mean of the least and the largest curvature,
     and that is about 1. The least is the lowest frequency's; where most frequencies are hardly
-    seen, 3/2 of the median is better, as with one penalty for all.
+    seen, the median's is better, as with one penalty for all.
     """
 
     def one(square: Array) -> float:
-        sampled = on_host(square[::8, ::8])
-        lowest = math.sqrt(float(sampled[0, 0]))
-        return min(max(1.5 * float(np.median(sampled)), _LEAST_METRIC), max(lowest, _LOW_METRIC))
+        lowest = math.sqrt(float(square[0, 0]))
+        usual = penalty_of(_median(square), 0.5)
+        return min(max(usual, _LEAST_METRIC), max(lowest, _LOW_METRIC))
 
     return tuple(one(square) for square in squares)
+
+
+def _median(square: Array) -> float:
+    return float(np.median(on_host(square[::8, ::8])))
+
+
+def penalty_of(typical: float, share: float) -> float:
+    """The penalty that goes with a spectrum whose median Omega² is `typical`.
+
+    The geometric mean of that and the largest, 1, times a `share`; where most frequencies are
+    seen, 3/2 of it.
+    """
+    return max(1.5 * typical, share * math.sqrt(typical))
 
 
 def halved_spectrum(plane: Array) -> Array:

@@ -19,7 +19,7 @@ from typing import Any, TypeAlias, final
 
 from compensate.fourier import Fourier
 from compensate.solver.blocks import Spectra, each_strip
-from compensate.solver.certificate import CURVATURE, parted
+from compensate.solver.certificate import parted
 from compensate.solver.fused import loops
 from compensate.solver.hessian import Hessian, halved
 from domesim.light import Array, namespace, total
@@ -331,7 +331,7 @@ class BoxLevel(Level):
 
     def _lower_bound(self, p: int, s: Array, w: Array, weight: float) -> tuple[float, Array]:
         if self.offset is None and (compiled := loops(s)):
-            free, curvature = namespace(s).empty_like(s), s.dtype.type(CURVATURE)
+            free, curvature = namespace(s).empty_like(s), s.dtype.type(self.hessian.curvature)
             known = compiled.lower_bound(free, s, w, *self._numbers(p, weight), curvature)
             return float(known), free
         free, z = namespace(s).zeros_like(s), self._z(p, s, weight)
@@ -339,7 +339,8 @@ class BoxLevel(Level):
         def work(strip: slice) -> float:
             known, slope = self._slope_at(p, s, w, weight, strip, z, self._damping(strip))
             if inner := self._inner(strip):
-                at_bounds, free[inner] = parted(w[inner], slope, *self.bounds(p, inner[0]))
+                limits = *self.bounds(p, inner[0]), self.hessian.curvature
+                at_bounds, free[inner] = parted(w[inner], slope, *limits)
                 known -= at_bounds
             return known
 

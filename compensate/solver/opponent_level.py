@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from compensate.solver.blocks import each_strip
 from compensate.solver.boxes import Nearest
-from compensate.solver.certificate import CURVATURE, parted
+from compensate.solver.certificate import parted
 from compensate.solver.fused import loops
 from compensate.solver.hessian import mixed
 from compensate.solver.level import BoxLevel, Level, Planes, Rows, by_rows
@@ -173,7 +173,8 @@ class OpponentLevel(BoxLevel):
                 away = light if self.offset is None else light - self.offset[p][inner[0], :]
                 damped = damping * away
                 gradient[p] += damped
-                at_bounds, gradient[p] = parted(light, gradient[p], *self.bounds(p, inner[0]))
+                limits = *self.bounds(p, inner[0]), self.hessian.curvature
+                at_bounds, gradient[p] = parted(light, gradient[p], *limits)
                 known += 0.5 * float(total(damped * away)) - at_bounds
             for plane, rest in zip(free, mixed(inverse.T, gradient), strict=True):
                 plane[inner] = rest
@@ -191,7 +192,8 @@ class OpponentLevel(BoxLevel):
         matrices = self.opponent.astype(dtype), np.linalg.inv(self.opponent).astype(dtype)
         factors = tuple(number(weight) for weight in weights)
         bounds = lowers, widths, damping, number(self.least_damping)
-        found = compiled.lower_bound3(*free, *w, *bounds, *matrices, factors, number(CURVATURE))
+        curvature = number(self.hessian.curvature)
+        found = compiled.lower_bound3(*free, *w, *bounds, *matrices, factors, curvature)
         return float(found)
 
     def regulariser(self, z: Planes) -> float:

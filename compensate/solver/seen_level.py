@@ -21,7 +21,6 @@ from dataclasses import dataclass, field
 from typing import Any, final
 
 from compensate.solver.blocks import Spectra, each_strip
-from compensate.solver.certificate import CURVATURE
 from compensate.solver.fused import loops
 from compensate.solver.hessian import Hessian
 from compensate.solver.level import (
@@ -241,7 +240,7 @@ class SeenLevel(Level):
             distance = xp.where(q > 0, change[p] - lower, upper - change[p])
             own = k[p] * rows_of(eyes.own[p // eyes.primaries][p % eyes.primaries], rows)
             # What bounds allow to win, against the quadratic's share
-            bound = distance * (2 * CURVATURE * own * own) <= xp.abs(q)
+            bound = distance * (2 * self.hessian.curvature * own * own) <= xp.abs(q)
             chosen.append(xp.where(bound, q, 0 * q))
         at_bounds = [
             plane / scale for plane, scale in zip(eyes.unmixed_back(chosen, rows), k, strict=True)

@@ -100,7 +100,7 @@ class Varying:
         level = self._level
         rows = slice(0, planes[0].shape[0])
         bounds = [level.bounds(p, rows) for p in range(len(planes))]
-        return gap_bound(self._dual_energy, planes, gradient, bounds)
+        return gap_bound(self._dual_energy, planes, gradient, bounds, self._hessian.curvature)
 
     def _dual_energy(self, free: Planes) -> float:
         """Return g' H^-1 g, bounded from above."""

@@ -223,7 +223,10 @@ def test_the_penalty_is_as_large_as_what_is_seen():
     assert adapted_metric([even, flat, dark]) == pytest.approx((0.5**0.5, 1.0, 0.2))
     even[0, 0] = 0.0
     unseen[0, 0] = 1.0
-    assert adapted_metric([even, unseen]) == pytest.approx((0.1, 0.04))
+    assert adapted_metric([even, unseen]) == pytest.approx((0.1, 0.02))
+    barely = np.full((16, 16), 0.01)
+    barely[0, 0] = 1.0
+    assert adapted_metric([barely]) == pytest.approx((0.05,))
 
 
 def test_active_sets_of_another_step_lead_to_the_same_light(monkeypatch):

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pairs import OBSERVATIONS, grey, pair, pair_problem, two_views
+from scipy.ndimage import gaussian_filter
 from scipy.optimize import lsq_linear, minimize
+from theatres import BT709, viewing
 from theatres import problem as dome_problem
 
 from compensate.problem import Problem
 from compensate.solver import varying
 from compensate.solver.admm import ADMM
+from compensate.solver.deghosting import clipped_subtraction
 from compensate.solver.gpcg import GPCG
 from compensate.solver.pair_split import PairSplit
 from compensate.solver.relinearised import Relinearised, true_cost
 from compensate.solver.result import Status
 from compensate.solver.worst_seat import WorstSeat, seat_importance
-from compensate.weighting import Masked
+from compensate.weighting import Masked, PerceptualWeighting
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -251,6 +256,32 @@ def test_pairs_only():
         WorstSeat()(posed, start)
     with pytest.raises(ValueError, match="linearised table"):
         Relinearised()(posed, start)
+
+
+def textured(rows: int, cols: int) -> np.ndarray:
+    """A pair with fine texture, and darkness beside it."""
+    random = np.random.default_rng(0)
+    fine = gaussian_filter(random.standard_normal((2, rows, cols, 3)), (0, 1.5, 1.5, 0))
+    wide = gaussian_filter(random.standard_normal((2, rows, cols, 1)), (0, 12, 12, 0))
+    fine, wide = fine / fine.std(), wide / wide.std()
+    light = 0.5 * np.clip(wide, 0, 1) * (1 + 0.5 * fine) + 0.005 * np.abs(fine)
+    return np.clip(light, 0, 1).astype(np.float32)
+
+
+@pytest.mark.parametrize(("pixels_a_degree", "most"), [(21, 139), (43, 263), (86, 371)])
+def test_pixels_finer_than_the_eye_take_a_few_times_the_transforms(pixels_a_degree, most):
+    """An eighth of them is seen at 86; with one penalty for all densities that took 839."""
+    master = textured(192, 256)
+    _, rows, cols, _ = master.shape
+    degrees = cols / pixels_a_degree
+    near = replace(viewing(), extent=degrees, image_area=degrees**2 * rows / cols)
+    weighting = PerceptualWeighting()(near, BT709, np.ones((rows, cols), bool), 2)
+    plain = Problem(Crosstalk(rows, cols, leak_matrices(0.05)), weighting, master)
+    start = np.asarray(clipped_subtraction(plain)[0], np.float32)
+    posed = Problem(plain.observation, weighting, plain.desired, anchor=start, regularisation=1e-4)
+    found = ADMM(stop_when_invisible=False)(posed, start)
+    assert found.status is Status.CONVERGED
+    assert found.ffts <= most
 
 
 class _Plain:
