@@ -78,12 +78,13 @@ def test_there_are_commands():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("command", COMMANDS)
-def test_commands(folder, command):
-    arguments = shlex.split(command)[1:]
-    run(folder, *arguments)
-    out = folder / arguments[arguments.index("--out") + 1]
-    assert out.exists() != ("--dry-run" in arguments)
+def test_commands(folder):
+    """One after the other, in one process: later ones take what earlier ones wrote."""
+    for command in COMMANDS:
+        arguments = shlex.split(command)[1:]
+        run(folder, *arguments)
+        out = folder / arguments[arguments.index("--out") + 1]
+        assert out.exists() != ("--dry-run" in arguments), command
 
 
 @pytest.fixture
@@ -94,14 +95,14 @@ def _few_walks(monkeypatch):
 
 
 @pytest.mark.usefixtures("_few_walks")
-@pytest.mark.parametrize("command", COMMANDS)
-def test_commands_on_a_small_picture(small_folder, command, monkeypatch):
-    """One after the other: later ones take what earlier ones wrote."""
-    arguments = [QUICKER.get(word, word) for word in shlex.split(command)]
+def test_commands_on_a_small_picture(small_folder, monkeypatch):
+    """As `test_commands`."""
     monkeypatch.chdir(small_folder)
-    assert not exit_code(*arguments[1:])
-    out = Path(arguments[arguments.index("--out") + 1])
-    assert out.exists() != ("--dry-run" in arguments)
+    for command in COMMANDS:
+        arguments = [QUICKER.get(word, word) for word in shlex.split(command)]
+        assert not exit_code(*arguments[1:]), command
+        out = Path(arguments[arguments.index("--out") + 1])
+        assert out.exists() != ("--dry-run" in arguments), command
 
 
 @pytest.mark.long

@@ -179,7 +179,7 @@ class _Run:
         raised = max(1.0, self._level.hessian.strength**1.5 / 6)
         first, least = settings.penalties
         typical = split.weighting.typical
-        then, last = (min(max(least, penalty_of(typical, share)), first) for share in _SHARES)
+        then, last = (min(max(least, penalty_of(typical, share)), first) for share in _OF_ROOT)
         self._iterations = settings.coarse
         if self._level.hessian.adapted:
             first = then = last = 1.0
@@ -525,7 +525,7 @@ class _Bounds:
         return sign <= self._share * max(self._tolerance * cost, self.negligible)
 
 
-_SHARES = 0.5, 0.25  # of the root of the median Omega²: rho's at first, and then
+_OF_ROOT = 0.5, 0.25  # of the root of the median Omega²: rho's at first, and then
 _HARDLY_SEEN = 0.02  # a median Omega²
 # rho P ||alpha (w - z)||² in shares of the certified gap, as is usual; and where a certificate
 # takes conjugate gradients: later, for it costs as much as five iterations
