@@ -23,9 +23,6 @@ from domesim.light import namespace, total
 
 Planes = Any
 
-LEAST_CURVATURE, MOST_CURVATURE = 1e-3, 0.1
-"""Limits of h, with weights of peak 1."""
-
 
 def gap_bound(
     dual_energy: Callable[[Planes], float],

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from compensate.fourier import Fourier
 from compensate.solver.blocks import Blocks, Spectra, each_strip
-from compensate.solver.certificate import LEAST_CURVATURE, MOST_CURVATURE
 from compensate.solver.fused import loops, parts, parts_or_zero
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, namespace, on_host, total
@@ -82,7 +81,7 @@ class Hessian(ABC):
     @cached_property
     def curvature(self) -> float:
         """What is typical of the quadratic's, to a certificate."""
-        return min(max(_median(self.squares[0]), LEAST_CURVATURE), MOST_CURVATURE)
+        return min(max(_median(self.squares[0]), _LEAST_CURVATURE), _MOST_CURVATURE)
 
     @cached_property
     def coarser(self) -> Hessian:
@@ -101,6 +100,7 @@ class Hessian(ABC):
         return sum(each_strip(work, left[0]))
 
 
+_LEAST_CURVATURE, _MOST_CURVATURE = 1e-3, 0.1  # to a certificate, with weights of peak 1
 _LEAST_METRIC, _LOW_METRIC = 0.02, 0.1  # of an adapted metric, and of what is seen so far
 
 
