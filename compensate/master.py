@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cache, cached_property, partial, reduce
 from typing import cast, final
 
 import numpy as np
@@ -228,7 +228,8 @@ class Posed:
         part = residual[view, rows]
         if part.max() <= _INVISIBLE_LIGHT:
             return 0
-        found = np.any(part > _INVISIBLE_LIGHT, axis=-1)
+        # Primary by primary: NumPy's `any` of three is ten times slower
+        found = reduce(np.logical_or, np.moveaxis(part > _INVISIBLE_LIGHT, -1, 0))
         return int(np.count_nonzero(found & self.screen[rows]))
 
     def residual(self, light: Light) -> Light:

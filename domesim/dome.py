@@ -27,7 +27,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.optimize import brentq
 
 from domesim.errors import InputError
-from domesim.strips import is_large
+from domesim.strips import in_strips, is_large
 
 Angles: TypeAlias = NDArray[np.floating[Any]]
 
@@ -454,20 +454,24 @@ def _edge_integrals(
 
     From u_j to u_j+1, clipped to the unit disc.
     """
-    v = grid[:, None]
-    rim = np.sqrt(np.maximum(1 - v**2, 0.0))
-    start = np.clip(grid[None, :-1], -rim, rim)
-    end = np.clip(grid[None, 1:], -rim, rim)
-    middle, half = (start + end) / 2, (end - start) / 2
-    cap = np.zeros_like(middle)
-    for node, weight in zip(_GAUSS_NODES, _GAUSS_WEIGHTS, strict=True):
-        u = middle + node * half
-        square = u**2 + v**2
-        # (1 - cos(H r)) / r² = H²/2 sinc²(H r / 2): smooth through the zenith
-        half_theta = half_angle / 2 * np.sqrt(square)
-        density = half_angle**2 / 2 * np.sinc(half_theta / np.pi) ** 2
-        cap += weight * half * density * -v
-    # atan2 of the cross and dot products of the piece's ends; 0 along a line through the centre
-    angle = np.arctan2(-v * (end - start), start * end + v**2)
-    angle = np.where(v == 0, 0.0, angle)
+    cap, angle = (np.empty((len(grid), len(grid) - 1)) for _ in range(2))
+
+    def fill(_: int, lines: slice) -> None:
+        v = grid[lines, None]
+        rim = np.sqrt(np.maximum(1 - v**2, 0.0))
+        start = np.clip(grid[None, :-1], -rim, rim)
+        end = np.clip(grid[None, 1:], -rim, rim)
+        middle, half = (start + end) / 2, (end - start) / 2
+        cap[lines] = 0
+        for node, weight in zip(_GAUSS_NODES, _GAUSS_WEIGHTS, strict=True):
+            square = (middle + node * half) ** 2 + v**2
+            # (1 - cos(H r)) / r² = H²/2 sinc²(H r / 2): smooth through the zenith
+            half_theta = half_angle / 2 * np.sqrt(square)
+            density = half_angle**2 / 2 * np.sinc(half_theta / np.pi) ** 2
+            cap[lines] += weight * half * density * -v
+        # atan2 of the cross and dot products of the piece's ends; 0 along a line through the centre
+        turn = np.arctan2(-v * (end - start), start * end + v**2)
+        angle[lines] = np.where(v == 0, 0.0, turn)
+
+    in_strips(fill, (1, *cap.shape))
     return cap, angle

@@ -89,6 +89,25 @@ def test_the_floor_holds_below_the_peak_only(gain):
         assert omega[-1, 1] == max(gain, pure[-1, 1])
 
 
+@pytest.mark.parametrize("padded", [(100, 170), (99, 171), (640, 648)])
+def test_every_frequency_has_its_own_sensitivity(padded):
+    """Half of the rows are computed and mirrored; each is as if it were computed by itself."""
+    viewing = of_flat_screen(2.5, 1.4, 3.0, 5.0)
+    size = (90, 160)
+    omega, peak = csf_gains(viewing, size, padded, LowFrequencyFloor(0.0))
+    density = viewing.pixels_per_degree(*size)
+    rows = np.fft.fftfreq(padded[0], 1 / density)[:, None]
+    cols = np.fft.rfftfreq(padded[1], 1 / density)[None, :]
+    expected = daly(
+        np.hypot(rows, cols),
+        np.arctan2(rows, cols),
+        adaptation=viewing.adaptation,
+        distance=viewing.distance,
+        image_area=viewing.image_area,
+    )
+    np.testing.assert_allclose(omega, expected / peak, rtol=1e-6, atol=1e-12)
+
+
 def test_a_grating_is_weighted_by_its_sensitivity():
     """In the middle of a large support, lambda multiplies a grating by Omega at its frequency."""
     viewing = of_flat_screen(1.0, 1.0, 3.0, 5.0)

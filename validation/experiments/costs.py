@@ -74,6 +74,11 @@ class Sequence:
         return 1 - self.solver / self.seconds
 
     @property
+    def further_outside(self) -> float:
+        """The same share of a further frame."""
+        return 1 - self.solver / FRAMES / self.further
+
+    @property
     def over_files(self) -> float:
         """The time over that of reading and writing."""
         return self.seconds / self.files
@@ -202,6 +207,7 @@ def run(work: Work) -> Finding:
         "costs.deghost.ffts": both["ffts"],
         "costs.sequence.seconds": clipping.seconds,
         "costs.sequence.outside_the_solver": clipping.outside,
+        "costs.sequence.further_outside_the_solver": clipping.further_outside,
         "costs.unclipped_sequence.seconds": plain.seconds,
         "costs.unclipped_sequence.over_files": plain.over_files,
         "costs.unclipped_sequence.further_over_files": plain.further_over_files,
@@ -236,7 +242,8 @@ def run(work: Work) -> Finding:
             f"compensation), a generated {size}² frame {job.seconds:.0f} s, {job.gib:.1f} GiB and "
             f"{frame['ffts']} FFTs, and a colour pair {width} wide {pair.seconds:.0f} s, "
             f"{pair.gib:.1f} GiB and {both['ffts']} FFTs. Of {FRAMES} pairs {wide} wide in a row, "
-            f"{clipping.outside:.0%} of the time is not the solver's; where nothing clips, each "
+            f"{clipping.outside:.0%} of the time is not the solver's, with the start (of each "
+            f"further one {clipping.further_outside:.0%}); where nothing clips, each "
             f"further pair takes {plain.further_over_files:.1f} times as long as reading and "
             f"writing it (the first {FRAMES}, with the start, {plain.over_files:.1f} times). With "
             f"other work running at the same time, seconds are longer."
@@ -271,8 +278,9 @@ def _sequences(width: int, clipping: Sequence, plain: Sequence) -> Table:
             Column(name="solver alone", unit="s", digits=".2f"),
             Column(name="files alone", unit="s", digits=".2f"),
             Column(name="not the solver's", unit="%", digits=".0f"),
+            Column(name="of a further one, not the solver's", unit="%", digits=".0f"),
             Column(name="over files alone", digits=".1f"),
-            Column(name="of a further one", digits=".1f"),
+            Column(name="a further one over its files", digits=".1f"),
         ),
         rows=tuple(
             (
@@ -281,6 +289,7 @@ def _sequences(width: int, clipping: Sequence, plain: Sequence) -> Table:
                 each.solver,
                 each.files,
                 100 * each.outside,
+                100 * each.further_outside,
                 each.over_files,
                 each.further_over_files,
             )

@@ -1,0 +1,35 @@
+"""The process of the command: how it is set up before anything is loaded."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+PRINTING = """
+import atexit, gc, os
+from domesim.__main__ import main
+names = "OPENBLAS_NUM_THREADS", "KMP_BLOCKTIME"
+atexit.register(lambda: print(*(os.environ[name] for name in names), gc.isenabled()))
+main()
+"""
+
+
+def settings(**given: str) -> list[str]:
+    """Threads of BLAS, how long MKL's threads spin (ms), and whether garbage is collected."""
+    own = ("OPENBLAS_NUM_THREADS", "KMP_BLOCKTIME")
+    others = {name: value for name, value in os.environ.items() if name not in own}
+    done = subprocess.run(
+        [sys.executable, "-c", PRINTING, "--help"],
+        env={**others, **given}, check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.stderr == ""
+    return done.stdout.splitlines()[-1].split()
+
+
+def test_no_librarys_threads_spin() -> None:
+    assert settings() == ["1", "0", "True"]
+
+
+def test_a_users_own_settings_hold() -> None:
+    assert settings(OPENBLAS_NUM_THREADS="2", KMP_BLOCKTIME="9") == ["2", "9", "True"]
