@@ -255,13 +255,15 @@ class Posed:
 
     def stored_error(self, stored: Master) -> float:
         """`visible_error` of a frame as a file holds it, with its rounding."""
-        return self.visible_error(decoded(stored, self.scene))
+        return self._visible(self.residual(decoded(stored, self.scene)))
 
     def _visible(self, residual: Light) -> float:
         """`visible_error` of what is left; rounding is nothing."""
         if _is_rounding(residual):
             return 0.0
-        energy = self.judge.energy(self.problem.contrasted(residual))
+        # By the same name: of a large picture, what is left of it would be a gigabyte
+        residual = self.problem.contrasted(residual)
+        energy = self.judge.energy(residual)
         mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
         return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
 

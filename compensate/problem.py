@@ -16,7 +16,7 @@ from collections.abc import Callable
 from typing import final
 
 from compensate.weighting import Weighting
-from domesim.light import Array, Light, dot, namespace, require_light
+from domesim.light import Array, Light, dot, namespace, require_light, total
 from domesim.observation.base import AdjointObservation
 from domesim.observation.frozen import Frozen
 from domesim.strips import in_parts
@@ -125,14 +125,29 @@ class Problem:
     def quadratic(self, light: Light) -> tuple[float, Light]:
         """The objective and its gradient, sharing their transforms."""
         energy, weighted = self.weighting.quadratic(self.residual(light))
-        return 0.5 * energy + self.penalty(light), self.gradient_of(light, weighted)
+        weighted = self.contrasted(weighted)
+        penalty, gradient = self.penalty_and_gradient(light, weighted)
+        return 0.5 * energy + penalty, gradient
 
-    def gradient_of(self, light: Light, weighted: Light) -> Light:
-        """The gradient, of lambda'lambda of the residual."""
-        gradient = self.observation.adjoint(self.contrasted(weighted))
-        if self.anchor is not None:
-            gradient = gradient + self._damped(light - self.anchor)
-        return gradient
+    def penalty_and_gradient(self, light: Light, weighted: Light) -> tuple[float, Light]:
+        """The regulariser's part of the cost, and the whole gradient; needs no FFT.
+
+        Parameters
+        ----------
+        light
+            Where, (view, row, col, primary).
+        weighted
+            K lambda'lambda of the residual there, (seen view, row, col, primary).
+        """
+        if self.anchor is None:
+            return 0.0, self.observation.adjoint(weighted)
+        change = light - self.anchor
+        gradient = self._damped(change)
+        change *= gradient  # in place: of a large picture, each copy is a gigabyte
+        penalty = 0.5 * float(total(change))
+        del change
+        gradient += self.observation.adjoint(weighted)
+        return penalty, gradient
 
     def curvature(self, direction: Light) -> tuple[float, Light]:
         """<d, H d> and H d of the (constant) Hessian H."""
@@ -207,8 +222,9 @@ class Problem:
         """Mu L' K² L of a change of light."""
         if self.contrast is None:
             return self.regularisation * change
-        local = self.contrasted(self.contrasted(self.observation.local(change)))
-        return self.regularisation * self.observation.local_adjoint(local)
+        # A plane's weights first: of large pictures, each copy of all primaries counts
+        local = self.observation.local(change) * (self.regularisation * self.contrast**2)
+        return self.observation.local_adjoint(local)
 
     def contrasted(self, seen: Light) -> Light:
         """K times a difference of what is seen, (seen view, row, col, primary)."""

@@ -210,16 +210,18 @@ class CsfWeighting(Weighting):
         energy = self._fourier.dot(spectrum, spectrum)
         gains = self._like(residual)[0]
         spectrum *= gains
-        return energy, self._to_light(self._fourier.inverse(spectrum), whole=whole)
+        planes = self._fourier.inverse(spectrum, spent=True)
+        del spectrum, residual  # of a large picture, a gigabyte each
+        return energy, self._to_light(planes, whole=whole)
 
     def _apply(self, residual: Light) -> Array:
-        return self._fourier.inverse(self._weighted_spectrum(residual))
+        return self._fourier.inverse(self._weighted_spectrum(residual), spent=True)
 
     def _adjoint(self, weighted: Array, *, whole: bool = False) -> Light:
         # A_l is its own adjoint: real gains, even in frequency
         spectrum = self._fourier.forward(weighted)
         spectrum *= self._like(weighted)[0]
-        return self._to_light(self._fourier.inverse(spectrum), whole=whole)
+        return self._to_light(self._fourier.inverse(spectrum, spent=True), whole=whole)
 
     def _weighted_spectrum(self, residual: Light) -> Array:
         gains, opponent, support, _ = self._like(residual)

@@ -82,11 +82,11 @@ class Varying:
         energy, whole = problem.weighting.quadratic(problem.residual(light), whole=True)
         rows, cols = self._support.shape
         weighted = whole[:, :rows, :cols, :] * self._support[None, :, :, None]
-        gradient = plain.from_gradient(problem.gradient_of(light, weighted))
+        penalty, gradient = problem.penalty_and_gradient(light, problem.contrasted(weighted))
         around = plain.pinned_gradient(whole)
         for plane in around:
             plane[:rows, :cols] *= 1 - self._support
-        return 0.5 * energy + problem.penalty(light), gradient, around
+        return 0.5 * energy + penalty, plain.from_gradient(gradient), around
 
     def solve(self, spectra: Spectra, sigma: list[float]) -> None:
         """(scale H_0 + diag(sigma))^-1, in place."""
