@@ -39,7 +39,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import fftconvolve
 
 from compensate.vision.castle import DKL_FROM_XYZ
 from domesim.errors import InputError
@@ -170,6 +169,8 @@ def _encoded(picture: Floats) -> Floats:
 
 def _energy(intensity: Floats, angle: float) -> Floats:
     """|even| + |odd| response to a grating whose wave runs along `angle` (O_orientation.m)."""
+    from scipy.signal import fftconvolve  # noqa: PLC0415 (slow, for what few commands need)
+
     reach = int(np.ceil(GABOR_SIGMA * GABOR_ELONGATION * np.sqrt(10)))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     theta = np.radians(angle)
