@@ -1,7 +1,10 @@
 """What solvers are tried on: the classes of problems, each at any size.
 
 Flat pictures are `size` wide and 1080/2048 as high. Photographs (1920 x 1080) are continued by
-their mirror image to 2048 x 1080, and beyond; smaller sizes are means over pixels. All start at
+their mirror image to 2048 x 1080, and beyond; smaller sizes are means over pixels. So larger
+pictures have finer pixels, on the same screen: 43 a degree at 2048, 172 at 8192, which no eye
+resolves. The *wide* pair is on a screen that grows with it, 43 pixels a degree at any size, and
+smaller ones are parts of the photograph: what grows is the picture, and nothing else. All start at
 exact clipped subtraction, which is also the regulariser's anchor, with the product's weighting
 (low-frequency gain 0.1) and mu (1e-4).
 
@@ -14,7 +17,7 @@ bundled night has 1024 pixels a side: beyond, it is interpolated, and lacks fine
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import final
 
@@ -34,6 +37,7 @@ from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.lowrank import LowRank, LowRankObservation
 from domesim.scene import Scene, load_dome, load_scene
 from domesim.screening import decoded
+from domesim.viewing import Viewing
 from validation.experiments.deghosting import scene_at
 from validation.masters import bundled_night, night
 from validation.pairs import averaged, from_data, generated
@@ -154,6 +158,14 @@ def _photo_rgb(size: int) -> Case:
     return _colour_pair("photo-rgb", size, _photograph(size))
 
 
+def _photo_rgb_wide(size: int) -> Case:
+    viewing, wider = load_scene(STEREO).viewing, size / FULL
+    grown = replace(
+        viewing, extent=viewing.extent * wider, image_area=viewing.image_area * wider**2
+    )
+    return _colour_pair("photo-rgb-wide", size, _continued(_shape(size)), grown)
+
+
 def _synthetic_rgb(size: int) -> Case:
     return _colour_pair("synthetic-rgb", size, _drawing(size))
 
@@ -187,6 +199,7 @@ PROBLEMS: Mapping[str, tuple[str, Callable[[int], Case]]] = {
     "photo": ("photographed pair, 5 %, one channel", _photo),
     "synthetic": ("generated pair, 5 %, one channel", _synthetic),
     "photo-rgb": ("photographed pair, 5 %, RGB", _photo_rgb),
+    "photo-rgb-wide": ("photographed pair, 5 %, RGB, 43 pixels a degree", _photo_rgb_wide),
     "synthetic-rgb": ("generated pair, 5 %, RGB", _synthetic_rgb),
     "contrast-rgb": ("photographed pair, 5 %, RGB, local contrast", _contrast_rgb),
     "map": ("generated pair, 1 to 2 % from place to place", _map),
@@ -200,12 +213,17 @@ def _shape(size: int) -> tuple[int, int]:
 
 
 def _photograph(size: int) -> Light:
-    light, _ = from_data(PHOTOGRAPH, load_scene(STEREO))
     times = max(1, FULL // size)
-    rows, cols = (side * times for side in _shape(size))
-    short = [max(0, side - had) for side, had in zip((rows, cols), light.shape[1:3], strict=True)]
+    rows, cols = _shape(size)
+    return averaged(_continued((rows * times, cols * times)), times)
+
+
+def _continued(shape: tuple[int, int]) -> Light:
+    """The middle of the photograph and its mirror images."""
+    light, _ = from_data(PHOTOGRAPH, load_scene(STEREO))
+    short = [max(0, side - had) for side, had in zip(shape, light.shape[1:3], strict=True)]
     margins = [(0, 0), *((side // 2, side - side // 2) for side in short), (0, 0)]
-    return averaged(_centre(np.pad(light, margins, "symmetric"), (rows, cols)), times)
+    return _centre(np.pad(light, margins, "symmetric"), shape)
 
 
 def _drawing(size: int) -> Light:
@@ -265,15 +283,16 @@ def _grey_pair(
     return Case(name, size, task, _grey(pair, scene))
 
 
-def _colour_pair(name: str, size: int, pair: Light) -> Case:
+def _colour_pair(name: str, size: int, pair: Light, viewing: Viewing | None = None) -> Case:
     scene = load_scene(STEREO)
     rows, cols = pair.shape[1:3]
     observation = Crosstalk(rows, cols, leak_matrices(CROSSTALK))
     screen = np.ones((rows, cols), bool)
+    seen_from = viewing or scene.viewing
 
     def task(light: Light) -> Task:
         weights = scene.projector.luminance_weights
-        return _posed(observation, PerceptualWeighting()(scene.viewing, weights, screen, 2), light)
+        return _posed(observation, PerceptualWeighting()(seen_from, weights, screen, 2), light)
 
     return Case(name, size, task, pair)
 
