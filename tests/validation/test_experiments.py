@@ -40,12 +40,17 @@ def test_experiments_are_as_expected(name):
 
 
 def test_what_a_sequence_takes_besides_its_solver():
-    found = Sequence(seconds=10.0, further=1.5, solver=7.0, files=4.0)
-    assert found.outside == pytest.approx(0.3)
-    assert replace(found, solver=12.0).outside == pytest.approx(-0.2)
-    assert found.over_files == pytest.approx(2.5)
-    # Four frames' files take 4 s, so that a frame's take 1 s
-    assert found.further_over_files == pytest.approx(1.5)
+    # Of 4 frames 10 s and of 12 22 s: 1.5 s for each further one
+    found = Sequence(seconds=10.0, longer=22.0, solver=4.0, files=2.0)
+    assert found.further == pytest.approx(1.5)
+    assert found.first_outside == pytest.approx(0.6)
+    assert found.outside == pytest.approx(1 - 12 / 22)
+    assert found.further_outside == pytest.approx(1 - 1 / 1.5)
+    # Work on other frames, beside the solver, may slow it down more than it waits
+    assert replace(found, solver=12.0).first_outside == pytest.approx(-0.2)
+    assert found.over_files == pytest.approx(5.0)
+    # Four frames' files take 2 s, so that a frame's take half a second
+    assert found.further_over_files == pytest.approx(3.0)
 
 
 @pytest.mark.long
