@@ -33,6 +33,7 @@ from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude
 
 from compensate.fourier import Fourier, padded_size
 from compensate.ghosts import BEST_FREQUENCY, FINEST_SIGMA
+from compensate.leeway import Leeway
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, gains_of
@@ -187,6 +188,9 @@ class ContrastWeighting:
         How much more errors count at the edges of what subtraction leaves; None: no more.
     texture
         How much less they count in the master's own texture; None: no less.
+    leeway
+        Of a pair, how far the light may be from what subtraction projects; None: as far as the
+        projector goes.
     padding
         As for `PerceptualWeighting`.
 
@@ -204,6 +208,7 @@ class ContrastWeighting:
     most: float = 0.3
     contours: Contours | None = None
     texture: Texture | None = None
+    leeway: Leeway | None = field(default_factory=Leeway)
     padding: int = 64
 
     def __post_init__(self) -> None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from compensate.contrast import ContrastWeighting, Eye, LocalContrast
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy
+from compensate.leeway import Leeway, Limits
 from compensate.methods import Solver, methods_of, require_method
 from compensate.problem import Problem
 from compensate.solver import baselines, deghosting
@@ -425,12 +426,18 @@ class Stage:
         seen = shared.observation.observe(subtractive)
         exact = _is_rounding(seen, wanted)
 
+        def limits(seen: Light) -> Limits:
+            bounds = single.lower, single.upper
+            if not shared.leeway:
+                return bounds
+            return shared.leeway.limits(subtractive, seen - wanted, bounds, shared.density)
+
         def problem(seen: Light) -> Problem:
             return Problem(
                 solvable,
                 shared.weighting,
                 wanted,
-                (single.lower, single.upper),
+                limits(seen),
                 anchor=subtractive,
                 regularisation=REGULARISATION,
                 negligible=shared.negligible,
@@ -479,6 +486,8 @@ class _Shared:
     areas: NDArray[np.floating]
     negligible: float
     contrast: LocalContrast | None
+    leeway: Leeway | None
+    density: float  # pixels per degree
     uncertain: Callable[[], Uncertain | None]
 
     def subtracted(self, desired: Light) -> tuple[Problem, Light]:
@@ -531,6 +540,8 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
         scene.pixel_areas(rows, cols),
         float(negligible),
         settings.contrast(scene.viewing, scene.projector, screen, scene.views),
+        settings.leeway if isinstance(settings, ContrastWeighting) and scene.views > 1 else None,
+        scene.viewing.pixels_per_degree(rows, cols),
         cache(partial(scene.uncertain, rows, cols)),
     )
 

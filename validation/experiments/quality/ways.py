@@ -9,6 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from compensate.contrast import Contours, ContrastWeighting, Eye, Texture
+from compensate.leeway import Leeway
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 
@@ -73,6 +74,11 @@ VARIANTS: Mapping[str, Way] = {
         *(Way.local(f"floor {floor:g} cd/m²", floor=floor) for floor in (0.03, 0.3)),
         *(Way.local(f"reach {reach:g}°", reach=reach) for reach in (0.0, 0.5)),
         *(Way.local(f"most {most:g} of the adaptation", most=most) for most in (1.0, np.inf)),
+        Way.local("changes without limit", leeway=None),
+        *(
+            Way.local(f"changes up to {times:g} times the ghost", leeway=Leeway(times))
+            for times in (0.5, 2.0)
+        ),
         Way.local("contours count twice", contours=Contours()),
         Way.local("the same, reach 0.35°", contours=Contours(), reach=0.35),
         *(
