@@ -74,7 +74,7 @@ class Leeway:
         density
             Pixels per degree.
         """
-        far = brightest_nearby(left.max(axis=0), self.reach * density)
+        far = brightest_nearby(left, self.reach * density)
         far *= self.times
         lower, upper = np.empty_like(subtractive), np.empty_like(subtractive)
         least, most = (np.broadcast_to(bound, subtractive.shape) for bound in bounds)
@@ -88,31 +88,28 @@ class Leeway:
         return lower, upper
 
 
-def brightest_nearby(picture: Light, reach: float) -> Light:
-    """The greatest value around each pixel, at least 0, of a picture (row, col, primary).
+def brightest_nearby(light: Light, reach: float) -> Light:
+    """The greatest value of any view around each pixel, at least 0: (row, col, primary).
 
     It looks at a square, block by block, and changes linearly from one block to the next.
 
     Parameters
     ----------
-    picture
-        (row, col, primary).
+    light
+        (view, row, col, primary).
     reach
         Half a side of the square, pixels.
     """
+    _, rows, cols, primaries = light.shape
     side = max(1, round(reach / _BLOCKS))
     near = 2 * round(reach / side) + 1
-    starts = [np.arange(0, size, side) for size in picture.shape[:2]]
-    blocks = np.maximum.reduceat(picture, starts[0], axis=0)
-    blocks = np.maximum(np.maximum.reduceat(blocks, starts[1], axis=1), 0)
+    down, across = (np.arange(0, size, side) for size in (rows, cols))
+    blocks = np.maximum.reduceat(light, down, axis=1).max(axis=0)
+    blocks = np.maximum(np.maximum.reduceat(blocks, across, axis=1), 0)
     blocks = maximum_filter(blocks, size=(near, near, 1), mode="nearest")
-    down, across = (
-        _between(start, size).astype(picture.dtype)
-        for start, size in zip(starts, picture.shape[:2], strict=True)
-    )
-    result: Light = np.empty_like(picture)
-    for p in range(picture.shape[2]):
-        result[:, :, p] = down @ (blocks[:, :, p] @ across.T)
+    wide = _between(across, cols).astype(light.dtype) @ blocks
+    tall = _between(down, rows).astype(light.dtype) @ wide.reshape(len(down), -1)
+    result: Light = tall.reshape(rows, cols, primaries)
     return result
 
 

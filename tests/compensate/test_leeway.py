@@ -31,7 +31,7 @@ def ghosts() -> Light:
 
 def test_brightest_nearby_is_between_maxima_of_smaller_and_larger_squares() -> None:
     picture = RANDOM.random((61, 83, 2)).astype(np.float32) - 0.2
-    near = brightest_nearby(picture, 12.0)
+    near = brightest_nearby(np.stack([0 * picture, picture]), 12.0)
     smaller, larger = (
         maximum_filter(np.maximum(picture, 0), size=(2 * k + 1, 2 * k + 1, 1), mode="nearest")
         for k in (12 - 6, 12 + 6)
@@ -43,7 +43,7 @@ def test_brightest_nearby_is_between_maxima_of_smaller_and_larger_squares() -> N
 @pytest.mark.parametrize("reach", [0.2, 1.0, 3.0])
 def test_brightest_nearby_is_never_below_the_pixel_itself(reach: float) -> None:
     picture = RANDOM.random((17, 23, 3)).astype(np.float32)
-    assert np.all(brightest_nearby(picture, reach) >= picture - 1e-6)
+    assert np.all(brightest_nearby(picture[None], reach) >= picture - 1e-6)
 
 
 def test_nothing_changes_by_more_than_the_ghosts_that_subtraction_leaves() -> None:
