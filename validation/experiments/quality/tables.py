@@ -13,6 +13,7 @@ from compensate.contrast import (
     PAIR_GAIN,
     ContrastWeighting,
 )
+from compensate.leeway import Leeway
 from validation.experiment import Cell as Entry
 from validation.experiment import Column, Table
 from validation.experiments.quality.gains import (
@@ -54,7 +55,8 @@ def written(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Itera
         f"What each setting of the weighting of local contrast is worth, at "
         f"{USUAL_LUMINANCE:g} cd/m² and all pollutions. Usual, of pairs and domes: low-frequency "
         f"gain {PAIR_GAIN:g} and {DOME_GAIN:g}, chroma times {PAIR_CHROMA:g} and {DOME_CHROMA:g}; "
-        f"of both: floor {usual.floor:g} cd/m², reach {usual.reach:g}°, most {usual.most:g}.",
+        f"of both: floor {usual.floor:g} cd/m², reach {usual.reach:g}°, most {usual.most:g}. Pairs "
+        f"change by up to {Leeway().times:g} times the ghost within {Leeway().reach:g}°.",
     )
     if judged:
         yield _falling_back(cells)

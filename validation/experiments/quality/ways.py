@@ -52,6 +52,8 @@ class Way:
 
 CHOSEN = "contrast"
 """Of `MAIN`: what is to become the default."""
+UNLIMITED = "changes without limit"
+"""Of `VARIANTS`: the same, as far from subtraction as the projector goes."""
 
 MAIN: Mapping[str, Way] = {
     "none": Way.plain("nothing", "none"),
@@ -74,7 +76,7 @@ VARIANTS: Mapping[str, Way] = {
         *(Way.local(f"floor {floor:g} cd/m²", floor=floor) for floor in (0.03, 0.3)),
         *(Way.local(f"reach {reach:g}°", reach=reach) for reach in (0.0, 0.5)),
         *(Way.local(f"most {most:g} of the adaptation", most=most) for most in (1.0, np.inf)),
-        Way.local("changes without limit", leeway=None),
+        Way.local(UNLIMITED, leeway=None),
         *(
             Way.local(f"changes up to {times:g} times the ghost", leeway=Leeway(times))
             for times in (0.5, 2.0)
