@@ -37,7 +37,7 @@ from compensate.leeway import Leeway
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, gains_of
-from domesim.errors import InputError
+from domesim.errors import InputError, require_positive
 from domesim.light import Light
 from domesim.projector import Projector
 from domesim.strips import in_strips
@@ -96,7 +96,7 @@ class Contours:
     reach: float = 0.4
 
     def __post_init__(self) -> None:
-        _require_positive("contours", strength=self.strength, reach=self.reach)
+        require_positive("contours", strength=self.strength, reach=self.reach)
 
     def at(self, density: float) -> Factor:
         """The factor at so many pixels per degree."""
@@ -143,7 +143,7 @@ class Texture:
     reach: float = 0.25
 
     def __post_init__(self) -> None:
-        _require_positive("texture", slope=self.slope, reach=self.reach)
+        require_positive("texture", slope=self.slope, reach=self.reach)
 
     def at(self, density: float) -> Factor:
         """The factor at so many pixels per degree."""
@@ -360,12 +360,6 @@ class LocalContrast:
 
         in_strips(fill, light.shape)
         return planes
-
-
-def _require_positive(what: str, **settings: float) -> None:
-    for name, value in settings.items():
-        if not 0 < value < np.inf:
-            raise InputError(f"the {name} of {what} must be above 0, got {value:g}")
 
 
 def _at_any_orientation(

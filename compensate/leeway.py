@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from domesim.errors import InputError
+from domesim.errors import require_positive
 from domesim.light import Light
 from domesim.strips import in_strips
 
@@ -56,9 +56,7 @@ class Leeway:
     reach: float = 1.3
 
     def __post_init__(self) -> None:
-        for name, value in (("times", self.times), ("reach", self.reach)):
-            if not 0 < value < np.inf:
-                raise InputError(f"the {name} of leeway must be above 0, got {value:g}")
+        require_positive("leeway", times=self.times, reach=self.reach)
 
     def limits(self, subtractive: Light, left: Light, bounds: Limits, density: float) -> Limits:
         """The bounds of a pair, and this leeway.

@@ -4,6 +4,8 @@ Its message is one line: who found it, what was wanted, what came, and the way o
 raise it; only the command line prints it (and exits with 2).
 """
 
+import math
+
 
 class InputError(ValueError):
     """Something the user gave (a file, a field, an option) cannot be used."""
@@ -11,3 +13,16 @@ class InputError(ValueError):
 
 class NoSpaceError(InputError):
     """There is no room for a result; nor is there for the next."""
+
+
+def require_positive(what: str, **settings: float) -> None:
+    """Refuse settings of something that are not above 0, or not finite.
+
+    Raises
+    ------
+    InputError
+        If one is not.
+    """
+    for name, value in settings.items():
+        if not 0 < value < math.inf:
+            raise InputError(f"the {name} of {what} must be above 0, got {value:g}")
