@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any, final
 
 from compensate.comparison import compare_methods
-from compensate.contrast import Contours, ContrastWeighting, Eye
+from compensate.contrast import ContrastWeighting, Eye
 from compensate.devices import CPU, on_device
 from compensate.master import Figures, Posed, Solution, Stage, solve_frame
 from compensate.methods import Solver, perceptual, require_method
+from compensate.softening import Softening
 from compensate.visible import OnlyVisible
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
@@ -186,8 +187,8 @@ def weighting_of(name: str, low_frequency_gain: float | None = None) -> Eye:
     settings: dict[str, Callable[..., Eye]] = {
         PAPER: PerceptualWeighting,
         CONTRAST: ContrastWeighting,
-        # Half of the edges that subtraction leaves, for 0.07 JOD (validation/notes/0007)
-        CONTOURS: partial(ContrastWeighting, reach=0.35, contours=Contours()),
+        # Whatever ghosts stand out from (validation/notes/0007)
+        CONTOURS: partial(ContrastWeighting, softening=Softening(contrast=1e3)),
     }
     if name not in settings:
         raise InputError(f"--weighting {name!r} is not known; use one of {', '.join(settings)}")

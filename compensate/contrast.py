@@ -15,25 +15,26 @@ red-green and yellow-violet, each with its own sensitivity, in place of Daly's f
 chromatic ones count somewhat more, so that a lifted black keeps the master's hue.
 
 L is of what is *seen*, not of the master: where a ghost lies on black, it is the ghost's own light.
-K may have factors: `Contours` of ghosts, where errors count more, and the master's `Texture`, where
-they count less. By default it has none. That this, and these numbers, do better than others is
-measured by ``validate --only quality``; see ``validation/notes/0007``.
+Of a pair, what is aimed at is not the master alone but its ghosts with soft edges (`softening`),
+and the light stays near subtraction's (`leeway`). Errors may count less in the master's own
+`Texture`; by default they don't. That this, and these numbers, do better than others is measured
+by ``validate --only quality``; see ``validation/notes/0007``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude
+from scipy.ndimage import gaussian_filter
 
-from compensate.fourier import Fourier, padded_size
-from compensate.ghosts import BEST_FREQUENCY, FINEST_SIGMA
+from compensate.averaging import Averaging, Planes
+from compensate.fourier import padded_size
 from compensate.leeway import Leeway
+from compensate.softening import Softener, Softening
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, gains_of
@@ -49,69 +50,13 @@ PAIR_GAIN, DOME_GAIN = 0.15, 0.05
 PAIR_CHROMA, DOME_CHROMA = 1.5, 2.0
 """How many times more than castleCSF has it chromatic errors count."""
 
-_FAINT = 0.02  # contrast of a step that is about to be seen: chosen (validation/notes/0007)
+PAIR_REACH, DOME_REACH = 0.05, 0.08
+"""Standard deviations of the Gaussians that L is averaged by, degrees."""
+
 _K1, _K2 = 6 ** (-7 / 3), 6 ** (10 / 3)
-_TAILS = 4  # standard deviations at which a Gaussian is cut off, as SciPy does
 
 Plane: TypeAlias = NDArray[np.floating[Any]]
 """(row, col)."""
-
-Planes: TypeAlias = NDArray[np.floating[Any]]
-"""(view, row, col)."""
-
-Factor: TypeAlias = Callable[[Planes, Planes], Planes]
-"""How much more an error counts, of the master and what subtraction leaves of pollution in it."""
-
-
-@final
-@dataclass(frozen=True)
-class Contours:
-    """Errors count more at the edges of ghosts that subtraction leaves.
-
-    The paper's reason to compensate is that such edges hinder fusion; the eye's weights alone leave
-    as much of them as of other errors. K is multiplied by 1 + strength e, with e -> 1 where an edge
-    of contrast is within reach (half of it at `_FAINT`):
-
-        q = a / (a + `_FAINT`),   a = sigma sqrt(2 pi) |grad G_sigma r|
-        e = min(1, (1 + (w / sigma)²)^1/2 G_w q)
-
-    where r is what subtraction leaves over the local luminance, a the height of a step in it, sigma
-    as of the ghost edge energy (`compensate.ghosts`), and w the reach: a line keeps its height, and
-    falls off smoothly, for a veil has the shape that K has.
-
-    Parameters
-    ----------
-    strength
-        How much more they count at most.
-    reach
-        w, degrees.
-
-    Raises
-    ------
-    InputError
-        If one is not above 0 or not finite.
-    """
-
-    strength: float = 1.0
-    reach: float = 0.4
-
-    def __post_init__(self) -> None:
-        require_positive("contours", strength=self.strength, reach=self.reach)
-
-    def at(self, density: float) -> Factor:
-        """The factor at so many pixels per degree."""
-        sigma = max(FINEST_SIGMA, density / (2 * np.pi * BEST_FREQUENCY))
-        reach = self.reach * density
-        height = np.hypot(1, reach / sigma)
-
-        def of_view(left: Plane) -> Plane:
-            steps = gaussian_gradient_magnitude(left, sigma, mode="nearest")
-            steps *= sigma * np.sqrt(2 * np.pi)
-            near: Plane = gaussian_filter(steps / (steps + _FAINT), reach, mode="nearest")
-            near *= height
-            return 1 + self.strength * np.minimum(near, 1, out=near)
-
-        return lambda _, left: np.stack([of_view(plane) for plane in left])
 
 
 @final
@@ -145,8 +90,8 @@ class Texture:
     def __post_init__(self) -> None:
         require_positive("texture", slope=self.slope, reach=self.reach)
 
-    def at(self, density: float) -> Factor:
-        """The factor at so many pixels per degree."""
+    def factor(self, master: Planes, density: float) -> Planes:
+        """1 / T of the master over the local luminance, at so many pixels per degree."""
         sigma = self.reach * density
 
         def of_view(master: Plane) -> Plane:
@@ -155,7 +100,7 @@ class Texture:
             contrast = np.sqrt(np.maximum(square - mean**2, 0))
             return (1 + (_K1 * (_K2 * contrast) ** self.slope) ** 4) ** -0.25
 
-        return lambda master, _: np.stack([of_view(plane) for plane in master])
+        return np.stack([of_view(plane) for plane in master])
 
 
 @final
@@ -177,17 +122,18 @@ class ContrastWeighting:
         How many times more than castleCSF has it chromatic errors count. None: `PAIR_CHROMA` or
         `DOME_CHROMA`.
     reach
-        Standard deviation of the Gaussian that L is averaged by, degrees.
+        Standard deviation of the Gaussian that L is averaged by, degrees. None: `PAIR_REACH` or
+        `DOME_REACH`.
     floor
         c, cd/m².
     most
         In a dome, L counts up to this many times the adaptation luminance. Without a limit, errors
         in bright places cost next to nothing; and as every light pollutes the dark, the least cost
         would be to take the blue and the red out of whatever is bright.
-    contours
-        How much more errors count at the edges of what subtraction leaves; None: no more.
+    softening
+        How soft the edges of a pair's ghosts are aimed at; None: the master is.
     texture
-        How much less they count in the master's own texture; None: no less.
+        How much less errors count in the master's own texture; None: no less.
     leeway
         Of a pair, how far the light may be from what subtraction projects; None: as far as the
         projector goes.
@@ -203,10 +149,10 @@ class ContrastWeighting:
     low_frequency: LowFrequencyFloor | None = None
     chroma_low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(1.0))
     chroma: float | None = None
-    reach: float = 0.08
+    reach: float | None = None
     floor: float = 0.1
     most: float = 0.3
-    contours: Contours | None = None
+    softening: Softening | None = field(default_factory=Softening)
     texture: Texture | None = None
     leeway: Leeway | None = field(default_factory=Leeway)
     padding: int = 64
@@ -214,7 +160,7 @@ class ContrastWeighting:
     def __post_init__(self) -> None:
         if self.chroma is not None and not 0 < self.chroma < np.inf:
             raise InputError(f"contrast's chroma must be above 0, got {self.chroma:g}")
-        if not 0 <= self.reach < np.inf:
+        if self.reach is not None and not 0 <= self.reach < np.inf:
             raise InputError(f"contrast reach must be at least 0 degrees, got {self.reach:g}")
         if not 0 < self.floor < np.inf:
             raise InputError(f"contrast floor must be above 0 cd/m², got {self.floor:g}")
@@ -254,62 +200,30 @@ class ContrastWeighting:
         self, viewing: Viewing, projector: Projector, screen: NDArray[np.bool_], views: int
     ) -> LocalContrast:
         """K of `views` pictures on a screen (row, col), of what is seen there."""
+        dome = views == 1
         density = viewing.pixels_per_degree(*screen.shape)
-        factors = [each.at(density) for each in (self.contours, self.texture) if each]
         level = viewing.adaptation / projector.white
-        most = self.most * level if views == 1 else np.inf
         floor = self.floor / projector.white
-        blur = Averaging(screen, self.reach * density)
-        weights = projector.luminance_weights
-        return LocalContrast(blur, weights, level, floor, most, factors)
-
-
-@final
-class Averaging:
-    """Gaussian means over the pixels of a screen, by FFT.
-
-    Parameters
-    ----------
-    screen
-        (row, col) bool.
-    reach
-        Standard deviation, pixels.
-    """
-
-    def __init__(self, screen: NDArray[np.bool_], reach: float) -> None:
-        self.screen = screen
-        radius = int(_TAILS * reach + 0.5)
-        rows, cols = (padded_size(side, radius) for side in screen.shape)
-        self._fourier = Fourier(rows, cols)
-        # Of the sampled Gaussian: the other's transform, cut off at Nyquist's frequency, rings
-        steps = np.arange(1, radius + 1)
-        weights = np.exp(-0.5 * (steps / max(reach, 1e-9)) ** 2)
-        along, across = (
-            (1 + 2 * np.cos(2 * np.pi * frequency[..., None] * steps) @ weights)
-            / (1 + 2 * weights.sum())
-            for frequency in self._fourier.frequencies(1.0)
+        usual = DOME_REACH if dome else PAIR_REACH
+        averaging = Averaging(screen, density * (usual if self.reach is None else self.reach))
+        return LocalContrast(
+            averaging,
+            projector.luminance_weights,
+            level,
+            floor,
+            self.most * level if dome else np.inf,
+            density,
+            None
+            if dome or not self.softening
+            else Softener(self.softening, screen, density, floor),
+            self.texture,
         )
-        self._blur = along.astype(np.float32), across.astype(np.float32)
-        self._around = np.float32(1)
-        self._around = np.maximum(self(screen[None].astype(np.float32))[0], 1e-3)
-
-    def __call__(self, planes: Planes) -> Planes:
-        """(view, row, col) means; what is off the screen does not count."""
-        rows, cols = self.screen.shape
-        padded = np.zeros((len(planes), self._fourier.rows, self._fourier.cols), planes.dtype)
-        np.multiply(planes, self.screen, out=padded[:, :rows, :cols])
-        spectrum = self._fourier.forward(padded)
-        for factor in self._blur:
-            spectrum *= factor
-        averaged: Planes = self._fourier.inverse(spectrum)[:, :rows, :cols]
-        averaged /= self._around
-        return averaged
 
 
 @final
 @dataclass(frozen=True)
 class LocalContrast:
-    """K = l / (L + c) of the pictures on a screen, and factors; call it with what is seen.
+    """K = l / (L + c) of the pictures on a screen, and what is aimed at there.
 
     Parameters
     ----------
@@ -319,8 +233,12 @@ class LocalContrast:
         (primary,) of luminance.
     level, floor, most
         l, c and the limit to L, 1 = projector white.
-    factors
-        Of the master and what is seen too much, (view, row, col) luminance over L + c.
+    density
+        Pixels per degree.
+    softener
+        Of a pair's ghosts; None: they stay as subtraction leaves them.
+    texture
+        That masks errors.
     """
 
     averaging: Averaging
@@ -328,7 +246,9 @@ class LocalContrast:
     level: float
     floor: float
     most: float
-    factors: Sequence[Factor] = ()
+    density: float
+    softener: Softener | None = None
+    texture: Texture | None = None
 
     def __call__(self, seen: Light, desired: Light) -> Light:
         """K, (view, row, col, 1) like `seen` (view, row, col, primary); 1 off the screen.
@@ -339,17 +259,31 @@ class LocalContrast:
             What the best subtraction shows, and what it should.
         """
         luminance = self._luminance(seen)
-        local = np.maximum(self.averaging(luminance), 0)
-        below = np.minimum(local, self.most) + self.floor
-        contrast = self.level / below
-        if self.factors:
+        local = np.minimum(np.maximum(self.averaging(luminance), 0), self.most)
+        contrast = self.level / (local + self.floor)
+        if self.softener or self.texture:
             master = self._luminance(desired)
-            left = (luminance - master) / below
-            master /= below
-            for factor in self.factors:
-                contrast *= factor(master, left)
+            if self.softener:
+                luminance -= master
+                contrast *= self.softener.factor(np.maximum(luminance, 0, out=luminance), local)
+            if self.texture:
+                contrast *= self.texture.factor(master / (local + self.floor), self.density)
         result: Light = np.where(self.averaging.screen, contrast, 1)[..., None]
         return result.astype(seen.dtype, copy=False)
+
+    def aim(self, seen: Light, desired: Light) -> Light:
+        """What to aim at, (view, row, col, primary): `desired`, or more where ghosts are softened.
+
+        Parameters
+        ----------
+        seen, desired
+            As for K.
+        """
+        if not self.softener:
+            return desired
+        left = np.maximum(seen - desired, 0)
+        local = np.maximum(self.averaging(self._luminance(desired)), 0)
+        return desired + self.softener.rims(left, self._luminance(left), local)
 
     def _luminance(self, light: Light) -> Planes:
         planes = np.empty(light.shape[:3], light.dtype)

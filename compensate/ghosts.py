@@ -128,7 +128,7 @@ def measure_ghosts(
         return planes
 
     share = clipped_share(problem)
-    error = luminance(problem.residual(light))
+    error = luminance(observation.observe(light) - desired)
     ghost = luminance(observation.observe(desired) - observation.direct(desired))
     rms, picture = _rms(error), _rms(luminance(desired))
     return Ghosts(
@@ -155,7 +155,7 @@ def clipped_share(problem: Problem) -> float:
 
 def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
     """Ghost edge energy of planes of luminance (view, row, col): infinite if there was no ghost."""
-    sigma = _sigma(pixels_per_degree)
+    sigma = edge_sigma(pixels_per_degree)
     return float(
         np.sqrt(_ratio(_common_edges(error, error, sigma), _common_edges(ghost, ghost, sigma)))
     )
@@ -163,13 +163,25 @@ def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float
 
 def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
     """Share of the ghost's own edges in the error, both (view, row, col): 0 if there was none."""
-    sigma = _sigma(pixels_per_degree)
+    sigma = edge_sigma(pixels_per_degree)
     edges = _common_edges(ghost, ghost, sigma)
     return _common_edges(error, ghost, sigma) / edges if edges > 0 else 0.0
 
 
-def _sigma(pixels_per_degree: float) -> float:
+def edge_sigma(pixels_per_degree: float) -> float:
+    """Standard deviation of the Gaussian whose derivative passes 3 cycles/degree most, pixels."""
     return max(FINEST_SIGMA, pixels_per_degree / (2 * np.pi * BEST_FREQUENCY))
+
+
+def slope_magnitudes(planes: Floats, sigma: float) -> Floats:
+    """|grad (G * plane)| of (view, row, col) planes, per pixel, in their own precision."""
+    found = np.empty_like(planes)
+
+    def fill(view: int, rows: slice) -> None:
+        np.hypot(*_slopes(planes[view], rows, sigma), out=found[view, rows])
+
+    in_strips(fill, planes.shape)
+    return found
 
 
 def _common_edges(first: Floats, second: Floats, sigma: float) -> float:

@@ -442,6 +442,7 @@ class Stage:
                 regularisation=REGULARISATION,
                 negligible=shared.negligible,
                 contrast=shared.contrast(seen, wanted) if shared.contrast else None,
+                aim=shared.contrast.aim(seen, wanted) if shared.contrast else None,
             )
 
         # Where nothing is left to solve, it may never be asked for

@@ -1,12 +1,13 @@
 """The optimisation problem: what to project within the projector's bounds (eqs. 3, 5, 7).
 
-    min_x  1/2 ||lambda(K (psi(x) - seen))||² + 1/2 mu ||K L (x - anchor)||²,  lower <= x <= upper
+    min_x  1/2 ||lambda(K (psi(x) - aim))||² + 1/2 mu ||K L (x - anchor)||²,  lower <= x <= upper
 
 With an affine psi it is a convex quadratic with bound constraints, solved in *linear light*. The
 small mu keeps frequencies that the eye cannot see from filling with noise. K is 1, as in the paper,
 or turns light into local contrast (`compensate.contrast`); it multiplies each pixel of what is
 seen, and L is how a pixel's light is seen in its own place (`AdjointObservation.local`). Without K
-the regulariser is plain, 1/2 mu ||x - anchor||².
+the regulariser is plain, 1/2 mu ||x - anchor||². The aim is what is desired, as in the paper, or
+that with soft ghosts where they cannot be taken away (`compensate.softening`).
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ class Problem:
         A difference in cost that nobody can see: solvers need not go on for less.
     contrast
         (seen view, row, col, 1) K, above 0; None for 1.
+    aim
+        What residuals are taken from, of the desired light's shape; None for that itself.
 
     Raises
     ------
@@ -64,8 +67,11 @@ class Problem:
         regularisation: float = 0.0,
         negligible: float = 0.0,
         contrast: Array | None = None,
+        aim: Light | None = None,
     ) -> None:
         require_light(desired, observation.seen_shape, who="Problem's desired light")
+        if aim is not None:
+            require_light(aim, desired.shape, who="Problem's aim")
         if weighting.shape != observation.seen_shape:
             raise ValueError(
                 f"weighting takes {weighting.shape}, but the observation gives "
@@ -83,6 +89,7 @@ class Problem:
         self.observation = observation
         self.weighting = weighting
         self.desired = desired
+        self.aim = desired if aim is None else aim
         self.lower, self.upper = (
             xp.asarray(bound, dtype=desired.dtype, device=desired.device) for bound in bounds
         )
@@ -101,12 +108,12 @@ class Problem:
         return math.ceil(self.weighting.fourier.count)
 
     def residual(self, light: Light) -> Light:
-        """K (psi(x) - seen)."""
+        """K (psi(x) - aim)."""
         seen = self.observation.observe(light)
         contrast, result = self.contrast, namespace(seen).empty_like(seen)
 
         def work(view: int, rows: slice) -> None:
-            part = seen[view, rows, ...] - self.desired[view, rows, ...]
+            part = seen[view, rows, ...] - self.aim[view, rows, ...]
             if contrast is not None:
                 part *= contrast[view, rows, ...]
             result[view, rows, ...] = part
@@ -209,6 +216,7 @@ class Problem:
             regularisation=self.regularisation,
             negligible=self.negligible,
             contrast=None if self.contrast is None else send(self.contrast),
+            aim=None if self.aim is self.desired else send(self.aim),
         )
 
     def penalty(self, light: Light) -> float:

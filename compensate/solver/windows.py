@@ -159,6 +159,7 @@ def _window(
         regularisation=problem.regularisation,
         negligible=problem.negligible,
         contrast=None if problem.contrast is None else problem.contrast[place],
+        aim=problem.aim[place],
     )
 
 

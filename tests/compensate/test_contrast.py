@@ -11,13 +11,12 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import lsq_linear
 from theatres import closed_form, picture, viewing
 
+from compensate.averaging import Averaging
 from compensate.contrast import (
     DOME_CHROMA,
     DOME_GAIN,
     PAIR_CHROMA,
     PAIR_GAIN,
-    Averaging,
-    Contours,
     ContrastWeighting,
     Texture,
 )
@@ -76,31 +75,6 @@ def test_the_same_error_matters_more_in_the_dark():
     assert factor[0, 0, 50, 0] / factor[0, 0, 5, 0] == pytest.approx((10.0 + 0.1) / (0.2 + 0.1))
 
 
-def test_errors_count_more_beside_the_edges_of_what_subtraction_leaves():
-    density = 40.0
-    left = np.zeros((2, 120, 200))
-    left[1, :, 100:] = 0.5
-    factor = Contours(strength=3.0, reach=0.25).at(density)(np.ones_like(left), left)
-    assert (factor[0] == 1).all()
-    assert (factor[1] >= 1).all()
-    # Most of it at the edge, none four times as far off as it reaches
-    assert factor[1, :, 98:102].min() > 1 + 0.9 * 3.0
-    assert factor[1, :, :60] == pytest.approx(1, abs=0.02)
-    assert factor[1, :, 140:] == pytest.approx(1, abs=0.02)
-    assert (np.diff(factor[1, 60, :95]) >= -1e-12).all()
-
-
-def test_the_fainter_an_edge_the_less_errors_count_there():
-    left = np.zeros((1, 40, 60))
-    left[:, :, 30:] = 1.0
-    # So near that all of the edge's own strength is there
-    factor = Contours(strength=1.0, reach=1e-3).at(20.0)
-    # A step of 0.02 is about to be seen: half of the strength
-    for contrast, strength in ((0.0, 0.0), (0.002, 1 / 11), (0.02, 1 / 2), (0.18, 0.9)):
-        found = float(factor(left, contrast * left)[0, 20, 29:31].mean()) - 1
-        assert found == pytest.approx(strength, rel=0.12, abs=1e-6)
-
-
 @pytest.mark.parametrize("reach", [0.0, 0.2, 0.7, 3.0, 9.0])
 def test_luminance_is_averaged_as_scipy_does(reach):
     """And not by FFT's wrapped planes, whose edges are each other's neighbours."""
@@ -118,9 +92,9 @@ def test_luminance_is_averaged_as_scipy_does(reach):
 
 def test_texture_masks_as_daly_has_it():
     flat = np.full((1, 64, 64), 0.7)
-    assert (Texture().at(20.0)(flat, flat) == 1).all()
+    assert (Texture().factor(flat, 20.0) == 1).all()
     wave = np.cos(2 * np.pi * np.arange(64) / 8)[None, None, :] * np.ones((1, 64, 1))
-    factor = Texture(slope=0.7, reach=0.5).at(20.0)(1 + 0.6 * wave, flat)
+    factor = Texture(slope=0.7, reach=0.5).factor(1 + 0.6 * wave, 20.0)
     elevation = (1 + (0.0153 * (392.5 * 0.6 / np.sqrt(2)) ** 0.7) ** 4) ** 0.25
     assert factor[0, 32, 20:44] == pytest.approx(1 / elevation, rel=1e-3)
 
@@ -128,8 +102,6 @@ def test_texture_masks_as_daly_has_it():
 @pytest.mark.parametrize(
     ("make", "name"),
     [
-        (lambda value: Contours(strength=value), "strength of contours"),
-        (lambda value: Contours(reach=value), "reach of contours"),
         (lambda value: Texture(slope=value), "slope of texture"),
         (lambda value: Texture(reach=value), "reach of texture"),
     ],
@@ -140,7 +112,7 @@ def test_factors_without_sense_are_refused(make, name, value):
         make(value)
 
 
-@pytest.mark.parametrize("settings", [{"contours": Contours()}, {"texture": Texture(1.0)}])
+@pytest.mark.parametrize("settings", [{"softening": None}, {"texture": Texture(1.0)}])
 def test_factors_change_what_is_projected(settings):
     scene = load_scene("stereo_polarised_paper")
     master = generated(128)[:, :72]

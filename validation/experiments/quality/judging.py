@@ -41,6 +41,10 @@ class Cell:
         Share of pixels that subtraction clips.
     error
         Visible error as the chosen weighting counts it, JND rms.
+    cost
+        What the chosen weighting minimises.
+    allowed
+        Whether it may choose this light.
     flip, quality
         FLIP, and ColorVideoVDP in JOD: means of both eyes; None if not installed.
     contour, contrast_contour
@@ -62,6 +66,8 @@ class Cell:
 
     clipped: float
     error: float
+    cost: float
+    allowed: bool
     flip: float | None
     quality: float | None
     contour: float | None
@@ -126,6 +132,10 @@ class Case:
         """JOD of what is seen, and (view, row, col) what of it is lost where."""
         return judges.colorvideovdp_map(self.desired, seen, self.scene)
 
+    def allows(self, light: Light) -> bool:
+        """Whether the chosen weighting may project it."""
+        return bool(np.abs(self.plain.problem.project(light) - light).max() <= TOO_BRIGHT_BY)
+
     def contours(self, light: Light) -> tuple[float | None, float | None]:
         """Ghost contours of what is projected, of light and of contrast.
 
@@ -173,6 +183,8 @@ def measure(case: Case, way: Way, *, pictures: bool = False) -> Cell:
     return Cell(
         clipped=posed.clipped,
         error=case.plain.visible_error(result.light),
+        cost=case.plain.problem.cost(result.light),
+        allowed=case.allows(result.light),
         flip=judges.if_installed(judges.flip, case.desired, seen, scene),
         quality=quality,
         contour=contour,

@@ -9,11 +9,14 @@ import numpy as np
 from compensate.contrast import (
     DOME_CHROMA,
     DOME_GAIN,
+    DOME_REACH,
     PAIR_CHROMA,
     PAIR_GAIN,
+    PAIR_REACH,
     ContrastWeighting,
 )
 from compensate.leeway import Leeway
+from compensate.softening import Softening
 from validation.experiment import Cell as Entry
 from validation.experiment import Column, Table
 from validation.experiments.quality.gains import (
@@ -48,15 +51,17 @@ def written(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Itera
         "that is seen, with Student's 95 % interval over inputs; shortfalls are against the better "
         "of subtraction and nothing, over all cases.",
     )
-    usual = ContrastWeighting()
+    usual, soft = ContrastWeighting(), Softening()
     yield _ranking(
         {place: ways for place, ways in cells.items() if place[2] == USUAL_LUMINANCE},
         WAYS,
         f"What each setting of the weighting of local contrast is worth, at "
         f"{USUAL_LUMINANCE:g} cd/m² and all pollutions. Usual, of pairs and domes: low-frequency "
-        f"gain {PAIR_GAIN:g} and {DOME_GAIN:g}, chroma times {PAIR_CHROMA:g} and {DOME_CHROMA:g}; "
-        f"of both: floor {usual.floor:g} cd/m², reach {usual.reach:g}°, most {usual.most:g}. Pairs "
-        f"change by up to {Leeway().times:g} times the ghost within {Leeway().reach:g}°.",
+        f"gain {PAIR_GAIN:g} and {DOME_GAIN:g}, chroma times {PAIR_CHROMA:g} and {DOME_CHROMA:g}, "
+        f"reach {PAIR_REACH:g} and {DOME_REACH:g}°; floor {usual.floor:g} cd/m², and of domes most "
+        f"{usual.most:g}. Pairs change by up to {Leeway().times:g} times the ghost within "
+        f"{Leeway().reach:g}°, and their ghosts' edges are softened: rims' height {soft.height:g}, "
+        f"reach {soft.reach:g}°, half a rim at {soft.contrast:g} times, near is {soft.near:g}°.",
     )
     if judged:
         yield _falling_back(cells)

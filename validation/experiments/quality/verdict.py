@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from compensate.contrast import ContrastWeighting
 from compensate.solver.result import Status
 from validation.experiment import Check, at_least, at_most
 from validation.experiments.quality.gains import (
@@ -21,7 +20,7 @@ from validation.experiments.quality.gains import (
 )
 from validation.experiments.quality.inputs import Input, Place, kinds, words
 from validation.experiments.quality.judging import NEW, Cell, Cells
-from validation.experiments.quality.ways import CHOSEN, UNLIMITED, WAYS, Way
+from validation.experiments.quality.ways import CHOSEN, UNLIMITED, WAYS
 from validation.statistics import estimate
 
 MOST_NEW = 0.01
@@ -50,12 +49,11 @@ def laws(cells: Cells) -> Iterator[Check]:
         ),
         0.9,
     )
-    for name, which in ((CHOSEN, "that change no more"), (UNLIMITED, "other")):
+    for name, which in ((CHOSEN, "that it might have chosen"), (UNLIMITED, "other")):
         found = [_over_the_least(ways, name) for ways in places if name in ways]
         if found:
             yield at_most(
-                f"{WAYS[name].title}: visible error over the least of all methods {which}, the "
-                f"largest",
+                f"{WAYS[name].title}: cost over the least of all methods {which}, the largest",
                 max(found),
                 1.001,
             )
@@ -155,22 +153,13 @@ def told(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> str:
 
 
 def _over_the_least(ways: Mapping[str, Cell], name: str) -> float:
-    """Visible error of a way over the least of those whose light it might have chosen."""
-    pair, times = ways[name].hue is None, _times(WAYS[name])
+    """Cost of a way over the least of others: for the chosen one, of those that it may project."""
     least = min(
-        cell.error
+        cell.cost
         for other, cell in ways.items()
-        if other != name and not (pair and _times(WAYS[other]) > times)
+        if other != name and (cell.allowed or name != CHOSEN)
     )
-    return ways[name].error / least if least > 0 else float(ways[name].error > 0)
-
-
-def _times(way: Way) -> float:
-    """How many times the ghost it may change a pair's light."""
-    if way.method == "subtractive":
-        return 0.0
-    leeway = way.eye.leeway if isinstance(way.eye, ContrastWeighting) else None
-    return leeway.times if way.method == "perceptual" and leeway else np.inf
+    return ways[name].cost / least if least > 0 else float(ways[name].cost > 0)
 
 
 def _largest(what: str, values: Mapping[Place, float], bound: float, unit: str = "") -> Check:

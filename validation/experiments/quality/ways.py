@@ -8,8 +8,9 @@ from typing import Any, final
 
 import numpy as np
 
-from compensate.contrast import Contours, ContrastWeighting, Eye, Texture
+from compensate.contrast import ContrastWeighting, Eye, Texture
 from compensate.leeway import Leeway
+from compensate.softening import Softening
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 
@@ -74,15 +75,28 @@ VARIANTS: Mapping[str, Way] = {
         ),
         *(Way.local(f"chroma times {chroma:g}", chroma=chroma) for chroma in (1.0, 4.0)),
         *(Way.local(f"floor {floor:g} cd/m²", floor=floor) for floor in (0.03, 0.3)),
-        *(Way.local(f"reach {reach:g}°", reach=reach) for reach in (0.0, 0.5)),
+        *(Way.local(f"reach {reach:g}°", reach=reach) for reach in (0.0, 0.1, 0.35)),
         *(Way.local(f"most {most:g} of the adaptation", most=most) for most in (1.0, np.inf)),
         Way.local(UNLIMITED, leeway=None),
         *(
             Way.local(f"changes up to {times:g} times the ghost", leeway=Leeway(times))
             for times in (0.5, 2.0)
         ),
-        Way.local("contours count twice", contours=Contours()),
-        Way.local("the same, reach 0.35°", contours=Contours(), reach=0.35),
+        Way.local("edges not softened", softening=None),
+        *(
+            Way.local(f"rims' height {height:g}", softening=Softening(height=height))
+            for height in (1.0, 1.3)
+        ),
+        *(
+            Way.local(f"rims' reach {reach:g}°", softening=Softening(reach=reach))
+            for reach in (0.15, 0.3)
+        ),
+        *(
+            Way.local(f"half a rim at {contrast:g} times", softening=Softening(contrast=contrast))
+            for contrast in (1.0, 5.0)
+        ),
+        *(Way.local(f"near is {near:g}°", softening=Softening(near=near)) for near in (0.1, 0.4)),
+        Way.local("contours: rims whatever ghosts lie on", softening=Softening(contrast=1e3)),
         *(
             Way.local(f"texture masks, slope {slope:g}", texture=Texture(slope))
             for slope in (0.7, 1)

@@ -1,0 +1,168 @@
+"""Soft edges for the ghosts that subtraction leaves."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from compensate.contrast import ContrastWeighting
+from compensate.ghosts import edge_sigma, slope_magnitudes
+from compensate.master import Posed, pose, solved
+from compensate.softening import Softener, Softening
+from compensate.solver.admm import ADMM
+from domesim.errors import InputError
+from domesim.light import Light
+from domesim.scene import Scene, StereoScene, load_scene
+
+DENSITY, FLOOR = 30.0, 0.005
+SCREEN = np.ones((90, 180), bool)
+COLOUR = np.array([1.0, 0.6, 0.3])
+
+
+def stereo() -> Scene:
+    return load_scene("stereo_polarised_paper")
+
+
+def fine(scene: Scene) -> Scene:
+    """So that 96 columns are 30 to a degree."""
+    assert isinstance(scene, StereoScene)
+    return replace(scene, viewing=replace(scene.viewing, extent=96 / 30))
+
+
+def left_by(height: float) -> Light:
+    """A coloured ghost in the right half of the second view."""
+    left = np.zeros((2, *SCREEN.shape, 3))
+    left[1, :, 90:] = height * COLOUR
+    return left
+
+
+def rims(height: float, around: float, settings: Softening) -> Light:
+    left = left_by(height)
+    local = np.full(left.shape[:3], around)
+    return Softener(settings, SCREEN, DENSITY, FLOOR).rims(left, left.mean(axis=-1), local)
+
+
+def bars() -> Light:
+    """A lit bar on black in the left view, and something grey that its ghost partly falls on."""
+    light = np.zeros((2, 48, 96, 3), np.float32)
+    light[0, 8:40, 30:50] = (0.9, 0.8, 0.5)
+    light[1, 24:, :] = 0.3
+    light[0, 24:, :30] = light[0, 24:, 50:] = 0.3
+    return light
+
+
+def test_a_rim_is_half_as_high_as_the_ghost_and_falls_off_outside_it() -> None:
+    settings = Softening(height=1.0, contrast=1e6)
+    found = rims(0.02, 0.0, settings)
+    assert np.all(found[0] <= 1e-7)
+    assert np.all(found[1, :, 90:] <= 1e-7)
+    outside = found[1, 45, :90]
+    assert outside[-1] / (0.02 * COLOUR) == pytest.approx(0.5, abs=0.06)
+    assert np.all(np.diff(outside, axis=0) >= -1e-9)
+    # As high as a Gaussian's integral, and none at four standard deviations
+    deviation = round(settings.reach * DENSITY)
+    beyond = (outside[-1 - deviation] + outside[-deviation]) / 2
+    assert beyond / (0.02 * COLOUR) == pytest.approx(0.159, abs=0.01)
+    assert np.all(outside[: 90 - 4 * deviation - 1] <= 1e-6)
+
+
+def test_a_rim_keeps_the_colour_of_its_ghost_and_goes_with_its_height() -> None:
+    faint, bright = (rims(each, 0.1, Softening(contrast=1e6)) for each in (0.01, 0.02))
+    np.testing.assert_allclose(bright, 2 * faint, rtol=1e-6)
+    lit = bright[1, 45, 80:90]
+    np.testing.assert_allclose(lit / lit[:, :1], np.broadcast_to(COLOUR, lit.shape), rtol=1e-6)
+
+
+def test_half_a_rim_is_left_where_the_ghost_stands_out_as_many_times_as_set() -> None:
+    height, contrast = 0.02, 2.0
+    luminance = height * COLOUR.mean()
+    around = luminance / contrast - FLOOR
+    full, half = (rims(height, around, Softening(contrast=each)) for each in (1e6, contrast))
+    np.testing.assert_allclose(half[1, :, 80:90], full[1, :, 80:90] / 2, rtol=1e-5)
+
+
+def test_beside_a_ghost_what_is_brighter_counts_as_the_ghost_and_far_away_as_itself() -> None:
+    """And what is darker than the ghost, as itself everywhere."""
+    left = left_by(0.02).mean(axis=-1)
+    height = left.max()
+    softener = Softener(Softening(near=0.1, nearby=0.5), SCREEN, DENSITY, FLOOR)
+    bright = softener.factor(left, np.full_like(left, 0.4))
+    assert bright[1, 45, 88:92] == pytest.approx((0.4 + FLOOR) / (height + FLOOR), rel=0.35)
+    assert np.all(bright >= 1)
+    assert np.all(bright[0] == 1)
+    np.testing.assert_allclose(bright[1][:, [0, 30, 150, 179]], 1, rtol=1e-3)
+    dark = softener.factor(left, np.full_like(left, height / 3))
+    np.testing.assert_allclose(dark, 1, rtol=1e-7)
+
+
+def test_ghosts_far_fainter_than_the_eye_sees_have_no_edges() -> None:
+    """Rounding must not make a lit thing count a hundred times."""
+    left = left_by(1e-6).mean(axis=-1)
+    factor = Softener(Softening(), SCREEN, DENSITY, FLOOR).factor(left, np.full_like(left, 0.5))
+    np.testing.assert_allclose(factor, 1, atol=0.02)
+
+
+def softened(softening: Softening | None, tolerance: float = 1e-3) -> tuple[Posed, Light]:
+    posed = pose(bars(), fine(stereo()), ContrastWeighting(softening=softening))
+    return posed, ADMM(tolerance=tolerance)(posed.problem, posed.subtractive).light
+
+
+def steepest(posed: Posed, light: Light) -> float:
+    """Root of the mean squared slope of what is seen too much, where subtraction leaves any."""
+    ghosts = posed.residual(posed.subtractive).max(axis=-1) > 1e-5
+    error = posed.residual(light) @ posed.scene.projector.luminance_weights
+    slopes = slope_magnitudes(np.ascontiguousarray(error), edge_sigma(DENSITY))
+    return float(np.sqrt(np.mean(slopes[ghosts] ** 2)))
+
+
+def test_edges_of_ghosts_are_softer_than_the_least_visible_error_leaves_them() -> None:
+    posed, plain = softened(None)
+    _, soft = softened(Softening(contrast=1e3))
+    assert steepest(posed, soft) < 0.85 * steepest(posed, plain)
+    assert steepest(posed, plain) < steepest(posed, posed.subtractive)
+
+
+def test_only_what_is_aimed_at_is_softened_not_what_is_wanted() -> None:
+    posed, light = softened(Softening())
+    problem = posed.problem
+    np.testing.assert_array_equal(problem.desired, posed.wanted)
+    assert np.all(problem.aim >= posed.wanted)
+    assert problem.aim.max() > posed.wanted.max() or np.any(problem.aim > posed.wanted)
+    seen = problem.observation.observe(light)
+    by_hand = problem.weighting.energy((seen - problem.aim) * problem.contrast)
+    assert problem.cost(light) == pytest.approx(0.5 * by_hand + problem.penalty(light), rel=1e-5)
+
+
+def test_the_aim_is_no_brighter_than_the_ghost_that_is_softened() -> None:
+    posed, _ = softened(Softening())
+    left = np.maximum(posed.residual(posed.subtractive), 0)
+    above = (posed.problem.aim - posed.wanted).max(axis=(0, 1, 2))
+    assert np.all(above <= left.max(axis=(0, 1, 2)))
+
+
+def test_what_subtraction_shows_exactly_is_aimed_at_as_it_is() -> None:
+    light = np.full((2, 24, 40, 3), 0.4, np.float32)
+    posed = pose(light, stereo(), ContrastWeighting())
+    assert posed.exact
+    np.testing.assert_allclose(posed.problem.aim, posed.wanted, atol=1e-6)
+
+
+def test_a_dome_has_no_ghosts_to_soften() -> None:
+    posed = pose(bars()[:1, :, :48], load_scene("dome_hemisphere"), ContrastWeighting())
+    assert posed.problem.aim is posed.problem.desired
+
+
+@pytest.mark.parametrize("name", [each.name for each in fields(Softening)])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
+def test_settings_without_sense_are_refused(name: str, value: float) -> None:
+    with pytest.raises(InputError, match=f"the {name} of softening must be above 0"):
+        Softening(**{name: value})
+
+
+def test_the_products_method_solves_it() -> None:
+    posed = pose(bars(), fine(stereo()), ContrastWeighting())
+    result = solved(posed, "perceptual")
+    assert result.gap is not None
+    assert result.gap <= 1e-3
