@@ -91,8 +91,8 @@ EyeName = Annotated[
         "--weighting",
         help="Perceptual: contrast, relative to the local luminance that one seat sees, with "
         "castleCSF's sensitivities, which is the default; contours, the same for pairs whose "
-        "ghosts hinder fusion: half of their edges, under wider veils; or paper, one adaptation "
-        "luminance and Daly's sensitivity, which is what several seats get.",
+        "ghosts hinder fusion: softer edges, under wider veils; or paper, one adaptation luminance "
+        "and Daly's sensitivity, which is what several seats get.",
         show_default=False,
     ),
 ]

@@ -37,21 +37,25 @@ from compensate.leeway import Leeway
 from compensate.softening import Softener, Softening
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
 from compensate.vision.csf import LowFrequencyFloor
-from compensate.weighting import CsfWeighting, PerceptualWeighting, gains_of
+from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, gains_of
 from domesim.errors import InputError, require_positive
 from domesim.light import Light
 from domesim.projector import Projector
 from domesim.strips import in_strips
 from domesim.viewing import Viewing
 
-PAIR_GAIN, DOME_GAIN = 0.15, 0.05
+PAIR_GAIN, DOME_GAIN = 0.1, 0.05
 """Low-frequency gains of luminance."""
 
-PAIR_CHROMA, DOME_CHROMA = 1.5, 2.0
+PAIR_CHROMA, DOME_CHROMA = 1.0, 2.0
 """How many times more than castleCSF has it chromatic errors count."""
 
-PAIR_REACH, DOME_REACH = 0.05, 0.08
-"""Standard deviations of the Gaussians that L is averaged by, degrees."""
+PAIR_FLOOR, DOME_FLOOR = 0.07, 0.1
+"""Luminances c, cd/m²."""
+
+PAIR_DAMPING, DOME_DAMPING = 0.06, REGULARISATION
+"""Least weights of changes: of a pair, so that veils end soon; of a dome, to keep what is not seen
+from filling with noise."""
 
 _K1, _K2 = 6 ** (-7 / 3), 6 ** (10 / 3)
 
@@ -122,10 +126,13 @@ class ContrastWeighting:
         How many times more than castleCSF has it chromatic errors count. None: `PAIR_CHROMA` or
         `DOME_CHROMA`.
     reach
-        Standard deviation of the Gaussian that L is averaged by, degrees. None: `PAIR_REACH` or
-        `DOME_REACH`.
+        Standard deviation of the Gaussian that L is averaged by, degrees.
     floor
-        c, cd/m².
+        c, cd/m². None: `PAIR_FLOOR` or `DOME_FLOOR`.
+    damping
+        How much a change from subtraction (from that of the aim) counts by itself, of any
+        frequency, over an error at the peak: the regulariser's mu. None: `PAIR_DAMPING` or
+        `DOME_DAMPING`.
     most
         In a dome, L counts up to this many times the adaptation luminance. Without a limit, errors
         in bright places cost next to nothing; and as every light pollutes the dark, the least cost
@@ -143,14 +150,16 @@ class ContrastWeighting:
     Raises
     ------
     InputError
-        If the reach is negative, the chroma, the floor or `most` not above 0, or one is not finite.
+        If the reach is negative, the chroma, the floor, the damping or `most` not above 0, or one
+        is not finite.
     """
 
     low_frequency: LowFrequencyFloor | None = None
     chroma_low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(1.0))
     chroma: float | None = None
-    reach: float | None = None
-    floor: float = 0.1
+    reach: float = 0.08
+    floor: float | None = None
+    damping: float | None = None
     most: float = 0.3
     softening: Softening | None = field(default_factory=Softening)
     texture: Texture | None = None
@@ -160,9 +169,11 @@ class ContrastWeighting:
     def __post_init__(self) -> None:
         if self.chroma is not None and not 0 < self.chroma < np.inf:
             raise InputError(f"contrast's chroma must be above 0, got {self.chroma:g}")
-        if self.reach is not None and not 0 <= self.reach < np.inf:
+        if not 0 <= self.reach < np.inf:
             raise InputError(f"contrast reach must be at least 0 degrees, got {self.reach:g}")
-        if not 0 < self.floor < np.inf:
+        if self.damping is not None and not 0 < self.damping < np.inf:
+            raise InputError(f"contrast damping must be above 0, got {self.damping:g}")
+        if self.floor is not None and not 0 < self.floor < np.inf:
             raise InputError(f"contrast floor must be above 0 cd/m², got {self.floor:g}")
         if not self.most > 0:
             raise InputError(f"contrast's most must be above 0, got {self.most:g}")
@@ -196,6 +207,10 @@ class ContrastWeighting:
         opponent /= brightest
         return CsfWeighting(np.stack(gains), opponent, support, padded, brightest, views)
 
+    def regularisation(self, views: int) -> float:
+        """Mu of the problem of `views` pictures."""
+        return self.damping or (DOME_DAMPING if views == 1 else PAIR_DAMPING)
+
     def contrast(
         self, viewing: Viewing, projector: Projector, screen: NDArray[np.bool_], views: int
     ) -> LocalContrast:
@@ -203,11 +218,9 @@ class ContrastWeighting:
         dome = views == 1
         density = viewing.pixels_per_degree(*screen.shape)
         level = viewing.adaptation / projector.white
-        floor = self.floor / projector.white
-        usual = DOME_REACH if dome else PAIR_REACH
-        averaging = Averaging(screen, density * (usual if self.reach is None else self.reach))
+        floor = (self.floor or (DOME_FLOOR if dome else PAIR_FLOOR)) / projector.white
         return LocalContrast(
-            averaging,
+            Averaging(screen, density * self.reach),
             projector.luminance_weights,
             level,
             floor,

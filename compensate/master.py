@@ -40,9 +40,6 @@ from domesim.scene import DomeScene, Scene, StereoScene
 from domesim.screening import decoded, encoded, mean_luminance, within_range
 from domesim.strips import all_within, in_strips
 
-REGULARISATION = 1e-4
-"""Default mu, of the peak squared: keeps invisible frequencies from filling with noise."""
-
 NEGLIGIBLE = 0.001
 """Visible error, JND rms, for which no solver need go on."""
 
@@ -136,7 +133,7 @@ class Posed:
     single
         The problem for methods that know one seat only: of several, the mean one.
     subtractive
-        The light of exact clipped subtraction: where solvers start.
+        The light of exact clipped subtraction.
     screen
         (row, col) bool: pixels off the screen neither count nor change.
     areas
@@ -167,6 +164,13 @@ class Posed:
     def problem(self) -> Problem:
         """What to minimise."""
         return self.posing()
+
+    @property
+    def start(self) -> Light:
+        """Where its solver starts: at exact clipped subtraction of what is aimed at."""
+        anchor = self.problem.anchor
+        assert anchor is not None
+        return anchor
 
     @property
     def clipped(self) -> float:
@@ -376,7 +380,7 @@ def compensate(
     """
     posed = pose(desired, scene, weighting)
     chosen = solver or methods_of(scene)["perceptual"](scene, posed.problem)
-    found = chosen(posed.problem, posed.subtractive)
+    found = chosen(posed.problem, posed.start)
     if posed.desired is desired:
         return found
     on = posed.screen[None, :, :, None]
@@ -433,16 +437,22 @@ class Stage:
             return shared.leeway.limits(subtractive, seen - wanted, bounds, shared.density)
 
         def problem(seen: Light) -> Problem:
+            lower, upper = limits(seen)
+            aim, contrast, anchor = wanted, None, subtractive
+            if shared.contrast:
+                contrast, aim = shared.contrast(seen, wanted), shared.contrast.aim(seen, wanted)
+            if aim is not wanted:
+                anchor = np.clip(shared.subtracted(aim)[1], lower, upper)
             return Problem(
                 solvable,
                 shared.weighting,
                 wanted,
-                limits(seen),
-                anchor=subtractive,
-                regularisation=REGULARISATION,
+                (lower, upper),
+                anchor=anchor,
+                regularisation=shared.regularisation,
                 negligible=shared.negligible,
-                contrast=shared.contrast(seen, wanted) if shared.contrast else None,
-                aim=shared.contrast.aim(seen, wanted) if shared.contrast else None,
+                contrast=contrast,
+                aim=aim,
             )
 
         # Where nothing is left to solve, it may never be asked for
@@ -486,6 +496,7 @@ class _Shared:
     screen: NDArray[np.bool_]
     areas: NDArray[np.floating]
     negligible: float
+    regularisation: float
     contrast: LocalContrast | None
     leeway: Leeway | None
     density: float  # pixels per degree
@@ -540,6 +551,7 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
         screen,
         scene.pixel_areas(rows, cols),
         float(negligible),
+        settings.regularisation(scene.views),
         settings.contrast(scene.viewing, scene.projector, screen, scene.views),
         settings.leeway if isinstance(settings, ContrastWeighting) and scene.views > 1 else None,
         scene.viewing.pixels_per_degree(rows, cols),
@@ -704,6 +716,8 @@ def solved(posed: Posed, method: str, solver: Solver | None = None) -> Result:
         return Result(posed.subtractive, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
     problem = posed.problem if method == "perceptual" else posed.single
     start = posed.desired if method == "none" else posed.subtractive
+    if method == "perceptual":
+        start = posed.start
     chosen = solver or require_method(method, posed.scene)(posed.scene, problem)
     try:
         return chosen(problem, start)

@@ -67,9 +67,9 @@ class Softening:
         If one is not above 0 or not finite.
     """
 
-    height: float = 1.15
+    height: float = 1.22
     reach: float = 0.2
-    contrast: float = 2.25
+    contrast: float = 5.0
     near: float = 0.2
     nearby: float = 1.3
 

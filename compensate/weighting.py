@@ -330,6 +330,10 @@ class Masked(Weighting):
         return namespace(planes).asarray(self.mask, dtype=planes.dtype, device=planes.device)
 
 
+REGULARISATION = 1e-4
+"""Default mu, of the peak squared: keeps invisible frequencies from filling with noise."""
+
+
 @final
 @dataclass(frozen=True)
 class PerceptualWeighting:
@@ -357,6 +361,10 @@ class PerceptualWeighting:
     ) -> CsfWeighting:
         """The weighting of `views` pictures with that `support` (row, col) seen that way."""
         return self(viewing, projector.luminance_weights, support, views)
+
+    def regularisation(self, views: int) -> float:
+        """Mu of the problem of `views` pictures."""
+        return REGULARISATION
 
     def contrast(
         self, viewing: Viewing, projector: Projector, screen: NDArray[np.bool_], views: int

@@ -71,7 +71,7 @@ def test_what_is_off_the_screen_does_not_count():
 def test_the_same_error_matters_more_in_the_dark():
     seen = np.full((2, 20, 60, 3), 0.5)
     seen[:, :, 30:] = 0.01
-    factor = contrast(seen, reach=0.0)
+    factor = contrast(seen, reach=0.0, floor=0.1)
     assert factor[0, 0, 50, 0] / factor[0, 0, 5, 0] == pytest.approx((10.0 + 0.1) / (0.2 + 0.1))
 
 
@@ -167,6 +167,8 @@ def test_impossible_settings_are_refused():
         ContrastWeighting(floor=0.0)
     with pytest.raises(InputError, match="chroma"):
         ContrastWeighting(chroma=0.0)
+    with pytest.raises(InputError, match="damping"):
+        ContrastWeighting(damping=-1.0)
     with pytest.raises(InputError, match="most"):
         ContrastWeighting(most=np.nan)
 

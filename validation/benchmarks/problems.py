@@ -27,10 +27,17 @@ from scipy.ndimage import gaussian_filter, zoom
 
 from compensate.contrast import ContrastWeighting, Eye
 from compensate.fourier import padded_size
-from compensate.master import REGULARISATION, Posed, pose
+from compensate.master import Posed, pose
 from compensate.problem import Problem
 from compensate.solver import baselines, deghosting
-from compensate.weighting import CsfWeighting, Masked, PerceptualWeighting, Weighting, csf_gains
+from compensate.weighting import (
+    REGULARISATION,
+    CsfWeighting,
+    Masked,
+    PerceptualWeighting,
+    Weighting,
+    csf_gains,
+)
 from domesim.light import Light
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
@@ -260,7 +267,7 @@ def _posed_in(scene: Scene, eye: Eye) -> Callable[[Light], Task]:
 
     def task(light: Light) -> Task:
         posed: Posed = pose(light, scene, eye)
-        return Task(posed.problem, posed.subtractive, posed.screen)
+        return Task(posed.problem, posed.start, posed.screen)
 
     return task
 

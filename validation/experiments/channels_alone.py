@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from compensate.master import REGULARISATION, pose
+from compensate.master import pose
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
-from compensate.weighting import CsfWeighting, PerceptualWeighting
+from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting
 from domesim.observation.spherical import ClosedFormDome
 from domesim.scene import load_dome
 from validation.experiment import Column, Finding, Table, Work, at_least

@@ -28,12 +28,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from compensate.ghosts import edge_energy
-from compensate.master import REGULARISATION, Posed, pose, solved
+from compensate.master import Posed, pose, solved
 from compensate.problem import Problem
 from compensate.solver.gpcg import GPCG
 from compensate.solver.paper import PaperMethod
 from compensate.solver.result import Result
-from compensate.weighting import PerceptualWeighting
+from compensate.weighting import REGULARISATION, PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene, StereoScene, load_stereo
 from validation.drawing import pictures

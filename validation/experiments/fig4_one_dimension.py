@@ -24,13 +24,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.master import REGULARISATION
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.gpcg import GPCG
 from compensate.vision.csf import LowFrequencyFloor
-from compensate.weighting import CsfWeighting, csf_gains
+from compensate.weighting import REGULARISATION, CsfWeighting, csf_gains
 from domesim.light import Light
 from domesim.observation.lowrank import LowRank, LowRankObservation
 from domesim.viewing import of_flat_screen

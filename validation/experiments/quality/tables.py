@@ -8,11 +8,12 @@ import numpy as np
 
 from compensate.contrast import (
     DOME_CHROMA,
+    DOME_FLOOR,
     DOME_GAIN,
-    DOME_REACH,
     PAIR_CHROMA,
+    PAIR_DAMPING,
+    PAIR_FLOOR,
     PAIR_GAIN,
-    PAIR_REACH,
     ContrastWeighting,
 )
 from compensate.leeway import Leeway
@@ -58,10 +59,11 @@ def written(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Itera
         f"What each setting of the weighting of local contrast is worth, at "
         f"{USUAL_LUMINANCE:g} cd/m² and all pollutions. Usual, of pairs and domes: low-frequency "
         f"gain {PAIR_GAIN:g} and {DOME_GAIN:g}, chroma times {PAIR_CHROMA:g} and {DOME_CHROMA:g}, "
-        f"reach {PAIR_REACH:g} and {DOME_REACH:g}°; floor {usual.floor:g} cd/m², and of domes most "
-        f"{usual.most:g}. Pairs change by up to {Leeway().times:g} times the ghost within "
-        f"{Leeway().reach:g}°, and their ghosts' edges are softened: rims' height {soft.height:g}, "
-        f"reach {soft.reach:g}°, half a rim at {soft.contrast:g} times, near is {soft.near:g}°.",
+        f"floor {PAIR_FLOOR:g} and {DOME_FLOOR:g} cd/m²; of both, reach {usual.reach:g}°; of domes, "
+        f"most {usual.most:g}; of pairs, damping {PAIR_DAMPING:g}. Pairs change by up to "
+        f"{Leeway().times:g} times the ghost within {Leeway().reach:g}°, and their ghosts' edges "
+        f"are softened: height {soft.height:g}, reach {soft.reach:g}°, half a rim at "
+        f"{soft.contrast:g} times, near is {soft.near:g}°.",
     )
     if judged:
         yield _falling_back(cells)
