@@ -50,10 +50,13 @@ PAIR_GAIN, DOME_GAIN = 0.1, 0.05
 PAIR_CHROMA, DOME_CHROMA = 1.0, 2.0
 """How many times more than castleCSF has it chromatic errors count."""
 
-PAIR_FLOOR, DOME_FLOOR = 0.07, 0.1
+PAIR_FLOOR, DOME_FLOOR = 0.08, 0.1
 """Luminances c, cd/m²."""
 
-PAIR_DAMPING, DOME_DAMPING = 0.06, REGULARISATION
+PAIR_REACH, DOME_REACH = 0.07, 0.08
+"""Standard deviations of the Gaussians that L is averaged by, degrees."""
+
+PAIR_DAMPING, DOME_DAMPING = 0.02, REGULARISATION
 """Least weights of changes: of a pair, so that veils end soon; of a dome, to keep what is not seen
 from filling with noise."""
 
@@ -126,12 +129,14 @@ class ContrastWeighting:
         How many times more than castleCSF has it chromatic errors count. None: `PAIR_CHROMA` or
         `DOME_CHROMA`.
     reach
-        Standard deviation of the Gaussian that L is averaged by, degrees.
+        Standard deviation of the Gaussian that L is averaged by, degrees. None: `PAIR_REACH` or
+        `DOME_REACH`.
     floor
         c, cd/m². None: `PAIR_FLOOR` or `DOME_FLOOR`.
     damping
         How much a change from subtraction (from that of the aim) counts by itself, of any
-        frequency, over an error at the peak: the regulariser's mu. None: `PAIR_DAMPING` or
+        frequency, over an error at the peak: the regulariser's mu (of a pair's primaries, the
+        mean). None: `PAIR_DAMPING` or
         `DOME_DAMPING`.
     most
         In a dome, L counts up to this many times the adaptation luminance. Without a limit, errors
@@ -157,7 +162,7 @@ class ContrastWeighting:
     low_frequency: LowFrequencyFloor | None = None
     chroma_low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(1.0))
     chroma: float | None = None
-    reach: float = 0.08
+    reach: float | None = None
     floor: float | None = None
     damping: float | None = None
     most: float = 0.3
@@ -169,7 +174,7 @@ class ContrastWeighting:
     def __post_init__(self) -> None:
         if self.chroma is not None and not 0 < self.chroma < np.inf:
             raise InputError(f"contrast's chroma must be above 0, got {self.chroma:g}")
-        if not 0 <= self.reach < np.inf:
+        if self.reach is not None and not 0 <= self.reach < np.inf:
             raise InputError(f"contrast reach must be at least 0 degrees, got {self.reach:g}")
         if self.damping is not None and not 0 < self.damping < np.inf:
             raise InputError(f"contrast damping must be above 0, got {self.damping:g}")
@@ -207,9 +212,16 @@ class ContrastWeighting:
         opponent /= brightest
         return CsfWeighting(np.stack(gains), opponent, support, padded, brightest, views)
 
-    def regularisation(self, views: int) -> float:
-        """Mu of the problem of `views` pictures."""
-        return self.damping or (DOME_DAMPING if views == 1 else PAIR_DAMPING)
+    def regularisation(self, projector: Projector, views: int) -> float | list[float]:
+        """Mu of the problem of `views` pictures; of a pair (primary,), so that grey stays grey.
+
+        The least of sum mu_p d_p² for a change of luminance sum w_p d_p is grey if mu_p goes with
+        the weight w_p of the primary; were they all alike, veils would be green.
+        """
+        if views == 1:
+            return self.damping or DOME_DAMPING
+        weights = projector.luminance_weights
+        return list(map(float, (self.damping or PAIR_DAMPING) * weights * len(weights)))
 
     def contrast(
         self, viewing: Viewing, projector: Projector, screen: NDArray[np.bool_], views: int
@@ -219,8 +231,9 @@ class ContrastWeighting:
         density = viewing.pixels_per_degree(*screen.shape)
         level = viewing.adaptation / projector.white
         floor = (self.floor or (DOME_FLOOR if dome else PAIR_FLOOR)) / projector.white
+        usual = DOME_REACH if dome else PAIR_REACH
         return LocalContrast(
-            Averaging(screen, density * self.reach),
+            Averaging(screen, density * (usual if self.reach is None else self.reach)),
             projector.luminance_weights,
             level,
             floor,

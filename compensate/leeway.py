@@ -52,7 +52,7 @@ class Leeway:
         If one is not above 0 or not finite.
     """
 
-    times: float = 1.25
+    times: float = 1.0
     reach: float = 1.3
 
     def __post_init__(self) -> None:

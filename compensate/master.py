@@ -496,7 +496,7 @@ class _Shared:
     screen: NDArray[np.bool_]
     areas: NDArray[np.floating]
     negligible: float
-    regularisation: float
+    regularisation: float | list[float]
     contrast: LocalContrast | None
     leeway: Leeway | None
     density: float  # pixels per degree
@@ -551,7 +551,7 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
         screen,
         scene.pixel_areas(rows, cols),
         float(negligible),
-        settings.regularisation(scene.views),
+        settings.regularisation(scene.projector, scene.views),
         settings.contrast(scene.viewing, scene.projector, screen, scene.views),
         settings.leeway if isinstance(settings, ContrastWeighting) and scene.views > 1 else None,
         scene.viewing.pixels_per_degree(rows, cols),

@@ -13,7 +13,7 @@ that with soft ghosts where they cannot be taken away (`compensate.softening`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import final
 
 from compensate.weighting import Weighting
@@ -42,7 +42,8 @@ class Problem:
         Lower and upper bound of the projected light: numbers, or arrays that broadcast with it.
         Where they are equal, a pixel is pinned.
     anchor, regularisation
-        x_0 and mu of the regulariser. Without an anchor, mu must be 0.
+        x_0 and mu of the regulariser. Without an anchor, mu must be 0. With a contrast it may be
+        (primary,) numbers, one for what is seen of each.
     negligible
         A difference in cost that nobody can see: solvers need not go on for less.
     contrast
@@ -64,7 +65,7 @@ class Problem:
         bounds: tuple[Bound, Bound] = (0.0, 1.0),
         *,
         anchor: Light | None = None,
-        regularisation: float = 0.0,
+        regularisation: float | Sequence[float] = 0.0,
         negligible: float = 0.0,
         contrast: Array | None = None,
         aim: Light | None = None,
@@ -81,6 +82,8 @@ class Problem:
             raise ValueError(
                 f"contrast takes {(*observation.seen_shape[:3], 1)}, got {contrast.shape}"
             )
+        if contrast is None and isinstance(regularisation, Sequence):
+            raise ValueError("without a contrast, all primaries have one regularisation")
         if regularisation and anchor is None:
             raise ValueError("a regularised problem needs an anchor, got none")
         if anchor is not None:
@@ -94,13 +97,22 @@ class Problem:
             xp.asarray(bound, dtype=desired.dtype, device=desired.device) for bound in bounds
         )
         self.anchor = anchor
-        self.regularisation = float(regularisation)
+        self.damping = regularisation
         self.negligible = negligible
         self.contrast = contrast
         if contrast is not None and not bool(xp.all(contrast > 0)):
             raise ValueError("contrast must be above 0 everywhere")
         if bool(xp.any(self.lower > self.upper)):
             raise ValueError("a lower bound is above its upper bound")
+
+    @property
+    def regularisation(self) -> float:
+        """Mu; of several, the least."""
+        return min(self.damping) if isinstance(self.damping, Sequence) else self.damping
+
+    def damping_of(self, primary: int) -> float:
+        """Mu of what is seen of a primary."""
+        return self.damping[primary] if isinstance(self.damping, Sequence) else self.damping
 
     @property
     def ffts(self) -> int:
@@ -213,7 +225,7 @@ class Problem:
             send(self.desired),
             (send(self.lower), send(self.upper)),
             anchor=None if self.anchor is None else send(self.anchor),
-            regularisation=self.regularisation,
+            regularisation=self.damping,
             negligible=self.negligible,
             contrast=None if self.contrast is None else send(self.contrast),
             aim=None if self.aim is self.desired else send(self.aim),
@@ -231,7 +243,13 @@ class Problem:
         if self.contrast is None:
             return self.regularisation * change
         # A plane's weights first: of large pictures, each copy of all primaries counts
-        local = self.observation.local(change) * (self.regularisation * self.contrast**2)
+        if isinstance(self.damping, Sequence):
+            like = self.contrast
+            mu: Array = namespace(like).asarray(self.damping, dtype=like.dtype, device=like.device)
+            local = self.observation.local(change) * self.contrast**2
+            local *= mu
+        else:
+            local = self.observation.local(change) * (self.damping * self.contrast**2)
         return self.observation.local_adjoint(local)
 
     def contrasted(self, seen: Light) -> Light:

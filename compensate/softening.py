@@ -67,9 +67,9 @@ class Softening:
         If one is not above 0 or not finite.
     """
 
-    height: float = 1.22
+    height: float = 1.25
     reach: float = 0.2
-    contrast: float = 5.0
+    contrast: float = 2.75
     near: float = 0.2
     nearby: float = 1.3
 

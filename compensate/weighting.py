@@ -362,7 +362,7 @@ class PerceptualWeighting:
         """The weighting of `views` pictures with that `support` (row, col) seen that way."""
         return self(viewing, projector.luminance_weights, support, views)
 
-    def regularisation(self, views: int) -> float:
+    def regularisation(self, projector: Projector, views: int) -> float:
         """Mu of the problem of `views` pictures."""
         return REGULARISATION
 

@@ -46,6 +46,8 @@ class SeenLevel(Level):
     ----------
     hessian, target, least_damping, lower, width, offset, cost
         See `Level`. Light is d.
+    damping
+        Mu of each plane.
     eyes
         M.
     contrast
@@ -55,6 +57,7 @@ class SeenLevel(Level):
     hessian: Hessian
     target: Spectra
     least_damping: float
+    damping: Sequence[float]
     eyes: TwoEyes
     contrast: Sequence[Array]
     lower: Planes
@@ -143,7 +146,7 @@ class SeenLevel(Level):
         def work(strip: slice) -> float:
             known, gradient = 0.0, []
             for p, weight in enumerate(weights):
-                part, slope = self._slope_at(p, s[p], w[p], weight, strip, z[p], self.least_damping)
+                part, slope = self._slope_at(p, s[p], w[p], weight, strip, z[p], self.damping[p])
                 known += part
                 gradient.append(slope)
             if not (inner := self._inner(strip)):
@@ -167,16 +170,16 @@ class SeenLevel(Level):
                 away = plane[rows, :]
                 if self.offset is not None:
                     away = away - self.offset[p][rows, :]
-                energy += float(total(away * away))
+                energy += self.damping[p] * float(total(away * away))
             return energy
 
-        return 0.5 * self.least_damping * sum(each_strip(work, z[0]))
+        return 0.5 * sum(each_strip(work, z[0]))
 
     def slope(self, p: int, z: Array) -> Array:
         """See `Level`."""
         if self.offset is not None:
             z = z - self.offset[p]
-        return z * self.least_damping
+        return z * self.damping[p]
 
     def coarser(self) -> SeenLevel:
         """See `Level`."""
@@ -184,6 +187,7 @@ class SeenLevel(Level):
             self.hessian.coarser,
             [],
             self.least_damping,
+            self.damping,
             self.eyes.coarser(),
             [coarsened(plane) for plane in self.contrast],
             [coarsened(plane) for plane in self.lower],
@@ -199,7 +203,7 @@ class SeenLevel(Level):
 
         for p, q in ((p, p + count) for p in range(count)):
             own, other = self.eyes.alone(p, slice(None))
-            shrink = weights[p] / (weights[p] + self.least_damping)
+            shrink = weights[p] / (weights[p] + self.damping[p])
             compiled.nearest_pair(
                 *(z[p], z[q], s[p], s[q], *self.contrast, self.lower[p], self.lower[q]),
                 *map(given, (*own, *other, self.width[p], self.width[q], shrink)),
@@ -214,14 +218,16 @@ class SeenLevel(Level):
         for p, plane in enumerate(target):
             strip, scale = plane[rows, :cols], inverse[p // count]
             if weights is not None:
-                shrink = weights[p] / (weights[p] + self.least_damping)
+                shrink = weights[p] / (weights[p] + self.damping[p])
                 strip = strip * shrink
                 if self.offset is not None:
                     strip += self.offset[p][rows, :] * (1 - shrink)
             wanted.append(strip * scale)
         metric = [1.0] * count
         if weights is not None:
-            metric = [weight + self.least_damping for weight in weights[:count]]
+            metric = [
+                weight + mu for weight, mu in zip(weights[:count], self.damping, strict=False)
+            ]
         bounds = [self.bounds(p, rows) for p in range(len(wanted))]
         return self.eyes.nearest(wanted, k, metric, bounds, rows)
 

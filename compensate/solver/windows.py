@@ -156,7 +156,7 @@ def _window(
         problem.desired[place],
         (bounds[0], bounds[1]),
         anchor=None if problem.anchor is None else problem.anchor[place],
-        regularisation=problem.regularisation,
+        regularisation=problem.damping,
         negligible=problem.negligible,
         contrast=None if problem.contrast is None else problem.contrast[place],
         aim=problem.aim[place],

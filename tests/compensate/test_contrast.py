@@ -160,6 +160,40 @@ def test_domes_and_pairs_have_settings_of_their_own(views, gain, chroma):
     assert usual.gains[1:, 0, 0] == pytest.approx(1.0)
 
 
+def test_the_cheapest_change_of_a_pairs_luminance_is_grey():
+    """A damping alike for all primaries makes veils green, which carry most of it."""
+    mu = ContrastWeighting(damping=0.3).regularisation(PROJECTOR, 2)
+    assert np.mean(mu) == pytest.approx(0.3)
+    cheapest = PROJECTOR.luminance_weights / mu
+    assert cheapest == pytest.approx(np.full(3, cheapest[0]))
+    assert isinstance(ContrastWeighting().regularisation(PROJECTOR, 1), float)
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_each_primary_is_damped_by_its_own(mixed):
+    """In the cost, its gradient, and what ADMM minimises."""
+    leaks = COLOURED + 0.05 * mixed * (1 - np.eye(3))
+    observation, master = Crosstalk(5, 7, leaks, black=0.001), pair(5, 7)
+    weighting = ContrastWeighting(padding=5).of(viewing(), PROJECTOR, np.ones((5, 7), bool), 2)
+    random = np.random.default_rng(7)
+    k, mu = 0.1 * 100 ** random.random((2, 5, 7, 1)), [0.02, 0.3, 0.07]
+    problem = Problem(
+        observation, weighting, master, anchor=0.9 * master, regularisation=mu, contrast=k
+    )
+    x, d = random.random((2, *master.shape))
+    change = k * observation.local(x - 0.9 * master)
+    assert problem.penalty(x) == pytest.approx(0.5 * np.sum(mu * change**2), rel=1e-9)
+    slope = (problem.cost(x + 1e-4 * d) - problem.cost(x - 1e-4 * d)) / 2e-4
+    assert np.vdot(problem.gradient(x), d) == pytest.approx(slope, rel=1e-6)
+    # Of mixed primaries, the z-step is a few sweeps
+    tolerance = 1e-3 if mixed else 1e-7
+    found = ADMM(tolerance=tolerance, max_iterations=5000)(problem, 0.9 * master)
+    assert found.gap is not None
+    assert found.gap <= tolerance
+    for other in (found.light + 0.01 * d, 0.9 * master):
+        assert found.cost <= problem.cost(problem.project(other)) * (1 + tolerance)
+
+
 def test_impossible_settings_are_refused():
     with pytest.raises(InputError, match="reach"):
         ContrastWeighting(reach=-1.0)

@@ -10,10 +10,12 @@ from compensate.contrast import (
     DOME_CHROMA,
     DOME_FLOOR,
     DOME_GAIN,
+    DOME_REACH,
     PAIR_CHROMA,
     PAIR_DAMPING,
     PAIR_FLOOR,
     PAIR_GAIN,
+    PAIR_REACH,
     ContrastWeighting,
 )
 from compensate.leeway import Leeway
@@ -59,11 +61,11 @@ def written(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Itera
         f"What each setting of the weighting of local contrast is worth, at "
         f"{USUAL_LUMINANCE:g} cd/m² and all pollutions. Usual, of pairs and domes: low-frequency "
         f"gain {PAIR_GAIN:g} and {DOME_GAIN:g}, chroma times {PAIR_CHROMA:g} and {DOME_CHROMA:g}, "
-        f"floor {PAIR_FLOOR:g} and {DOME_FLOOR:g} cd/m²; of both, reach {usual.reach:g}°; of domes, "
-        f"most {usual.most:g}; of pairs, damping {PAIR_DAMPING:g}. Pairs change by up to "
-        f"{Leeway().times:g} times the ghost within {Leeway().reach:g}°, and their ghosts' edges "
-        f"are softened: height {soft.height:g}, reach {soft.reach:g}°, half a rim at "
-        f"{soft.contrast:g} times, near is {soft.near:g}°.",
+        f"floor {PAIR_FLOOR:g} and {DOME_FLOOR:g} cd/m², reach {PAIR_REACH:g} and "
+        f"{DOME_REACH:g}°; of domes, most {usual.most:g}; of pairs, damping {PAIR_DAMPING:g}. "
+        f"Pairs change by up to {Leeway().times:g} times the ghost within {Leeway().reach:g}°, and "
+        f"their ghosts' edges are softened: height {soft.height:g}, reach {soft.reach:g}°, half a "
+        f"rim at {soft.contrast:g} times, near is {soft.near:g}°.",
     )
     if judged:
         yield _falling_back(cells)
