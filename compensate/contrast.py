@@ -136,8 +136,7 @@ class ContrastWeighting:
     damping
         How much a change from subtraction (from that of the aim) counts by itself, of any
         frequency, over an error at the peak: the regulariser's mu (of a pair's primaries, the
-        mean). None: `PAIR_DAMPING` or
-        `DOME_DAMPING`.
+        mean). None: `PAIR_DAMPING` or `DOME_DAMPING`.
     most
         In a dome, L counts up to this many times the adaptation luminance. Without a limit, errors
         in bright places cost next to nothing; and as every light pollutes the dark, the least cost
