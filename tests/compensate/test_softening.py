@@ -141,6 +141,17 @@ def test_the_aim_is_no_brighter_than_the_ghost_that_is_softened() -> None:
     assert np.all(above <= left.max(axis=(0, 1, 2)))
 
 
+def test_changes_are_counted_from_exact_subtraction_of_the_aim() -> None:
+    """So that rims are not damped."""
+    posed, _ = softened(Softening(contrast=1e3))
+    problem, start = posed.problem, posed.start
+    seen = problem.observation.observe(start)
+    free = np.all((start > problem.lower) & (start < problem.upper), axis=(0, 3))
+    assert np.any(np.abs(start - posed.subtractive)[:, free] > 1e-4)
+    np.testing.assert_allclose(seen[:, free], problem.aim[:, free], atol=1e-6)
+    assert problem.penalty(start) == 0
+
+
 def test_what_subtraction_shows_exactly_is_aimed_at_as_it_is() -> None:
     light = np.full((2, 24, 40, 3), 0.4, np.float32)
     posed = pose(light, stereo(), ContrastWeighting())

@@ -69,7 +69,13 @@ def posed(case: str) -> tuple[Problem, np.ndarray]:
     plain = Problem(observation, weighting, observation.direct(desired), bounds)
     start, _ = (baselines if case == "dome" else deghosting).clipped_subtraction(plain)
     problem = Problem(
-        observation, weighting, plain.desired, bounds, anchor=start, regularisation=1e-4
+        observation,
+        weighting,
+        plain.desired,
+        bounds,
+        anchor=start,
+        regularisation=1e-4,
+        aim=1.3 * plain.desired,
     )
     return problem, start
 
@@ -87,6 +93,7 @@ def pinned(problem: Problem, start: np.ndarray) -> Problem:
         bounds,
         anchor=problem.anchor,
         regularisation=problem.regularisation,
+        aim=problem.aim,
     )
 
 
