@@ -77,7 +77,7 @@ def half_way(monkeypatch):
     ("mutate", "caught"),
     [
         (idle, "local contrast: visible error over subtraction's"),
-        (half_way, "local contrast: visible error over the least"),
+        (half_way, "local contrast: cost over the least"),
     ],
 )
 @pytest.mark.long
@@ -103,7 +103,22 @@ def test_a_brighter_scene_has_a_brighter_black():
 
 
 def cell(jod, contour=None, error=1.0):
-    return Cell(0.5, error, None, jod, contour, contour, None, 0.0, "CONVERGED", 0.0, None, ())
+    return Cell(
+        clipped=0.5,
+        error=error,
+        cost=1.0,
+        allowed=True,
+        flip=None,
+        quality=jod,
+        contour=contour,
+        contrast_contour=contour,
+        hue=None,
+        seconds=0.0,
+        status="CONVERGED",
+        gap=0.0,
+        new=None,
+        panels=(),
+    )
 
 
 CELLS = {

@@ -8,6 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
+from compensate.compensating import CONTOURS, weighting_of
 from compensate.contrast import ContrastWeighting, Eye, Texture
 from compensate.leeway import Leeway
 from compensate.softening import Softening
@@ -93,7 +94,7 @@ VARIANTS: Mapping[str, Way] = {
             for contrast in (2.0, 10.0)
         ),
         Way.local("near is 0.1°", softening=Softening(near=0.1)),
-        Way.local("contours: rims whatever ghosts lie on", softening=Softening(contrast=1e3)),
+        Way("contours", "perceptual", weighting_of(CONTOURS)),
         Way.local("texture masks, slope 0.7", texture=Texture(0.7)),
     )
 }
