@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from compensate.ghosts import BEST_FREQUENCY, FINEST_SIGMA
+from compensate.ghosts import edge_sigma
 
 EDGES = 0.9
 """Share of the ghost's squared slopes that its edges hold."""
@@ -60,7 +60,7 @@ def ghost_contour(
     pixels_per_degree
         As the audience sees it.
     """
-    sigma = max(FINEST_SIGMA, pixels_per_degree / (2 * np.pi * BEST_FREQUENCY))
+    sigma = edge_sigma(pixels_per_degree)
     edges, slopes = (
         np.stack([_slope(plane, sigma, axis) for axis in (1, 2)]) for plane in (ghost, error)
     )
