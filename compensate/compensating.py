@@ -188,7 +188,9 @@ def weighting_of(name: str, low_frequency_gain: float | None = None) -> Eye:
         PAPER: PerceptualWeighting,
         CONTRAST: ContrastWeighting,
         # Whatever ghosts stand out from (validation/notes/0007)
-        CONTOURS: partial(ContrastWeighting, softening=Softening(1.4, reach=0.3, contrast=1e3)),
+        CONTOURS: partial(
+            ContrastWeighting, softening=Softening(1.8, reach=0.3, contrast=1e3, firmness=1e-3)
+        ),
     }
     if name not in settings:
         raise InputError(f"--weighting {name!r} is not known; use one of {', '.join(settings)}")

@@ -50,13 +50,13 @@ PAIR_GAIN, DOME_GAIN = 0.1, 0.05
 PAIR_CHROMA, DOME_CHROMA = 1.0, 2.0
 """How many times more than castleCSF has it chromatic errors count."""
 
-PAIR_FLOOR, DOME_FLOOR = 0.08, 0.1
+PAIR_FLOOR, DOME_FLOOR = 0.1, 0.02
 """Luminances c, cd/m²."""
 
-PAIR_REACH, DOME_REACH = 0.07, 0.08
-"""Standard deviations of the Gaussians that L is averaged by, degrees."""
+REACH = 0.08
+"""Standard deviation of the Gaussian that L is averaged by, degrees."""
 
-PAIR_DAMPING, DOME_DAMPING = 0.02, REGULARISATION
+PAIR_DAMPING, DOME_DAMPING = 0.014, REGULARISATION
 """Least weights of changes: of a pair, so that veils end soon; of a dome, to keep what is not seen
 from filling with noise."""
 
@@ -129,8 +129,7 @@ class ContrastWeighting:
         How many times more than castleCSF has it chromatic errors count. None: `PAIR_CHROMA` or
         `DOME_CHROMA`.
     reach
-        Standard deviation of the Gaussian that L is averaged by, degrees. None: `PAIR_REACH` or
-        `DOME_REACH`.
+        Standard deviation of the Gaussian that L is averaged by, degrees.
     floor
         c, cd/m². None: `PAIR_FLOOR` or `DOME_FLOOR`.
     damping
@@ -161,7 +160,7 @@ class ContrastWeighting:
     low_frequency: LowFrequencyFloor | None = None
     chroma_low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(1.0))
     chroma: float | None = None
-    reach: float | None = None
+    reach: float = REACH
     floor: float | None = None
     damping: float | None = None
     most: float = 0.3
@@ -173,7 +172,7 @@ class ContrastWeighting:
     def __post_init__(self) -> None:
         if self.chroma is not None and not 0 < self.chroma < np.inf:
             raise InputError(f"contrast's chroma must be above 0, got {self.chroma:g}")
-        if self.reach is not None and not 0 <= self.reach < np.inf:
+        if not 0 <= self.reach < np.inf:
             raise InputError(f"contrast reach must be at least 0 degrees, got {self.reach:g}")
         if self.damping is not None and not 0 < self.damping < np.inf:
             raise InputError(f"contrast damping must be above 0, got {self.damping:g}")
@@ -230,19 +229,39 @@ class ContrastWeighting:
         density = viewing.pixels_per_degree(*screen.shape)
         level = viewing.adaptation / projector.white
         floor = (self.floor or (DOME_FLOOR if dome else PAIR_FLOOR)) / projector.white
-        usual = DOME_REACH if dome else PAIR_REACH
+        softener = None
+        if self.softening and not dome:
+            softener = Softener(self.softening, screen, density, floor, projector.white)
         return LocalContrast(
-            Averaging(screen, density * (usual if self.reach is None else self.reach)),
+            Averaging(screen, density * self.reach),
             projector.luminance_weights,
             level,
             floor,
             self.most * level if dome else np.inf,
             density,
-            None
-            if dome or not self.softening
-            else Softener(self.softening, screen, density, floor),
+            softener,
             self.texture,
         )
+
+
+@final
+@dataclass(frozen=True)
+class Sight:
+    """How pictures are looked at, as `Problem` takes it; None as there.
+
+    Parameters
+    ----------
+    contrast
+        K, (view, row, col, 1); 1 off the screen.
+    aim
+        (view, row, col, primary): what is wanted, or more where ghosts are softened.
+    stiffness
+        (1, row, col, 1).
+    """
+
+    contrast: Light | None = None
+    aim: Light | None = None
+    stiffness: Light | None = None
 
 
 @final
@@ -275,40 +294,32 @@ class LocalContrast:
     softener: Softener | None = None
     texture: Texture | None = None
 
-    def __call__(self, seen: Light, desired: Light) -> Light:
-        """K, (view, row, col, 1) like `seen` (view, row, col, primary); 1 off the screen.
+    def __call__(self, seen: Light, desired: Light) -> Sight:
+        """How pictures are looked at.
 
         Parameters
         ----------
         seen, desired
-            What the best subtraction shows, and what it should.
+            What the best subtraction shows, and what it should: (view, row, col, primary).
         """
         luminance = self._luminance(seen)
         local = np.minimum(np.maximum(self.averaging(luminance), 0), self.most)
         contrast = self.level / (local + self.floor)
-        if self.softener or self.texture:
-            master = self._luminance(desired)
-            if self.softener:
-                luminance -= master
-                contrast *= self.softener.factor(np.maximum(luminance, 0, out=luminance), local)
-            if self.texture:
-                contrast *= self.texture.factor(master / (local + self.floor), self.density)
-        result: Light = np.where(self.averaging.screen, contrast, 1)[..., None]
-        return result.astype(seen.dtype, copy=False)
-
-    def aim(self, seen: Light, desired: Light) -> Light:
-        """What to aim at, (view, row, col, primary): `desired`, or more where ghosts are softened.
-
-        Parameters
-        ----------
-        seen, desired
-            As for K.
-        """
+        if self.texture:
+            master = self._luminance(desired) / (local + self.floor)
+            contrast *= self.texture.factor(master, self.density)
         if not self.softener:
-            return desired
+            return Sight(self._on_screen(contrast, seen))
+        around = np.maximum(self.averaging(self._luminance(desired)), 0)
         left = np.maximum(seen - desired, 0)
-        local = np.maximum(self.averaging(self._luminance(desired)), 0)
-        return desired + self.softener.rims(left, self._luminance(left), local)
+        ghosts = self.softener.ghosts(left, self._luminance(left), around)
+        contrast *= ghosts.factor(local)
+        aim = desired + ghosts.rims()
+        return Sight(self._on_screen(contrast, seen), aim, ghosts.stiffness())
+
+    def _on_screen(self, contrast: Planes, like: Light) -> Light:
+        result: Light = np.where(self.averaging.screen, contrast, 1)[..., None]
+        return result.astype(like.dtype, copy=False)
 
     def _luminance(self, light: Light) -> Planes:
         planes = np.empty(light.shape[:3], light.dtype)

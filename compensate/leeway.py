@@ -5,12 +5,14 @@ dark edge beside something bright by many times the ghost that this hides, and t
 light from a lamp whose ghost falls on black. Neither is what a producer wants of a method that
 hides ghosts, and judges see both. So the light x stays within
 
-    |x - x_s| <= times G,    G(r, p) = max over r' within reach of r, of psi(x_s) - seen
+    -min(times G, share x_s) <= x - x_s <= times G,
+    G(r, p) = max over r' within reach of r, of psi(x_s) - seen
 
 of what exact clipped subtraction x_s projects: G is the brightest ghost nearby that subtraction
-leaves, in either eye, of that primary. A veil is no brighter than the ghost it hides, and nothing
-lit loses more than it leaves as a ghost; where there is none, nothing changes. These are bounds
-like the projector's own, so the problem stays as convex as it was.
+leaves, in either eye, of that primary. A veil is hardly brighter than the ghost it hides, and
+nothing lit loses much more than it leaves as a ghost, nor more than a small share of its light;
+where there is no ghost, nothing changes. These are bounds like the projector's own, so the problem
+stays as convex as it was.
 
 The paper has only the projector's bounds. See ``validation/notes/0007`` for what decided.
 """
@@ -43,8 +45,10 @@ class Leeway:
     ----------
     times
         How many times as far as the brightest ghost nearby.
+    share
+        Share of its own light that a pixel may lose.
     reach
-        How far away that may be, degrees.
+        How far away the ghost may be, degrees.
 
     Raises
     ------
@@ -52,11 +56,12 @@ class Leeway:
         If one is not above 0 or not finite.
     """
 
-    times: float = 1.0
+    times: float = 1.1
+    share: float = 0.09
     reach: float = 1.3
 
     def __post_init__(self) -> None:
-        require_positive("leeway", times=self.times, reach=self.reach)
+        require_positive("leeway", **vars(self))
 
     def limits(self, subtractive: Light, left: Light, bounds: Limits, density: float) -> Limits:
         """The bounds of a pair, and this leeway.
@@ -79,7 +84,8 @@ class Leeway:
 
         def work(view: int, rows: slice) -> None:
             base, room = subtractive[view, rows], far[rows]
-            np.maximum(base - room, least[view, rows], out=lower[view, rows])
+            down = np.minimum(room, base * self.share)
+            np.maximum(base - down, least[view, rows], out=lower[view, rows])
             np.minimum(base + room, most[view, rows], out=upper[view, rows])
 
         in_strips(work, subtractive.shape)

@@ -17,7 +17,7 @@ from typing import cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.contrast import ContrastWeighting, Eye, LocalContrast
+from compensate.contrast import ContrastWeighting, Eye, LocalContrast, Sight
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy
 from compensate.leeway import Leeway, Limits
@@ -438,11 +438,10 @@ class Stage:
 
         def problem(seen: Light) -> Problem:
             lower, upper = limits(seen)
-            aim, contrast, anchor = wanted, None, subtractive
-            if shared.contrast:
-                contrast, aim = shared.contrast(seen, wanted), shared.contrast.aim(seen, wanted)
-            if aim is not wanted:
-                anchor = np.clip(shared.subtracted(aim)[1], lower, upper)
+            sight = shared.contrast(seen, wanted) if shared.contrast else Sight()
+            anchor = subtractive
+            if sight.aim is not None:
+                anchor = np.clip(shared.subtracted(sight.aim)[1], lower, upper)
             return Problem(
                 solvable,
                 shared.weighting,
@@ -451,8 +450,9 @@ class Stage:
                 anchor=anchor,
                 regularisation=shared.regularisation,
                 negligible=shared.negligible,
-                contrast=contrast,
-                aim=aim,
+                contrast=sight.contrast,
+                aim=sight.aim,
+                stiffness=sight.stiffness,
             )
 
         # Where nothing is left to solve, it may never be asked for

@@ -1,12 +1,14 @@
 """The optimisation problem: what to project within the projector's bounds (eqs. 3, 5, 7).
 
-    min_x  1/2 ||lambda(K (psi(x) - aim))||² + 1/2 mu ||K L (x - anchor)||²,  lower <= x <= upper
+    min_x  1/2 ||lambda(K (psi(x) - aim))||² + 1/2 mu ||m^1/2 K L (x - anchor)||²
+           with  lower <= x <= upper
 
 With an affine psi it is a convex quadratic with bound constraints, solved in *linear light*. The
 small mu keeps frequencies that the eye cannot see from filling with noise. K is 1, as in the paper,
 or turns light into local contrast (`compensate.contrast`); it multiplies each pixel of what is
 seen, and L is how a pixel's light is seen in its own place (`AdjointObservation.local`). Without K
-the regulariser is plain, 1/2 mu ||x - anchor||². The aim is what is desired, as in the paper, or
+the regulariser is plain, 1/2 mu ||x - anchor||². The stiffness m is 1, or more where changes of
+light would be seen by themselves. The aim is what is desired, as in the paper, or
 that with soft ghosts where they cannot be taken away (`compensate.softening`).
 """
 
@@ -50,11 +52,15 @@ class Problem:
         (seen view, row, col, 1) K, above 0; None for 1.
     aim
         What residuals are taken from, of the desired light's shape; None for that itself.
+    stiffness
+        (1, row, col, 1) m, at least 1: how many times mu is more there, for all seen views. It
+        takes a contrast. None for 1.
 
     Raises
     ------
     ValueError
-        If shapes disagree, a lower bound is above its upper, or a contrast is not above 0.
+        If shapes disagree, a lower bound is above its upper, a contrast is not above 0, or a
+        stiffness below 1.
     """
 
     def __init__(
@@ -69,6 +75,7 @@ class Problem:
         negligible: float = 0.0,
         contrast: Array | None = None,
         aim: Light | None = None,
+        stiffness: Array | None = None,
     ) -> None:
         require_light(desired, observation.seen_shape, who="Problem's desired light")
         if aim is not None:
@@ -84,6 +91,11 @@ class Problem:
             )
         if contrast is None and isinstance(regularisation, Sequence):
             raise ValueError("without a contrast, all primaries have one regularisation")
+        if stiffness is not None and (contrast is None or stiffness[0].shape != contrast[0].shape):
+            raise ValueError(
+                f"stiffness takes a contrast and {(1, *observation.seen_shape[1:3], 1)}, "
+                f"got {stiffness.shape}"
+            )
         if regularisation and anchor is None:
             raise ValueError("a regularised problem needs an anchor, got none")
         if anchor is not None:
@@ -100,8 +112,11 @@ class Problem:
         self.damping = regularisation
         self.negligible = negligible
         self.contrast = contrast
+        self.stiffness = stiffness
         if contrast is not None and not bool(xp.all(contrast > 0)):
             raise ValueError("contrast must be above 0 everywhere")
+        if stiffness is not None and not bool(xp.all(stiffness >= 1)):
+            raise ValueError("stiffness must be at least 1 everywhere")
         if bool(xp.any(self.lower > self.upper)):
             raise ValueError("a lower bound is above its upper bound")
 
@@ -229,6 +244,7 @@ class Problem:
             negligible=self.negligible,
             contrast=None if self.contrast is None else send(self.contrast),
             aim=None if self.aim is self.desired else send(self.aim),
+            stiffness=None if self.stiffness is None else send(self.stiffness),
         )
 
     def penalty(self, light: Light) -> float:
@@ -239,17 +255,15 @@ class Problem:
         return 0.5 * dot(change, self._damped(change))
 
     def _damped(self, change: Light) -> Light:
-        """Mu L' K² L of a change of light."""
+        """Mu L' m K² L of a change of light."""
         if self.contrast is None:
             return self.regularisation * change
         # A plane's weights first: of large pictures, each copy of all primaries counts
-        if isinstance(self.damping, Sequence):
-            like = self.contrast
-            mu: Array = namespace(like).asarray(self.damping, dtype=like.dtype, device=like.device)
-            local = self.observation.local(change) * self.contrast**2
-            local *= mu
-        else:
-            local = self.observation.local(change) * (self.damping * self.contrast**2)
+        weights = self.contrast**2
+        if self.stiffness is not None:
+            weights *= self.stiffness
+        local = self.observation.local(change) * weights
+        local *= namespace(local).asarray(self.damping, dtype=local.dtype, device=local.device)
         return self.observation.local_adjoint(local)
 
     def contrasted(self, seen: Light) -> Light:

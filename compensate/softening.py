@@ -4,24 +4,32 @@ The paper's reason to compensate is that a ghost's edges, which are none of the 
 fusion (section 1). The least visible error leaves two thirds of them. So a pair's residual is not
 taken from the master alone, but from the master with soft ghosts:
 
-    aim = wanted + max(h G_s left - left, 0) / (1 + (g / (L_w + c) / v)²)
+    aim = wanted + max(h G_s left - b G_w left - left, 0) / (1 + r / v),   r = g / (L_w + d)
 
 left is what subtraction shows too much, by primary, and G_s its Gaussian mean: just outside a ghost
-there may be a rim of its light, h / 2 of it at a straight edge, that falls off smoothly. The more
-the ghost stands out from what is around it, the fainter the rim, for on black the eye sees a veil
-as well as the edge it hides: g is the luminance of the brightest ghost nearby (`brightest_nearby`),
-L_w the local luminance of what is wanted, and c that below which the eye loses contrast.
+there may be a rim of its light that falls off smoothly. A wider mean G_w ends the rim soon, and
+fills no gap between many ghosts. The more the ghost stands out from what is around it, the fainter
+the rim, for on black the eye sees a veil as well as the edge it hides: g is the luminance of the
+brightest ghost nearby (`brightest_nearby`), L_w the local luminance of what is wanted, and d one
+below which the eye hardly sees.
+
+Other changes of the light, which spread further than rims, are held back there as well: the
+regulariser's mu counts
+
+    m = 1 + f r² / (r² + u²)
+
+times, with the lesser L_w of both eyes (`compensate.problem`).
 
 Inside a ghost nothing changes: it cannot be darker. At its other edges it ends because the picture
 is bright enough to subtract it from. There local contrast makes errors cheap, so that the error
 jumped where the picture does. So near the edges of ghosts what is brighter than these counts as no
 brighter, and K is multiplied by
 
-    ((L + c) / (min(L, g) + c))^m,    m = min(1, (1 + (w / sigma)²)^1/2 G_w q),
+    ((L + c) / (min(L, g) + c))^n,    n = min(1, (1 + (w_e / sigma)²)^1/2 G_e q),
     q = a / (a + t (g + c)),          a = sigma sqrt(2 pi) |grad G_sigma Y(left)|
 
 with a the height of a step in the luminance of what is left, sigma as of the ghost edge energy
-(`compensate.ghosts`), and w how far "near" is: a line keeps its height, and falls off smoothly.
+(`compensate.ghosts`), and w_e how far "near" is: a line keeps its height, and falls off smoothly.
 
 The numbers are chosen by ``validate --only quality``; see ``validation/notes/0007``.
 """
@@ -40,8 +48,6 @@ from compensate.leeway import brightest_nearby
 from domesim.errors import require_positive
 from domesim.light import Light
 
-_EDGE = 0.1  # t: share of the brightest ghost that a step of half the effect has
-
 
 @final
 @dataclass(frozen=True)
@@ -51,15 +57,27 @@ class Softening:
     Parameters
     ----------
     height
-        h: twice the light of a rim at a straight edge, over the ghost's.
+        h: at a straight edge a rim has half of this times the ghost's light, less b / 2.
     reach
         s, the standard deviation of what a ghost is smoothed by, degrees.
+    crowding
+        b: share of the wider mean that rims lack.
+    crowd
+        w, the standard deviation of that, degrees.
     contrast
         v: how many times brighter than what is around it a ghost is whose rim is half as bright.
+    dark
+        d, cd/m².
     near
-        w, degrees from an edge.
+        w_e, degrees from an edge.
+    step
+        t: share of the brightest ghost that a step of half the effect has.
     nearby
         How far away the brightest ghost may be, degrees.
+    firmness
+        f: how many times more than elsewhere changes count around ghosts that stand out.
+    firm
+        u: how many times brighter than what is around it a ghost is where half of that counts.
 
     Raises
     ------
@@ -67,11 +85,17 @@ class Softening:
         If one is not above 0 or not finite.
     """
 
-    height: float = 1.25
+    height: float = 1.6
     reach: float = 0.2
-    contrast: float = 2.75
+    crowding: float = 0.3
+    crowd: float = 0.32
+    contrast: float = 15.0
+    dark: float = 0.017
     near: float = 0.2
-    nearby: float = 1.3
+    step: float = 0.2
+    nearby: float = 0.7
+    firmness: float = 10.0
+    firm: float = 6.5
 
     def __post_init__(self) -> None:
         require_positive("softening", **vars(self))
@@ -91,64 +115,103 @@ class Softener:
         Pixels per degree.
     floor
         c, 1 = projector white.
+    white
+        Luminance of that, cd/m².
     """
 
     def __init__(
-        self, settings: Softening, screen: NDArray[np.bool_], density: float, floor: float
+        self,
+        settings: Softening,
+        screen: NDArray[np.bool_],
+        density: float,
+        floor: float,
+        white: float,
     ) -> None:
-        self._settings, self._density, self._floor = settings, density, floor
-        self._smooth = Averaging(screen, settings.reach * density)
-        self._near = Averaging(screen, settings.near * density)
+        self.settings, self.density, self.floor = settings, density, floor
+        self.dark = settings.dark / white
+        self.soft, self.crowded, self.near = (
+            Averaging(screen, reach * density)
+            for reach in (settings.reach, settings.crowd, settings.near)
+        )
 
-    def rims(self, left: Light, luminance: Planes, local: Planes) -> Light:
-        """The rims to aim at, (view, row, col, primary).
+    def ghosts(self, left: Light, luminance: Planes, around: Planes) -> SoftGhosts:
+        """The ghosts of one picture.
 
         Parameters
         ----------
         left
             What subtraction shows too much, at least 0, (view, row, col, primary).
         luminance
-            Its luminance.
-        local
-            The local luminance of what is wanted, (view, row, col).
+            Its luminance, (view, row, col).
+        around
+            L_w, (view, row, col).
         """
-        ghost = self._brightest(luminance)
-        standing_out = ghost / ((local + self._floor) * self._settings.contrast)
-        share = 1 / (1 + standing_out**2)
+        return SoftGhosts(self, left, luminance, around)
+
+
+@final
+class SoftGhosts:
+    """What is left of one picture's ghosts: parameters as of `Softener.ghosts`.
+
+    Attributes
+    ----------
+    brightest
+        G, (row, col): of either view.
+    """
+
+    def __init__(self, by: Softener, left: Light, luminance: Planes, around: Planes) -> None:
+        self._by, self._left, self._luminance, self._around = by, left, luminance, around
+        reach = by.settings.nearby * by.density
+        self.brightest: Planes = brightest_nearby(luminance[..., None], reach)[..., 0]
+
+    def rims(self) -> Light:
+        """The rims to aim at, (view, row, col, primary)."""
+        settings, left = self._by.settings, self._left
+        share = 1 / (1 + self._standing_out(self._around) / settings.contrast)
         rims = np.empty_like(left)
         for p in range(left.shape[3]):
-            outside = self._smooth(np.ascontiguousarray(left[..., p]))
-            outside *= self._settings.height
-            outside -= left[..., p]
+            plane = np.ascontiguousarray(left[..., p])
+            outside = self._by.soft(plane)
+            outside *= settings.height
+            crowded = self._by.crowded(plane)
+            crowded *= settings.crowding
+            outside -= crowded
+            outside -= plane
             rims[..., p] = np.maximum(outside, 0, out=outside) * share
         return rims
 
-    def factor(self, left: Planes, local: Planes) -> Planes:
+    def stiffness(self) -> Light:
+        """M, (1, row, col, 1)."""
+        settings = self._by.settings
+        square = self._standing_out(self._around.min(axis=0)) ** 2
+        stiffness = 1 + settings.firmness * square / (square + settings.firm**2)
+        result: Light = stiffness[None, :, :, None].astype(self._left.dtype, copy=False)
+        return result
+
+    def factor(self, local: Planes) -> Planes:
         """How many times more errors count, (view, row, col), at least 1.
 
         Parameters
         ----------
-        left
-            Luminance that subtraction shows too much, at least 0.
         local
-            L, of what it shows.
+            L, of what subtraction shows.
         """
-        ghost = self._brightest(left)
-        brighter = (local + self._floor) / (np.minimum(local, ghost) + self._floor)
-        factor: Planes = brighter ** self._edges(left, ghost)
+        floor = self._by.floor
+        brighter = (local + floor) / (np.minimum(local, self.brightest) + floor)
+        factor: Planes = brighter ** self._edges()
         return factor
 
-    def _edges(self, left: Planes, ghost: Planes) -> Planes:
-        """M."""
-        sigma = edge_sigma(self._density)
-        steps = slope_magnitudes(left, sigma)
-        steps *= sigma * np.sqrt(2 * np.pi)
-        near = self._near(steps / (steps + _EDGE * (ghost + self._floor)))
-        near *= np.hypot(1, self._settings.near * self._density / sigma)
-        return np.clip(near, 0, 1, out=near)
+    def _standing_out(self, around: Planes) -> Planes:
+        """R."""
+        ratio: Planes = self.brightest / (around + self._by.dark)
+        return ratio
 
-    def _brightest(self, left: Planes) -> Planes:
-        """(row, col) of the brightest ghost nearby, in either view."""
-        reach = self._settings.nearby * self._density
-        ghost: Planes = brightest_nearby(left[..., None], reach)[..., 0]
-        return ghost
+    def _edges(self) -> Planes:
+        """N."""
+        by = self._by
+        sigma = edge_sigma(by.density)
+        steps = slope_magnitudes(self._luminance, sigma)
+        steps *= sigma * np.sqrt(2 * np.pi)
+        near = by.near(steps / (steps + by.settings.step * (self.brightest + by.floor)))
+        near *= np.hypot(1, by.settings.near * by.density / sigma)
+        return np.clip(near, 0, 1, out=near)

@@ -115,7 +115,7 @@ def lower_bound(
 def nearest_pair(
     z: Any, other_z: Any, s: Any, other_s: Any, contrast: Any, other_contrast: Any, lower: Any,
     other_lower: Any, own: Any, other_own: Any, other: Any, other_other: Any, width: Any,
-    other_width: Any, shrink: Any,
+    other_width: Any, weight: Any, damping: Any, stiffness: Any,
 ) -> None:  # fmt: skip
     """`SeenLevel.feasible` of one primary whose leaks stay in it: planes of both eyes."""
     rows, cols = z.shape
@@ -124,6 +124,7 @@ def nearest_pair(
             kl, kr = contrast[i, j], other_contrast[i, j]
             a, b = at(own, i, j), at(other, i, j)
             f, e = at(other_own, i, j), at(other_other, i, j)
+            shrink = weight / (weight + damping * at(stiffness, i, j))
             left, right = s[i, j] * shrink / kl, other_s[i, j] * shrink / kr
             determinant = a * f - b * e
             x, y = (f * left - b * right) / determinant, (a * right - e * left) / determinant

@@ -39,6 +39,8 @@ class DomeSplit(BoxSplit):
         observation = problem.observation
         if not isinstance(observation, LowRankObservation):
             raise ValueError(f"ADMM takes a low-rank observation, got {type(observation).__name__}")
+        if problem.stiffness is not None:
+            raise ValueError("ADMM takes a dome's problem without a stiffness")
         super().__init__(problem)
         support = self.weighting.support
         if bool(np.any(support & ~observation.screen)):

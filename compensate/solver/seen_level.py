@@ -48,6 +48,8 @@ class SeenLevel(Level):
         See `Level`. Light is d.
     damping
         Mu of each plane.
+    stiffness
+        M, by how many times mu is more: a number, or (padded row, padded col), 1 on the padding.
     eyes
         M.
     contrast
@@ -64,6 +66,7 @@ class SeenLevel(Level):
     width: Sequence[Value]
     offset: Planes | None = None
     cost: float = 0.0
+    stiffness: Value = 1.0
     _kept: tuple[Planes, Planes] | None = field(init=False, default=None)
 
     def feasible(self, s: Planes, weights: list[float]) -> Planes:
@@ -146,7 +149,8 @@ class SeenLevel(Level):
         def work(strip: slice) -> float:
             known, gradient = 0.0, []
             for p, weight in enumerate(weights):
-                part, slope = self._slope_at(p, s[p], w[p], weight, strip, z[p], self.damping[p])
+                damping = self._damping(p, strip)
+                part, slope = self._slope_at(p, s[p], w[p], weight, strip, z[p], damping)
                 known += part
                 gradient.append(slope)
             if not (inner := self._inner(strip)):
@@ -170,7 +174,7 @@ class SeenLevel(Level):
                 away = plane[rows, :]
                 if self.offset is not None:
                     away = away - self.offset[p][rows, :]
-                energy += self.damping[p] * float(total(away * away))
+                energy += float(total(self._damping(p, rows, inner=True) * away * away))
             return energy
 
         return 0.5 * sum(each_strip(work, z[0]))
@@ -179,7 +183,7 @@ class SeenLevel(Level):
         """See `Level`."""
         if self.offset is not None:
             z = z - self.offset[p]
-        return z * self.damping[p]
+        return z * self._damping(p, slice(0, z.shape[0]), inner=True)
 
     def coarser(self) -> SeenLevel:
         """See `Level`."""
@@ -193,6 +197,7 @@ class SeenLevel(Level):
             [coarsened(plane) for plane in self.lower],
             [coarsened_value(value) for value in self.width],
             None if self.offset is None else [coarsened(plane) for plane in self.offset],
+            stiffness=coarsened_value(self.stiffness),
         )
 
     def _compiled_feasible(self, compiled: Any, z: Planes, s: Planes, weights: list[float]) -> None:
@@ -203,10 +208,10 @@ class SeenLevel(Level):
 
         for p, q in ((p, p + count) for p in range(count)):
             own, other = self.eyes.alone(p, slice(None))
-            shrink = weights[p] / (weights[p] + self.damping[p])
+            numbers = weights[p], self.damping[p], self.stiffness
             compiled.nearest_pair(
                 *(z[p], z[q], s[p], s[q], *self.contrast, self.lower[p], self.lower[q]),
-                *map(given, (*own, *other, self.width[p], self.width[q], shrink)),
+                *map(given, (*own, *other, self.width[p], self.width[q], *numbers)),
             )
 
     def _nearest(self, target: Planes, rows: slice, weights: list[float] | None) -> Planes:
@@ -218,18 +223,23 @@ class SeenLevel(Level):
         for p, plane in enumerate(target):
             strip, scale = plane[rows, :cols], inverse[p // count]
             if weights is not None:
-                shrink = weights[p] / (weights[p] + self.damping[p])
+                shrink = weights[p] / (weights[p] + self._damping(p, rows, inner=True))
                 strip = strip * shrink
                 if self.offset is not None:
                     strip += self.offset[p][rows, :] * (1 - shrink)
             wanted.append(strip * scale)
-        metric = [1.0] * count
+        metric: list[Value] = [1.0] * count
         if weights is not None:
-            metric = [
-                weight + mu for weight, mu in zip(weights[:count], self.damping, strict=False)
-            ]
+            metric = [weights[p] + self._damping(p, rows, inner=True) for p in range(count)]
         bounds = [self.bounds(p, rows) for p in range(len(wanted))]
         return self.eyes.nearest(wanted, k, metric, bounds, rows)
+
+    def _damping(self, p: int, rows: slice, *, inner: bool = False) -> Any:
+        """Mu M of a plane's padded rows, or of its picture's."""
+        if isinstance(self.stiffness, float):
+            return self.damping[p] * self.stiffness
+        cols = self.lower[0].shape[1] if inner else self.stiffness.shape[1]
+        return self.stiffness[rows, :cols] * self.damping[p]
 
     def _parted(self, w: Planes, gradient: Planes, rows: slice) -> tuple[float, Planes]:
         """What the bounds allow at most to win of a gradient at w, and the rest of it."""

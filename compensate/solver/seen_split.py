@@ -8,7 +8,7 @@ import numpy as np
 
 from compensate.problem import Problem
 from compensate.solver.hessian import PairHessian
-from compensate.solver.level import Level, Planes
+from compensate.solver.level import Level, Planes, Value, padded
 from compensate.solver.seen_level import SeenLevel
 from compensate.solver.split import Split, light_of, planes_of, widths_of
 from compensate.solver.two_eyes import TwoEyes
@@ -56,6 +56,7 @@ class SeenSplit(Split):
             planes_of(lower - base),
             widths_of(problem),
             None if self._offset is None else planes_of(self._seen(self._offset)),
+            stiffness=self._stiffness(),
         )
 
     def light(self, planes: Planes) -> Light:
@@ -66,6 +67,12 @@ class SeenSplit(Split):
 
     def _finest(self) -> Level:
         return self._level
+
+    def _stiffness(self) -> Value:
+        stiffness = self.problem.stiffness
+        if stiffness is None:
+            return 1.0
+        return padded(stiffness[0, :, :, 0] - 1, self.weighting.fourier) + 1
 
     def _seen(self, light: Light) -> Light:
         return self._observation.linear(light) * self.problem.contrast

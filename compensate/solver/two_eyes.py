@@ -127,7 +127,7 @@ class TwoEyes:
         return self._inverse(gradient, rows, transposed=True)
 
     def nearest(
-        self, wanted: Planes, k: Two, metric: Sequence[float], bounds: Sequence[Two], rows: slice
+        self, wanted: Planes, k: Two, metric: Sequence[Value], bounds: Sequence[Two], rows: slice
     ) -> Planes:
         """The light within its bounds that shows best what is wanted.
 
@@ -138,7 +138,7 @@ class TwoEyes:
         k
             K of both eyes: strips of K.
         metric
-            (primary,) factors of K²; they count only where primaries mix.
+            (primary,) factors of K², numbers or strips; they count only where primaries mix.
         bounds
             Lower and upper ones, of each strip.
         rows
@@ -184,7 +184,7 @@ class TwoEyes:
         wanted: Planes,
         free: Planes,
         squares: Two,
-        metric: Sequence[float],
+        metric: Sequence[Value],
         bounds: Sequence[Two],
         rows: slice,
     ) -> Planes:
@@ -207,7 +207,7 @@ class TwoEyes:
             [there(plane) for plane in wanted],
             [there(plane) for plane in result],
             (there(squares[0]), there(squares[1])),
-            metric,
+            [there(value) for value in metric],
             [(there(lower), there(upper)) for lower, upper in bounds],
         )
         for plane, new in zip(result, found, strict=True):
@@ -219,7 +219,7 @@ class TwoEyes:
         wanted: Planes,
         light: Planes,
         squares: Two,
-        metric: Sequence[float],
+        metric: Sequence[Value],
         bounds: Sequence[Two],
         sweeps: int = _SWEEPS,
     ) -> Planes:

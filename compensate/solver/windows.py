@@ -160,6 +160,7 @@ def _window(
         negligible=problem.negligible,
         contrast=None if problem.contrast is None else problem.contrast[place],
         aim=problem.aim[place],
+        stiffness=None if problem.stiffness is None else problem.stiffness[place],
     )
 
 

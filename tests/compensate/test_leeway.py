@@ -64,6 +64,18 @@ def test_nothing_changes_where_no_ghost_is_near() -> None:
     np.testing.assert_allclose(change[far], 0, atol=1e-6)
 
 
+def test_nothing_lit_loses_more_than_a_share_of_its_light() -> None:
+    losses = []
+    for share in (1.0, 0.005):
+        leeway = Leeway(share=share)
+        posed = pose(ghosts(), stereo(), ContrastWeighting(leeway=leeway))
+        lit = posed.subtractive > 0.01
+        kept = (solved(posed, "perceptual").light / np.where(lit, posed.subtractive, 1))[lit]
+        losses.append(1 - kept.min())
+    assert losses[0] > 0.01
+    assert losses[1] <= 0.005 + 1e-5
+
+
 def test_the_projector_bounds_stay() -> None:
     problem = pose(ghosts(), stereo(), ContrastWeighting(leeway=Leeway(times=1000.0))).problem
     assert problem.lower.min() == 0
@@ -85,7 +97,9 @@ def test_a_dome_and_the_papers_weighting_have_the_projectors_bounds() -> None:
         assert posed.problem.lower.ndim == 0
 
 
-@pytest.mark.parametrize("settings", [{"times": 0.0}, {"reach": -1.0}, {"times": np.inf}])
+@pytest.mark.parametrize(
+    "settings", [{"times": 0.0}, {"reach": -1.0}, {"times": np.inf}, {"share": 0.0}]
+)
 def test_leeway_refuses_what_is_not_above_0(settings: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(settings))):
         Leeway(**settings)

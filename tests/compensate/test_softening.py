@@ -10,14 +10,15 @@ import pytest
 from compensate.contrast import ContrastWeighting
 from compensate.ghosts import edge_sigma, slope_magnitudes
 from compensate.master import Posed, pose, solved
-from compensate.softening import Softener, Softening
+from compensate.softening import Softener, Softening, SoftGhosts
 from compensate.solver.admm import ADMM
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.scene import Scene, StereoScene, load_scene
 
-DENSITY, FLOOR = 30.0, 0.005
+DENSITY, FLOOR, WHITE = 30.0, 0.005, 48.0
 SCREEN = np.ones((90, 180), bool)
+NEVER = 1e-9
 COLOUR = np.array([1.0, 0.6, 0.3])
 
 
@@ -38,10 +39,13 @@ def left_by(height: float) -> Light:
     return left
 
 
+def ghosts(left: Light, around: float, settings: Softening) -> SoftGhosts:
+    softener = Softener(settings, SCREEN, DENSITY, FLOOR, WHITE)
+    return softener.ghosts(left, left.mean(axis=-1), np.full(left.shape[:3], around))
+
+
 def rims(height: float, around: float, settings: Softening) -> Light:
-    left = left_by(height)
-    local = np.full(left.shape[:3], around)
-    return Softener(settings, SCREEN, DENSITY, FLOOR).rims(left, left.mean(axis=-1), local)
+    return ghosts(left_by(height), around, settings).rims()
 
 
 def bars() -> Light:
@@ -54,7 +58,7 @@ def bars() -> Light:
 
 
 def test_a_rim_is_half_as_high_as_the_ghost_and_falls_off_outside_it() -> None:
-    settings = Softening(height=1.0, contrast=1e6)
+    settings = Softening(height=1.0, contrast=1e6, crowding=NEVER)
     found = rims(0.02, 0.0, settings)
     assert np.all(found[0] <= 1e-7)
     assert np.all(found[1, :, 90:] <= 1e-7)
@@ -68,6 +72,33 @@ def test_a_rim_is_half_as_high_as_the_ghost_and_falls_off_outside_it() -> None:
     assert np.all(outside[: 90 - 4 * deviation - 1] <= 1e-6)
 
 
+def test_gaps_between_many_ghosts_are_not_filled() -> None:
+    """Beside one narrow ghost the wider mean is little, between many it is theirs."""
+    settings = Softening(height=1.0, contrast=1e6, reach=0.1, crowding=0.5, crowd=0.4)
+    one, many = np.zeros((2, 2, *SCREEN.shape, 3))
+    one[:, :, 90:93] = 0.02
+    many[:, :, ::10] = many[:, :, 1::10] = many[:, :, 2::10] = 0.02
+    beside, between = (ghosts(left, 0.0, settings).rims()[0, 45] for left in (one, many))
+    without = ghosts(many, 0.0, replace(settings, crowding=NEVER)).rims()[0, 45]
+    mean = many[0, 45].mean()
+    np.testing.assert_allclose(between[95], without[95] - 0.5 * mean, rtol=0.02)
+    assert np.all(between[95] > 0)
+    assert np.all(beside[95] > 1.2 * between[95])
+
+
+def test_changes_are_held_back_around_ghosts_that_stand_out() -> None:
+    height, firm, firmness = 0.02, 4.0, 9.0
+    settings = Softening(firm=firm, firmness=firmness)
+    luminance = height * COLOUR.mean()
+    around = luminance / firm - settings.dark / WHITE
+    half = ghosts(left_by(height), around, settings).stiffness()
+    assert half.shape == (1, *SCREEN.shape, 1)
+    assert half[0, 45, 90:, 0] == pytest.approx(1 + firmness / 2, rel=1e-6)
+    assert half[0, 45, 0, 0] == pytest.approx(1)  # too far away
+    lit = ghosts(left_by(height), 0.9, settings).stiffness()
+    assert lit == pytest.approx(np.ones_like(lit), abs=1e-3)
+
+
 def test_a_rim_keeps_the_colour_of_its_ghost_and_goes_with_its_height() -> None:
     faint, bright = (rims(each, 0.1, Softening(contrast=1e6)) for each in (0.01, 0.02))
     np.testing.assert_allclose(bright, 2 * faint, rtol=1e-6)
@@ -78,29 +109,29 @@ def test_a_rim_keeps_the_colour_of_its_ghost_and_goes_with_its_height() -> None:
 def test_half_a_rim_is_left_where_the_ghost_stands_out_as_many_times_as_set() -> None:
     height, contrast = 0.02, 2.0
     luminance = height * COLOUR.mean()
-    around = luminance / contrast - FLOOR
+    around = luminance / contrast - Softening().dark / WHITE
     full, half = (rims(height, around, Softening(contrast=each)) for each in (1e6, contrast))
     np.testing.assert_allclose(half[1, :, 80:90], full[1, :, 80:90] / 2, rtol=1e-5)
 
 
 def test_beside_a_ghost_what_is_brighter_counts_as_the_ghost_and_far_away_as_itself() -> None:
     """And what is darker than the ghost, as itself everywhere."""
-    left = left_by(0.02).mean(axis=-1)
-    height = left.max()
-    softener = Softener(Softening(near=0.1, nearby=0.5), SCREEN, DENSITY, FLOOR)
-    bright = softener.factor(left, np.full_like(left, 0.4))
+    left = left_by(0.02)
+    height = left.mean(axis=-1).max()
+    softened = ghosts(left, 0.4, Softening(near=0.1))
+    bright = softened.factor(np.full(left.shape[:3], 0.4))
     assert bright[1, 45, 88:92] == pytest.approx((0.4 + FLOOR) / (height + FLOOR), rel=0.35)
     assert np.all(bright >= 1)
     assert np.all(bright[0] == 1)
     np.testing.assert_allclose(bright[1][:, [0, 30, 150, 179]], 1, rtol=1e-3)
-    dark = softener.factor(left, np.full_like(left, height / 3))
+    dark = softened.factor(np.full(left.shape[:3], height / 3))
     np.testing.assert_allclose(dark, 1, rtol=1e-7)
 
 
 def test_ghosts_far_fainter_than_the_eye_sees_have_no_edges() -> None:
     """Rounding must not make a lit thing count a hundred times."""
-    left = left_by(1e-6).mean(axis=-1)
-    factor = Softener(Softening(), SCREEN, DENSITY, FLOOR).factor(left, np.full_like(left, 0.5))
+    left = left_by(1e-6)
+    factor = ghosts(left, 0.5, Softening()).factor(np.full(left.shape[:3], 0.5))
     np.testing.assert_allclose(factor, 1, atol=0.02)
 
 

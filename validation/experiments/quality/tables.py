@@ -10,12 +10,10 @@ from compensate.contrast import (
     DOME_CHROMA,
     DOME_FLOOR,
     DOME_GAIN,
-    DOME_REACH,
     PAIR_CHROMA,
     PAIR_DAMPING,
     PAIR_FLOOR,
     PAIR_GAIN,
-    PAIR_REACH,
     ContrastWeighting,
 )
 from compensate.leeway import Leeway
@@ -54,18 +52,21 @@ def written(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Itera
         "that is seen, with Student's 95 % interval over inputs; shortfalls are against the better "
         "of subtraction and nothing, over all cases.",
     )
-    usual, soft = ContrastWeighting(), Softening()
+    usual, soft, leeway = ContrastWeighting(), Softening(), Leeway()
     yield _ranking(
         {place: ways for place, ways in cells.items() if place[2] == USUAL_LUMINANCE},
         WAYS,
         f"What each setting of the weighting of local contrast is worth, at "
         f"{USUAL_LUMINANCE:g} cd/m² and all pollutions. Usual, of pairs and domes: low-frequency "
         f"gain {PAIR_GAIN:g} and {DOME_GAIN:g}, chroma times {PAIR_CHROMA:g} and {DOME_CHROMA:g}, "
-        f"floor {PAIR_FLOOR:g} and {DOME_FLOOR:g} cd/m², reach {PAIR_REACH:g} and "
-        f"{DOME_REACH:g}°; of domes, most {usual.most:g}; of pairs, damping {PAIR_DAMPING:g}. "
-        f"Pairs change by up to {Leeway().times:g} times the ghost within {Leeway().reach:g}°, and "
-        f"their ghosts' edges are softened: height {soft.height:g}, reach {soft.reach:g}°, half a "
-        f"rim at {soft.contrast:g} times, near is {soft.near:g}°.",
+        f"floor {PAIR_FLOOR:g} and {DOME_FLOOR:g} cd/m², reach {usual.reach:g}°; of domes, most "
+        f"{usual.most:g}; of pairs, damping {PAIR_DAMPING:g}. Pairs change by up to "
+        f"{leeway.times:g} times the ghost within {leeway.reach:g}°, and lose up to "
+        f"{leeway.share:g} of their light; their ghosts' edges are softened: height "
+        f"{soft.height:g}, reach {soft.reach:g}°, crowding {soft.crowding:g} of {soft.crowd:g}°, "
+        f"half a rim at {soft.contrast:g} times, dark is {soft.dark:g} cd/m², near is "
+        f"{soft.near:g}°, a step {soft.step:g} of the ghost within {soft.nearby:g}°; there changes "
+        f"are held back {soft.firmness:g} times more, half of it at {soft.firm:g} times.",
     )
     if judged:
         yield _falling_back(cells)
