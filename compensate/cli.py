@@ -12,7 +12,7 @@ import typer
 
 from compensate.comparison import Comparison, compare_methods, shown_methods
 from compensate.compensating import Compensating, line_of, preferred, weighting_of
-from compensate.contrast import Eye
+from compensate.contrast import DOME_GAIN, PAIR_GAIN, Eye
 from compensate.devices import CPU, on_device
 from compensate.master import Figures
 from compensate.methods import METHODS, Solver
@@ -80,8 +80,8 @@ LowFrequencyGain = Annotated[
     float | None,
     typer.Option(
         help="Perceptual: how much coarse luminance errors count, 0..1 of the most visible ones; "
-        "by default 0.15 of pairs and 0.05 of domes, 0.1 of --weighting paper. Low values give up "
-        "the black level for detail, 1 comes close to subtraction.",
+        f"by default {PAIR_GAIN:g} of pairs and {DOME_GAIN:g} of domes, 0.1 of --weighting paper. "
+        "Low values give up the black level for detail, 1 comes close to subtraction.",
         show_default=False,
     ),
 ]

@@ -189,7 +189,7 @@ def weighting_of(name: str, low_frequency_gain: float | None = None) -> Eye:
         CONTRAST: ContrastWeighting,
         # Whatever ghosts stand out from (validation/notes/0007)
         CONTOURS: partial(
-            ContrastWeighting, softening=Softening(1.8, reach=0.3, contrast=1e3, firmness=1e-3)
+            ContrastWeighting, softening=Softening(1.8, reach=0.3, contrast=1e3, firmness=0)
         ),
     }
     if name not in settings:

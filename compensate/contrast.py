@@ -135,7 +135,8 @@ class ContrastWeighting:
     damping
         How much a change from subtraction (from that of the aim) counts by itself, of any
         frequency, over an error at the peak: the regulariser's mu (of a pair's primaries, the
-        mean). None: `PAIR_DAMPING` or `DOME_DAMPING`.
+        mean; around ghosts that stand out it is multiplied, see `Softening.firmness`). None:
+        `PAIR_DAMPING` or `DOME_DAMPING`.
     most
         In a dome, L counts up to this many times the adaptation luminance. Without a limit, errors
         in bright places cost next to nothing; and as every light pollutes the dark, the least cost
@@ -246,8 +247,8 @@ class ContrastWeighting:
 
 @final
 @dataclass(frozen=True)
-class Sight:
-    """How pictures are looked at, as `Problem` takes it; None as there.
+class Terms:
+    """What a `Problem` takes of pictures; None as there.
 
     Parameters
     ----------
@@ -256,7 +257,7 @@ class Sight:
     aim
         (view, row, col, primary): what is wanted, or more where ghosts are softened.
     stiffness
-        (1, row, col, 1).
+        m, (1, row, col, 1), what damping is multiplied by: above 1 around ghosts that stand out.
     """
 
     contrast: Light | None = None
@@ -267,7 +268,7 @@ class Sight:
 @final
 @dataclass(frozen=True)
 class LocalContrast:
-    """K = l / (L + c) of the pictures on a screen, and what is aimed at there.
+    """What is minimised of pictures on a screen: K = l / (L + c), the aim, and the damping's m.
 
     Parameters
     ----------
@@ -294,8 +295,8 @@ class LocalContrast:
     softener: Softener | None = None
     texture: Texture | None = None
 
-    def __call__(self, seen: Light, desired: Light) -> Sight:
-        """How pictures are looked at.
+    def __call__(self, seen: Light, desired: Light) -> Terms:
+        """The terms of pictures.
 
         Parameters
         ----------
@@ -309,13 +310,13 @@ class LocalContrast:
             master = self._luminance(desired) / (local + self.floor)
             contrast *= self.texture.factor(master, self.density)
         if not self.softener:
-            return Sight(self._on_screen(contrast, seen))
+            return Terms(self._on_screen(contrast, seen))
         around = np.maximum(self.averaging(self._luminance(desired)), 0)
         left = np.maximum(seen - desired, 0)
         ghosts = self.softener.ghosts(left, self._luminance(left), around)
         contrast *= ghosts.factor(local)
         aim = desired + ghosts.rims()
-        return Sight(self._on_screen(contrast, seen), aim, ghosts.stiffness())
+        return Terms(self._on_screen(contrast, seen), aim, ghosts.stiffness())
 
     def _on_screen(self, contrast: Planes, like: Light) -> Light:
         result: Light = np.where(self.averaging.screen, contrast, 1)[..., None]

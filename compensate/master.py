@@ -17,7 +17,7 @@ from typing import cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.contrast import ContrastWeighting, Eye, LocalContrast, Sight
+from compensate.contrast import ContrastWeighting, Eye, LocalContrast, Terms
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy
 from compensate.leeway import Leeway, Limits
@@ -438,10 +438,10 @@ class Stage:
 
         def problem(seen: Light) -> Problem:
             lower, upper = limits(seen)
-            sight = shared.contrast(seen, wanted) if shared.contrast else Sight()
+            terms = shared.contrast(seen, wanted) if shared.contrast else Terms()
             anchor = subtractive
-            if sight.aim is not None:
-                anchor = np.clip(shared.subtracted(sight.aim)[1], lower, upper)
+            if terms.aim is not None:
+                anchor = np.clip(shared.subtracted(terms.aim)[1], lower, upper)
             return Problem(
                 solvable,
                 shared.weighting,
@@ -450,9 +450,9 @@ class Stage:
                 anchor=anchor,
                 regularisation=shared.regularisation,
                 negligible=shared.negligible,
-                contrast=sight.contrast,
-                aim=sight.aim,
-                stiffness=sight.stiffness,
+                contrast=terms.contrast,
+                aim=terms.aim,
+                stiffness=terms.stiffness,
             )
 
         # Where nothing is left to solve, it may never be asked for

@@ -53,8 +53,8 @@ class Problem:
     aim
         What residuals are taken from, of the desired light's shape; None for that itself.
     stiffness
-        (1, row, col, 1) m, at least 1: how many times mu is more there, for all seen views. It
-        takes a contrast. None for 1.
+        (1, row, col, 1) m, at least 1, what mu is multiplied by there. It is one for all seen
+        views, which a solver's steps in single pixels ask for, and takes a contrast. None for 1.
 
     Raises
     ------
@@ -91,11 +91,9 @@ class Problem:
             )
         if contrast is None and isinstance(regularisation, Sequence):
             raise ValueError("without a contrast, all primaries have one regularisation")
-        if stiffness is not None and (contrast is None or stiffness[0].shape != contrast[0].shape):
-            raise ValueError(
-                f"stiffness takes a contrast and {(1, *observation.seen_shape[1:3], 1)}, "
-                f"got {stiffness.shape}"
-            )
+        like_one = (1, *observation.seen_shape[1:3], 1)
+        if stiffness is not None and (contrast is None or stiffness.shape != like_one):
+            raise ValueError(f"stiffness takes a contrast and {like_one}, got {stiffness.shape}")
         if regularisation and anchor is None:
             raise ValueError("a regularised problem needs an anchor, got none")
         if anchor is not None:
@@ -262,8 +260,11 @@ class Problem:
         weights = self.contrast**2
         if self.stiffness is not None:
             weights *= self.stiffness
+        if not isinstance(self.damping, Sequence):
+            weights *= self.damping
         local = self.observation.local(change) * weights
-        local *= namespace(local).asarray(self.damping, dtype=local.dtype, device=local.device)
+        if isinstance(self.damping, Sequence):
+            local *= namespace(local).asarray(self.damping, dtype=local.dtype, device=local.device)
         return self.observation.local_adjoint(local)
 
     def contrasted(self, seen: Light) -> Light:

@@ -45,7 +45,7 @@ from numpy.typing import NDArray
 from compensate.averaging import Averaging, Planes
 from compensate.ghosts import edge_sigma, slope_magnitudes
 from compensate.leeway import brightest_nearby
-from domesim.errors import require_positive
+from domesim.errors import require_not_negative, require_positive
 from domesim.light import Light
 
 
@@ -61,7 +61,7 @@ class Softening:
     reach
         s, the standard deviation of what a ghost is smoothed by, degrees.
     crowding
-        b: share of the wider mean that rims lack.
+        b: share of the wider mean that rims lack, or 0.
     crowd
         w, the standard deviation of that, degrees.
     contrast
@@ -75,14 +75,14 @@ class Softening:
     nearby
         How far away the brightest ghost may be, degrees.
     firmness
-        f: how many times more than elsewhere changes count around ghosts that stand out.
+        f: how many times mu is added to itself, at most, around ghosts that stand out; or 0.
     firm
-        u: how many times brighter than what is around it a ghost is where half of that counts.
+        u: how many times brighter than what is around it a ghost is where half of that is.
 
     Raises
     ------
     InputError
-        If one is not above 0 or not finite.
+        If crowding or firmness is below 0, another not above 0, or one not finite.
     """
 
     height: float = 1.6
@@ -98,7 +98,10 @@ class Softening:
     firm: float = 6.5
 
     def __post_init__(self) -> None:
-        require_positive("softening", **vars(self))
+        others = dict(vars(self))
+        maybe = {name: others.pop(name) for name in ("crowding", "firmness")}
+        require_not_negative("softening", **maybe)
+        require_positive("softening", **others)
 
 
 @final
@@ -117,6 +120,15 @@ class Softener:
         c, 1 = projector white.
     white
         Luminance of that, cd/m².
+
+    Attributes
+    ----------
+    settings, density, floor
+        As given.
+    dark
+        d, 1 = projector white.
+    soft, crowded, near
+        G_s, G_w and G_e.
     """
 
     def __init__(
@@ -156,7 +168,7 @@ class SoftGhosts:
     Attributes
     ----------
     brightest
-        G, (row, col): of either view.
+        g, (row, col): of either view.
     """
 
     def __init__(self, by: Softener, left: Light, luminance: Planes, around: Planes) -> None:
@@ -173,16 +185,19 @@ class SoftGhosts:
             plane = np.ascontiguousarray(left[..., p])
             outside = self._by.soft(plane)
             outside *= settings.height
-            crowded = self._by.crowded(plane)
-            crowded *= settings.crowding
-            outside -= crowded
+            if settings.crowding:
+                crowded = self._by.crowded(plane)
+                crowded *= settings.crowding
+                outside -= crowded
             outside -= plane
             rims[..., p] = np.maximum(outside, 0, out=outside) * share
         return rims
 
-    def stiffness(self) -> Light:
-        """M, (1, row, col, 1)."""
+    def stiffness(self) -> Light | None:
+        """What damping is multiplied by, m, (1, row, col, 1); None for 1."""
         settings = self._by.settings
+        if not settings.firmness:
+            return None
         square = self._standing_out(self._around.min(axis=0)) ** 2
         stiffness = 1 + settings.firmness * square / (square + settings.firm**2)
         result: Light = stiffness[None, :, :, None].astype(self._left.dtype, copy=False)
@@ -202,12 +217,12 @@ class SoftGhosts:
         return factor
 
     def _standing_out(self, around: Planes) -> Planes:
-        """R."""
+        """How much ghosts stand out, r."""
         ratio: Planes = self.brightest / (around + self._by.dark)
         return ratio
 
     def _edges(self) -> Planes:
-        """N."""
+        """How near an edge of a ghost is, n: 0..1."""
         by = self._by
         sigma = edge_sigma(by.density)
         steps = slope_magnitudes(self._luminance, sigma)

@@ -26,3 +26,16 @@ def require_positive(what: str, **settings: float) -> None:
     for name, value in settings.items():
         if not 0 < value < math.inf:
             raise InputError(f"the {name} of {what} must be above 0, got {value:g}")
+
+
+def require_not_negative(what: str, **settings: float) -> None:
+    """Refuse settings of something that are below 0, or not finite.
+
+    Raises
+    ------
+    InputError
+        If one is.
+    """
+    for name, value in settings.items():
+        if not 0 <= value < math.inf:
+            raise InputError(f"the {name} of {what} must be at least 0, got {value:g}")

@@ -5,10 +5,12 @@ K that does, mixes no pixels. So, with d = x - x_a the change of the clipped sub
 small matrix of each pixel, let the variable be the change of what is seen
 
     w = K M d:     f(w) = 1/2 ||A (w + t)||²,   t: what is seen too much at the base
+                   g(w) = 1/2 sum of mu m (w - o)²     over planes, each with its mu, and pixels
 
-whose Hessian A'A Fourier diagonalises exactly, view by view. All that differs from pixel to pixel
-is in the set of what can be seen, {K M d: lower <= x_a + d <= upper}, and the z-step's projection
-on it is a small bound-constrained least squares of each pixel: see `two_eyes`.
+where Fourier diagonalises f's Hessian A'A exactly, view by view. All that differs from pixel to
+pixel is in g and in the set of what can be seen, {K M d: lower <= x_a + d <= upper}, and the
+z-step's projection on it is a small bound-constrained least squares of each pixel: see `two_eyes`.
+It is plain as mu and m are the same for both eyes.
 
 The lower bound of `certificate` is in d: with q = M' K g and any split q = q_B + q_F, the bounds
 limit what q_B can win, and the quadratic what is left, g_F = g - g_B where M' K g_B = q_B.
@@ -49,7 +51,7 @@ class SeenLevel(Level):
     damping
         Mu of each plane.
     stiffness
-        M, by how many times mu is more: a number, or (padded row, padded col), 1 on the padding.
+        m, what mu is multiplied by: a number, or (padded row, padded col), 1 on the padding.
     eyes
         M.
     contrast
@@ -229,13 +231,13 @@ class SeenLevel(Level):
                     strip += self.offset[p][rows, :] * (1 - shrink)
             wanted.append(strip * scale)
         metric: list[Value] = [1.0] * count
-        if weights is not None:
+        if weights is not None and self.eyes.mixed:
             metric = [weights[p] + self._damping(p, rows, inner=True) for p in range(count)]
         bounds = [self.bounds(p, rows) for p in range(len(wanted))]
         return self.eyes.nearest(wanted, k, metric, bounds, rows)
 
     def _damping(self, p: int, rows: slice, *, inner: bool = False) -> Any:
-        """Mu M of a plane's padded rows, or of its picture's."""
+        """Mu m of a plane's padded rows, or of its picture's."""
         if isinstance(self.stiffness, float):
             return self.damping[p] * self.stiffness
         cols = self.lower[0].shape[1] if inner else self.stiffness.shape[1]

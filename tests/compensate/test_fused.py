@@ -71,8 +71,9 @@ def contrast_pair(share=None):
         plain.weighting,
         plain.desired,
         anchor=anchor,
-        regularisation=1e-4,
+        regularisation=(0.02, 0.05, 0.01),
         contrast=contrast,
+        stiffness=(1 + 9 * random.random((1, 40, 56, 1))).astype(np.float32),
     )
     return problem, anchor
 

@@ -65,15 +65,18 @@ def beyond(posed: Problem, start: np.ndarray) -> Posed:
 
 
 def contrasted(posed: Problem, start: np.ndarray) -> Posed:
-    """With a contrast from 0.1 to 10."""
-    k = 0.1 * 100 ** np.random.default_rng(5).random((*posed.desired.shape[:3], 1))
+    """With a contrast from 0.1 to 10, and some changes held back more than others."""
+    random = np.random.default_rng(5)
+    shape = (*posed.desired.shape[:3], 1)
+    k, mu = 0.1 * 100 ** random.random(shape), posed.regularisation
     return Problem(
         posed.observation,
         posed.weighting,
         posed.desired,
         anchor=start,
-        regularisation=posed.regularisation,
+        regularisation=[mu, 20 * mu, 5 * mu],
         contrast=k,
+        stiffness=1 + 4 * random.random((1, *shape[1:])),
     ), start
 
 

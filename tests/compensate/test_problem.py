@@ -61,6 +61,8 @@ def test_mistakes_are_refused():
         Problem(observation, lambda_, light, stiffness=k)
     with pytest.raises(ValueError, match="stiffness takes a contrast"):
         Problem(observation, lambda_, light, contrast=k, stiffness=k[:, 1:])
+    with pytest.raises(ValueError, match="stiffness takes a contrast"):
+        Problem(observation, lambda_, light, contrast=k, stiffness=np.concatenate([k, k]))
     with pytest.raises(ValueError, match="at least 1"):
         Problem(observation, lambda_, light, contrast=k, stiffness=0.9 * k)
     held = Problem(

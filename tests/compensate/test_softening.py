@@ -18,7 +18,6 @@ from domesim.scene import Scene, StereoScene, load_scene
 
 DENSITY, FLOOR, WHITE = 30.0, 0.005, 48.0
 SCREEN = np.ones((90, 180), bool)
-NEVER = 1e-9
 COLOUR = np.array([1.0, 0.6, 0.3])
 
 
@@ -58,7 +57,7 @@ def bars() -> Light:
 
 
 def test_a_rim_is_half_as_high_as_the_ghost_and_falls_off_outside_it() -> None:
-    settings = Softening(height=1.0, contrast=1e6, crowding=NEVER)
+    settings = Softening(height=1.0, contrast=1e6, crowding=0)
     found = rims(0.02, 0.0, settings)
     assert np.all(found[0] <= 1e-7)
     assert np.all(found[1, :, 90:] <= 1e-7)
@@ -79,7 +78,7 @@ def test_gaps_between_many_ghosts_are_not_filled() -> None:
     one[:, :, 90:93] = 0.02
     many[:, :, ::10] = many[:, :, 1::10] = many[:, :, 2::10] = 0.02
     beside, between = (ghosts(left, 0.0, settings).rims()[0, 45] for left in (one, many))
-    without = ghosts(many, 0.0, replace(settings, crowding=NEVER)).rims()[0, 45]
+    without = ghosts(many, 0.0, replace(settings, crowding=0)).rims()[0, 45]
     mean = many[0, 45].mean()
     np.testing.assert_allclose(between[95], without[95] - 0.5 * mean, rtol=0.02)
     assert np.all(between[95] > 0)
@@ -96,7 +95,46 @@ def test_changes_are_held_back_around_ghosts_that_stand_out() -> None:
     assert half[0, 45, 90:, 0] == pytest.approx(1 + firmness / 2, rel=1e-6)
     assert half[0, 45, 0, 0] == pytest.approx(1)  # too far away
     lit = ghosts(left_by(height), 0.9, settings).stiffness()
-    assert lit == pytest.approx(np.ones_like(lit), abs=1e-3)
+    assert lit == pytest.approx(np.ones_like(half), abs=1e-3)
+    assert ghosts(left_by(height), around, replace(settings, firmness=0)).stiffness() is None
+
+
+def test_changes_are_held_back_where_one_eye_sees_black() -> None:
+    """They show in both."""
+    left, settings = left_by(0.02), Softening()
+    found = []
+    for black in ((), (0,), (1,), (0, 1)):
+        around = np.full(left.shape[:3], 0.9)
+        around[list(black)] = 0
+        softener = Softener(settings, SCREEN, DENSITY, FLOOR, WHITE)
+        found.append(softener.ghosts(left, left.mean(axis=-1), around).stiffness())
+    lit, *others = (each[0, 45, 150, 0] for each in found if each is not None)
+    assert lit == pytest.approx(1, abs=1e-3)
+    assert min(others) > 5
+    assert max(others) == pytest.approx(min(others))
+
+
+def test_what_a_problem_holds_back() -> None:
+    """Around ghosts of a pair that stand out, and nowhere in a dome."""
+    posed, _ = softened(Softening())
+    assert posed.problem.stiffness is not None
+    assert posed.problem.stiffness.max() > 1.5
+    dome = pose(bars()[:1, :, :48], load_scene("dome_hemisphere"), ContrastWeighting())
+    assert dome.problem.stiffness is None
+
+
+def test_a_step_counts_by_its_share_of_the_brightest_ghost() -> None:
+    left = left_by(0.02)
+    share = 0.1
+    left[0, :, 90:] = share * 0.02 * COLOUR  # a faint step in the other view, beside a bright one
+    luminance, local = left.mean(axis=-1), 0.4
+    half, whole = (
+        ghosts(left, local, Softening(step=step, near=0.01)).factor(np.full(luminance.shape, local))
+        for step in (share, 1e-6)
+    )
+    exponents = [np.log(each[0, 45, 89:91]) for each in (half, whole)]
+    # A step as high as t of the ghost, which c is small beside, has half of the effect
+    assert exponents[0] / exponents[1] == pytest.approx(0.5, abs=0.12)
 
 
 def test_a_rim_keeps_the_colour_of_its_ghost_and_goes_with_its_height() -> None:
@@ -198,7 +236,9 @@ def test_a_dome_has_no_ghosts_to_soften() -> None:
 @pytest.mark.parametrize("name", [each.name for each in fields(Softening)])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
 def test_settings_without_sense_are_refused(name: str, value: float) -> None:
-    with pytest.raises(InputError, match=f"the {name} of softening must be above 0"):
+    if name in ("crowding", "firmness") and value == 0:
+        return
+    with pytest.raises(InputError, match=f"the {name} of softening must be"):
         Softening(**{name: value})
 
 

@@ -72,9 +72,9 @@ def posed(case: str) -> tuple[Problem, np.ndarray]:
     damping: float | list[float] = 1e-4
     contrast = stiffness = None
     if case == "contrast":
-        damping = [1e-3, 4e-3, 5e-4]
+        damping = [0.1, 0.3, 0.05]
         contrast = 0.2 / (0.1 + plain.desired.mean(axis=-1, keepdims=True))
-        stiffness = 1 + col[None, :, :, None] / 50
+        stiffness = 1.0 + (col % 40)[None, :, :, None]
     problem = Problem(
         observation,
         weighting,

@@ -65,8 +65,9 @@ def written(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Itera
         f"{leeway.share:g} of their light; their ghosts' edges are softened: height "
         f"{soft.height:g}, reach {soft.reach:g}°, crowding {soft.crowding:g} of {soft.crowd:g}°, "
         f"half a rim at {soft.contrast:g} times, dark is {soft.dark:g} cd/m², near is "
-        f"{soft.near:g}°, a step {soft.step:g} of the ghost within {soft.nearby:g}°; there changes "
-        f"are held back {soft.firmness:g} times more, half of it at {soft.firm:g} times.",
+        f"{soft.near:g}°, a step {soft.step:g} of the ghost within {soft.nearby:g}°; around ghosts "
+        f"that stand out changes are damped {1 + soft.firmness:g} times as much, half of that at "
+        f"{soft.firm:g} times.",
     )
     if judged:
         yield _falling_back(cells)

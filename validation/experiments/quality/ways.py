@@ -52,9 +52,6 @@ class Way:
         return Way(title, "perceptual", ContrastWeighting(**settings))
 
 
-NONE = 1e-6
-"""Of a setting that must be above 0."""
-
 CHOSEN = "contrast"
 """Of `MAIN`: what is to become the default."""
 UNLIMITED = "changes without limit"
@@ -96,9 +93,9 @@ VARIANTS: Mapping[str, Way] = {
             Way.local(f"half a rim at {contrast:g} times", softening=Softening(contrast=contrast))
             for contrast in (5.0, 45.0)
         ),
-        Way.local("rims between many ghosts as beside one", softening=Softening(crowding=NONE)),
+        Way.local("rims between many ghosts as beside one", softening=Softening(crowding=0)),
         Way.local("near is 0.1°", softening=Softening(near=0.1)),
-        Way.local("changes beside ghosts not held back", softening=Softening(firmness=NONE)),
+        Way.local("changes beside ghosts not held back", softening=Softening(firmness=0)),
         Way.local("any share of light may be lost", leeway=Leeway(share=1.0)),
         Way("contours", "perceptual", weighting_of(CONTOURS)),
         Way.local("texture masks, slope 0.7", texture=Texture(0.7)),
