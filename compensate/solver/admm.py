@@ -178,7 +178,7 @@ class _Run:
         self._level = split.levels[0]
         raised = max(1.0, self._level.hessian.strength**1.5 / 6)
         first, least = settings.penalties
-        typical = split.weighting.typical
+        typical = split.typical
         then, last = (min(max(least, penalty_of(typical, share)), first) for share in _OF_ROOT)
         self._iterations = settings.coarse
         if self._level.hessian.adapted:

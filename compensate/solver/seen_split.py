@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 import numpy as np
@@ -12,7 +13,7 @@ from compensate.solver.level import Level, Planes, Value, padded
 from compensate.solver.seen_level import SeenLevel
 from compensate.solver.split import Split, light_of, planes_of, widths_of
 from compensate.solver.two_eyes import TwoEyes
-from domesim.light import Light, namespace
+from domesim.light import Light, namespace, total
 from domesim.observation.stereo import StereoObservation
 
 
@@ -58,6 +59,13 @@ class SeenSplit(Split):
             None if self._offset is None else planes_of(self._seen(self._offset)),
             stiffness=self._stiffness(),
         )
+
+    @property
+    def typical(self) -> float:
+        """See `Split`: a pair's damping may be far above the median Omega²."""
+        stiffness = self.problem.stiffness
+        raised = 1.0 if stiffness is None else float(total(stiffness)) / math.prod(stiffness.shape)
+        return self.weighting.typical + raised * float(np.mean(self._level.damping))
 
     def light(self, planes: Planes) -> Light:
         """See `Split`."""

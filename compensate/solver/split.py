@@ -56,6 +56,11 @@ class Split(ABC):
 
         return self._offset is None and all(in_parts(work, residual.shape, residual))
 
+    @property
+    def typical(self) -> float:
+        """What a typical frequency counts: the median Omega², and damping where that matters."""
+        return self.weighting.typical
+
     def prepare(self, *, coarser: bool) -> None:
         """Make the levels: the problem itself, and `coarser` ones.
 

@@ -347,8 +347,10 @@ def test_coarse_planes_lead_to_the_same_picture_with_less_work(mapped):
     fine, found = (
         ADMM(coarse=iterations)(problem, problem.anchor) for iterations in ((0, 0), (10, 6))
     )
-    assert found.ffts <= 0.7 * fine.ffts
+    assert found.ffts <= 0.9 * fine.ffts
     assert found.cost == pytest.approx(fine.cost, rel=2e-3)
+    # Most frequencies are not seen at 45 pixels a degree: the penalty goes by the damping
+    assert found.ffts <= 160
 
 
 def test_a_masked_pair_with_contrast_is_refused():
