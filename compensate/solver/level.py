@@ -195,6 +195,12 @@ class Level(ABC):
             return None
         return slice(strip.start, min(strip.stop, rows)), slice(0, cols)
 
+    def _rows_of_padded(self, value: Any, rows: slice, *, inner: bool) -> Any:
+        """Rows of a number or a padded plane, or of its picture's part."""
+        if isinstance(value, float):
+            return value
+        return value[rows, : self.lower[0].shape[1]] if inner else value[rows, :]
+
     def _plane_towards(self, s: Array, weight: float, z: Rows) -> Array:
         """`towards` of a plane, whose z is given."""
         result = namespace(s).empty_like(s)
@@ -431,10 +437,7 @@ class BoxLevel(Level):
         return lambda rows: self._nearest(p, s, rows, weight)
 
     def _damping(self, rows: slice, *, inner: bool = False) -> Any:
-        if isinstance(self.damping, float):
-            return self.damping
-        cols = self.lower[0].shape[1]
-        return self.damping[rows, :cols] if inner else self.damping[rows, :]
+        return self._rows_of_padded(self.damping, rows, inner=inner)
 
     def _away(self, p: int, z: Array, rows: slice) -> Array:
         return z[rows, :] if self.offset is None else z[rows, :] - self.offset[p][rows, :]

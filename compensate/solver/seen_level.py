@@ -238,10 +238,7 @@ class SeenLevel(Level):
 
     def _damping(self, p: int, rows: slice, *, inner: bool = False) -> Any:
         """Mu m of a plane's padded rows, or of its picture's."""
-        if isinstance(self.stiffness, float):
-            return self.damping[p] * self.stiffness
-        cols = self.lower[0].shape[1] if inner else self.stiffness.shape[1]
-        return self.stiffness[rows, :cols] * self.damping[p]
+        return self._rows_of_padded(self.stiffness, rows, inner=inner) * self.damping[p]
 
     def _parted(self, w: Planes, gradient: Planes, rows: slice) -> tuple[float, Planes]:
         """What the bounds allow at most to win of a gradient at w, and the rest of it."""

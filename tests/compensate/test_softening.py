@@ -236,9 +236,12 @@ def test_a_dome_has_no_ghosts_to_soften() -> None:
 @pytest.mark.parametrize("name", [each.name for each in fields(Softening)])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
 def test_settings_without_sense_are_refused(name: str, value: float) -> None:
-    if name in ("crowding", "firmness") and value == 0:
+    maybe = name in ("crowding", "firmness")
+    if maybe and value == 0:
+        assert getattr(Softening(**{name: value}), name) == 0
         return
-    with pytest.raises(InputError, match=f"the {name} of softening must be"):
+    least = "at least" if maybe else "above"
+    with pytest.raises(InputError, match=f"the {name} of softening must be {least} 0"):
         Softening(**{name: value})
 
 
