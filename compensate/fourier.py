@@ -103,7 +103,8 @@ class Fourier:
     def _note(self, share: float) -> None:
         self.count += share
         if self._within is not None:
-            self._within._note(share / 4)
+            whole = self._within
+            whole._note(share * (self.rows * self.cols) / (whole.rows * whole.cols))
 
 
 @cache

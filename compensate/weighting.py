@@ -147,10 +147,13 @@ class CsfWeighting(Weighting):
         other._fourier, other._squares = self._fourier, self._squares
         return other
 
-    def counted_apart(self) -> CsfWeighting:
-        """The same weighting, with a count of transforms of its own."""
+    def counted_apart(self, within: Fourier | None = None) -> CsfWeighting:
+        """The same weighting, with a count of transforms of its own.
+
+        If its planes are parts of larger ones, `within` counts them, too, as shares of those.
+        """
         other = self.with_importance(self.importance)
-        other._fourier, other._converted = Fourier(*self.padded), self._converted
+        other._fourier, other._converted = Fourier(*self.padded, within), self._converted
         return other
 
     @cached_property

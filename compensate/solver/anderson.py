@@ -48,7 +48,8 @@ class Anderson:
     Attributes
     ----------
     energy
-        ||r||² of the last residual, weighted, as far as the samples tell.
+        ||r||² of the last residual, as far as the samples tell, by the weights that it was found
+        with.
     """
 
     def __init__(self, memory: int, weights: Sequence[float]) -> None:
@@ -65,7 +66,6 @@ class Anderson:
 
     def reweigh(self, weights: Sequence[float]) -> None:
         """Begin anew with other weights, all by the same factor."""
-        self.energy *= weights[0] / self._weights[0]
         self._weights = weights
         self.clear()
 

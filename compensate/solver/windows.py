@@ -68,7 +68,8 @@ class Windows:
             If the problem is not one of a dome or of linear crosstalk, or cannot be certified.
         """
         weighting = require_certifiable(problem)
-        light, ffts, iterations = start.copy(), 0.0, 0
+        fourier = weighting.fourier
+        light, before, iterations = start.copy(), fourier.count, 0
         boxes = joined(self.boxes, self.reach)
         if sum(_pixels(box, self.reach) for box in boxes) > _WORTH * light[0, ..., 0].size:
             return self.solver(problem, start)
@@ -77,11 +78,9 @@ class Windows:
             part = _window(problem, weighting, light, box, around, self.reach)
             result = self.solver(part, light[:, around[0], around[1]])
             light[:, box[0], box[1]] = result.light[_within(box, around)]
-            fourier = part.weighting.fourier
-            pixels = fourier.rows * fourier.cols
-            ffts += result.ffts * pixels / (weighting.fourier.rows * weighting.fourier.cols)
             iterations = max(iterations, result.iterations)
-        return Result(light, math.nan, math.nan, Status.WINDOWS, iterations, round(ffts))
+        ffts = math.ceil(fourier.count - before)
+        return Result(light, math.nan, math.nan, Status.WINDOWS, iterations, ffts)
 
 
 def joined(boxes: Iterable[Box], reach: int) -> tuple[Box, ...]:
@@ -107,7 +106,7 @@ def joined(boxes: Iterable[Box], reach: int) -> tuple[Box, ...]:
 
 def _pixels(box: Box, reach: int) -> int:
     """Of a window's padded plane."""
-    rows, cols = (side.stop - side.start + 3 * reach for side in box)
+    rows, cols = (side.stop - side.start + 2 * reach for side in box)
     return int(rows * cols)
 
 
@@ -152,7 +151,7 @@ def _window(
         bounds.append(pinned)
     return Problem(
         _observation(problem.observation, light, around),
-        _weighting(weighting, around, reach),
+        _weighting(weighting, box, around, reach),
         problem.desired[place],
         (bounds[0], bounds[1]),
         anchor=None if problem.anchor is None else problem.anchor[place],
@@ -192,14 +191,14 @@ def _observation(observation: Any, light: Light, around: Box) -> AdjointObservat
     raise ValueError(f"Windows takes a dome or linear crosstalk, got {type(observation).__name__}")
 
 
-def _weighting(weighting: CsfWeighting, around: Box, reach: int) -> CsfWeighting:
+def _weighting(weighting: CsfWeighting, box: Box, around: Box, reach: int) -> CsfWeighting:
     support = weighting.support[around]
-    padded = padded_size(support.shape[0], reach), padded_size(support.shape[1], reach)
+    padded = _padded(box[0], around[0], reach), _padded(box[1], around[1], reach)
     rows = np.fft.fftfreq(padded[0]) * weighting.padded[0]
     cols = np.fft.rfftfreq(padded[1]) * weighting.padded[1]
     places = np.meshgrid(np.abs(rows), cols, indexing="ij")
     gains = np.stack([_sampled(gain, places) for gain in weighting.gains])
-    return CsfWeighting(
+    part = CsfWeighting(
         gains,
         weighting.opponent,
         support,
@@ -207,6 +206,16 @@ def _weighting(weighting: CsfWeighting, around: Box, reach: int) -> CsfWeighting
         weighting.peak,
         importance=weighting.importance,
     )
+    return part.counted_apart(within=weighting.fourier)
+
+
+def _padded(side: slice, outer: slice, reach: int) -> int:
+    """Pixels of a padded side: no pixel of the box comes within reach of one across its ends.
+
+    What is around the box is padding enough, but at an edge of the picture.
+    """
+    margin = min(side.start - outer.start, outer.stop - side.stop)
+    return padded_size(outer.stop - outer.start, reach - margin)
 
 
 def _sampled(gain: NDArray[Any], places: Any) -> NDArray[np.floating[Any]]:

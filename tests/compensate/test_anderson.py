@@ -42,6 +42,18 @@ def test_as_many_points_as_there_are_rates_are_enough():
     assert distances(np.float64, 3, 8)[-1] < 1e-7
 
 
+def test_a_lower_penalty_does_not_make_what_was_found_look_better():
+    """The solver takes the energy for a sign of its gap, which is as it was."""
+    anderson = Anderson(2, [1.0])
+    residual = np.ones((8, 8))
+    anderson.next([residual.copy()], [residual])
+    assert anderson.energy == 64
+    anderson.reweigh([0.25])
+    assert anderson.energy == 64
+    anderson.next([residual.copy()], [residual])
+    assert anderson.energy == 16
+
+
 @pytest.mark.parametrize("memory", [2, 3])
 def test_short_points_do_as_well(memory, loops):
     exact, short = (distances(dtype, memory, 12) for dtype in (np.float64, np.float32))

@@ -303,13 +303,15 @@ def test_ffts_are_counted():
     assert first - again == 2  # the modes' shapes, kept from then on
 
 
-def test_planes_of_a_quarter_count_as_a_quarter():
+def test_parts_of_planes_count_as_their_share():
     fine = Fourier(8, 12)
     coarse = fine.coarser()
     fine.inverse(fine.forward(np.ones((3, 8, 12))))
     coarse.coarser().forward(np.ones((2, 2, 3)))
     coarse.forward(np.ones((1, 4, 6)))
     assert fine.count == 6 + 2 / 16 + 1 / 4
+    Fourier(4, 9, fine).forward(np.ones((4, 9)))  # any part of it
+    assert fine.count == 6 + 2 / 16 + 1 / 4 + 3 / 8
     with pytest.raises(ValueError, match="no half"):
         Fourier(9, 12).coarser()
 

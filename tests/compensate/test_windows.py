@@ -13,12 +13,13 @@ from pairs import COLOURED, share
 from theatres import BT709
 
 from compensate import visible
+from compensate.fourier import padded_size
 from compensate.master import Posed, Stage, solved
 from compensate.prediction import Prediction, Visible
 from compensate.problem import Problem
 from compensate.solver import baselines, deghosting
 from compensate.solver.admm import ADMM
-from compensate.solver.result import Status
+from compensate.solver.result import Result, Status
 from compensate.solver.windows import Windows, joined
 from compensate.visible import SEEN, OnlyVisible
 from compensate.weighting import PerceptualWeighting
@@ -126,14 +127,37 @@ def test_a_window_is_the_problem_with_the_rest_pinned(case: str) -> None:
     assert np.all(found.light <= problem.upper)
 
 
+@pytest.mark.parametrize("top", [0, 3, 10, 40, ROWS - 42, ROWS - 32])
+@pytest.mark.parametrize("left", [0, 7, 60, COLS - 50])
+def test_a_window_has_no_more_padding_than_its_box_needs(top: int, left: int) -> None:
+    """Transforms have no ends: across a plane's, too, nothing may be within reach of the box."""
+    problem, start = posed("flat")
+    box, reach, planes = (slice(top, top + 32), slice(left, left + 50)), 10, []
+
+    def solver(part: Problem, start: np.ndarray) -> Result:
+        planes.append((start.shape[1:3], part.weighting.padded))
+        return ADMM()(part, start)
+
+    Windows((box,), reach, solver)(problem, start)
+    (around, padded), *rest = planes
+    assert not rest
+    for side, count, size, length in zip(box, (ROWS, COLS), around, padded, strict=True):
+        before, after = min(side.start, reach), min(count - side.stop, reach)
+        assert size == side.stop - side.start + before + after
+        assert length - size + min(before, after) >= reach
+        assert length == padded_size(side.stop - side.start + reach + max(before, after), 0)
+
+
 def test_a_window_costs_what_its_area_does() -> None:
     problem, start = posed("flat")
-    whole = SOLVER(problem, start)
+    whole, fourier = SOLVER(problem, start), problem.weighting.fourier
+    before = fourier.count
     found = Windows((BOX,), 10, SOLVER)(problem, start)
-    fourier = problem.weighting.fourier
-    area = (32 + 20 + 10 + 8) * (50 + 20 + 10 + 8) / (fourier.rows * fourier.cols)
-    assert found.ffts <= 1.5 * area * whole.ffts
-    assert found.ffts < 0.4 * whole.ffts
+    area = (32 + 20 + 8) * (50 + 20 + 8) / (fourier.rows * fourier.cols)
+    assert 0.5 * area * whole.ffts <= found.ffts <= 1.5 * area * whole.ffts
+    assert found.ffts < 0.3 * whole.ffts
+    # Shares of the whole picture's transforms
+    assert found.ffts == math.ceil(fourier.count - before)
     assert math.isnan(found.cost)  # which would take transforms of the whole
 
 
