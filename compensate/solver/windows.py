@@ -42,8 +42,8 @@ Box: TypeAlias = tuple[slice, slice]
 class Windows:
     """Solves a problem in rectangles only.
 
-    If their windows take more than `_WORTH` of the picture, all of it is solved instead. The whole
-    picture's cost is not computed, for that would take longer than a small window.
+    If their windows take as long as more than `_WORTH` of the picture, all of it is solved instead.
+    The whole picture's cost is not computed, for that would take longer than a small window.
 
     Parameters
     ----------
@@ -53,11 +53,15 @@ class Windows:
         How far around each is looked, pixels.
     solver
         Of each.
+    overhead
+        Pixels that take as long as what a window takes whatever its size, some 10 ms
+        (``validation/notes/0009``).
     """
 
     boxes: tuple[Box, ...]
     reach: int
     solver: Callable[[Problem, Light], Result]
+    overhead: int = 10_000
 
     def __call__(self, problem: Problem, start: Light) -> Result:
         """Solve it, from a NumPy `start`.
@@ -70,8 +74,9 @@ class Windows:
         weighting = require_certifiable(problem)
         fourier = weighting.fourier
         light, before, iterations = start.copy(), fourier.count, 0
-        boxes = joined(self.boxes, self.reach)
-        if sum(_pixels(box, self.reach) for box in boxes) > _WORTH * light[0, ..., 0].size:
+        boxes = joined(self.boxes, self.reach, self.overhead)
+        work = sum(_pixels(box, self.reach) + self.overhead for box in boxes)
+        if work > _WORTH * light[0, ..., 0].size:
             return self.solver(problem, start)
         for box in boxes:
             around = _around(box, self.reach, light.shape[1:3])
@@ -83,10 +88,11 @@ class Windows:
         return Result(light, math.nan, math.nan, Status.WINDOWS, iterations, ffts)
 
 
-def joined(boxes: Iterable[Box], reach: int) -> tuple[Box, ...]:
+def joined(boxes: Iterable[Box], reach: int, overhead: int) -> tuple[Box, ...]:
     """Fewer, larger rectangles that hold the same, where that is less to compute.
 
-    Two are made one if their window is no larger than both of theirs, or if they overlap.
+    Two are made one if their window is no larger than both of theirs and the `overhead` of one, or
+    if they overlap.
     """
     found: list[Box] = []
     waiting = list(boxes)
@@ -94,7 +100,7 @@ def joined(boxes: Iterable[Box], reach: int) -> tuple[Box, ...]:
         box = waiting.pop()
         for k, other in enumerate(found):
             hull = _hull(box, other)
-            apart = _pixels(box, reach) + _pixels(other, reach)
+            apart = _pixels(box, reach) + _pixels(other, reach) + overhead
             if _overlap(box, other) or _pixels(hull, reach) <= apart:
                 waiting.append(hull)
                 del found[k]

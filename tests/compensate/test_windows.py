@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -113,7 +114,7 @@ def pinned(problem: Problem, start: np.ndarray) -> Problem:
 def test_a_window_is_the_problem_with_the_rest_pinned(case: str) -> None:
     problem, start = posed(case)
     before, wanted = problem.cost(start), SOLVER(pinned(problem, start), start)
-    found = Windows((BOX,), 10, SOLVER)(problem, start)
+    found = Windows((BOX,), 10, SOLVER, overhead=0)(problem, start)
     gained = before - wanted.cost
     assert gained > 0.02 * before
     assert found.status is Status.WINDOWS
@@ -138,7 +139,7 @@ def test_a_window_has_no_more_padding_than_its_box_needs(top: int, left: int) ->
         planes.append((start.shape[1:3], part.weighting.padded))
         return ADMM()(part, start)
 
-    Windows((box,), reach, solver)(problem, start)
+    Windows((box,), reach, solver, overhead=0)(problem, start)
     (around, padded), *rest = planes
     assert not rest
     for side, count, size, length in zip(box, (ROWS, COLS), around, padded, strict=True):
@@ -152,7 +153,7 @@ def test_a_window_costs_what_its_area_does() -> None:
     problem, start = posed("flat")
     whole, fourier = SOLVER(problem, start), problem.weighting.fourier
     before = fourier.count
-    found = Windows((BOX,), 10, SOLVER)(problem, start)
+    found = Windows((BOX,), 10, SOLVER, overhead=0)(problem, start)
     area = (32 + 20 + 8) * (50 + 20 + 8) / (fourier.rows * fourier.cols)
     assert 0.5 * area * whole.ffts <= found.ffts <= 1.5 * area * whole.ffts
     assert found.ffts < 0.3 * whole.ffts
@@ -170,6 +171,15 @@ def test_what_is_no_less_work_is_solved_as_a_whole() -> None:
     assert found.gap == whole.gap
 
 
+@pytest.mark.parametrize(("overhead", "status"), [(0, Status.WINDOWS), (10_000, Status.CONVERGED)])
+def test_many_small_rectangles_are_solved_as_a_whole(overhead: int, status: Status) -> None:
+    """Each window costs time whatever its size."""
+    problem, start = posed("flat")
+    boxes = tuple((slice(r, r + 4), slice(c, c + 4)) for r in (20, 90) for c in (20, 90, 160))
+    found = Windows(boxes, 4, ADMM(), overhead=overhead)(problem, start)
+    assert found.status is status
+
+
 def test_without_rectangles_subtraction_stays() -> None:
     problem, start = posed("flat")
     found = Windows((), 10, ADMM())(problem, start)
@@ -180,36 +190,48 @@ def test_without_rectangles_subtraction_stays() -> None:
 sides = st.tuples(st.integers(0, 60), st.integers(1, 30)).map(lambda s: slice(s[0], sum(s)))
 
 
-@given(st.lists(st.tuples(sides, sides), max_size=12), st.integers(0, 9))
+@given(st.lists(st.tuples(sides, sides), max_size=12), st.integers(0, 9), st.integers(0, 3000))
 def test_joined_rectangles_hold_the_same_apart(
-    boxes: list[tuple[slice, slice]], reach: int
+    boxes: list[tuple[slice, slice]], reach: int, overhead: int
 ) -> None:
+    """And no two of them are less work as one."""
     before, after = np.zeros((90, 90), int), np.zeros((90, 90), int)
     for box in boxes:
         before[box] = 1
-    for box in joined(boxes, reach):
+    together = joined(boxes, reach, overhead)
+    for box in together:
         after[box] += 1
     assert after.max(initial=0) <= 1
     assert np.all(after >= before)
 
+    def work(*boxes: tuple[slice, slice]) -> int:
+        sides = [
+            max(b[k].stop for b in boxes) - min(b[k].start for b in boxes) + 2 * reach
+            for k in range(2)
+        ]
+        return math.prod(sides) + overhead
 
-def frame(scene: str, density: float = DENSITY) -> Posed:
+    for one, other in itertools.combinations(together, 2):
+        assert work(one, other) > work(one) + work(other)
+
+
+def frame(scene: str, density: float = DENSITY, *, rows: int = ROWS, cols: int = COLS) -> Posed:
     theatre = load_dome(scene) if scene.startswith("dome") else load_stereo(scene)
-    theatre = replace(theatre, viewing=replace(theatre.viewing, extent=COLS / density))
+    theatre = replace(theatre, viewing=replace(theatre.viewing, extent=cols / density))
     views = theatre.views
-    desired = np.full((views, ROWS if views == 2 else COLS, COLS, 3), 0.002, np.float32)
+    desired = np.full((views, rows if views == 2 else cols, cols, 3), 0.002, np.float32)
     for view, at in enumerate((60, 140)[:views]):
         desired[view, 50:60, at : at + 10] = 1
     return Stage(theatre).pose(desired)
 
 
 def test_only_what_is_seen_is_solved() -> None:
-    shown = frame("stereo_polarised_paper")
+    shown = frame("stereo_polarised_paper", rows=2 * ROWS, cols=2 * COLS)
     found = solved(shown, "perceptual", OnlyVisible(shown, ADMM()))
     assert found.status is Status.WINDOWS
     changed = np.any(found.light != shown.subtractive, axis=(0, 3))
     # Both eyes' lamps, what the eye averages around them, and a degree more
-    far = np.ones((ROWS, COLS), bool)
+    far = np.ones((2 * ROWS, 2 * COLS), bool)
     far[50 - 32 : 60 + 32, 60 - 32 : 150 + 32] = False
     assert changed.any()
     assert not changed[far].any()
