@@ -38,7 +38,7 @@ from compensate.softening import Softener, Softening
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, Mechanism, castle
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, gains_of
-from domesim.errors import InputError, require_positive
+from domesim.errors import InputError, require_not_negative, require_positive
 from domesim.light import Light
 from domesim.projector import Projector
 from domesim.strips import in_strips
@@ -155,7 +155,7 @@ class ContrastWeighting:
     ------
     InputError
         If the reach is negative, the chroma, the floor, the damping or `most` not above 0, or one
-        is not finite.
+        but `most` not finite.
     """
 
     low_frequency: LowFrequencyFloor | None = None
@@ -171,16 +171,12 @@ class ContrastWeighting:
     padding: int = 64
 
     def __post_init__(self) -> None:
-        if self.chroma is not None and not 0 < self.chroma < np.inf:
-            raise InputError(f"contrast's chroma must be above 0, got {self.chroma:g}")
-        if not 0 <= self.reach < np.inf:
-            raise InputError(f"contrast reach must be at least 0 degrees, got {self.reach:g}")
-        if self.damping is not None and not 0 < self.damping < np.inf:
-            raise InputError(f"contrast damping must be above 0, got {self.damping:g}")
-        if self.floor is not None and not 0 < self.floor < np.inf:
-            raise InputError(f"contrast floor must be above 0 cd/m², got {self.floor:g}")
+        maybe = {name: getattr(self, name) for name in ("chroma", "floor", "damping")}
+        given = {name: value for name, value in maybe.items() if value is not None}
+        require_positive("local contrast", **given)
+        require_not_negative("local contrast", reach=self.reach)
         if not self.most > 0:
-            raise InputError(f"contrast's most must be above 0, got {self.most:g}")
+            raise InputError(f"the most of local contrast must be above 0, got {self.most:g}")
 
     def of(
         self, viewing: Viewing, projector: Projector, support: NDArray[np.bool_], views: int

@@ -59,8 +59,8 @@ class Problem:
     Raises
     ------
     ValueError
-        If shapes disagree, a lower bound is above its upper, a contrast is not above 0, or a
-        stiffness below 1.
+        If shapes or counts disagree, a lower bound is above its upper, a contrast is not above 0,
+        or a stiffness below 1.
     """
 
     def __init__(
@@ -89,12 +89,13 @@ class Problem:
             raise ValueError(
                 f"contrast takes {(*observation.seen_shape[:3], 1)}, got {contrast.shape}"
             )
-        if contrast is None and isinstance(regularisation, Sequence):
+        damping = _of_each(regularisation, desired.shape[3])
+        if contrast is None and len(set(damping)) > 1:
             raise ValueError("without a contrast, all primaries have one regularisation")
         like_one = (1, *observation.seen_shape[1:3], 1)
         if stiffness is not None and (contrast is None or stiffness.shape != like_one):
             raise ValueError(f"stiffness takes a contrast and {like_one}, got {stiffness.shape}")
-        if regularisation and anchor is None:
+        if any(damping) and anchor is None:
             raise ValueError("a regularised problem needs an anchor, got none")
         if anchor is not None:
             require_light(anchor, observation.shape, who="Problem's anchor")
@@ -107,7 +108,7 @@ class Problem:
             xp.asarray(bound, dtype=desired.dtype, device=desired.device) for bound in bounds
         )
         self.anchor = anchor
-        self.damping = regularisation
+        self.damping = damping
         self.negligible = negligible
         self.contrast = contrast
         self.stiffness = stiffness
@@ -120,12 +121,8 @@ class Problem:
 
     @property
     def regularisation(self) -> float:
-        """Mu; of several, the least."""
-        return min(self.damping) if isinstance(self.damping, Sequence) else self.damping
-
-    def damping_of(self, primary: int) -> float:
-        """Mu of what is seen of a primary."""
-        return self.damping[primary] if isinstance(self.damping, Sequence) else self.damping
+        """Mu; of primaries that differ, the least."""
+        return min(self.damping)
 
     @property
     def ffts(self) -> int:
@@ -260,13 +257,19 @@ class Problem:
         weights = self.contrast**2
         if self.stiffness is not None:
             weights *= self.stiffness
-        if not isinstance(self.damping, Sequence):
-            weights *= self.damping
         local = self.observation.local(change) * weights
-        if isinstance(self.damping, Sequence):
-            local *= namespace(local).asarray(self.damping, dtype=local.dtype, device=local.device)
+        local *= namespace(local).asarray(self.damping, dtype=local.dtype, device=local.device)
         return self.observation.local_adjoint(local)
 
     def contrasted(self, seen: Light) -> Light:
         """K times a difference of what is seen, (seen view, row, col, primary)."""
         return seen if self.contrast is None else seen * self.contrast
+
+
+def _of_each(regularisation: float | Sequence[float], primaries: int) -> tuple[float, ...]:
+    """Mu of each primary."""
+    if not isinstance(regularisation, Sequence):
+        return (regularisation,) * primaries
+    if len(regularisation) != primaries:
+        raise ValueError(f"{primaries} primaries take one mu each, got {len(regularisation)}")
+    return tuple(regularisation)

@@ -51,7 +51,7 @@ class SeenSplit(Split):
             PairHessian(identity, weighting, weighting.squares(base), weighting.fourier),
             [],
             problem.regularisation,
-            [problem.damping_of(p) for p in range(base.shape[3])] * 2,
+            [*problem.damping] * 2,
             TwoEyes.of(observation, base),
             [problem.contrast[view, :, :, 0] for view in range(2)],
             planes_of(lower - base),

@@ -57,6 +57,8 @@ def test_mistakes_are_refused():
     with pytest.raises(ValueError, match="anchor"):
         Problem(observation, lambda_, light, regularisation=0.1)
     k = np.ones((*observation.seen_shape[:3], 1))
+    with pytest.raises(ValueError, match="one mu each, got 2"):
+        Problem(observation, lambda_, light, anchor=light, regularisation=(1, 2), contrast=k)
     with pytest.raises(ValueError, match="stiffness takes a contrast"):
         Problem(observation, lambda_, light, stiffness=k)
     with pytest.raises(ValueError, match="stiffness takes a contrast"):
