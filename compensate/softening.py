@@ -47,6 +47,7 @@ from compensate.ghosts import edge_sigma, slope_magnitudes
 from compensate.leeway import brightest_nearby
 from domesim.errors import require_not_negative, require_positive
 from domesim.light import Light
+from domesim.strips import in_strips
 
 
 @final
@@ -178,19 +179,10 @@ class SoftGhosts:
 
     def rims(self) -> Light:
         """The rims to aim at, (view, row, col, primary)."""
-        settings, left = self._by.settings, self._left
-        share = 1 / (1 + self._standing_out(self._around) / settings.contrast)
-        rims = np.empty_like(left)
-        for p in range(left.shape[3]):
-            plane = np.ascontiguousarray(left[..., p])
-            outside = self._by.soft(plane)
-            outside *= settings.height
-            if settings.crowding:
-                crowded = self._by.crowded(plane)
-                crowded *= settings.crowding
-                outside -= crowded
-            outside -= plane
-            rims[..., p] = np.maximum(outside, 0, out=outside) * share
+        share = 1 / (1 + self._standing_out(self._around) / self._by.settings.contrast)
+        rims = np.empty_like(self._left)
+        for p in range(rims.shape[3]):
+            self._fill(rims[..., p], np.ascontiguousarray(self._left[..., p]), share)
         return rims
 
     def stiffness(self) -> Light | None:
@@ -211,10 +203,32 @@ class SoftGhosts:
         local
             L, of what subtraction shows.
         """
-        floor = self._by.floor
-        brighter = (local + floor) / (np.minimum(local, self.brightest) + floor)
-        factor: Planes = brighter ** self._edges()
+        floor, edges = self._by.floor, self._edges()
+        factor = np.empty_like(local)
+
+        def fill(view: int, rows: slice) -> None:
+            part = local[view, rows]
+            brighter = (part + floor) / (np.minimum(part, self.brightest[rows]) + floor)
+            factor[view, rows] = brighter ** edges[view, rows]
+
+        in_strips(fill, local.shape)
         return factor
+
+    def _fill(self, rims: Planes, plane: Planes, share: Planes) -> None:
+        """Rims of one primary, of what is left of it."""
+        by, settings = self._by, self._by.settings
+        means = [(settings.height, by.soft(plane))]
+        if settings.crowding:
+            means.append((-settings.crowding, by.crowded(plane)))
+
+        def fill(view: int, rows: slice) -> None:
+            outside = -plane[view, rows]
+            for weight, mean in means:
+                outside += weight * mean[view, rows]
+            np.maximum(outside, 0, out=outside)
+            np.multiply(outside, share[view, rows], out=rims[view, rows])
+
+        in_strips(fill, plane.shape)
 
     def _standing_out(self, around: Planes) -> Planes:
         """How much ghosts stand out, r."""

@@ -82,7 +82,7 @@ def test_luminance_is_averaged_as_scipy_does(reach):
     plane[:, :, :3] += 5
     screen = np.hypot(*np.mgrid[-1:1:40j, -1:1:60j]) < 1.2
     wanted, around = (
-        gaussian_filter(each, (0, reach, reach), mode="constant")
+        gaussian_filter(each, (0, reach, reach), mode="constant", truncate=5)
         for each in (plane * screen, np.broadcast_to(screen, plane.shape).astype(float))
     )
     found = Averaging(screen, reach)(plane)
