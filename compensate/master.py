@@ -258,6 +258,14 @@ class Posed:
         """
         return self._visible(self.residual(light))
 
+    def minimised_error(self, light: Light) -> float:
+        """What the method minimises, in the unit of `visible_error`.
+
+        That is taken from the aim, which has soft ghosts (`compensate.softening`), not from the
+        master, and the regulariser counts.
+        """
+        return self._in_differences(2 * self.problem.cost(light))
+
     def stored_error(self, stored: Master) -> float:
         """`visible_error` of a frame as a file holds it, with its rounding."""
         return self._visible(self.residual(decoded(stored, self.scene)))
@@ -268,7 +276,10 @@ class Posed:
             return 0.0
         # By the same name: of a large picture, what is left of it would be a gigabyte
         residual = self.problem.contrasted(residual)
-        energy = self.judge.energy(residual)
+        return self._in_differences(self.judge.energy(residual))
+
+    def _in_differences(self, energy: float) -> float:
+        """Just-noticeable differences, rms, of a weighted residual's energy."""
         mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
         return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
 

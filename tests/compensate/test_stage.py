@@ -12,7 +12,7 @@ from pairs import pair
 
 from compensate.contrast import ContrastWeighting, LocalContrast
 from compensate.fourier import Fourier
-from compensate.master import Posed, Stage, compensate_frame, pose, solve_frame
+from compensate.master import Posed, Stage, compensate_frame, pose, solve_frame, solved
 from compensate.solver.deghosting import clipped_subtraction
 from compensate.solver.result import Status
 from compensate.weighting import PerceptualWeighting
@@ -107,6 +107,20 @@ def test_figures_are_not_counted_as_the_solvers_transforms() -> None:
     assert posed.problem.ffts == before
     posed.problem.quadratic(posed.subtractive)
     assert posed.problem.ffts > before
+
+
+@pytest.mark.parametrize("case", ["pair", "dome"])
+def test_what_is_minimised_is_least_at_the_solution(case: str) -> None:
+    """What is visible need not be: a pair's ghosts are softened."""
+    scene, light = CASES[case]
+    posed = pose(light, scene, ContrastWeighting())
+    found = solved(posed, "perceptual").light
+    least = posed.minimised_error(found)
+    for other in (posed.start, 0.9 * found + 0.1 * posed.start):
+        assert least < posed.minimised_error(other)
+    plain = pose(light, scene, ContrastWeighting(softening=None))
+    anchor = plain.minimised_error(plain.start)  # where nothing is regularised
+    assert anchor == pytest.approx(plain.visible_error(plain.start), rel=1e-5)
 
 
 @pytest.mark.parametrize("case", CASES)

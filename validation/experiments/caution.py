@@ -62,7 +62,7 @@ class Seen:
     Attributes
     ----------
     weighted
-        By the vision model that was minimised, JND rms.
+        The error that was minimised, of that room, JND rms.
     quality, flip
         By ColorVideoVDP, JOD; by FLIP. None where they are not installed.
     """
@@ -135,7 +135,7 @@ def measure(case: Case, sigmas: Sequence[float], cautions: Sequence[float]) -> P
         room, shown = posed(truth), projected(model)
         seen = room.observation.observe(shown)
         found[_key(model, truth)] = Seen(
-            room.visible_error(shown),
+            room.minimised_error(shown),
             judges.if_installed(judges.colorvideovdp, desired, seen, scene),
             judges.if_installed(judges.flip, desired, seen, scene),
         )
@@ -180,8 +180,8 @@ def run(work: Work) -> Finding:
         at_least("days: least error of caution 1, over that of 0", min(days), 1.5),
     ]
     said = [
-        f"its visible error is {min(errors.values()):.3f} to {max(errors.values()):.3f} times that "
-        f"of compensating for all"
+        f"the error that is minimised is {min(errors.values()):.3f} to {max(errors.values()):.3f} "
+        f"times that of compensating for all"
     ]
     if flips:
         checks.append(
@@ -282,6 +282,6 @@ def _expectations(
 _COLUMNS = {
     "quality": Column(name="ColorVideoVDP", unit="JOD", digits=".4f"),
     "flip": Column(name="FLIP", digits=".4f"),
-    "weighted": Column(name="error", unit="JND rms", digits=".4g"),
+    "weighted": Column(name="minimised error", unit="JND rms", digits=".4g"),
 }
 """Of `Seen`."""
