@@ -261,10 +261,11 @@ class Posed:
     def minimised_error(self, light: Light) -> float:
         """What the method minimises, in the unit of `visible_error`.
 
-        That is taken from the aim, which has soft ghosts (`compensate.softening`), not from the
+        It is taken from the aim, which has soft ghosts (`compensate.softening`), not from the
         master, and the regulariser counts.
         """
-        return self._in_differences(2 * self.problem.cost(light))
+        energy = self.judge.energy(self.problem.residual(light))
+        return self._in_differences(energy + 2 * self.problem.penalty(light))
 
     def stored_error(self, stored: Master) -> float:
         """`visible_error` of a frame as a file holds it, with its rounding."""

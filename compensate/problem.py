@@ -44,8 +44,8 @@ class Problem:
         Lower and upper bound of the projected light: numbers, or arrays that broadcast with it.
         Where they are equal, a pixel is pinned.
     anchor, regularisation
-        x_0 and mu of the regulariser. Without an anchor, mu must be 0. With a contrast it may be
-        (primary,) numbers, one for what is seen of each.
+        x_0 and mu of the regulariser. Without an anchor, mu must be 0. It may be (primary,)
+        numbers, one for what is seen of each; without a contrast they are alike.
     negligible
         A difference in cost that nobody can see: solvers need not go on for less.
     contrast

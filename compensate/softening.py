@@ -182,7 +182,7 @@ class SoftGhosts:
         share = 1 / (1 + self._standing_out(self._around) / self._by.settings.contrast)
         rims = np.empty_like(self._left)
         for p in range(rims.shape[3]):
-            self._fill(rims[..., p], np.ascontiguousarray(self._left[..., p]), share)
+            self._draw(np.ascontiguousarray(self._left[..., p]), share, rims[..., p])
         return rims
 
     def stiffness(self) -> Light | None:
@@ -214,21 +214,21 @@ class SoftGhosts:
         in_strips(fill, local.shape)
         return factor
 
-    def _fill(self, rims: Planes, plane: Planes, share: Planes) -> None:
-        """Rims of one primary, of what is left of it."""
+    def _draw(self, left: Planes, share: Planes, rims: Planes) -> None:
+        """Set the rims of one primary, of what is left of it."""
         by, settings = self._by, self._by.settings
-        means = [(settings.height, by.soft(plane))]
+        weighted_means = [(settings.height, by.soft(left))]
         if settings.crowding:
-            means.append((-settings.crowding, by.crowded(plane)))
+            weighted_means.append((-settings.crowding, by.crowded(left)))
 
-        def fill(view: int, rows: slice) -> None:
-            outside = -plane[view, rows]
-            for weight, mean in means:
+        def draw(view: int, rows: slice) -> None:
+            outside = -left[view, rows]
+            for weight, mean in weighted_means:
                 outside += weight * mean[view, rows]
             np.maximum(outside, 0, out=outside)
             np.multiply(outside, share[view, rows], out=rims[view, rows])
 
-        in_strips(fill, plane.shape)
+        in_strips(draw, left.shape)
 
     def _standing_out(self, around: Planes) -> Planes:
         """How much ghosts stand out, r."""

@@ -54,8 +54,8 @@ class Windows:
     solver
         Of each.
     overhead
-        Pixels that take as long as what a window takes whatever its size, some 10 ms
-        (``validation/notes/0009``).
+        Pixels that take as long as what a window takes whatever its size. The least of what was
+        tried that makes no picture slower than as a whole (``validation/notes/0009``).
     """
 
     boxes: tuple[Box, ...]
@@ -218,7 +218,9 @@ def _weighting(weighting: CsfWeighting, box: Box, around: Box, reach: int) -> Cs
 def _padded(side: slice, outer: slice, reach: int) -> int:
     """Pixels of a padded side: no pixel of the box comes within reach of one across its ends.
 
-    What is around the box is padding enough, but at an edge of the picture.
+    What is around the box is padding enough, but at an edge of the picture. (Opposite ends of that
+    do come within reach. All of it is pinned, so that a pair's residual is constant there; a dome's
+    is not quite, as the box pollutes it.)
     """
     margin = min(side.start - outer.start, outer.stop - side.stop)
     return padded_size(outer.stop - outer.start, reach - margin)

@@ -104,6 +104,7 @@ def test_figures_are_not_counted_as_the_solvers_transforms() -> None:
     before = posed.problem.ffts
     assert posed.error_before > posed.visible_error(posed.subtractive) > 0
     assert len(posed.error_by_seat(posed.desired)) > 1
+    assert posed.minimised_error(posed.subtractive) > 0
     assert posed.problem.ffts == before
     posed.problem.quadratic(posed.subtractive)
     assert posed.problem.ffts > before
@@ -111,13 +112,17 @@ def test_figures_are_not_counted_as_the_solvers_transforms() -> None:
 
 @pytest.mark.parametrize("case", ["pair", "dome"])
 def test_what_is_minimised_is_least_at_the_solution(case: str) -> None:
-    """What is visible need not be: a pair's ghosts are softened."""
+    """What is visible is not: a pair's ghosts are softened, and changes are regularised."""
     scene, light = CASES[case]
     posed = pose(light, scene, ContrastWeighting())
     found = solved(posed, "perceptual").light
     least = posed.minimised_error(found)
     for other in (posed.start, 0.9 * found + 0.1 * posed.start):
-        assert least < posed.minimised_error(other)
+        found_and_other = least**2, posed.minimised_error(other) ** 2
+        assert found_and_other[0] < found_and_other[1]
+        ratio = posed.problem.cost(found) / posed.problem.cost(other)
+        assert found_and_other[0] / found_and_other[1] == pytest.approx(ratio, rel=1e-4)
+    assert least != pytest.approx(posed.visible_error(found), rel=1e-3)
     plain = pose(light, scene, ContrastWeighting(softening=None))
     anchor = plain.minimised_error(plain.start)  # where nothing is regularised
     assert anchor == pytest.approx(plain.visible_error(plain.start), rel=1e-5)

@@ -62,12 +62,16 @@ class Seen:
     Attributes
     ----------
     weighted
-        The error that was minimised, of that room, JND rms.
+        The error that is minimised for that room, JND rms; not within its bounds, which the
+        solution for another room may leave.
+    visible
+        The visible error, which is taken from the master, JND rms.
     quality, flip
         By ColorVideoVDP, JOD; by FLIP. None where they are not installed.
     """
 
     weighted: float
+    visible: float
     quality: float | None
     flip: float | None
 
@@ -136,6 +140,7 @@ def measure(case: Case, sigmas: Sequence[float], cautions: Sequence[float]) -> P
         seen = room.observation.observe(shown)
         found[_key(model, truth)] = Seen(
             room.minimised_error(shown),
+            room.visible_error(shown),
             judges.if_installed(judges.colorvideovdp, desired, seen, scene),
             judges.if_installed(judges.flip, desired, seen, scene),
         )
@@ -283,5 +288,6 @@ _COLUMNS = {
     "quality": Column(name="ColorVideoVDP", unit="JOD", digits=".4f"),
     "flip": Column(name="FLIP", digits=".4f"),
     "weighted": Column(name="minimised error", unit="JND rms", digits=".4g"),
+    "visible": Column(name="visible error", unit="JND rms", digits=".4g"),
 }
 """Of `Seen`."""
