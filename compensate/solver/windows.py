@@ -72,12 +72,12 @@ class Windows:
             If the problem is not one of a dome or of linear crosstalk, or cannot be certified.
         """
         weighting = require_certifiable(problem)
-        fourier = weighting.fourier
-        light, before, iterations = start.copy(), fourier.count, 0
         boxes = joined(self.boxes, self.reach, self.overhead)
         work = sum(_pixels(box, self.reach) + self.overhead for box in boxes)
-        if work > _WORTH * light[0, ..., 0].size:
+        if work > _WORTH * start[0, ..., 0].size:
             return self.solver(problem, start)
+        fourier = weighting.fourier
+        light, before, iterations = start.copy(), fourier.count, 0
         for box in boxes:
             around = _around(box, self.reach, light.shape[1:3])
             part = _window(problem, weighting, light, box, around, self.reach)

@@ -118,10 +118,10 @@ def test_what_is_minimised_is_least_at_the_solution(case: str) -> None:
     found = solved(posed, "perceptual").light
     least = posed.minimised_error(found)
     for other in (posed.start, 0.9 * found + 0.1 * posed.start):
-        found_and_other = least**2, posed.minimised_error(other) ** 2
-        assert found_and_other[0] < found_and_other[1]
+        more = posed.minimised_error(other)
+        assert least < more
         ratio = posed.problem.cost(found) / posed.problem.cost(other)
-        assert found_and_other[0] / found_and_other[1] == pytest.approx(ratio, rel=1e-4)
+        assert (least / more) ** 2 == pytest.approx(ratio, rel=1e-4)
     assert least != pytest.approx(posed.visible_error(found), rel=1e-3)
     plain = pose(light, scene, ContrastWeighting(softening=None))
     anchor = plain.minimised_error(plain.start)  # where nothing is regularised

@@ -61,7 +61,7 @@ class Seen:
 
     Attributes
     ----------
-    weighted
+    minimised
         The error that is minimised for that room, JND rms; not within its bounds, which the
         solution for another room may leave.
     visible
@@ -70,7 +70,7 @@ class Seen:
         By ColorVideoVDP, JOD; by FLIP. None where they are not installed.
     """
 
-    weighted: float
+    minimised: float
     visible: float
     quality: float | None
     flip: float | None
@@ -128,7 +128,7 @@ def measure(case: Case, sigmas: Sequence[float], cautions: Sequence[float]) -> P
 
     @cache
     def posed(off: float) -> Posed:
-        return pose(desired, scaled(scene, 1 + off), weighting_of(preferred(scene), None))
+        return pose(desired, scaled(scene, 1 + off), weighting_of(preferred(scene)))
 
     @cache
     def projected(off: float) -> Light:
@@ -176,7 +176,7 @@ def run(work: Work) -> Finding:
     sigmas = QUICK_SIGMAS if work.quick else SIGMAS
     cautions = QUICK_CAUTIONS if work.quick else CAUTIONS
     found = work.each(wanted(work), Pictured, lambda case: measure(case, sigmas, cautions))
-    errors = _over(found, "weighted", lambda with_it, without: with_it / without)
+    errors = _over(found, "minimised", lambda with_it, without: with_it / without)
     flips = _over(found, "flip", lambda with_it, without: with_it / without)
     worth = _over(found, "quality", lambda with_it, without: with_it - without)
     days = [error for name, error in errors.items() if "day" in name]
@@ -287,7 +287,7 @@ def _expectations(
 _COLUMNS = {
     "quality": Column(name="ColorVideoVDP", unit="JOD", digits=".4f"),
     "flip": Column(name="FLIP", digits=".4f"),
-    "weighted": Column(name="minimised error", unit="JND rms", digits=".4g"),
+    "minimised": Column(name="minimised error", unit="JND rms", digits=".4g"),
     "visible": Column(name="visible error", unit="JND rms", digits=".4g"),
 }
 """Of `Seen`."""

@@ -32,7 +32,7 @@ from typing import TypeVar, final
 import numpy as np
 
 from compensate.compensating import preferred, weighting_of
-from compensate.master import Posed, Stage, solved
+from compensate.master import Posed, pose, solved
 from compensate.prediction import remaining
 from compensate.solver.admm import ADMM
 from compensate.solver.result import Result
@@ -133,19 +133,14 @@ class Shown:
     covered: float | None
 
 
-def pose(light: Light) -> Posed:
-    """A pair at the usual crosstalk and luminance of `quality`, by the paper's weighting."""
-    return Stage(usual_pair()).pose(light.astype(np.float32))
-
-
 def usual_pair() -> Scene:
-    """Where pairs are seen."""
+    """Where pairs are seen: at the usual crosstalk and luminance of `quality`."""
     return stereo_at(USUAL_CROSSTALK, USUAL_LUMINANCE)
 
 
-def product(light: Light, scene: Scene) -> Posed:
+def preferably(light: Light, scene: Scene) -> Posed:
     """A master as the commands pose it."""
-    return Stage(scene, weighting_of(preferred(scene), None)).pose(light.astype(np.float32))
+    return pose(light.astype(np.float32), scene, weighting_of(preferred(scene)))
 
 
 def centre_of(posed: Posed) -> tuple[int, int]:
@@ -227,7 +222,7 @@ def agree(one: Input) -> Agreement:
     places |= {(one.usual, white) for white in LUMINANCES}
     found = []
     for place in sorted(places):
-        posed = Stage(one.scene(*place)).pose(light)
+        posed = pose(light, one.scene(*place))
         found += [agreement(posed, shown) for shown in (posed.desired, posed.subtractive)]
     return reduce(add, found)
 
@@ -330,16 +325,17 @@ def _tried(work: Work, inputs: Mapping[str, Input]) -> dict[str, Tried]:
 
 
 def _area(read: Callable[[], Light], cols: float, rows: float) -> Area:
-    return area(pose(read()), cols, rows)
+    """By the paper's weighting."""
+    return area(pose(read().astype(np.float32), usual_pair()), cols, rows)
 
 
 def _pair(read: Callable[[], Light]) -> Posed:
-    return product(read(), usual_pair())
+    return preferably(read(), usual_pair())
 
 
 def _dome(one: Input) -> Posed:
     """At the usual albedo and luminance of `quality`."""
-    return product(one.read(), one.scene(one.usual, USUAL_LUMINANCE))
+    return preferably(one.read(), one.scene(one.usual, USUAL_LUMINANCE))
 
 
 def _read(name: str) -> Light:
