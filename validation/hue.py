@@ -39,11 +39,12 @@ def shift_in_the_dark(desired: Light, seen: Light, scene: Scene) -> float | None
     return float(found.mean()) if found.size else None
 
 
+def chromaticity(xyz: NDArray[Any]) -> NDArray[np.complex128]:
+    """Complex u' + i v' (CIE 15:2004, section 8.2.1) of colours (..., XYZ) that are not black."""
+    x, y, z = np.moveaxis(xyz, -1, 0)
+    return np.asarray((4 * x + 9j * y) / (x + 15 * y + 3 * z))
+
+
 def _hue(xyz: NDArray[Any], white: NDArray[Any]) -> NDArray[Any]:
-    """Complex u' + i v' (CIE 15:2004, section 8.2.1) from `white`."""
-
-    def chromaticity(colour: NDArray[Any]) -> NDArray[Any]:
-        x, y, z = np.moveaxis(colour, -1, 0)
-        return np.asarray((4 * x + 9j * y) / (x + 15 * y + 3 * z))
-
+    """Complex chromaticity from `white`."""
     return np.asarray(chromaticity(xyz) - chromaticity(white))

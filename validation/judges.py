@@ -68,10 +68,10 @@ def flip(reference: Light, test: Light, scene: Scene) -> float:
     require_light(test, reference.shape, who="flip")
     if len(reference) > 1:
         return _of_both(flip, reference, test, scene)
-    times, density = _enlargement(scene, *reference.shape[1:3])
+    times, density = enlargement(scene, *reference.shape[1:3])
     curve = named("srgb", white=1.0)
     shown = (
-        _enlarged(curve.encode(np.minimum(_on_display(light, scene), 1)), times)
+        enlarged(curve.encode(np.minimum(on_display(light, scene), 1)), times)
         for light in (reference, test)
     )
     each, _, _ = flip_evaluator.evaluate(*shown, "LDR", True, False, False, {"ppd": density})
@@ -128,7 +128,7 @@ def colorvideovdp_video(
         [np.stack([_shown(light[eye], scene) for light in film]) for film in (test, reference)]
         for eye in eyes
     ]
-    with _quiet():
+    with quiet():
         metric = _metric(scene, *reference[0].shape[1:3])
         found = [
             metric.predict(*shown, dim_order="FHWC", frames_per_second=frames_per_second)[0]
@@ -228,13 +228,13 @@ def _predicted(
     """Of one view, ColorVideoVDP's JOD and (row, col) heatmap: JOD lost, 0 if not asked for."""
     rows, cols = reference.shape[1:3]
     shown = [_shown(light, scene) for light in (test, reference)]
-    with _quiet():
+    with quiet():
         quality, stats = _metric(scene, rows, cols, heatmap).predict(*shown, dim_order="HWC")
     lost = np.zeros((rows, cols), np.float32)
     if heatmap is not None:
         # It is of half precision, and in shares of 10 JOD
         fine = 10 * stats["heatmap"][0, 0, 0].float().numpy()
-        times, _ = _enlargement(scene, rows, cols)
+        times, _ = enlargement(scene, rows, cols)
         lost[:] = fine.reshape(rows, times, cols, times).mean((1, 3))
     return float(quality), lost
 
@@ -242,7 +242,7 @@ def _predicted(
 def _metric(scene: Scene, rows: int, cols: int, heatmap: str | None = None) -> Any:
     """ColorVideoVDP for pictures of that size, `_shown`."""
     cvvdp, torch = _colorvideovdp()
-    times, density = _enlargement(scene, rows, cols)
+    times, density = enlargement(scene, rows, cols)
     return cvvdp.cvvdp(
         display_photometry=cvvdp.vvdp_display_photo_eotf(
             _BRIGHTEST, contrast=_BRIGHTEST / _DARKEST, EOTF="linear"
@@ -256,25 +256,26 @@ def _metric(scene: Scene, rows: int, cols: int, heatmap: str | None = None) -> A
 
 def _shown(light: Light, scene: Scene) -> NDArray[np.float32]:
     """(row, col, RGB) of one view in cd/m², as ColorVideoVDP takes it."""
-    times, _ = _enlargement(scene, *light.shape[1:3])
-    return _enlarged(_on_display(light, scene), times) * np.float32(scene.projector.white)
+    times, _ = enlargement(scene, *light.shape[1:3])
+    return enlarged(on_display(light, scene), times) * np.float32(scene.projector.white)
 
 
-def _on_display(light: Light, scene: Scene) -> NDArray[np.float32]:
+def on_display(light: Light, scene: Scene) -> NDArray[np.float32]:
     """(row, col, RGB) linear light in BT.709, at least 0; black outside the screen."""
     inside = scene.screen(*light.shape[1:3])[..., None]
     shown = np.where(inside, np.maximum(scene.projector.to_display(light)[0], 0), 0)
     return np.asarray(shown, np.float32)
 
 
-def _enlargement(scene: Scene, rows: int, cols: int) -> tuple[int, float]:
+def enlargement(scene: Scene, rows: int, cols: int) -> tuple[int, float]:
     """How many times to repeat pixels, which are squares of even light, and pixels per degree."""
     density = scene.viewing.pixels_per_degree(rows, cols)
     times = max(1, int(np.ceil(COARSEST / density)))
     return times, times * density
 
 
-def _enlarged(picture: NDArray[Any], times: int) -> NDArray[Any]:
+def enlarged(picture: NDArray[Any], times: int) -> NDArray[Any]:
+    """A (row, col, ...) picture with each pixel repeated so many times in both directions."""
     return np.ascontiguousarray(picture.repeat(times, axis=0).repeat(times, axis=1))
 
 
@@ -310,7 +311,7 @@ def _disc(size: int) -> NDArray[np.bool_]:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """No gradients; no log lines below errors: what domes show is below 1 cd/m², and warned of."""
     _, torch = _colorvideovdp()
     before = logging.root.manager.disable
