@@ -10,13 +10,12 @@ from typing import Annotated
 
 import typer
 
+from compensate.aim import Aim, Eye
 from compensate.comparison import Comparison, compare_methods, shown_methods
-from compensate.compensating import Compensating, line_of, preferred, weighting_of
-from compensate.contrast import DOME_GAIN, PAIR_GAIN, Eye
-from compensate.devices import CPU, on_device
+from compensate.compensating import Compensating, line_of
+from compensate.devices import CPU
 from compensate.master import Figures
 from compensate.methods import METHODS, Solver
-from compensate.solver.admm import ADMM
 from domesim.batch.run import FRAME_TIMEOUT, Running
 from domesim.batch.work import Writing
 from domesim.choice import SceneChoice
@@ -76,12 +75,19 @@ Quality = Annotated[
     bool,
     typer.Option("--quality", help="Perceptual: --tolerance 1e-4, for about twice the time."),
 ]
+Lift = Annotated[
+    float | None,
+    typer.Option(
+        help="Perceptual: from the deepest black (0, plain subtraction) to all contrast (4): how "
+        f"many times the missing light dark places are lifted; {Aim().lift:g} by default.",
+        show_default=False,
+    ),
+]
 LowFrequencyGain = Annotated[
     float | None,
     typer.Option(
-        help="Perceptual: how much coarse luminance errors count, 0..1 of the most visible ones; "
-        f"by default {PAIR_GAIN:g} of pairs and {DOME_GAIN:g} of domes, 0.1 of --weighting paper. "
-        "Low values give up the black level for detail, 1 comes close to subtraction.",
+        help="--weighting paper: how much coarse luminance errors count, 0..1 of the most visible "
+        "ones; 0.1 by default.",
         show_default=False,
     ),
 ]
@@ -89,10 +95,9 @@ EyeName = Annotated[
     str | None,
     typer.Option(
         "--weighting",
-        help="Perceptual: contrast, relative to the local luminance that one seat sees, with "
-        "castleCSF's sensitivities, which is the default; contours, the same for pairs whose "
-        "ghosts hinder fusion: softer edges, under wider veils; or paper, one adaptation luminance "
-        "and Daly's sensitivity, which is what several seats get.",
+        help="Perceptual: contrast keeps the master's contrasts and hues over the black that is "
+        "left, which is the default; paper minimises the difference of light by one adaptation "
+        "luminance and Daly's sensitivity, with a certificate, which is what several seats get.",
         show_default=False,
     ),
 ]
@@ -129,6 +134,7 @@ def compensate(
     method: Method = "perceptual",
     tolerance: Tolerance = None,
     quality: Quality = False,
+    lift: Lift = None,
     low_frequency_gain: LowFrequencyGain = None,
     eye: EyeName = None,
     device: DeviceName = CPU,
@@ -160,7 +166,8 @@ def compensate(
         choice.settled(theatre),
         method,
         wanted,
-        eye or preferred(theatre),
+        eye,
+        lift,
         low_frequency_gain,
         device,
         only_visible,
@@ -204,6 +211,7 @@ def compare(
     transport: TransportFile = None,
     tolerance: Tolerance = None,
     quality: Quality = False,
+    lift: Lift = None,
     low_frequency_gain: LowFrequencyGain = None,
     eye: EyeName = None,
     device: DeviceName = CPU,
@@ -237,12 +245,13 @@ def compare(
     recipe = Compensating(
         choice,
         tolerance=wanted,
-        eye=eye or preferred(theatre),
+        eye=eye,
+        lift=lift,
         low_frequency_gain=low_frequency_gain,
         device=device,
     )
     solver = recipe.solver(theatre, console.note)
-    weighting = weighting_of(recipe.eye, low_frequency_gain)
+    weighting = recipe.weighting(theatre)
     prepare_folder(out.parent)
     (moment,) = show.moments
     with about(moment[0]):
@@ -259,21 +268,19 @@ def demo(
     out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("out/demo"),
     scene: SceneName = "dome_imax",
     transport: TransportFile = None,
-    device: DeviceName = CPU,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Run the main job on the bundled night scene: frames to project, what is seen, the page."""
     console = Console(quiet=quiet, json=json)
     theatre = scene_of(SceneChoice(scene, transport), console)
-    solver = on_device(ADMM(), device)
     if not isinstance(theatre, DomeScene):
         raise InputError(f"--scene {scene}: the demo's master is a domemaster; use a dome theatre")
     with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
         frame = read_master([path])
     console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
     prepare_folder(out)
-    comparison = _compared(frame, theatre, console, solver, weighting_of(preferred(theatre)))
+    comparison = _compared(frame, theatre, console, None, None)
     files = []
     for name, written in comparison.frames():
         write_master(written, [out / f"{name}.exr"])
@@ -297,7 +304,7 @@ def _compared(
     theatre: Scene,
     console: Console,
     solver: Solver | None,
-    weighting: Eye,
+    weighting: Eye | None,
 ) -> Comparison:
     with console.progress("solving", len(shown_methods(theatre))) as start:
         comparison = compare_methods(

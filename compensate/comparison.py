@@ -10,7 +10,7 @@ from typing import Any, final
 
 import numpy as np
 
-from compensate.contrast import Eye
+from compensate.aim import Eye
 from compensate.master import Outcome, Posed, pose_frame, solve_frame
 from compensate.methods import Solver
 from compensate.page import Figure, View, write_page
@@ -19,7 +19,7 @@ from domesim.light import Light
 from domesim.scene import DomeScene, Scene
 from domesim.screening import encoded
 
-PERCEPTUAL = ("Seen, perceptual", "the least visible error within the projector's range")
+PERCEPTUAL = ("Seen, perceptual", "the master's contrasts and hues, over the black that is left")
 DOME = {
     "none": ("Seen, untouched", "the master projected as it is: reflected light greys the blacks"),
     "subtractive": ("Seen, subtractive", "reflected light subtracted, clipped at black"),
@@ -115,11 +115,11 @@ class Comparison:
         }
         table = [
             Figure(
-                "Visible error",
-                "JND rms",
-                {names[m]: f"{o.figures.error_after:.3g}" for m, o in self.outcomes.items()},
-                "Difference from the master, weighted by contrast sensitivity, in just-noticeable "
-                "differences.",
+                "Quality lost",
+                "JOD",
+                {names[m]: f"{o.figures.loss_after:.3g}" for m, o in self.outcomes.items()},
+                "How much worse it looks than the master, by a published model of vision: of two "
+                "pictures 1 JOD apart, 75 of 100 people prefer the better.",
             ),
             Figure(
                 "Darkest 1 %",
@@ -144,15 +144,12 @@ class Comparison:
             )
         by_seat = [
             Figure(
-                f"Visible error, {seat}",
-                "JND rms",
-                {
-                    names[m]: f"{o.figures.error_by_seat[seat]:.3g}"
-                    for m, o in self.outcomes.items()
-                },
+                f"Quality lost, {seat}",
+                "JOD",
+                {names[m]: f"{o.figures.loss_by_seat[seat]:.3g}" for m, o in self.outcomes.items()},
                 "The same at this seat; the pictures are what the first seat sees.",
             )
-            for seat in next(iter(self.outcomes.values())).figures.error_by_seat
+            for seat in next(iter(self.outcomes.values())).figures.loss_by_seat
         ]
         return table + by_seat
 
@@ -183,7 +180,7 @@ def compare_methods(
     scene: Scene,
     *,
     solver: Solver | None,
-    weighting: Eye,
+    weighting: Eye | None,
     progress: Callable[[str], None] = lambda name: None,
 ) -> Comparison:
     """Run the methods that are shown on one master; `solver` is the perceptual one's.

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, final
 
+from compensate.aim import Aim, Eye
 from compensate.comparison import compare_methods
-from compensate.contrast import ContrastWeighting, Eye
 from compensate.devices import CPU, on_device
-from compensate.master import Figures, Posed, Solution, Stage, solve_frame
+from compensate.master import Figures, Posed, Solution, Stage, preferred, solve_frame
 from compensate.methods import Solver, perceptual, require_method
-from compensate.softening import Softening
 from compensate.visible import OnlyVisible
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
@@ -23,11 +20,11 @@ from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.scene import Scene, StereoScene
 
-PAPER, CONTRAST, CONTOURS = "paper", "contrast", "contours"
-"""Names of the vision models."""
+PAPER, CONTRAST = "paper", "contrast"
+"""What a picture can be made for: the paper's least squares, or its contrasts (the aim)."""
 
 INVISIBLE = 0.01
-"""JND rms of rounding that is not worth a word."""
+"""JOD of rounding that is not worth a word."""
 
 SIZE = 1024
 """Largest side of pictures on the pages of the worst frames, pixels."""
@@ -47,9 +44,11 @@ class Compensating(Recipe):
     tolerance
         Of the perceptual method.
     eye
-        Name of the vision model: "paper", "contrast" or, of a pair, "contours".
+        "contrast" or "paper"; None for the scene's default.
+    lift
+        Of contrast: how many times the missing light is lifted; None for its own.
     low_frequency_gain
-        Of the vision model; None for its own.
+        Of the paper's weighting; None for its own.
     device
         What computes.
     only_visible
@@ -59,7 +58,8 @@ class Compensating(Recipe):
     scene: SceneChoice
     method: str = "perceptual"
     tolerance: float = 1e-3
-    eye: str = PAPER
+    eye: str | None = None
+    lift: float | None = None
     low_frequency_gain: float | None = None
     device: str = CPU
     only_visible: bool = False
@@ -68,7 +68,7 @@ class Compensating(Recipe):
         """See `Recipe`."""
         theatre = self.scene.load()
         solver = self.solver(theatre, note)
-        stage = Stage(theatre, weighting_of(self.eye, self.low_frequency_gain))
+        stage = Stage(theatre, self.weighting(theatre))
 
         def prepare(source: Master) -> tuple[Master, Posed, float]:
             return source, *stage.pose_frame(source)
@@ -88,14 +88,15 @@ class Compensating(Recipe):
         InputError
             If they do not.
         """
-        weighting_of(self.eye, self.low_frequency_gain)
-        if self.eye == CONTOURS and not isinstance(theatre, StereoScene):
-            raise InputError(
-                f"--weighting {CONTOURS}: ghosts are a stereo pair's; a dome takes {CONTRAST}"
-            )
+        self.weighting(theatre)
         require_method(self.method, theatre)
         if not 0 < self.tolerance < 1:
             raise InputError(f"tolerance must lie between 0 and 1, got {self.tolerance:g}")
+        aimed = isinstance(self.weighting(theatre), Aim)
+        if self.method == "perceptual" and aimed and (self.only_visible or self.device != CPU):
+            raise InputError(
+                f"--only-visible and --device are of --weighting {PAPER}: contrasts need no solver"
+            )
         if self.only_visible:
             table = isinstance(theatre, StereoScene) and theatre.table is not None
             if self.method != "perceptual" or theatre.several_seats or table or self.device != CPU:
@@ -114,8 +115,35 @@ class Compensating(Recipe):
                     f"--seat all, name one, or leave --method out"
                 )
 
+    def weighting(self, theatre: Scene) -> Eye:
+        """What pictures are made for.
+
+        Raises
+        ------
+        InputError
+            If there is no such thing, or a setting belongs to the other.
+        """
+        if self.eye not in (None, PAPER, CONTRAST):
+            raise InputError(
+                f"--weighting {self.eye!r} is not known; use one of {CONTRAST}, {PAPER}"
+            )
+        found = preferred(theatre)
+        if self.eye is not None:
+            found = Aim() if self.eye == CONTRAST else PerceptualWeighting()
+        if self.lift is not None and not isinstance(found, Aim):
+            raise InputError(f"--lift is of --weighting {CONTRAST}; leave it out")
+        if self.low_frequency_gain is not None and isinstance(found, Aim):
+            raise InputError(
+                f"--low-frequency-gain is of --weighting {PAPER}; of {CONTRAST}, use --lift"
+            )
+        if self.lift is not None:
+            return Aim(lift=self.lift)
+        if self.low_frequency_gain is not None:
+            return PerceptualWeighting(LowFrequencyFloor(self.low_frequency_gain))
+        return found
+
     def solver(self, theatre: Scene, note: Note) -> Solver | None:
-        """The perceptual method's solver, or None for the others' own.
+        """The solver of the paper's weighting, or None: all else is computed directly.
 
         Raises
         ------
@@ -123,7 +151,7 @@ class Compensating(Recipe):
             If the settings do not go together, or there is no such device.
         """
         self.require_sense(theatre)
-        if self.method != "perceptual":
+        if self.method != "perceptual" or isinstance(self.weighting(theatre), Aim):
             return None
 
         def progress(iteration: int, gap: float) -> None:
@@ -141,9 +169,9 @@ class Compensating(Recipe):
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
         return (
-            Column("error_after", "Visible error", "JND rms"),
-            Column("error_subtractive", "if subtracted", "JND rms"),
-            Column("error_before", "untouched", "JND rms"),
+            Column("loss_after", "Quality lost", "JOD"),
+            Column("loss_subtractive", "if subtracted", "JOD"),
+            Column("loss_before", "untouched", "JOD"),
             Column("clipped", "Too dark", "%"),
             Column("out_of_range", "Out of range", "%"),
         )
@@ -163,40 +191,10 @@ class Compensating(Recipe):
     def compare(self, master: Master, page: Path) -> None:
         """See `Recipe`: master, and what is seen untouched and compensated."""
         theatre = self.scene.load()
-        weighting = weighting_of(self.eye, self.low_frequency_gain)
-        solver = None
-        if self.method == "perceptual":
-            solver = self.solver(theatre, lambda text: None)
+        weighting = self.weighting(theatre)
+        solver = self.solver(theatre, lambda text: None)
         comparison = compare_methods(master, theatre, solver=solver, weighting=weighting)
         comparison.write_page(page, size=SIZE, command=f"domesim compensate --scene {theatre.name}")
-
-
-def preferred(theatre: Scene) -> str:
-    """The vision model for those who name none (``validation/notes/0007``)."""
-    return PAPER if theatre.several_seats else CONTRAST
-
-
-def weighting_of(name: str, low_frequency_gain: float | None = None) -> Eye:
-    """The vision model of that name.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
-    settings: dict[str, Callable[..., Eye]] = {
-        PAPER: PerceptualWeighting,
-        CONTRAST: ContrastWeighting,
-        # Whatever ghosts stand out from (validation/notes/0007)
-        CONTOURS: partial(
-            ContrastWeighting, softening=Softening(1.8, reach=0.3, contrast=1e3, firmness=0)
-        ),
-    }
-    if name not in settings:
-        raise InputError(f"--weighting {name!r} is not known; use one of {', '.join(settings)}")
-    if low_frequency_gain is None:
-        return settings[name]()
-    return settings[name](LowFrequencyFloor(low_frequency_gain))
 
 
 def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
@@ -206,27 +204,27 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     found = outcome.figures
     del outcome  # its frame is as large as what is read below
     figures, line = asdict(found), line_of(found)
-    if found.error_before is None:
-        return {**figures, "error_stored": None}, line
+    if found.loss_before is None:
+        return {**figures, "loss_stored": None}, line
     stored = write.stored()
-    error = solution.posed.stored_error(stored)
-    line += f" As stored: {error:.3g} JND rms"
-    if error > 1.1 * found.error_after and error > INVISIBLE:
+    lost = solution.posed.stored_loss(stored)
+    line += f" As stored: {lost:.3g} JOD"
+    if lost > 1.1 * found.loss_after and lost > INVISIBLE:
         line += f" (rounding to {stored.bits} bit {stored.path.suffix} shows: --format, --bits)"
-    return {**figures, "error_stored": error}, line
+    return {**figures, "loss_stored": lost}, line
 
 
 def line_of(f: Figures) -> str:
     """What was done and how good it is, for a person."""
     parts = [f"{f.method}: {f.pollution:.2g} cd/m² of pollution, subtracted"]
-    if f.error_before is not None:
+    if f.loss_before is not None:
         parts = [
-            f"{f.method}: visible error {f.error_before:.3g} -> {f.error_after:.3g} JND rms "
-            f"(subtractive {f.error_subtractive:.3g})",
+            f"{f.method}: quality lost {f.loss_before:.3g} -> {f.loss_after:.3g} JOD "
+            f"(subtractive {f.loss_subtractive:.3g})",
             f"{f.clipped:.1%} of the screen too dark for exact subtraction",
         ]
-    if f.error_by_seat:
-        seats = ", ".join(f"{name} {error:.3g}" for name, error in f.error_by_seat.items())
+    if f.loss_by_seat:
+        seats = ", ".join(f"{name} {lost:.3g}" for name, lost in f.loss_by_seat.items())
         parts.append(f"by seat: {seats}")
     if f.out_of_range:
         parts.append(f"{f.out_of_range:.1%} out of the projector's range")

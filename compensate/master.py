@@ -17,16 +17,16 @@ from typing import cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.contrast import ContrastWeighting, Eye, LocalContrast, Terms
+from compensate.aim import Aim, Eye, Sight, lifted, veiled, with_hue
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy
-from compensate.leeway import Leeway, Limits
-from compensate.methods import Solver, methods_of, require_method
+from compensate.methods import Solver, require_method
 from compensate.problem import Problem
+from compensate.ruler import quality_lost
 from compensate.solver import baselines, deghosting
 from compensate.solver.result import Result, Status
 from compensate.solver.worst_seat import seat_importance
-from compensate.weighting import CsfWeighting, PerceptualWeighting, Weighting
+from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Light, require_light
@@ -64,16 +64,16 @@ class Figures:
         Share of the screen's pixels that the projector cannot show even without pollution.
     pollution
         Mean luminance of the pollution of the untouched frame on the screen, cd/m².
-    error_before, error_subtractive, error_after
-        Root-mean-square of the weighted residual over the screen, in just-noticeable differences
-        (multiples of Daly's threshold contrast at the adaptation luminance), before rounding to
-        the file's code values. Under another vision model, multiples of its thresholds: not to be
-        compared with those of the paper's. `error_before` may be left out (`Solution.outcome`).
+    loss_before, loss_subtractive, loss_after
+        How much worse it looks than the master: the reference model's mean over the screen, in
+        just-objectionable differences (`compensate.ruler`), untouched, subtracted, and as
+        compensated, before rounding to the file's code values. No setting changes the model. Of
+        several seats, of the first one. `loss_before` may be left out (`Solution.outcome`).
     ghost_edges
         Of a stereo pair: ghost edge energy (`compensate.ghosts`) at the first seat, 1 for the
         untouched master; None without ghosts.
-    error_by_seat
-        Of several seats: `error_after` of each.
+    loss_by_seat
+        Of several seats: `loss_after` of each.
     file_clipped
         Share of the screen's pixels whose colour the file's encoding cannot hold.
     status
@@ -90,18 +90,19 @@ class Figures:
     light_left, error_left
         Of a measured scene, what is left in fact: (low, likely, high) ends of the 95 % interval and
         median of the residual's root-mean-square over the screen, 1 = projector white; and of
-        `error_after`, by the whole room and not by the closed form. None if nothing was measured.
+        `Posed.visible_error`, by the whole room and not by the closed form. None if nothing was
+        measured.
     """
 
     method: str
     clipped: float
     out_of_range: float
     pollution: float
-    error_before: float | None
-    error_subtractive: float
-    error_after: float
+    loss_before: float | None
+    loss_subtractive: float
+    loss_after: float
     ghost_edges: float | None
-    error_by_seat: dict[str, float]
+    loss_by_seat: dict[str, float]
     file_clipped: float
     status: str
     gap: float | None
@@ -128,8 +129,10 @@ class Posed:
         (seen view, row, col, primary) what all seats should see.
     observation
         What the audience sees, exactly: `problem` may know it linearised.
-    posing
-        Gives `problem`.
+    problem
+        The paper's least squares: what to minimise without an aim.
+    aiming
+        Gives the light that shows the aim; None without an aim.
     single
         The problem for methods that know one seat only: of several, the mean one.
     subtractive
@@ -151,7 +154,8 @@ class Posed:
     desired: Light
     wanted: Light
     observation: Observation
-    posing: Callable[[], Problem]
+    problem: Problem
+    aiming: Callable[[], Light] | None
     single: Problem
     subtractive: Light
     screen: NDArray[np.bool_]
@@ -160,27 +164,21 @@ class Posed:
     exact: bool
     uncertain: Callable[[], Uncertain | None]
 
-    @property
-    def problem(self) -> Problem:
-        """What to minimise."""
-        return self.posing()
-
-    @property
-    def start(self) -> Light:
-        """Where its solver starts: at exact clipped subtraction of what is aimed at."""
-        anchor = self.problem.anchor
-        assert anchor is not None
-        return anchor
-
-    @property
+    @cached_property
     def clipped(self) -> float:
         """Share of the screen's pixels where subtraction needs less light than none."""
-        return self._subtracted[0]
+        if self.exact:
+            return 0.0
+        residual = self.single.observation.observe(self.subtractive) - self.single.desired
+        count = sum(
+            in_strips(lambda view, rows: self._too_bright(residual, view, rows), residual.shape)
+        )
+        return count / (len(residual) * np.count_nonzero(self.screen))
 
-    @property
-    def error_subtractive(self) -> float:
-        """`visible_error` of exact clipped subtraction."""
-        return self._subtracted[1]
+    @cached_property
+    def loss_subtractive(self) -> float:
+        """`loss` of exact clipped subtraction."""
+        return self.loss(self.subtractive)
 
     @property
     def pollution(self) -> float:
@@ -188,21 +186,16 @@ class Posed:
         return self._untouched[0]
 
     @cached_property
-    def error_before(self) -> float:
-        """`visible_error` of the untouched master."""
-        known = self._untouched[1]
-        return self.visible_error(self.desired) if known is None else known
+    def loss_before(self) -> float:
+        """`loss` of the untouched master."""
+        return self.loss(self.desired)
 
     @cached_property
-    def _untouched(self) -> tuple[float, float | None, NDArray[np.floating]]:
-        """`pollution`, `error_before`, and (view, row, col) luminance that a pair sees too much.
-
-        The error is None where subtraction is exact: it may not be asked for.
-        """
+    def _untouched(self) -> tuple[float, NDArray[np.floating]]:
+        """`pollution`, and (view, row, col) luminance that a pair sees too much."""
         residual = self.residual(self.desired)
         ghost = self._luminance(residual[: self.scene.views if self.scene.views > 1 else 0])
-        pollution = mean_luminance(residual, self.scene, self.areas)
-        return pollution, None if self.exact else self._visible(residual), ghost
+        return mean_luminance(residual, self.scene, self.areas), ghost
 
     def _luminance(self, light: Light) -> NDArray[np.floating]:
         planes = np.empty(light.shape[:3], light.dtype)
@@ -212,21 +205,6 @@ class Posed:
             light.shape,
         )
         return planes
-
-    @cached_property
-    def _subtracted(self) -> tuple[float, float]:
-        """`clipped` and `error_subtractive`."""
-        if self.exact:
-            return 0.0, 0.0
-        residual = self.residual(self.subtractive)
-        at_seat = residual
-        if self.single.observation is not self.observation:
-            at_seat = self.single.observation.observe(self.subtractive) - self.single.desired
-        clipped = sum(
-            in_strips(lambda view, rows: self._too_bright(at_seat, view, rows), at_seat.shape)
-        )
-        share = clipped / (len(at_seat) * np.count_nonzero(self.screen))
-        return share, self._visible(residual)
 
     def _too_bright(self, residual: Light, view: int, rows: slice) -> int:
         """How many pixels of the screen show more light than they should, in some primary."""
@@ -250,39 +228,28 @@ class Posed:
     def visible_error(self, light: Light) -> float:
         """Root-mean-square weighted residual over the screen, in just-noticeable differences.
 
-        A weighted residual is in light (1.0 = white) at the eye's most sensitive frequency; over
-        the adaptation luminance it is a contrast, times the CSF's peak a multiple of the threshold.
-        Under `ContrastWeighting` it is relative to the local luminance; in a dome, whose bright
-        places count as darker ones there, a threshold in these reads several times 1.
-        Several seats count by their weights.
+        It is the paper's: Daly's sensitivity at one adaptation luminance, with the default settings
+        of `PerceptualWeighting`. A weighted residual is in light (1.0 = white) at the eye's most
+        sensitive frequency; over the adaptation luminance it is a contrast, times the CSF's peak a
+        multiple of the threshold. Several seats count by their weights.
         """
-        return self._visible(self.residual(light))
-
-    def minimised_error(self, light: Light) -> float:
-        """What the method minimises, in the unit of `visible_error`.
-
-        It is taken from the aim, which has soft ghosts (`compensate.softening`), not from the
-        master, and the regulariser counts.
-        """
-        energy = self.judge.energy(self.problem.residual(light))
-        return self._in_differences(energy + 2 * self.problem.penalty(light))
-
-    def stored_error(self, stored: Master) -> float:
-        """`visible_error` of a frame as a file holds it, with its rounding."""
-        return self._visible(self.residual(decoded(stored, self.scene)))
-
-    def _visible(self, residual: Light) -> float:
-        """`visible_error` of what is left; rounding is nothing."""
+        residual = self.residual(light)
         if _is_rounding(residual):
             return 0.0
-        # By the same name: of a large picture, what is left of it would be a gigabyte
-        residual = self.problem.contrasted(residual)
         return self._in_differences(self.judge.energy(residual))
+
+    def loss(self, light: Light) -> float:
+        """How much worse it looks than the master, JOD (`compensate.ruler`); of all seats."""
+        return float(np.mean(list(self._losses(light).values())))
+
+    def stored_loss(self, stored: Master) -> float:
+        """`loss` of a frame as a file holds it, with its rounding."""
+        return self.loss(decoded(stored, self.scene))
 
     def _in_differences(self, energy: float) -> float:
         """Just-noticeable differences, rms, of a weighted residual's energy."""
         mean_square = energy / (np.count_nonzero(self.screen) * self.scene.views)
-        return float(np.sqrt(mean_square)) * _differences(self.scene, self.problem.weighting)
+        return float(np.sqrt(mean_square)) * _differences(self.scene, self.judge)
 
     def foreseen(self, light: Light) -> Foreseen | None:
         """What is left of the pollution in fact; None if nothing of the scene was measured.
@@ -294,13 +261,9 @@ class Posed:
             return None
         residual = uncertain.best.observe(light)
         residual -= self.wanted
-        found = foreseen(
-            residual,
-            uncertain.changes(light),
-            lambda each: self.judge.apply(self.problem.contrasted(each)),
-        )
+        found = foreseen(residual, uncertain.changes(light), self.judge.apply)
         pixels = np.count_nonzero(self.screen) * self.scene.views
-        unit = _differences(self.scene, self.problem.weighting) / np.sqrt(pixels)
+        unit = _differences(self.scene, self.judge) / np.sqrt(pixels)
         return replace(found, weighted=found.weighted.times(unit))
 
     def distance(self, result: Result) -> float | None:
@@ -325,7 +288,7 @@ class Posed:
         """
         if self.scene.views == 1:
             return None
-        ghost = self._untouched[2]
+        ghost = self._untouched[1]
         if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT:
             return None
         if self.exact and light is self.subtractive:
@@ -337,19 +300,26 @@ class Posed:
         energy = edge_energy(error, ghost, density)
         return energy if np.isfinite(energy) else None
 
-    def error_by_seat(self, light: Light) -> dict[str, float]:
-        """`visible_error` at each of several seats; empty for one."""
-        if not isinstance(self.observation, SeveralSeats):
-            return {}
-        assert isinstance(self.scene, StereoScene)
-        residual = self.residual(light)
-        weighting = self.judge.with_importance(np.ones(self.scene.views))
-        factor = _differences(self.scene, weighting)
-        factor /= np.sqrt(np.count_nonzero(self.screen) * self.scene.views)
+    def loss_by_seat(self, light: Light) -> dict[str, float]:
+        """`loss` at each of several seats; empty for one."""
+        return self._losses(light) if isinstance(self.observation, SeveralSeats) else {}
+
+    def _losses(self, light: Light) -> dict[str, float]:
+        """`loss` at each seat; that of a single one has no name."""
+        seen = self.observation.observe(light)
+        seats = {"": (self.wanted, seen)}
+        if isinstance(self.observation, SeveralSeats):
+            assert isinstance(self.scene, StereoScene)
+            of_seat = self.observation.of_seat
+            seats = {
+                name: (of_seat(self.wanted, number), of_seat(seen, number))
+                for number, name in enumerate(self.scene.chosen)
+            }
         return {
-            name: float(np.sqrt(weighting.energy(self.observation.of_seat(residual, number))))
-            * factor
-            for number, name in enumerate(self.scene.chosen)
+            name: 0.0
+            if _is_rounding(shown, wanted)
+            else quality_lost(wanted, shown, self.scene, self.screen)
+            for name, (wanted, shown) in seats.items()
         }
 
 
@@ -390,9 +360,10 @@ def compensate(
     InputError
         If the master leaves 0..1 on the screen (see `domesim.screening.within_range`).
     """
+    if weighting is None and solver is not None:
+        weighting = PerceptualWeighting()
     posed = pose(desired, scene, weighting)
-    chosen = solver or methods_of(scene)["perceptual"](scene, posed.problem)
-    found = chosen(posed.problem, posed.start)
+    found = solved(posed, "perceptual", solver)
     if posed.desired is desired:
         return found
     on = posed.screen[None, :, :, None]
@@ -418,7 +389,7 @@ class Stage:
 
     def __init__(self, scene: Scene, weighting: Eye | None = None) -> None:
         self._scene = scene
-        self._settings = weighting or PerceptualWeighting()
+        self._settings = weighting or preferred(scene)
         self._shared: _Shared | None = None
 
     def pose(self, desired: Light) -> Posed:
@@ -442,39 +413,25 @@ class Stage:
         seen = shared.observation.observe(subtractive)
         exact = _is_rounding(seen, wanted)
 
-        def limits(seen: Light) -> Limits:
-            bounds = single.lower, single.upper
-            if not shared.leeway:
-                return bounds
-            return shared.leeway.limits(subtractive, seen - wanted, bounds, shared.density)
-
-        def problem(seen: Light) -> Problem:
-            lower, upper = limits(seen)
-            terms = shared.contrast(seen, wanted) if shared.contrast else Terms()
-            anchor = subtractive
-            if terms.aim is not None:
-                anchor = np.clip(shared.subtracted(terms.aim)[1], lower, upper)
-            return Problem(
-                solvable,
-                shared.weighting,
-                wanted,
-                (lower, upper),
-                anchor=anchor,
-                regularisation=shared.regularisation,
-                negligible=shared.negligible,
-                contrast=terms.contrast,
-                aim=terms.aim,
-                stiffness=terms.stiffness,
-            )
-
-        # Where nothing is left to solve, it may never be asked for
-        posing = cache(partial(problem, wanted)) if exact else partial(_given, problem(seen))
+        problem = Problem(
+            solvable,
+            shared.weighting,
+            wanted,
+            (single.lower, single.upper),
+            anchor=subtractive,
+            regularisation=REGULARISATION,
+            negligible=shared.negligible,
+        )
+        aiming = None
+        if isinstance(self._settings, Aim):
+            aiming = partial(shared.aimed, self._settings, desired, subtractive, seen)
         return Posed(
             scene=self._scene,
             desired=desired,
             wanted=wanted,
             observation=shared.observation,
-            posing=posing,
+            problem=problem,
+            aiming=aiming,
             single=single,
             subtractive=subtractive,
             screen=shared.screen,
@@ -508,10 +465,7 @@ class _Shared:
     screen: NDArray[np.bool_]
     areas: NDArray[np.floating]
     negligible: float
-    regularisation: float | list[float]
-    contrast: LocalContrast | None
-    leeway: Leeway | None
-    density: float  # pixels per degree
+    sight: Sight
     uncertain: Callable[[], Uncertain | None]
 
     def subtracted(self, desired: Light) -> tuple[Problem, Light]:
@@ -533,6 +487,40 @@ class _Shared:
             problem = problem.observed_by(self.single.linearised(light))
         return problem, light
 
+    def aimed(self, aim: Aim, desired: Light, subtractive: Light, seen: Light) -> Light:
+        """The light that shows the aim, by exact clipped subtraction.
+
+        Parameters
+        ----------
+        aim
+            Its settings.
+        desired, subtractive, seen
+            The master, exact clipped subtraction of it, and what that shows.
+        """
+        if len(desired) > 1:
+            return self.subtracted(veiled(aim, self.sight, desired, np.maximum(seen - desired, 0)))[
+                1
+            ]
+        direct = self.single.direct
+        wanted = direct(desired)
+        raised = lifted(
+            aim, self.sight, wanted, seen - direct(subtractive), direct(np.ones_like(desired))
+        )
+        light = self._showing(raised)
+        floor = self.single.observe(light) - direct(light)
+        return self._showing(with_hue(aim, wanted, raised, floor))
+
+    def _showing(self, seen: Light) -> Light:
+        """The light of a dome that shows `seen`, by exact clipped subtraction."""
+        observation = cast("LowRankObservation", self.single)
+        on = observation.screen_like(seen)[None, :, :, None]
+        return baselines.clipped_subtraction(Problem(observation, self.plain, seen, (0.0, on)))[0]
+
+
+def preferred(scene: Scene) -> Eye:
+    """What a picture is made for by default: contrasts, of one seat (``validation/notes/0007``)."""
+    return PerceptualWeighting() if scene.several_seats else Aim()
+
 
 def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
     observation = scene.observation(rows, cols)
@@ -542,16 +530,20 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
     elif isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         single = scene.mean_seat(rows, cols)
     screen = scene.screen(rows, cols)
-    if isinstance(settings, ContrastWeighting) and isinstance(observation, SeveralSeats):
+    if isinstance(settings, Aim) and isinstance(observation, SeveralSeats):
         raise InputError(
-            "local contrast is weighted for one seat, got several; name one (--seat), or use the "
-            "paper's weighting (--weighting paper)"
+            "an aim is of one seat, got several; name one (--seat), or use the paper's weighting "
+            "(--weighting paper)"
         )
-    plain = settings.of(scene.viewing, scene.projector, screen, scene.views)
+    paper = PerceptualWeighting() if isinstance(settings, Aim) else settings
+    plain = paper.of(scene.viewing, scene.projector, screen, scene.views)
     weighting = plain
     if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         weighting = plain.with_importance(seat_importance(scene.weights))
-    judge = weighting.counted_apart()
+    reference = plain
+    if paper != PerceptualWeighting():
+        reference = PerceptualWeighting().of(scene.viewing, scene.projector, screen, scene.views)
+    judge = reference.with_importance(weighting.importance).counted_apart()
     negligible = np.count_nonzero(screen) * scene.views / 2
     negligible *= (NEGLIGIBLE / _differences(scene, plain)) ** 2
     return _Shared(
@@ -563,10 +555,12 @@ def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
         screen,
         scene.pixel_areas(rows, cols),
         float(negligible),
-        settings.regularisation(scene.projector, scene.views),
-        settings.contrast(scene.viewing, scene.projector, screen, scene.views),
-        settings.leeway if isinstance(settings, ContrastWeighting) and scene.views > 1 else None,
-        scene.viewing.pixels_per_degree(rows, cols),
+        Sight(
+            screen,
+            scene.projector.luminance_weights,
+            scene.projector.white,
+            scene.viewing.pixels_per_degree(rows, cols),
+        ),
         cache(partial(scene.uncertain, rows, cols)),
     )
 
@@ -599,8 +593,10 @@ def _on(screen: NDArray[np.bool_], light: Light) -> Light:
     return kept
 
 
-def _given(problem: Problem) -> Problem:
-    return problem
+def _aimed(posed: Posed, light: Light) -> Result:
+    """What shows the aim: computed, without a solver."""
+    computed = baselines.computed(posed.problem, light, 0)
+    return replace(computed, status=Status.AIMED)
 
 
 def _is_rounding(residual: Light, expected: Light | None = None) -> bool:
@@ -682,27 +678,27 @@ class Solution:
     def outcome(self, *, brief: bool = False) -> Outcome:
         """The frame to project, in the master's own encoding, and the figures.
 
-        If `brief`, without `error_before` where subtraction shows what is desired: in a sequence,
+        If `brief`, without `loss_before` where subtraction shows what is desired: in a sequence,
         its transforms would take longer than all the rest.
         """
         posed, result = self.posed, self.result
         stored, file_clipped = self.frame, 0.0
         if self.method != "none":
             stored, file_clipped = encoded(self.frame, result.light, posed.scene, posed.screen)
-        error_after = posed.error_subtractive
+        loss_after = posed.loss_subtractive
         if result.light is not posed.subtractive:
-            brief, error_after = False, posed.visible_error(result.light)
+            brief, loss_after = False, posed.loss(result.light)
         left = posed.foreseen(result.light)
         figures = Figures(
             method=self.method,
             clipped=posed.clipped,
             out_of_range=self.out_of_range,
             pollution=posed.pollution,
-            error_before=None if brief and posed.exact else posed.error_before,
-            error_subtractive=posed.error_subtractive,
-            error_after=error_after,
+            loss_before=None if brief and posed.exact else posed.loss_before,
+            loss_subtractive=posed.loss_subtractive,
+            loss_after=loss_after,
             ghost_edges=posed.ghost_edges(result.light),
-            error_by_seat=posed.error_by_seat(result.light),
+            loss_by_seat=posed.loss_by_seat(result.light),
             file_clipped=file_clipped,
             status=result.status.value,
             gap=result.gap,
@@ -726,10 +722,10 @@ def solved(posed: Posed, method: str, solver: Solver | None = None) -> Result:
     """
     if method == "perceptual" and posed.exact:
         return Result(posed.subtractive, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
+    if method == "perceptual" and posed.aiming is not None and solver is None:
+        return _aimed(posed, posed.aiming())
     problem = posed.problem if method == "perceptual" else posed.single
     start = posed.desired if method == "none" else posed.subtractive
-    if method == "perceptual":
-        start = posed.start
     chosen = solver or require_method(method, posed.scene)(posed.scene, problem)
     try:
         return chosen(problem, start)

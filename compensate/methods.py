@@ -37,7 +37,7 @@ def perceptual(
     worst: bool = False,
     progress: Callable[[int, float], None] | None = None,
 ) -> Solver:
-    """Ours: the solver of the least visible error.
+    """The solver of the paper's weighting: the least visible error.
 
     Parameters
     ----------

@@ -5,11 +5,11 @@
 
 With an affine psi it is a convex quadratic with bound constraints, solved in *linear light*. The
 small mu keeps frequencies that the eye cannot see from filling with noise. K is 1, as in the paper,
-or turns light into local contrast (`compensate.contrast`); it multiplies each pixel of what is
+or turns light into local contrast; it multiplies each pixel of what is
 seen, and L is how a pixel's light is seen in its own place (`AdjointObservation.local`). Without K
 the regulariser is plain, 1/2 mu ||x - anchor||². The stiffness m is 1, or more where changes of
 light would be seen by themselves. The aim is what is desired, as in the paper, or
-that with soft ghosts where they cannot be taken away (`compensate.softening`).
+another picture that can be reached.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from pairs import pair
 
-from compensate.compensating import preferred, weighting_of
 from compensate.foresight import Interval
 from compensate.master import Posed, pose
 from domesim.light import Light
@@ -20,7 +19,7 @@ def night(scene: Scene, rows: int, cols: int, lift: float = 0.0) -> Light:
 
 
 def posed_in(scene: Scene, desired: Light) -> Posed:
-    return pose(desired, scene, weighting_of(preferred(scene), None))
+    return pose(desired, scene)
 
 
 def left(posed: Posed, light: Light, room: Observation) -> tuple[float, float]:

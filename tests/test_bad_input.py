@@ -179,10 +179,10 @@ def test_an_unsuitable_master_is_named_in_one_line(
 
 
 @pytest.mark.parametrize("command", ["compensate", "compare"])
-def test_domes_have_no_ghosts_to_soften(run: Run, tmp_path: Path, out: Path, command: str) -> None:
+def test_weightings_have_names(run: Run, tmp_path: Path, out: Path, command: str) -> None:
     target = out / "page.html" if command == "compare" else out
     arguments = (command, store(tmp_path / "a.exr"), "--scene", SCENE, "--out", target)
-    run(*arguments, "--weighting", "contours").is_refused("ghosts are a stereo pair's")
+    run(*arguments, "--weighting", "contours").is_refused("use one of contrast, paper")
     assert written(out) == []
 
 
@@ -553,9 +553,13 @@ SETTINGS = [
     (["--tolerance", "-1"], ("tolerance", "between 0 and 1", "got -1")),
     (["--tolerance", "inf"], ("tolerance", "between 0 and 1", "got inf")),
     (["--tolerance", "nan"], ("tolerance", "between 0 and 1", "got nan")),
-    (["--low-frequency-gain", "2"], ("gain", "0..1", "got 2")),
-    (["--low-frequency-gain", "-0.1"], ("gain", "0..1", "got -0.1")),
-    (["--low-frequency-gain", "nan"], ("gain", "0..1", "got nan")),
+    (["--lift", "-1"], ("lift", "at least 0", "got -1")),
+    (["--lift", "nan"], ("lift", "at least 0", "got nan")),
+    (["--lift", "2", "--weighting", "paper"], ("--lift is of --weighting contrast",)),
+    (["--low-frequency-gain", "0.2"], ("of contrast, use --lift",)),
+    (["--weighting", "paper", "--low-frequency-gain", "2"], ("gain", "0..1", "got 2")),
+    (["--weighting", "paper", "--low-frequency-gain", "-0.1"], ("gain", "0..1", "got -0.1")),
+    (["--weighting", "paper", "--low-frequency-gain", "nan"], ("gain", "0..1", "got nan")),
 ]
 METHOD = (["--method", "best"], ("'best'", "perceptual", "subtractive", "raised-black", "none"))
 

@@ -110,7 +110,7 @@ def test_figures(folder):
     found = json.loads(run(folder, "demo", "--out", "out/demo", "--json"))["methods"]
     rows = re.findall(r"^\| (.+?) \| \**([0-9.]+)\** \|", README, re.MULTILINE)
     assert [float(error) for _, error in rows] == pytest.approx(
-        [found[m]["error_after"] for m in ("none", "subtractive", "raised-black", "perceptual")],
+        [found[m]["loss_after"] for m in ("none", "subtractive", "raised-black", "perceptual")],
         abs=0.006,
     )
     share = float(re.search(r"subtraction on (\d+) % of the screen", README)[1])

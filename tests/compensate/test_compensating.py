@@ -5,22 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from compensate.compensating import (
-    CONTOURS,
-    CONTRAST,
-    PAPER,
-    Compensating,
-    preferred,
-    weighting_of,
-)
-from compensate.master import solved
+from compensate.aim import Aim
+from compensate.compensating import CONTRAST, PAPER, Compensating
+from compensate.master import preferred
+from compensate.weighting import PerceptualWeighting
 from domesim.batch.estimate import estimate
 from domesim.batch.run import Done, Running, each_frame
 from domesim.batch.work import Recipe, Writing
@@ -31,9 +25,6 @@ from domesim.frames import ColourTag, Frame, write_frame
 from domesim.scene import load_scene
 from domesim.shows import Show, find_show
 from validation.benchmarks.schedulers import scheduler
-from validation.experiments.quality import inputs
-from validation.experiments.quality.judging import Case
-from validation.pairs import generated
 
 LINEAR = ColourTag("linear", "BT.709", "the test")
 COUNT = 4
@@ -72,14 +63,13 @@ def test_only_what_is_seen_of_a_sequence(shows: dict[str, Show], tmp_path: Path)
     writing = Writing(".exr")
     told = {}
     for only in (False, True):
-        recipe = Compensating(scene, only_visible=only)
+        recipe = Compensating(scene, eye=PAPER, only_visible=only)
         folder = tmp_path / str(only)
         result = each_frame(
             show, folder, recipe, Console(quiet=True), what="", writing=writing, running=Running(0)
         )
         (told[only],) = result.frames
-    assert told[True]["error_after"] <= told[True]["error_subtractive"]
-    assert told[False]["error_after"] <= told[True]["error_after"]
+    assert told[True]["ffts"] < told[False]["ffts"]
     assert told[False]["status"] != told[True]["status"]
 
 
@@ -92,7 +82,7 @@ def test_only_what_is_seen_of_a_sequence(shows: dict[str, Show], tmp_path: Path)
     ],
 )
 def test_where_it_cannot_be_only_what_is_seen(scene: str, settings: dict[str, Any]) -> None:
-    recipe = Compensating(SceneChoice(scene), only_visible=True, **settings)
+    recipe = Compensating(SceneChoice(scene), eye=PAPER, only_visible=True, **settings)
     with pytest.raises(InputError, match="--only-visible is for"):
         recipe.require_sense(load_scene(scene))
 
@@ -137,14 +127,14 @@ def test_the_same_bytes_whoever_does_them(
         found[name] = content(Path(name))
     assert len(found["alone"]) == COUNT * len(show.moments[0])
     assert all(each == found["alone"] for each in found.values())
-    figures = [frame["error_after"] for frame in outcome.frames]
+    figures = [frame["loss_after"] for frame in outcome.frames]
     assert len(set(figures)) == COUNT  # different work, not one frame again and again
 
 
 def test_a_page_for_the_worst_frames(shows: dict[str, Show], tmp_path: Path) -> None:
     scene = "dome_planetarium"
     outcome = done(shows[scene], tmp_path, recipe_of(scene), Running(0, pages=2))
-    worst = sorted(outcome.frames, key=lambda frame: -frame["error_after"])[:2]
+    worst = sorted(outcome.frames, key=lambda frame: -frame["loss_after"])[:2]
     pages = {path.name for path in (tmp_path / "job").glob("compare-*.html")}
     assert pages == {f"compare-{Path(frame['output']).name}.html" for frame in worst}
     report = (tmp_path / "job/report.html").read_text()
@@ -181,27 +171,29 @@ def test_a_scene_that_was_changed_is_not_taken(tmp_path: Path, shows: dict[str, 
         done(shows["dome_planetarium"], tmp_path, other, Running(0))
 
 
-def test_all_but_several_seats_are_weighted_by_contrast() -> None:
-    """The default: validation/notes/0007."""
+def test_all_but_several_seats_are_made_for_contrast() -> None:
+    """The default, one for Python and the command line: validation/notes/0007."""
     pair = load_scene("stereo_polarised_paper")
-    assert preferred(load_scene("dome_planetarium")) == CONTRAST
-    assert preferred(pair) == CONTRAST
-    assert preferred(pair.seen_from("left")) == CONTRAST
-    assert preferred(pair.seen_from("left", "right")) == PAPER
+    several = pair.seen_from("left", "right")
+    for scene in (load_scene("dome_planetarium"), pair, pair.seen_from("left")):
+        assert preferred(scene) == Aim()
+    assert preferred(several) == PerceptualWeighting()
+    for scene in (pair, several):
+        assert Compensating(SceneChoice("any")).weighting(scene) == preferred(scene)
 
 
-def test_contours_of_ghosts_can_be_softened() -> None:
-    """More than by default, and no more is needed of the command than its name."""
-    scene = inputs.stereo_at(0.05, 15.0)
-    left = {}
-    for name in (CONTRAST, CONTOURS):
-        case = Case(partial(generated, 256), scene)
-        left[name] = case.contours(solved(case.posed(weighting_of(name)), "perceptual").light)
-    assert max(left[CONTOURS]) < 0.5
-    assert max(left[CONTOURS]) < 0.8 * min(left[CONTRAST])
-
-
-def test_domes_have_no_ghosts_to_soften() -> None:
-    recipe = Compensating(SceneChoice("dome_imax"), eye=CONTOURS)
-    with pytest.raises(InputError, match="ghosts are a stereo pair's; a dome takes contrast"):
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"eye": "contours"}, "'contours' is not known; use one of contrast, paper"),
+        ({"eye": PAPER, "lift": 1.0}, "--lift is of --weighting contrast"),
+        ({"low_frequency_gain": 0.2}, "of contrast, use --lift"),
+        ({"eye": CONTRAST, "device": "torch"}, "contrasts need no solver"),
+        ({"only_visible": True}, "contrasts need no solver"),
+        ({"lift": -1.0}, "lift"),
+    ],
+)
+def test_settings_that_do_not_go_together(settings: dict[str, Any], message: str) -> None:
+    recipe = Compensating(SceneChoice("dome_imax"), **settings)
+    with pytest.raises(InputError, match=message):
         recipe.require_sense(load_scene("dome_imax"))

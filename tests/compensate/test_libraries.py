@@ -252,27 +252,29 @@ def test_a_device_that_is_not_known(device):
         on_device(ADMM(), device)
 
 
+PAPER = ("--weighting", "paper")
+
+
 @pytest.mark.parametrize(
     ("command", "options", "message"),
     [
-        ("compensate", ("--device", "gpu"), "--device gpu: not known"),
-        ("compensate", ("--device", "cuda"), "--device cuda needs torch"),
+        ("compensate", (*PAPER, "--device", "gpu"), "--device gpu: not known"),
+        ("compensate", (*PAPER, "--device", "cuda"), "--device cuda needs torch"),
+        ("compensate", ("--device", "cuda"), "contrasts need no solver"),
         (
             "compensate",
             ("--device", "cuda", "--method", "subtractive"),
             "subtractive is computed on the processor only",
         ),
-        ("compare", ("--device", "cuda"), "--device cuda needs torch"),
-        ("demo", ("--device", "cuda"), "--device cuda needs torch"),
+        ("compare", (*PAPER, "--device", "cuda"), "--device cuda needs torch"),
     ],
 )
 def test_the_command_says_so_before_it_works(command, options, message, tmp_path, monkeypatch, run):
     without(monkeypatch, "torch")
     master, out = tmp_path / "master.png", tmp_path / "out"
-    named = () if command == "demo" else (master, "--scene", "dome_imax")
     store(master, kind="uint8")
     page = out / "page.html" if command == "compare" else out
-    run(command, *named, "--out", page, *options).is_refused(message)
+    run(command, master, "--scene", "dome_imax", "--out", page, *options).is_refused(message)
     assert not out.exists()
 
 
@@ -283,13 +285,13 @@ def test_the_command_computes_there(tmp_path, run):
     figures = []
     for device in ("cpu", "torch"):
         out = tmp_path / device
-        options = ("--out", out, "--device", device, "--json")
+        options = (*PAPER, "--out", out, "--device", device, "--json")
         told = run("compensate", master, "--scene", "dome_imax", *options).figures()
         figures += told["frames"]
     assert figures[0]["iterations"] > 0
     for name in ("iterations", "ffts"):
         assert figures[1][name] == figures[0][name]
-    assert figures[1]["error_after"] == pytest.approx(figures[0]["error_after"], rel=1e-3)
+    assert figures[1]["loss_after"] == pytest.approx(figures[0]["loss_after"], rel=1e-3)
 
 
 def test_a_problem_moved_is_the_same_problem():

@@ -235,7 +235,7 @@ def test_only_what_is_seen_is_solved() -> None:
     far[50 - 32 : 60 + 32, 60 - 32 : 150 + 32] = False
     assert changed.any()
     assert not changed[far].any()
-    whole = solved(shown, "perceptual")
+    whole = solved(shown, "perceptual", ADMM())
     before = shown.problem.cost(shown.subtractive)
     cost = shown.problem.cost(found.light)
     assert before - cost > 0.8 * (before - whole.cost)

@@ -2,88 +2,79 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from findings import change, failed, no_colorvideovdp
 
-from validation import judges, pairs
+from validation import judges, panel
 from validation.experiment import Work
 from validation.experiments import quality
-from validation.experiments.quality import gains, inputs, judging
-from validation.experiments.quality.judging import Cell
-from validation.experiments.quality.ways import WAYS
+from validation.experiments.quality import inputs, measuring, verdict
+from validation.experiments.quality.inputs import CHOOSING, Input
+from validation.experiments.quality.measuring import KNOB, WAYS, Cell
 
 
 @pytest.fixture(autouse=True)
 def _quickly(monkeypatch):
-    """Tiny, without the judge that takes seconds a picture."""
-    monkeypatch.setattr(judges, "colorvideovdp_map", no_colorvideovdp)
+    """Small, without the judges that take seconds a picture."""
+    sharp = replace(panel.PANEL[0], judge=no_colorvideovdp)
+    monkeypatch.setattr(panel, "PANEL", (sharp,))
     monkeypatch.setattr(inputs, "QUICK_WIDTH", 48)
     monkeypatch.setattr(inputs, "QUICK_SIZE", 32)
-
-
-@pytest.fixture
-def _judge(monkeypatch):
-    """A judge that counts differences of the roots of light."""
-
-    def loss(desired, seen, scene):
-        roots = [np.sqrt(np.maximum(light, 0).mean(axis=-1)) for light in (desired, seen)]
-        lost = 20 * np.abs(roots[0] - roots[1])
-        return 10 - float(lost.mean()), lost
-
-    monkeypatch.setattr(judges, "colorvideovdp_map", loss)
-    monkeypatch.setattr(judges, "flip", lambda *args: float(loss(*args)[1].mean()) / 10)
 
 
 def test_without_judges_the_laws_hold(tmp_path):
     finding = quality.run(Work(store=tmp_path))
     assert failed(finding) == []
     assert quality.run(Work(store=tmp_path)) == finding  # killed and resumed
-    assert "ColorVideoVDP: it needs pip install 'domesim[metrics]'" in finding.left_out
-    assert [len(one.panels) for one in finding.pictures] == [5, 5]
-    assert [len(table.rows) for table in finding.tables] == [6, len(WAYS), 2]
-    assert finding.figures["quality.generated.0.05.15.none.contour"] == pytest.approx(1)
-    assert finding.figures["quality.night.0.5.15.none.contour"] is None
+    assert any("ColorVideoVDP" in why and "metrics" in why for why in finding.left_out)
+    assert [len(one.panels) for one in finding.pictures] == [1 + len(WAYS) + len(KNOB)] * 2
+    (law,) = (check for check in finding.checks if "ghost contour" in check.what)
+    assert law.found < 1e-9
 
 
-@pytest.mark.usefixtures("_judge")
-def test_a_full_run_says_what_the_judges_found(monkeypatch, tmp_path):
-    monkeypatch.setenv(pairs.FOLDER, str(tmp_path))
-    monkeypatch.setattr(inputs, "WIDEST", 32)
+def test_a_judge_is_asked_of_the_reporting_half_and_one_of_the_choosing(monkeypatch, tmp_path):
+    asked = []
+
+    def loss(desired, seen, scene):
+        asked.append(scene.views)
+        return 10 - float(np.abs(np.sqrt(np.maximum(seen, 0)) - np.sqrt(desired)).mean())
+
+    both = [panel.Judge(name, True, True, loss) for name in ("ColorVideoVDP", "another")]
+    monkeypatch.setattr(panel, "PANEL", tuple(both))
+    monkeypatch.setenv("DOMESIM_DATA", str(tmp_path))
     monkeypatch.setattr(inputs, "CROSSTALK", (0.05,))
     monkeypatch.setattr(inputs, "ALBEDOS", (0.5,))
-    monkeypatch.setattr(inputs, "LUMINANCES", (15.0, 48.0))
+    monkeypatch.setattr(inputs, "LUMINANCES", (15.0,))
+    monkeypatch.setattr(inputs, "WIDEST", 48)
+    monkeypatch.setattr(inputs, "DOME_SIZE", 32)
+    kept = {"snow", "generated", "nebula", "chess"}
+    wanted = inputs.wanted
+
+    def few(work):
+        found, left_out = wanted(work)
+        return {name: one for name, one in found.items() if name in kept}, left_out
+
+    monkeypatch.setattr(inputs, "wanted", few)
     finding = quality.run(Work(quick=False))
-    assert any("pillars" in why and pairs.FOLDER in why for why in finding.left_out)
-    assert any(check.what.startswith("local contrast: gain") for check in finding.checks)
-    assert [len(one.panels) for one in finding.pictures] == [9, 9, 9]
-    assert [len(table.rows) for table in finding.tables] == [3, 6, len(WAYS), 5, 6]
-    assert len(finding.plots) == 3
-    assert "3 inputs" in finding.result
-    assert "FLIP" in finding.result
+    ways = len(WAYS) + len(KNOB)
+    assert len(asked) == ways * (1 + 1) + ways * (2 + 2)
+    assert any("pillars" in why for why in finding.left_out)
+    assert any(check.what.startswith("domes: gain") for check in finding.checks)
+    assert finding.figures["quality.domemasters.inputs"] == 1
+    assert [len(table.rows) for table in finding.tables] == [2, ways, 2, ways, 4]
 
 
-def idle(monkeypatch):
-    """Perceptual methods show what subtraction does."""
-    change(monkeypatch, judging, "perceptual", lambda posed, light: posed.subtractive)
+def darkened(monkeypatch):
+    """The default takes light from what is exact."""
+    change(monkeypatch, measuring, "perceptual", lambda posed, light: 0.8 * light)
 
 
-def half_way(monkeypatch):
-    """Perceptual methods go half the way."""
-    change(monkeypatch, judging, "perceptual", lambda posed, light: 0.5 * (light + posed.desired))
-
-
-@pytest.mark.parametrize(
-    ("mutate", "caught"),
-    [
-        (idle, "local contrast: visible error over subtraction's"),
-        (half_way, "local contrast: cost over the least"),
-    ],
-)
-@pytest.mark.long
-def test_mistakes_turn_it_red(mutate, caught, monkeypatch):
-    mutate(monkeypatch)
-    assert any(what.startswith(caught) for what in failed(quality.run(Work())))
+def test_light_taken_from_what_is_exact_turns_it_red(monkeypatch):
+    darkened(monkeypatch)
+    assert any(what.startswith("light of what is exact") for what in failed(quality.run(Work())))
 
 
 def test_a_brighter_scene_has_a_brighter_black():
@@ -99,78 +90,66 @@ def test_a_brighter_scene_has_a_brighter_black():
     assert (stereo.viewing.adaptation, dome.viewing.adaptation) == pytest.approx((4.8, 0.5))
 
 
-# What a way is worth
+# What is expected
 
 
-def cell(jod, contour=None, error=1.0):
+def cell(jod: float, contour: float | None = None, kept: float = 1.0, lit: float = 1.0) -> Cell:
+    judged = {"ColorVideoVDP": jod}
     return Cell(
-        clipped=0.5,
-        error=error,
-        cost=1.0,
-        allowed=True,
-        flip=None,
-        quality=jod,
-        contour=contour,
-        contrast_contour=contour,
-        hue=None,
-        seconds=0.0,
-        status="CONVERGED",
-        gap=0.0,
-        new=None,
-        panels=(),
+        judged, kept, kept, 0.0, (1.0,) * 3, 0.0, 1.0, 0.0, 0.1, contour, contour, contour, lit, ()
     )
 
 
-CELLS = {
-    ("a", 0.1, 5.0): {
-        "none": cell(8.0),
-        "subtractive": cell(9.0, 0.8),
-        "contrast": cell(9.5, 0.2),
-    },
-    ("a", 0.2, 5.0): {
-        "none": cell(9.2),
-        "subtractive": cell(9.0, 0.8),
-        "contrast": cell(9.1, 0.8),
-    },
-    ("b", 0.1, 5.0): {
-        "none": cell(9.0),
-        "subtractive": cell(9.8, 0.9),
-        "contrast": cell(9.7, 0.1),
-    },
-    ("c", 0.1, 5.0): {"none": cell(9.0), "subtractive": cell(9.95), "contrast": cell(10.0)},
+def case(ours: Cell, nothing: float = 8.0, subtraction: float = 8.5) -> dict[str, Cell]:
+    found = {name: cell(7.0, 0.9) for name in WAYS}
+    return found | {
+        measuring.NOTHING: cell(nothing, 1.0),
+        measuring.SUBTRACTION: cell(subtraction, 0.8),
+        measuring.DEFAULT: ours,
+    }
+
+
+WANTED = {
+    **{name: Input(lambda: None, inputs.dome_at, (0.5,), 0.5) for name in ("a", "b", "night")},
+    **{name: Input(lambda: None, inputs.stereo_at, (0.05,), 0.05) for name in ("p", "q")},
 }
 
 
-def test_gains_are_means_over_an_input_where_subtraction_is_seen():
-    assert gains.gains(CELLS, "contrast") == pytest.approx({"a": 0.3, "b": -0.1})
+def cells(**changed: Cell) -> verdict.Cells:
+    good = {"a": cell(8.9), "b": cell(8.91), "night": cell(5.0), "p": cell(8.6, 0.4)}
+    return {(name, 0.5, 15.0): case(one) for name, one in {**good, **changed}.items()}
 
 
-def test_shortfalls_are_against_the_better_of_both():
-    assert list(gains.shortfalls(CELLS, "contrast").values()) == pytest.approx(
-        [-0.5, 0.1, 0.1, -0.05]
-    )
+@pytest.fixture
+def _one_judge(monkeypatch):
+    monkeypatch.setattr(panel, "PANEL", (replace(panel.PANEL[0], judge=judges.flip),))
 
 
-def test_errors_that_rank_as_the_judge_does():
-    cases = {
-        ("a", 0.1, 5.0): {
-            "none": cell(8.0, error=4.0),
-            "subtractive": cell(9.0, error=3.0),
-            "contrast": cell(9.5, error=2.0),
-        },
-        ("b", 0.1, 5.0): {
-            "none": cell(9.01, error=2.0),
-            "subtractive": cell(9.4, error=3.0),
-            "contrast": cell(9.0, error=2.5),
-        },
-    }
-    # Of b, nothing is too near; subtraction is better, and its error says that it is not
-    assert gains.alike(cases, "contrast") == (3, 2)
-    assert gains.falling_back(cases, "contrast", 1.0) == pytest.approx((0, 0.05, 0.4))
-    assert gains.falling_back(cases, "contrast", 1.3) == pytest.approx((1, 0.25, 0.0))
-
-
-def test_falls_of_the_contour_are_geometric_means_over_inputs():
-    found = gains.falls(CELLS, "contrast")
-    assert list(found.values()) == pytest.approx([4, 1, 9])
-    assert gains.geometric(found) == pytest.approx(np.sqrt(2 * 9))
+@pytest.mark.usefixtures("_one_judge")
+@pytest.mark.parametrize(
+    ("changed", "caught"),
+    [
+        ({}, []),
+        ({"night": cell(1.0)}, []),  # of the choosing half, it proves nothing
+        ({"a": cell(8.47), "b": cell(9.6)}, ["worst case (a at", "lower end"]),
+        ({"b": cell(8.7)}, ["mean over inputs", "lower end"]),
+        ({"p": cell(8.47, 0.4)}, ["pairs: gain"]),
+        ({"p": cell(8.6, 0.6)}, ["ghost contour of light", "of contrast", "other eye"]),
+        ({"p": cell(8.6, 0.4, lit=0.9)}, ["lit things"]),
+        ({"a": cell(8.9, kept=0.95)}, ["exact and not lifted, median, least"]),
+        ({"a": cell(8.9, kept=1.1)}, ["exact and not lifted, median, largest"]),
+        ({"a": cell(8.9, kept=0.85)}, ["median, least", "5th percentile"]),
+    ],
+)
+def test_what_falls_short_turns_it_red(changed, caught):
+    assert "night" in CHOOSING
+    found = [
+        check.what
+        for check in verdict.checks(cells(**changed), WANTED, judged=True)
+        if not check.passed
+    ]
+    assert len(found) >= len(caught)
+    for words in caught:
+        assert any(words in what for what in found), (words, found)
+    if not caught:
+        assert found == []

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.ndimage import gaussian_filter, zoom
 
-from compensate.contrast import ContrastWeighting, Eye
+from compensate.aim import Eye
 from compensate.fourier import padded_size
 from compensate.master import Posed, pose
 from compensate.problem import Problem
@@ -45,7 +45,6 @@ from domesim.observation.lowrank import LowRank, LowRankObservation
 from domesim.scene import Scene, load_dome, load_scene
 from domesim.screening import decoded
 from domesim.viewing import Viewing
-from validation.experiments.deghosting import scene_at
 from validation.masters import bundled_night, night
 from validation.pairs import averaged, from_data, generated
 
@@ -177,11 +176,6 @@ def _synthetic_rgb(size: int) -> Case:
     return _colour_pair("synthetic-rgb", size, _drawing(size))
 
 
-def _contrast_rgb(size: int) -> Case:
-    pair = _photograph(size)
-    return Case("contrast-rgb", size, _posed_in(scene_at(CROSSTALK), ContrastWeighting()), pair)
-
-
 def _map(size: int) -> Case:
     rows, cols = _shape(size)
     row, col = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : cols * 1j]
@@ -208,7 +202,6 @@ PROBLEMS: Mapping[str, tuple[str, Callable[[int], Case]]] = {
     "photo-rgb": ("photographed pair, 5 %, RGB", _photo_rgb),
     "photo-rgb-wide": ("photographed pair, 5 %, RGB, 43 pixels a degree", _photo_rgb_wide),
     "synthetic-rgb": ("generated pair, 5 %, RGB", _synthetic_rgb),
-    "contrast-rgb": ("photographed pair, 5 %, RGB, local contrast", _contrast_rgb),
     "map": ("generated pair, 1 to 2 % from place to place", _map),
     "spatial": ("generated pair, 5 %, spatial A_n", _spatial),
 }
@@ -267,7 +260,7 @@ def _posed_in(scene: Scene, eye: Eye) -> Callable[[Light], Task]:
 
     def task(light: Light) -> Task:
         posed: Posed = pose(light, scene, eye)
-        return Task(posed.problem, posed.start, posed.screen)
+        return Task(posed.problem, posed.subtractive, posed.screen)
 
     return task
 

@@ -26,7 +26,6 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "chroma_floor",
         "deghosting",
         "quality",
-        "whole_pictures",
         "flicker",
         "convergence",
     ),

@@ -26,8 +26,8 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from compensate.compensating import preferred, weighting_of
 from compensate.master import Posed, pose, solved
+from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.observation.spherical import bare_gain
 from domesim.scene import DomeScene, Scene, StereoScene
@@ -128,7 +128,7 @@ def measure(case: Case, sigmas: Sequence[float], cautions: Sequence[float]) -> P
 
     @cache
     def posed(off: float) -> Posed:
-        return pose(desired, scaled(scene, 1 + off), weighting_of(preferred(scene)))
+        return pose(desired, scaled(scene, 1 + off), PerceptualWeighting())
 
     @cache
     def projected(off: float) -> Light:
@@ -139,7 +139,7 @@ def measure(case: Case, sigmas: Sequence[float], cautions: Sequence[float]) -> P
         room, shown = posed(truth), projected(model)
         seen = room.observation.observe(shown)
         found[_key(model, truth)] = Seen(
-            room.minimised_error(shown),
+            room.visible_error(shown),
             room.visible_error(shown),
             judges.if_installed(judges.colorvideovdp, desired, seen, scene),
             judges.if_installed(judges.flip, desired, seen, scene),

@@ -27,7 +27,6 @@ from typing import final
 
 import numpy as np
 
-from compensate.compensating import preferred, weighting_of
 from compensate.master import Stage, solve_frame
 from domesim.frames import read_master, write_master
 from domesim.light import Light
@@ -150,7 +149,7 @@ def _sequence(frames: list[Light]) -> Sequence:
 
         few, many = seconds(FRAMES), seconds(MORE)
         scene = load_scene(_PAIRS)
-        stage, solver, files = Stage(scene, weighting_of(preferred(scene))), 0.0, 0.0
+        stage, solver, files = Stage(scene), 0.0, 0.0
         for paths in masters[:FRAMES]:
             results = [out / path.name for path in paths]
             result = read_master(results)

@@ -29,7 +29,7 @@ Expected
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any, final
 
@@ -37,10 +37,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from compensate.contrast import ContrastWeighting, Eye
+from compensate.aim import Eye
 from compensate.master import Posed, Stage, solved
 from compensate.methods import Solver, perceptual
 from compensate.solver.result import Result, Status
+from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
 from domesim.screening import decoded, within_range
@@ -112,12 +113,12 @@ class Film:
     scene
         The theatre, or stereo system.
     eye
-        The vision model; None for the default.
+        What the frames are made for: by default the paper's weighting, which takes a solver.
     """
 
     frames: Callable[[], Iterable[Light]]
     scene: Scene
-    eye: Eye | None = None
+    eye: Eye = field(default_factory=PerceptualWeighting)
 
 
 @final
@@ -258,7 +259,7 @@ def run(work: Work) -> Finding:
     }
     judged = dict(moving)
     if work.quick:
-        left_out.append("Maps, tables and local contrast, and the test data: with a full run")
+        left_out.append("Maps and tables, and the test data: with a full run")
     else:
         present, left_out = pairs.present(pairs.SEQUENCE)
         if len(present) == len(pairs.SEQUENCE):
@@ -270,9 +271,6 @@ def run(work: Work) -> Finding:
             scene = load_scene(name)
             frames = partial(_fade, small, scene, "black", count // 2)
             fades[f"pair from black, a {title}"] = Film(frames, scene)
-        for name, picture, scene in ((PAIR, pair, stereo), (DOME, dome, theatre)):
-            frames = partial(_fade, picture, scene, "grey", count)
-            fades[f"{name} from grey, local contrast"] = Film(frames, scene, ContrastWeighting())
     repeats = work.each(
         {f"{name}: in any order": film for name, film in cuts.items()}, float, differences
     )
@@ -415,7 +413,7 @@ def flicker(product: Shown, best: Shown) -> Flicker:
 def _noticed(posed: Posed, change: Light) -> NDArray[np.floating[Any]]:
     """(view, row, col) of a change of what is seen: its weighted size in each place, in JND."""
     rows, cols = posed.screen.shape
-    weighted = np.asarray(posed.judge.apply(posed.problem.contrasted(change)))[..., :rows, :cols]
+    weighted = np.asarray(posed.judge.apply(change))[..., :rows, :cols]
     thresholds = posed.scene.projector.white / posed.scene.viewing.adaptation
     size: NDArray[np.floating[Any]] = np.sqrt(np.sum(weighted**2, axis=1))
     return size * (thresholds * posed.problem.weighting.peak)
@@ -564,8 +562,7 @@ def _checks(
         yield at_most(f"{name}: step of the mean seen beyond the optimum's", jump, JUMP - 1)
         jump = found.regions - found.regions_best
         yield at_most(f"{name}: steps of 95 % of regions beyond the optimum's", jump, JUMP - 1)
-        if "local contrast" not in name:
-            yield at_most(f"{name}: flicker", found.flicker.most, FLICKER, "JND")
+        yield at_most(f"{name}: flicker", found.flicker.most, FLICKER, "JND")
     for name, way in ways.items():
         if name.endswith(ALONE):
             yield equal(f"{name}: largest change of what stands still", way.standing, 0)
@@ -614,7 +611,7 @@ def _tables(
     yield Table(
         caption=(
             "Fades: steps over the slope around; flicker is what the solver adds to the optimum's "
-            "changes (of local contrast, in thresholds that read several times 1). A region's step "
+            "changes (of contrasts, in thresholds that read several times 1). A region's step "
             f"beyond the optimum's is in shares of its luminance plus {DARK:g} cd/m²."
         ),
         columns=(

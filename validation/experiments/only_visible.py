@@ -31,13 +31,13 @@ from typing import TypeVar, final
 
 import numpy as np
 
-from compensate.compensating import preferred, weighting_of
 from compensate.master import Posed, pose, solved
 from compensate.prediction import remaining
 from compensate.solver.admm import ADMM
 from compensate.solver.result import Result
 from compensate.solver.windows import Windows
 from compensate.visible import SEEN, OnlyVisible, reach_of
+from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene
 from validation.experiment import (
@@ -140,7 +140,7 @@ def usual_pair() -> Scene:
 
 def preferably(light: Light, scene: Scene) -> Posed:
     """A master as the commands pose it."""
-    return pose(light.astype(np.float32), scene, weighting_of(preferred(scene)))
+    return pose(light.astype(np.float32), scene, PerceptualWeighting())
 
 
 def centre_of(posed: Posed) -> tuple[int, int]:

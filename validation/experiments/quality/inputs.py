@@ -13,14 +13,14 @@ from domesim.frames import Master, read_master
 from domesim.light import Light
 from domesim.scene import DomeScene, Scene, StereoScene, load_scene
 from domesim.screening import decoded, within_range
-from validation import masters, pairs
+from validation import content, masters, pairs
 from validation.experiment import Work
 from validation.experiments.deghosting import SCENE as STEREO_SCENE
 from validation.experiments.deghosting import scene_at
 
 DOME_SCENE = "dome_hemisphere"
 """That of pairs is the one of `deghosting`."""
-CROSSTALK = (0.01, 0.02, 0.05, 0.1)
+CROSSTALK = (0.02, 0.05, 0.1)
 """Shares of light that reach the other eye."""
 ALBEDOS = (0.3, 0.5, 0.7)
 LUMINANCES = (5.0, 15.0, 48.0)
@@ -37,9 +37,20 @@ PAIRS = ("trunks", "fog", "motorcycle", pairs.SEQUENCE[0])
 DOMES: Mapping[str, str] = {
     "full dome": "dm3d_fulldome_2K.jpg",
     "pillars": "dm3d_pillars_hdr_512.exr",
+    "dark sky": "kho_darksky_1024.png",
+    "Milky Way": "milkyway_eso_1024.png",
+    "Stellarium": "stellarium_night_1024.png",
 }
 """Domemasters of the test data."""
-WIDEST = 512
+CHOOSING = frozenset(
+    {
+        *PAIRS,
+        *("generated", "night", "generated dome", "full dome", "pillars"),
+        *("art on black", "film frame", "aurora", "chess"),
+    }
+)
+"""Inputs that settings were chosen on. All others are for reporting."""
+WIDEST, DOME_SIZE = 512, 384
 """Pixels."""
 QUICK_WIDTH, QUICK_SIZE = 96, 64
 """Of the pair and the domemaster of a quick run."""
@@ -81,23 +92,27 @@ class Input:
 
 def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
     """Inputs by name, and why others are not measured."""
-    width = QUICK_WIDTH if work.quick else WIDEST
-    size = QUICK_SIZE if work.quick else WIDEST
-    generated = _of_pair(partial(pairs.generated, width, work.seed), quick=work.quick)
-    night = _of_dome(partial(domemaster, masters.bundled_night, size), quick=work.quick)
-    if work.quick:
-        return {"generated": generated, "night": night}, ["The test data: with a full run"]
+    quick = work.quick
+    width, size = (QUICK_WIDTH, QUICK_SIZE) if quick else (WIDEST, DOME_SIZE)
+    night = _of_dome(partial(domemaster, masters.bundled_night, size), quick=quick)
+    street = _of_pair(partial(content.PAIRS["night street"], width), quick=quick)
+    if quick:
+        return {"night street": street, "night": night}, ["Most inputs: with a full run"]
     present, left_out = pairs.present(PAIRS)
     found = {name: _of_pair(partial(_pair, name), quick=False) for name in present}
-    made = _of_dome(partial(masters.night, size, work.seed), quick=False)
-    found |= {"generated": generated, "night": night, "generated dome": made}
+    found["generated"] = _of_pair(partial(pairs.generated, width, work.seed), quick=False)
+    for name, draw in content.PAIRS.items():
+        found[name] = _of_pair(partial(draw, width), quick=False)
+    found |= {"night": night, "generated dome": _of_dome(partial(masters.night, size), quick=False)}
     folder = pairs.data_folder() / "dome"
     for name, file in DOMES.items():
         if (folder / file).is_file():
             read = partial(read_master, [folder / file], repair=True)
-            found[name] = _of_dome(partial(domemaster, read, WIDEST), quick=False)
+            found[name] = _of_dome(partial(domemaster, read, size), quick=False)
         else:
             left_out.append(f"{name}: needs {folder / file}; set {pairs.FOLDER}")
+    for name, draw in content.DOMES.items():
+        found[name] = _of_dome(partial(draw, size), quick=False)
     return found, left_out
 
 

@@ -2,204 +2,300 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TypeAlias
 
 import numpy as np
 
-from compensate.solver.result import Status
-from validation.experiment import Check, at_least, at_most
-from validation.experiments.quality.gains import (
-    SHORT,
-    VISIBLE,
-    falls,
-    gains,
-    geometric,
-    news,
-    of_contrast,
-    shortfalls,
+from validation import panel
+from validation.experiment import Cell as Entry
+from validation.experiment import Check, Column, Table, at_least, at_most
+from validation.experiments.quality.inputs import (
+    CHOOSING,
+    DOMEMASTERS,
+    PAIRED,
+    Input,
+    Place,
+    kinds,
+    words,
 )
-from validation.experiments.quality.inputs import Input, Place, kinds, words
-from validation.experiments.quality.judging import NEW, Cell, Cells
-from validation.experiments.quality.ways import CHOSEN, UNLIMITED, WAYS
-from validation.statistics import estimate
+from validation.experiments.quality.measuring import DEFAULT, NOTHING, SUBTRACTION, WAYS, Cell
+from validation.statistics import Estimate, estimate
 
-MOST_NEW = 0.01
-"""Share of the screen that new artefacts may have."""
+SHORT = 0.02
+"""JOD below the better of nothing and subtraction that nobody minds."""
+JUDGE = "ColorVideoVDP"
+
+Cells: TypeAlias = Mapping[Place, Mapping[str, Cell]]
+"""What every way does, by its name."""
 
 
-def laws(cells: Cells) -> Iterator[Check]:
-    """What holds whatever judges say."""
-    places = list(cells.values())
-    contours = [ways["none"].contour for ways in places]
+def reported(cells: Cells) -> Cells:
+    """Those of inputs that no setting was chosen on."""
+    return {place: ways for place, ways in cells.items() if place[0] not in CHOOSING}
+
+
+def of_kind(cells: Cells, wanted: Mapping[str, Input], kind: str) -> Cells:
+    """Those of pairs, or of domemasters."""
+    names = kinds(wanted).get(kind, [])
+    return {place: ways for place, ways in cells.items() if place[0] in names}
+
+
+def beyond(ways: Mapping[str, Cell], way: str) -> float:
+    """JOD over the better of nothing and subtraction."""
+    plain = max(ways[name].judged[JUDGE] for name in (NOTHING, SUBTRACTION))
+    return ways[way].judged[JUDGE] - plain
+
+
+def gain(cells: Cells, way: str) -> Estimate:
+    """Mean of `beyond` over inputs."""
+    by_input: dict[str, list[float]] = {}
+    for place, ways in cells.items():
+        by_input.setdefault(place[0], []).append(beyond(ways, way))
+    return estimate(float(np.mean(values)) for values in by_input.values())
+
+
+def ranks(cells: Cells, judges: Iterable[panel.Judge]) -> dict[str, float]:
+    """Mean rank of each way over cases and judges, 1 = best."""
+    found: dict[str, list[float]] = {name: [] for name in WAYS}
+    for judge in judges:
+        for ways in cells.values():
+            sign = -1 if judge.higher_is_better else 1
+            values = {name: sign * ways[name].judged[judge.name] for name in WAYS}
+            for name, value in values.items():
+                below = sum(other < value for other in values.values())
+                ties = sum(other == value for other in values.values())
+                found[name].append(below + (ties + 1) / 2)
+    return {name: float(np.mean(values)) for name, values in found.items()}
+
+
+def falls(cells: Cells, figure: str) -> list[float]:
+    """How many times less than subtraction's a figure of pairs is, case by case."""
+    found = []
+    for ways in cells.values():
+        plain, ours = (getattr(ways[name], figure) for name in (SUBTRACTION, DEFAULT))
+        if plain is not None and ours is not None and min(abs(plain), abs(ours)) > 0:
+            found.append(abs(plain / ours))
+    return found
+
+
+def checks(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Iterator[Check]:
+    """Laws; and, if all judges are there, what is expected of them on the reporting half."""
     yield at_most(
         "nothing done: difference of its ghost contour to 1, the largest",
-        max(abs(contour - 1) for contour in contours if contour is not None),
+        max((abs((ways[NOTHING].contour or 1) - 1) for ways in cells.values()), default=0.0),
         1e-9,
     )
-    yield at_most(
-        f"{WAYS[CHOSEN].title}: visible error over subtraction's, mean",
-        float(
-            np.mean(
-                [
-                    ways[CHOSEN].error / ways["subtractive"].error
-                    for ways in places
-                    if ways["subtractive"].error > 0
-                ]
-            )
-        ),
-        0.9,
-    )
-    for name, which in ((CHOSEN, "that it might have chosen"), (UNLIMITED, "other")):
-        found = [_over_the_least(ways, name) for ways in places if name in ways]
-        if found:
-            yield at_most(
-                f"{WAYS[name].title}: cost over the least of all methods {which}, the largest",
-                max(found),
-                1.001,
-            )
-    yield at_most(
-        f"{WAYS[CHOSEN].title}: certified gap where it is visible, the largest",
-        max(
-            (
-                np.inf if ours.gap is None else ours.gap
-                for ours in (ways[CHOSEN] for ways in places)
-                if ours.status not in (Status.INVISIBLE.name, Status.EXACT.name)
-            ),
-            default=0.0,
-        ),
-        1e-3,
-    )
-
-
-def expectations(cells: Cells) -> Iterator[Check]:
-    """What issue 7 asks for, of the judges."""
-    title = WAYS[CHOSEN].title
-    found = estimate(gains(cells, CHOSEN).values())
-    seen = f"over subtraction where that is seen (JOD < {VISIBLE:g}), mean over inputs"
-    yield at_least(f"{title}: gain {seen}", found.mean, 0.1, "JOD")
-    yield at_least(f"{title}: gain {seen}, lower end of its 95 % interval", found.low, 0, "JOD")
-    yield _largest(
-        f"{title}: largest shortfall against the better of subtraction and nothing",
-        shortfalls(cells, CHOSEN),
-        SHORT,
-        "JOD",
-    )
-    contours = falls(cells, CHOSEN)
-    if contours:
-        yield at_least(
-            f"{title}: subtraction's ghost contour over its own where subtraction clips, "
-            f"geometric mean over pairs",
-            geometric(contours),
-            2,
-        )
-    hues = {way: _hues(cells, way) for way in (CHOSEN, "subtractive")}
-    if hues[CHOSEN]:
-        yield at_most(
-            f"{title}: shift of hue of domemasters' darker half over subtraction's",
-            float(np.mean(hues[CHOSEN]) / np.mean(hues["subtractive"])),
-            0.5,
-        )
-    yield _largest(
-        f"{title}: share of the screen with a new artefact ({NEW:g} JOD worse than subtraction "
-        f"and nothing), the largest",
-        news(cells, CHOSEN),
-        MOST_NEW,
-    )
-
-
-def told(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> str:
-    """What was found, in words; `judged` says whether ColorVideoVDP was there."""
-    contours = falls(cells, CHOSEN)
-    rises = {place: 1 / times for place, times in contours.items()}
-    text = (
-        f"{len(cells)} cases (an input at a pollution and a luminance) of {len(wanted)} inputs. "
-        f"The ghost contour falls {geometric(contours):.2f} times against subtraction (geometric "
-        f"mean over pairs; {min(contours.values()):.2f} to {max(contours.values()):.2f}), of "
-        f"contrast {geometric(falls(cells, CHOSEN, of_contrast)):.2f} times. Of light it is more "
-        f"than subtraction's in {_beyond(rises, 1, '.2f')}."
-    )
+    ours = reported(cells)
+    yield from _of_exact([ways[DEFAULT] for ways in ours.values()])
     if not judged:
-        return text
-    title = WAYS[CHOSEN].title
-    found = estimate(gains(cells, CHOSEN).values())
-    over_none, over_paper = (
-        estimate(gains(cells, CHOSEN, other).values()) for other in ("none", "uniform 0.1")
-    )
-    text = (
-        f"{text}\n\nWhere subtraction leaves what is seen, {title} gains {found.written} JOD over "
-        f"subtraction, {over_none.written} over nothing and {over_paper.written} over the paper's "
-        f"weighting."
-    )
-    for kind, names in kinds(wanted).items():
-        part = {place: ways for place, ways in cells.items() if place[0] in names}
-        text += f" Of {kind}: {estimate(gains(part, CHOSEN).values()).written} over subtraction."
-    text += _by_flip(cells)
-    for what, values, bound, digits in (
-        (
-            f"it falls more than {SHORT:g} JOD short of the better of subtraction and nothing",
-            shortfalls(cells, CHOSEN),
-            SHORT,
-            ".3f",
-        ),
-        (
-            f"new artefacts cover more than {MOST_NEW:.0%} of the screen",
-            news(cells, CHOSEN),
-            MOST_NEW,
-            ".1%",
-        ),
-    ):
-        text += f"\n\nIn {_beyond(values, bound, digits)} {what}."
-    return text
-
-
-def _over_the_least(ways: Mapping[str, Cell], name: str) -> float:
-    """Cost of a way over the least of others: for the chosen one, of those that it may project."""
-    least = min(
-        cell.cost
-        for other, cell in ways.items()
-        if other != name and (cell.allowed or name != CHOSEN)
-    )
-    return ways[name].cost / least if least > 0 else float(ways[name].cost > 0)
-
-
-def _largest(what: str, values: Mapping[Place, float], bound: float, unit: str = "") -> Check:
-    place = max(values, key=values.__getitem__)
-    return at_most(f"{what} ({words(place)})", values[place], bound, unit)
-
-
-def _hues(cells: Cells, way: str) -> list[float]:
-    return [hue for hue in (ways[way].hue for ways in cells.values()) if hue is not None]
-
-
-def _by_flip(cells: Cells) -> str:
-    """What FLIP says."""
-    found = [
-        (ours.flip, plain.flip)
-        for ours, plain in ((ways[CHOSEN], ways["subtractive"]) for ways in cells.values())
-        if ours.flip is not None and plain.flip is not None
-    ]
-    if not found:
-        return ""
-    mine, other = np.mean(found, axis=0)
-    better = sum(ours < plain for ours, plain in found)
-    return (
-        f"\n\nFLIP, which thinks of a desktop display, is {mine:.4f} on average ({other:.4f} with "
-        f"subtraction), and less than with subtraction in {better} of {len(found)} cases."
-    )
-
-
-def _beyond(values: Mapping[Place, float], bound: float, digits: str) -> str:
-    """In how many cases a figure is beyond its bound, and of which inputs."""
-    beyond: dict[str, list[float]] = {}
-    for (name, _, _), value in values.items():
-        if value > bound:
-            beyond.setdefault(name, []).append(value)
-    text = f"{sum(map(len, beyond.values()))} of {len(values)} cases"
-    if beyond:
-        inputs = (
-            f"{name} in {len(some)} of {sum(place[0] == name for place in values)}, up to "
-            f"{format(max(some), digits)}"
-            for name, some in beyond.items()
+        return
+    domes, pairs = (of_kind(ours, wanted, kind) for kind in (DOMEMASTERS, PAIRED))
+    over = "over the better of nothing and subtraction"
+    found = gain(domes, DEFAULT)
+    yield at_least(f"domes: gain {over}, mean over inputs", found.mean, 0.3, "JOD")
+    yield at_least(f"domes: gain {over}, lower end of its 95 % interval", found.low, 0.12, "JOD")
+    for kind, part in (("domes", domes), ("pairs", pairs)):
+        worst = min(part, key=lambda place: beyond(part[place], DEFAULT))
+        yield at_least(
+            f"{kind}: gain {over}, worst case ({words(worst)})",
+            beyond(part[worst], DEFAULT),
+            -SHORT,
+            "JOD",
         )
-        text += f" ({'; '.join(inputs)})"
+    for what, figure in (("of light", "contour"), ("of contrast", "contrast_contour")):
+        yield at_least(
+            f"pairs: subtraction's ghost contour {what} over the default's, mean over cases",
+            float(np.mean(falls(pairs, figure))),
+            1.7,
+        )
+    yield at_least(
+        "pairs: subtraction's share of the other eye's slopes over the default's, median",
+        float(np.median(falls(pairs, "other_eye"))),
+        1.7,
+    )
+    yield at_least(
+        "pairs: light of lit things over the master's, least of all cases",
+        min(ways[DEFAULT].lit for ways in pairs.values()),
+        0.97,
+    )
+    by_rank = ranks(ours, (judge for judge in panel.PANEL if judge.of_structure))
+    others = min(rank for name, rank in by_rank.items() if name != DEFAULT)
+    yield at_most(
+        "mean rank with the judges of structure, over that of the best other method",
+        by_rank[DEFAULT] / others,
+        1.0,
+    )
+
+
+def _of_exact(cells: list[Cell]) -> Iterator[Check]:
+    """The law: what is exact and is not lifted stays."""
+    kept = [cell.kept for cell in cells if cell.kept is not None]
+    fifth = [cell.kept_fifth for cell in cells if cell.kept_fifth is not None]
+    shifted = [cell.shifted for cell in cells if cell.shifted is not None]
+    if not kept:
+        return
+    what = "of what is exact and not lifted"
+    yield at_least(f"light {what}, median, least of all cases", min(kept), 0.98)
+    yield at_most(f"light {what}, median, largest of all cases", max(kept), 1.05)
+    yield at_least(f"light {what}, 5th percentile, least of all cases", min(fifth), 0.9)
+    yield at_most(
+        f"share {what} whose u'v' shifts by more than 0.01, the largest", max(shifted), 0.01
+    )
+
+
+def told(cells: Cells, wanted: Mapping[str, Input]) -> str:
+    """What was found, in words."""
+    half = reported(cells)
+    text = (
+        f"{len(half)} cases (an input at a pollution and a luminance) of "
+        f"{len({place[0] for place in half})} inputs that no setting was chosen on; "
+        f"{len(cells) - len(half)} cases of inputs that settings were chosen on."
+    )
+    for kind in (DOMEMASTERS, PAIRED):
+        for title, part in (("Reporting", half), ("choosing", _others(cells))):
+            some = of_kind(part, wanted, kind)
+            if some and all(JUDGE in ways[DEFAULT].judged for ways in some.values()):
+                worst = min(beyond(ways, DEFAULT) for ways in some.values())
+                text += (
+                    f"\n\n{title} {kind}: {gain(some, DEFAULT).written} JOD over the better of "
+                    f"nothing and subtraction, {worst:+.3f} "
+                    f"in the worst case."
+                )
     return text
+
+
+def figures(cells: Cells, wanted: Mapping[str, Input]) -> dict[str, float | None]:
+    """What the README quotes, of the reporting half."""
+    found: dict[str, float | None] = {}
+    for kind in (DOMEMASTERS, PAIRED):
+        part = of_kind(reported(cells), wanted, kind)
+        if not part or any(JUDGE not in ways[DEFAULT].judged for ways in part.values()):
+            continue
+        ours = gain(part, DEFAULT)
+        found[f"quality.{kind}.gain"] = ours.mean
+        found[f"quality.{kind}.gain.low"] = ours.low
+        found[f"quality.{kind}.gain.high"] = ours.high
+        found[f"quality.{kind}.worst"] = min(beyond(ways, DEFAULT) for ways in part.values())
+        found[f"quality.{kind}.paper"] = gain(part, "paper's weighting").mean
+        found[f"quality.{kind}.inputs"] = float(ours.inputs)
+        if kind == PAIRED:
+            found["quality.contour"] = float(np.mean(falls(part, "contour")))
+    return found
+
+
+def tables(cells: Cells, wanted: Mapping[str, Input]) -> Iterator[Table]:
+    """Ranks by judge, plain figures by way, and all cases."""
+    half = reported(cells)
+    for kind in (DOMEMASTERS, PAIRED):
+        part = of_kind(half, wanted, kind)
+        if not part:
+            continue
+        yield _by_judge(kind, part)
+        yield _plain(kind, part)
+    yield _by_place(cells)
+
+
+def _by_judge(kind: str, cells: Cells) -> Table:
+    known = [
+        judge
+        for judge in panel.PANEL
+        if all(judge.name in w[DEFAULT].judged for w in cells.values())
+    ]
+    return Table(
+        caption=f"Reporting {kind}: mean of each judge's figures, and mean ranks (1 = best).",
+        columns=(
+            Column(name="judge"),
+            Column(name="of structure"),
+            *(Column(name=name, digits=".4g") for name in WAYS),
+            *(Column(name=f"rank of {name}", digits=".2f") for name in WAYS),
+        ),
+        rows=tuple(
+            (
+                judge.name,
+                judge.of_structure,
+                *(_mean(ways[name].judged[judge.name] for ways in cells.values()) for name in WAYS),
+                *ranks(cells, [judge]).values(),
+            )
+            for judge in known
+        ),
+    )
+
+
+def _plain(kind: str, cells: Cells) -> Table:
+    names = list(dict.fromkeys(name for ways in cells.values() for name in ways))
+    rows: list[tuple[Entry, ...]] = []
+    for name in names:
+        some = [ways[name] for ways in cells.values() if name in ways]
+        rows.append(
+            (
+                name,
+                len(some),
+                *(_mean(cell.structure[band] for cell in some) for band in range(3)),
+                _mean(cell.hue for cell in some),
+                _mean(cell.saturation for cell in some),
+                max((100 * cell.halos for cell in some if cell.halos is not None), default=None),
+                _mean(cell.black for cell in some),
+                _mean(cell.kept for cell in some),
+                _mean(cell.contour for cell in some),
+                _mean(cell.contrast_contour for cell in some),
+                min(cell.lit for cell in some),
+            )
+        )
+    return Table(
+        caption=f"Reporting {kind}: plain figures, means (of lifts 1 and 4 over usual cases).",
+        columns=(
+            Column(name="way"),
+            Column(name="cases"),
+            *(
+                Column(name=f"structure of {size}", digits=".2f")
+                for size in ("0.25-1°", "2-10°", "10-30°")
+            ),
+            Column(name="hue shift in the dark", unit="°", digits=".0f"),
+            Column(name="saturation in the dark", digits=".2f"),
+            Column(name="halos, most", unit="% of the screen", digits=".2f"),
+            Column(name="black", unit="cd/m²", digits=".3f"),
+            Column(name="light kept where exact", digits=".3f"),
+            Column(name="ghost contour", digits=".3f"),
+            Column(name="of contrast", digits=".3f"),
+            Column(name="light of lit things, least", digits=".3f"),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _by_place(cells: Cells) -> Table:
+    rows: list[tuple[Entry, ...]] = [
+        (
+            *place,
+            "choosing" if place[0] in CHOOSING else "reporting",
+            *(ways[name].judged.get(JUDGE) for name in WAYS),
+            ways[DEFAULT].kept,
+            ways[SUBTRACTION].contour,
+            ways[DEFAULT].contour,
+        )
+        for place, ways in cells.items()
+    ]
+    return Table(
+        caption="All cases: ColorVideoVDP of each method, JOD. Pollution is crosstalk or albedo.",
+        columns=(
+            Column(name="input"),
+            Column(name="pollution", digits="g"),
+            Column(name="white", unit="cd/m²", digits="g"),
+            Column(name="half"),
+            *(Column(name=name, digits=".3f") for name in WAYS),
+            Column(name="light kept where exact", digits=".3f"),
+            Column(name="contour, subtraction", digits=".3f"),
+            Column(name="contour, default", digits=".3f"),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _others(cells: Cells) -> Cells:
+    return {place: ways for place, ways in cells.items() if place[0] in CHOOSING}
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    found = [value for value in values if value is not None]
+    return float(np.mean(found)) if found else None

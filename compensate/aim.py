@@ -1,0 +1,232 @@
+"""The aim: what can be shown of a master over light that cannot be taken away.
+
+Over a raised black the eye cannot have the master's *light*. It can have its *contrast* and its
+hue. Equation 3 of the paper allows any model lambda, so contrasts are compared, each relative to
+what the eye is adapted to in that place:
+
+    lambda(y) = (y - B_y) / (B_y + c)
+
+B_y is the local mean of y, and c a luminance below which the eye loses contrast. lambda(psi(x)) =
+lambda(m) for the master m holds where
+
+    psi(x) = m (B + v) / B,      B = B_m + c                                      (the aim)
+
+v is how far what is seen is lifted there. The aim has the master's contrast and its hue, and it is
+at least as bright as the light that is missing if v is chosen so. Exact subtraction then shows it:
+no solver and no transform is needed. Where nothing is missing v is 0, and the aim is the master.
+
+*Domes.* All of the screen is polluted alike, so v is one number: `lift` times the light that is
+missing in the darkest part of the screen. B keeps edges (`means.guided`), so that what is bright
+has no halo. Some saturated colours still need less light of one primary than is there. Exact
+clipping would turn a blue sky purple. So a share of what is missing in the worst primary is added
+to the others, in places that are lifted anyhow.
+
+*Pairs.* A ghost is missing light in one place of one sight. Its own light cannot be hidden, but its
+edges can, which are none of the picture's and hinder fusion (section 1): just outside a ghost g the
+aim has a *veil*, of the scales s from half of `reach` down by octaves,
+
+    V = max_s min(lift G_s g, G_s g² / G_s g),    aim = m + max(V - g, 0) / (1 + Y_V / f (Y_m + c))
+
+G_s is a local mean. The second term is the mean of g weighted by itself, which limits a veil to the
+ghost's own brightness. On black, a veil is seen as well as the ghost that it hides: the more it
+stands out from the master's luminance Y_m, the fainter it is.
+
+Display-adaptive tone mapping has the same idea for whole displays: R. Mantiuk, S. Daly, L.
+Kerofsky, "Display Adaptive Tone Mapping", ACM Trans. Graph. 27(3), 2008. How the numbers were
+chosen, and what lost: ``validation/notes/0007``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias, final
+
+from compensate.means import guided, smooth
+from compensate.weighting import PerceptualWeighting
+from domesim.errors import InputError, require_not_negative, require_positive
+from domesim.light import Array, Light, namespace, total
+
+_OCTAVES = 4
+_NEARBY = 0.08  # degrees: the luminance that a veil stands out from
+_TINY = 1e-9  # of white
+
+
+@final
+@dataclass(frozen=True)
+class Aim:
+    """How much of the black is given up for contrast, and where.
+
+    Parameters
+    ----------
+    lift
+        How many times the missing light dark places are lifted. 0 keeps the deepest black, which is
+        plain subtraction; 4 keeps all contrast.
+    darkest
+        Share of a dome's screen whose missing light decides: its darkest part.
+    reach
+        Size of the places within which contrast is kept, degrees.
+    edge
+        Contrast beyond which an edge separates two places, in natural logarithms of luminance.
+    dark
+        Luminance below which the eye loses contrast, cd/m².
+    hue
+        Share of the missing light of one primary that the others get, so that hues stay.
+    faint
+        Ratio of a pair's veil to its surroundings at which the veil is halved.
+
+    Raises
+    ------
+    InputError
+        If a number is negative or not finite; `reach`, `edge`, `dark`, `faint` and `darkest` must
+        be above 0, `darkest` and `hue` at most 1.
+    """
+
+    lift: float = 2.5
+    darkest: float = 0.1
+    reach: float = 2.0
+    edge: float = 2.0
+    dark: float = 0.02
+    hue: float = 0.5
+    faint: float = 15.0
+
+    def __post_init__(self) -> None:
+        require_not_negative("the aim", lift=self.lift, hue=self.hue)
+        require_positive(
+            "the aim",
+            darkest=self.darkest,
+            reach=self.reach,
+            edge=self.edge,
+            dark=self.dark,
+            faint=self.faint,
+        )
+        for name in ("darkest", "hue"):
+            if getattr(self, name) > 1:
+                raise InputError(
+                    f"the aim's {name} is a share, at most 1; got {vars(self)[name]:g}"
+                )
+
+
+@final
+@dataclass(frozen=True)
+class Sight:
+    """How a picture is seen: what an aim must know of a theatre.
+
+    Parameters
+    ----------
+    screen
+        (row, col) bool: pixels that count.
+    weights
+        (primary,) of luminance.
+    white
+        Luminance of 1.0, cd/m².
+    density
+        Pixels per degree.
+    """
+
+    screen: Array
+    weights: Array
+    white: float
+    density: float
+
+    def luminance(self, light: Light) -> Array:
+        """(view, row, col), 1 = projector white, at least 0."""
+        xp = namespace(light)
+        weights = xp.asarray(self.weights, dtype=light.dtype, device=light.device)
+        return xp.maximum(xp.vecdot(light, weights), xp.zeros_like(light[..., 0]))
+
+
+Eye: TypeAlias = Aim | PerceptualWeighting
+"""What a picture is made for: its contrasts by an aim, or the paper's least squares."""
+
+
+def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light) -> Light:
+    """The aim of a dome: the master, lifted with its surroundings.
+
+    Parameters
+    ----------
+    aim, sight
+        Settings, and how the dome is seen.
+    wanted
+        (1, row, col, primary) what should be seen.
+    floor
+        Light that is there without any of its own, of subtraction, of the same shape.
+    brightest
+        What is seen of white in its own place; nothing is aimed at above.
+    """
+    gain = _gain(aim, sight, wanted, floor)
+    return wanted * _within(gain, wanted, brightest)[..., None]
+
+
+def with_hue(aim: Aim, wanted: Light, aimed: Light, floor: Light) -> Light:
+    """An aim of a dome that keeps hues where a primary's floor is above it.
+
+    Parameters
+    ----------
+    aim
+        Settings.
+    wanted, aimed
+        (1, row, col, primary) the master and its aim.
+    floor
+        Of what shows the aim.
+    """
+    xp = namespace(wanted)
+    missing = xp.maximum(floor - aimed, xp.zeros_like(aimed))
+    bright = xp.max(aimed, axis=-1, keepdims=True)
+    # Only as far as a place is lifted anyhow: elsewhere, what is exact stays exact
+    raised = 1 - xp.max(wanted, axis=-1, keepdims=True) / xp.maximum(bright, bright * 0 + _TINY)
+    shared = aim.hue * raised * xp.max(missing, axis=-1, keepdims=True)
+    return aimed + xp.maximum(missing, shared)
+
+
+def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
+    """The aim of a pair: the master, with veils that hide the edges of its ghosts.
+
+    Parameters
+    ----------
+    aim, sight
+        Settings, and how the pair is seen.
+    wanted
+        (2, row, col, primary) what should be seen.
+    left
+        What subtraction shows too much, at least 0, of the same shape.
+    """
+    xp = namespace(wanted)
+    ghosts = xp.moveaxis(left, -1, 1)  # (view, primary, row, col)
+    veil = xp.zeros_like(ghosts)
+    own = veil
+    for octave in range(_OCTAVES):
+        sigma = aim.reach * sight.density / 2 ** (octave + 1)
+        mean = smooth(ghosts, sigma)
+        peak = smooth(ghosts**2, sigma) / xp.maximum(mean, xp.full_like(mean, _TINY))
+        veil = xp.maximum(veil, xp.minimum(aim.lift * mean, peak))
+        own = peak if octave == 0 else own
+    around = smooth(sight.luminance(wanted), _NEARBY * sight.density) + aim.dark / sight.white
+    stands_out = sight.luminance(xp.moveaxis(own, 1, -1)) / around
+    rim = xp.maximum(xp.moveaxis(veil, 1, -1) - left, xp.zeros_like(left))
+    return wanted + rim / (1 + stands_out / aim.faint)[..., None]
+
+
+def _gain(aim: Aim, sight: Sight, wanted: Light, floor: Light) -> Array:
+    """(1, row, col) (B + v) / B."""
+    xp = namespace(wanted)
+    luminance, dark = sight.luminance(wanted), aim.dark / sight.white
+    missing = aim.lift * _missing(aim, sight, sight.luminance(floor) - luminance)
+    radius = max(1, round(aim.reach * sight.density))
+    base = xp.exp(guided(xp.log(luminance[0, ...] + dark), sight.screen, radius, aim.edge))
+    return (1 + missing / base)[None, ...]
+
+
+def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:
+    """Mean light that is missing where most is, over the `darkest` share of the screen."""
+    xp = namespace(lacking)
+    values = xp.sort(lacking[0, ...][sight.screen], descending=True)
+    most = values[: max(1, round(aim.darkest * values.shape[0]))]
+    mean: float = float(total(xp.maximum(most, xp.zeros_like(most)))) / most.shape[0]
+    return mean
+
+
+def _within(gain: Array, wanted: Light, brightest: Light) -> Array:
+    """The gain, no more than brings the brightest primary to white: hues stay."""
+    xp = namespace(wanted)
+    room = xp.min(brightest / xp.maximum(wanted, xp.full_like(wanted, _TINY)), axis=-1)
+    return xp.maximum(xp.minimum(gain, room), xp.ones_like(gain))

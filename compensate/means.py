@@ -1,0 +1,90 @@
+"""Local means in O(n), of arrays of any library: boxes by running sums.
+
+A box mean is a difference of two running sums, so that its cost does not depend on its size.
+Three boxes one after the other come close to a Gaussian (the central limit theorem; W. M. Wells,
+"Efficient synthesis of Gaussian filters by cascaded uniform filters", IEEE Trans. PAMI 8(2), 1986).
+The guided filter keeps edges: K. He, J. Sun, X. Tang, "Guided Image Filtering", ECCV 2010, with the
+picture as its own guide.
+"""
+
+from __future__ import annotations
+
+from domesim.light import Array, namespace
+
+_BOXES = 3
+
+
+def box_mean(planes: Array, radius: int, count: Array | None = None) -> Array:
+    """Means over squares of 2 `radius` + 1 pixels.
+
+    Parameters
+    ----------
+    planes
+        (..., row, col); 0 where nothing counts.
+    radius
+        Pixels.
+    count
+        `box_sum` of what counts, if not every pixel of the picture does.
+    """
+    xp = namespace(planes)
+    if count is None:
+        count = box_sum(xp.ones_like(planes[..., :, :]), radius)
+    return box_sum(planes, radius) / count
+
+
+def box_sum(planes: Array, radius: int) -> Array:
+    """Sums over squares of 2 `radius` + 1 pixels; nothing lies outside the picture."""
+    return _sum_along(_sum_along(planes, radius, -1), radius, -2)
+
+
+def smooth(planes: Array, sigma: float) -> Array:
+    """Means by nearly a Gaussian of standard deviation `sigma`, pixels.
+
+    A box of radius r has the variance r (r + 1) / 3. Of the radii around, as many boxes are taken
+    of each as come closest.
+    """
+    small = int((sigma**2 + 0.25) ** 0.5 - 0.5)
+    wanted = (sigma**2 - small * (small + 1)) / (2 * (small + 1) / 3)
+    large = min(max(round(wanted), 0), _BOXES)
+    for radius in [small + 1] * large + [small] * (_BOXES - large):
+        planes = box_mean(planes, radius) if radius else planes
+    return planes
+
+
+def guided(plane: Array, screen: Array, radius: int, edge: float) -> Array:
+    """Edge-preserving mean: the guided filter of He et al., with itself as guide.
+
+    Parameters
+    ----------
+    plane
+        (row, col).
+    screen
+        (row, col) bool: pixels that count.
+    radius
+        Of the boxes, pixels.
+    edge
+        Standard deviation within a box at which half of it is kept: the root of their epsilon.
+    """
+    xp = namespace(plane)
+    on = xp.astype(screen, plane.dtype)
+    count = xp.maximum(box_sum(on, radius), xp.asarray(1, dtype=plane.dtype))
+
+    def mean(values: Array) -> Array:
+        return box_mean(values * on, radius, count)
+
+    middle = mean(plane)
+    variance = xp.maximum(mean((plane - middle) ** 2), xp.zeros_like(plane))
+    slope = variance / (variance + edge**2)
+    return mean(slope) * plane + mean((1 - slope) * middle)
+
+
+def _sum_along(planes: Array, radius: int, axis: int) -> Array:
+    """Running sums in double precision: in single they would lose what is dark beside bright."""
+    xp = namespace(planes)
+    size = planes.shape[axis]
+    sums = xp.cumulative_sum(planes, axis=axis, dtype=xp.float64, include_initial=True)
+    steps = xp.arange(size, device=planes.device)
+    above = xp.minimum(steps + radius + 1, xp.full_like(steps, size))
+    below = xp.maximum(steps - radius, xp.zeros_like(steps))
+    found = xp.take(sums, above, axis=axis) - xp.take(sums, below, axis=axis)
+    return xp.astype(found, planes.dtype)

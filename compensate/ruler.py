@@ -1,0 +1,63 @@
+"""The ruler: how much worse what is seen looks than the master, whatever the method.
+
+The reference model is `compensate.vision.differences`: a picture's contrasts at all scales, each
+relative to the light around, with published constants. No setting of a method enters it. Its unit
+is the just-objectionable difference (JOD): of two pictures 1 JOD apart, 75 of 100 people prefer the
+better.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.vision.differences import visible_difference
+from domesim.light import Light
+from domesim.scene import Scene
+
+FINEST = 1024
+"""Pixels of a picture's larger side, at most: larger pictures are averaged."""
+
+
+def quality_lost(wanted: Light, seen: Light, scene: Scene, screen: NDArray[np.bool_]) -> float:
+    """Mean of `lost_map` over the screen, JOD: 0 where the master is seen.
+
+    Parameters
+    ----------
+    wanted, seen
+        (view, row, col, primary) what should be seen, and what is.
+    scene
+        Where.
+    screen
+        (row, col) pixels that count.
+    """
+    lost = lost_map(wanted, seen, scene, screen)
+    share = _reduced(screen[None, ..., None].astype(np.float32), *screen.shape)[..., 0]
+    return float(np.sum(lost * share) / (share.sum() * len(lost)))
+
+
+def lost_map(
+    wanted: Light, seen: Light, scene: Scene, screen: NDArray[np.bool_]
+) -> NDArray[np.floating[Any]]:
+    """(view, row, col) JOD that are lost if all of the picture looks like that place.
+
+    Parameters are as for `quality_lost`; the map is of the averaged picture.
+    """
+    rows, cols = screen.shape
+    shown = [
+        _reduced(np.where(screen[..., None], light, 0), rows, cols) for light in (wanted, seen)
+    ]
+    to_xyz = (scene.projector.to_xyz * scene.projector.white).T.astype(np.float32)
+    per_degree = scene.viewing.pixels_per_degree(*shown[0].shape[1:3])
+    wanted, seen = (np.maximum(light, 0).astype(np.float32) @ to_xyz for light in shown)
+    return visible_difference(wanted, seen, per_degree)
+
+
+def _reduced(light: Light, rows: int, cols: int) -> Light:
+    """Means of squares, so that no side is longer than `FINEST`; what is left over is left out."""
+    times = -(-max(rows, cols) // FINEST)
+    cells = light[:, : rows // times * times, : cols // times * times]
+    cells = cells.reshape(len(light), rows // times, times, cols // times, times, -1)
+    return cells.mean(axis=(2, 4))

@@ -1,0 +1,70 @@
+"""Local means in O(n) are what a loop over all pixels finds."""
+
+from __future__ import annotations
+
+import array_api_strict
+import numpy as np
+import pytest
+
+from compensate.means import box_mean, guided, smooth
+
+RNG = np.random.default_rng(4)
+PICTURE = RNG.random((5, 7))
+
+
+def mean_around(plane: np.ndarray, row: int, col: int, radius: int) -> float:
+    rows = slice(max(0, row - radius), row + radius + 1)
+    return float(plane[rows, max(0, col - radius) : col + radius + 1].mean())
+
+
+@pytest.mark.parametrize("radius", [1, 2, 9])
+def test_a_box_is_the_mean_of_what_lies_in_the_picture(radius):
+    found = box_mean(PICTURE, radius)
+    expected = [[mean_around(PICTURE, r, c, radius) for c in range(7)] for r in range(5)]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_single_precision_keeps_what_is_dark_beside_what_is_bright():
+    dark = np.full((3, 4000), 1e-6, np.float32)
+    dark[:, :2000] = 1.0
+    assert box_mean(dark, 1)[1, 3000] == pytest.approx(1e-6, rel=1e-3)
+
+
+@pytest.mark.parametrize("sigma", [1.25, 2.0, 6.0])
+def test_three_boxes_have_the_variance_of_a_gaussian(sigma):
+    impulse = np.zeros((101, 101))
+    impulse[50, 50] = 1
+    row = smooth(impulse, sigma).sum(axis=0)
+    place = np.arange(101) - 50
+    assert row.sum() == pytest.approx(1)
+    assert np.sqrt(row @ place**2) == pytest.approx(sigma, rel=0.1)
+
+
+def test_a_guided_mean_smooths_texture_and_keeps_an_edge():
+    everywhere = np.ones((60, 60), bool)
+    step = np.where(np.arange(60) < 30, 0.0, 10.0) * np.ones((60, 1))
+    noise = 0.2 * RNG.standard_normal((60, 60))
+    found = guided(step + noise, everywhere, 6, 1.0)
+    flat = found[10:50, 4:14]
+    assert flat.std() < 0.3 * noise.std()
+    assert np.abs(found - step)[:, 25:35].max() < 1.5  # a plain mean is off by 5 there
+    np.testing.assert_allclose(guided(0 * step + 3, everywhere, 6, 1.0), 3)
+
+
+def test_what_is_off_the_screen_does_not_count():
+    screen = np.ones((9, 9), bool)
+    screen[:, 6:] = False
+    plane = RNG.random((9, 9))
+    other = np.where(screen, plane, 1e3)
+    found = guided(other, screen, 2, 0.5)[:, :4]
+    np.testing.assert_allclose(found, guided(plane * screen, screen, 2, 0.5)[:, :4])
+
+
+def test_any_array_library():
+    there = array_api_strict.asarray(PICTURE)
+    on = array_api_strict.asarray(np.ones((5, 7), bool))
+    for found, expected in (
+        (smooth(there, 1.0), smooth(PICTURE, 1.0)),
+        (guided(there, on, 1, 0.3), guided(PICTURE, np.ones((5, 7), bool), 1, 0.3)),
+    ):
+        np.testing.assert_allclose(np.asarray(found), expected, rtol=1e-12)
