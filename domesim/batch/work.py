@@ -24,7 +24,7 @@ import psutil
 from domesim.batch.job import Job, Record, versions
 from domesim.console import about
 from domesim.errors import InputError, NoSpaceError
-from domesim.frames import ColourTag, Master, Packing, read_master, write_master
+from domesim.frames import Master, read_master, write_master
 from domesim.frames.messages import joined
 from domesim.frames.reading import unsaid
 from domesim.frames.views import require_writable
@@ -347,7 +347,7 @@ class _Writer:
     def __init__(self, order: Order) -> None:
         self._order = order
         self.unsaid = ""
-        self._how: tuple[Packing | None, ColourTag | None] = None, None
+        self._stored: Master | None = None
         self.others: tuple[Path, ...] = ()
 
     @property
@@ -360,15 +360,21 @@ class _Writer:
     def __call__(self, result: Master, /) -> None:
         output, writing = self._order.output, self._order.writing
         write_master(result, output, bits=writing.bits, dither=writing.dither)
-        self.unsaid = unsaid(output[0], result.colour)
         packing = None if result.packing in ("single", "files") else result.packing
-        self._how = packing, result.colour
+        try:
+            self.unsaid = unsaid(output[0], result.colour)
+            self._stored = read_master(
+                output, packing=packing, repair=True, allow_identical=True, colour=result.colour
+            )
+        except InputError:
+            # An encoder that reports success is no proof.
+            for path in output:
+                path.unlink(missing_ok=True)
+            raise
 
     def stored(self) -> Master:
-        packing, colour = self._how
-        return read_master(
-            self._order.output, packing=packing, repair=True, allow_identical=True, colour=colour
-        )
+        assert self._stored is not None  # written before
+        return self._stored
 
 
 def _maker() -> dict[str, Any]:

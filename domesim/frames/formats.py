@@ -64,3 +64,8 @@ def code_range(bits: int, *, floating: bool) -> tuple[float, float]:
         return 0.0, 1.0
     largest = _LARGEST_HALF if bits == 16 else _LARGEST_FLOAT
     return -largest, largest
+
+
+def code_span(bits: int, *, legal: bool) -> tuple[int, int]:
+    """Integer codes of black and white: all of them, or those of video (ITU-R BT.709-6, 5.6)."""
+    return (16 << (bits - 8), 235 << (bits - 8)) if legal else (0, 2**bits - 1)

@@ -5,27 +5,33 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import BinaryIO
 
 from domesim.errors import InputError
-from domesim.frames import jpeg2000
+from domesim.frames import dpx, exr, eyes, jpeg, jpeg2000
 from domesim.frames.formats import LARGEST_SIDE
 from domesim.frames.messages import reason
-from domesim.frames.png import COLOUR_CHUNKS, Picture, chunks_of
+from domesim.frames.png import CARRIED_CHUNKS, COLOUR_CHUNKS, Picture, chunks_of
+from domesim.frames.radiance import Radiance, header_of
 
 
 @dataclass(frozen=True)
 class Container:
     """What the examination of a file's bytes found, for OpenImageIO does not tell it."""
 
+    carried: tuple[bytes, ...] = (b"",)  # of each part: what is written back as it is
     colour_chunks: bytes = b""  # of a PNG
     big_endian: bool = True  # of a DPX
-    created: bytes = b""  # of a DPX, which OpenImageIO gives another form
     boxes: bytes = b""  # of a JPEG 2000, without the codestream
     comments: bytes = b""  # of a JPEG 2000: whole marker segments
     cinema: bool = False  # of a JPEG 2000: whether it has a digital-cinema profile
+    radiance: Radiance | None = None  # of an HDR
+    eyes: eyes.Eyes | None = None  # how two views are packed, if it says so
 
 
 def examine(path: Path) -> Container:
@@ -59,30 +65,57 @@ def refuse_sides(path: Path, cols: int, rows: int) -> None:
         )
 
 
-def _examine_bytes(path: Path, file: BinaryIO) -> Container:
+_LONG_TEXT = 1 << 16  # bytes of what HDRs tell, for which they name no limit
+
+
+def _examine_bytes(path: Path, file: BinaryIO) -> Container:  # noqa: PLR0911 - a format each
     size = os.fstat(file.fileno()).st_size
     if size == 0:
         raise InputError(f"{path}: wanted an image, got an empty file. Copy or render it again.")
-    start = file.read(160)
+    start = file.read(dpx.HEADER)
     if start.startswith(b"\x89PNG\r\n\x1a\n"):
-        return Container(colour_chunks=_examine_png(path, start + file.read()))
+        return _examine_png(path, start + file.read())
     if start[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         _examine_tiff(path, file, size, start)
     if start.startswith((jpeg2000.SIGNATURE, jpeg2000.CODESTREAM)):
         return _examine_jpeg2000(path, start + file.read())
     if start[:4] in (b"SDPX", b"XPDS"):
         big_endian = _examine_dpx(path, size, start)
-        return Container(big_endian=big_endian, created=start[_CREATED])
+        return Container((dpx.carried_of(start, big_endian=big_endian),), big_endian=big_endian)
+    if start.startswith(exr.MAGIC):
+        with _understood(path, "EXR"), mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+            return Container(exr.carried_of(content))
+    if start.startswith(jpeg.START):
+        with _understood(path, "JPEG"):
+            return _examine_jpeg(start + file.read())
+    if start.startswith(b"#?"):
+        with _understood(path, "HDR"):
+            return Container(radiance=header_of(start + file.read(_LONG_TEXT)))
     return Container()
 
 
-def _examine_png(path: Path, png: bytes) -> bytes:
-    """Check all that there is up to IEND, and return the chunks that speak of colour.
+_KINDS = {"JPEG 2000": " at 8, 10, 12 or 16 bits"}
+
+
+@contextmanager
+def _understood(path: Path, label: str) -> Iterator[None]:
+    """What cannot be, as an error for a person."""
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(
+            f"{path}: wanted a complete {label} of R, G, B{_KINDS.get(label, '')}, got {error}. "
+            "Copy or render it again, or convert it."
+        ) from error
+
+
+def _examine_png(path: Path, png: bytes) -> Container:
+    """Check all that there is up to IEND.
 
     libpng would notice most damage, too, but it prints to stderr, does not miss an IEND, and only
     skips a damaged colour chunk.
     """
-    colour, picture = b"", Picture()
+    colour, carried, picture, packed = b"", b"", Picture(), None
     for kind, chunk in chunks_of(png):
         if zlib.crc32(chunk[4:-4]) != int.from_bytes(chunk[-4:]):
             name = kind.decode("ascii", "replace")
@@ -91,13 +124,25 @@ def _examine_png(path: Path, png: bytes) -> bytes:
             picture.add(kind, chunk[8:-4])
         except ValueError as error:
             raise damaged(path, "PNG", str(error)) from error
+        if kind == b"sTER":
+            with _understood(path, "PNG"):
+                packed = eyes.of_png(chunk[8:-4])
         if kind == b"IHDR":
             refuse_sides(path, *picture.sides)
         if kind in COLOUR_CHUNKS:
             colour += chunk
+        if kind in CARRIED_CHUNKS:
+            carried += chunk
         if kind == b"IEND":
-            return colour
+            return Container((carried,), colour, eyes=packed)
     raise damaged(path, "PNG", "one that ends early")
+
+
+def _examine_jpeg(content: bytes) -> Container:
+    """OpenImageIO does not tell which eye is which, and loses some of what is told."""
+    stereo = jpeg.stereo_of(content)
+    packed = None if stereo is None else eyes.of_jps(stereo[0], left_first=stereo[1])
+    return Container((jpeg.metadata_of(content),), eyes=packed)
 
 
 _TIFF_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
@@ -141,17 +186,9 @@ def _examine_tiff(path: Path, file: BinaryIO, size: int, start: bytes) -> None:
 
 def _examine_jpeg2000(path: Path, content: bytes) -> Container:
     """OpenImageIO decodes it when it is opened: what is wrong must be found before."""
-    try:
+    with _understood(path, "JPEG 2000"):
         cinema, comments = jpeg2000.is_cinema(content), jpeg2000.comments_of(content)
-    except ValueError as error:
-        raise InputError(
-            f"{path}: wanted a complete JPEG 2000 of R, G, B at 8, 10, 12 or 16 bits, got {error}. "
-            "Copy or render it again, or convert it."
-        ) from error
     return Container(boxes=jpeg2000.metadata_of(content), comments=comments, cinema=cinema)
-
-
-_CREATED = slice(136, 160)  # SMPTE ST 268-1, file information header
 
 
 def _examine_dpx(path: Path, size: int, start: bytes) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -12,11 +12,15 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames import dpx
+from domesim.frames.alpha import is_opaque, over_black
 from domesim.frames.colour import ColourTag, colour_of
-from domesim.frames.formats import FLOATING, INTEGER, LABELS, label
+from domesim.frames.formats import FLOATING, INTEGER, LABELS, code_span, label
 from domesim.frames.frame import Frame, Header, Pixels
 from domesim.frames.integrity import Container, damaged, examine, refuse_sides
+from domesim.frames.jpeg2000 import is_associated
 from domesim.frames.messages import one_line, problem_of
+from domesim.frames.orientation import UPRIGHT, known, turned
 from domesim.frames.video import read_video_frame, video_of, video_size
 
 
@@ -39,7 +43,8 @@ def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | No
     InputError
         If the file is missing, damaged or truncated, not an image, of several images, not RGB,
         encoded in a way that is not supported (unless `colour` is given), larger than its display
-        window (overscan), or holds NaN, Inf or negative samples and `repair` is off.
+        window (overscan), of pixels that are not square, or holds NaN, Inf or negative samples and
+        `repair` is off.
     """
     return read_image(Path(path), repair=repair, colour=colour)
 
@@ -82,7 +87,8 @@ def size_of(path: Path) -> tuple[int, int]:
     reader = open_image(path)
     try:
         spec = reader.spec()
-        return int(spec.full_height), int(spec.full_width)
+        sides = int(spec.full_height), int(spec.full_width)
+        return sides if known(spec.getattribute("Orientation")) < 5 else sides[::-1]
     finally:
         reader.close()
 
@@ -176,6 +182,11 @@ class Layout:
     colour: ColourTag
     stated: ColourTag | None  # what the file has for `colour`; None if that is not supported
     container: Container
+    part: int  # of the file's
+    orientation: int
+    straight: bool  # whether colours are not multiplied by alpha
+    legal: bool  # whether codes lie between black and white of video
+    notes: tuple[str, ...]
     view: str = ""
 
 
@@ -211,6 +222,11 @@ def layout_of(
     kinds = tuple(kinds_of(spec)[place] for place in places)
     bits, floating = _depth(path, spec, {kinds[channel] for channel in rgb})
     meant, stated = _colours(path, spec, name, container, colour)
+    orientation = _orientation(path, spec, name, container)
+    legal = name == "dpx" and not floating and dpx.is_legal(spec, bits)
+    notes = [*_pixel_notes(path, spec, name, container), *(["legal range"] if legal else [])]
+    if orientation != UPRIGHT:
+        notes.append(f"turned upright: its Orientation is {orientation}")
     return Layout(
         format=name,
         places=places,
@@ -221,10 +237,15 @@ def layout_of(
         floating=floating,
         data=data,
         display=display,
-        attributes=attributes_of(path, spec),
+        attributes=attributes_of(path, spec, container),
         colour=meant,
         stated=stated,
         container=container,
+        part=reader.current_subimage(),
+        orientation=orientation,
+        straight=_is_straight(spec, name, container),
+        legal=legal,
+        notes=tuple(notes),
         view="" if view is None else view.name,
     )
 
@@ -242,16 +263,73 @@ def _colours(
         return given, None
 
 
+def _orientation(path: Path, spec: Any, name: str, container: Container) -> int:
+    """Exif's number."""
+    if name == "dpx":
+        try:
+            return dpx.orientation_of(container.carried[0], big_endian=container.big_endian)
+        except ValueError as error:
+            raise InputError(
+                f"{path}: wanted lines that are rows, got {error}. Turn it first (ImageMagick: "
+                "convert IN -auto-orient OUT)."
+            ) from error
+    if container.radiance is not None:
+        return container.radiance.orientation
+    return known(spec.getattribute("Orientation"))
+
+
+def _is_straight(spec: Any, name: str, container: Container) -> bool:
+    """Whether colours are not multiplied by alpha."""
+    if name == "jpeg2000":
+        return not is_associated(container.boxes)
+    return name == "bmp" or bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
+
+
+_SQUARE = 0.01
+"""By how much a pixel's sides may differ, of 1: what is told in few digits."""
+
+
+def _pixel_notes(path: Path, spec: Any, name: str, container: Container) -> tuple[str, ...]:
+    """What is to be said of the pixels' shape; refuse pictures that are not of square ones."""
+    stated = spec.getattribute("PixelAspectRatio")
+    if container.radiance is not None:
+        stated = container.radiance.pixel_aspect
+    if not isinstance(stated, float | int) or not 0 < stated < np.inf:
+        return ()
+    if abs(stated - 1) <= _SQUARE:
+        return ()
+    if name in ("openexr", "dpx", "hdr"):
+        raise not_square(path, stated)
+    # Others tell how densely to print.
+    return (f"pixels taken as square, though its densities say {stated:.4g} : 1",)
+
+
+def not_square(path: Path, aspect: float) -> InputError:
+    """The error for a picture of pixels that are `aspect` times as wide as high."""
+    return InputError(
+        f"{path}: wanted square pixels, got ones of {aspect:.4g} : 1 (pixel aspect ratio). Resize "
+        "the picture to square ones first, or correct what the file says if they are square "
+        "(oiiotool IN --attrib PixelAspectRatio 1 -o OUT)."
+    )
+
+
 def kinds_of(spec: Any) -> tuple[str, ...]:
     """Each channel's type."""
     each = tuple(str(kind) for kind in spec.channelformats)
     return each or (str(spec.format),) * spec.nchannels
 
 
-def attributes_of(path: Path, spec: Any) -> tuple[tuple[str, str, Any], ...]:
+def attributes_of(
+    path: Path, spec: Any, container: Container | None = None
+) -> tuple[tuple[str, str, Any], ...]:
     """Name, type and value of each attribute."""
+    invented: frozenset[str] = frozenset()
+    if container is not None and spec.getattribute("dpx:Version") is not None:
+        invented = dpx.INDUSTRY if len(container.carried[0]) < dpx.HEADER else invented
     attributes = tuple(
-        (attribute.name, str(attribute.type), attribute.value) for attribute in spec.extra_attribs
+        (attribute.name, str(attribute.type), attribute.value)
+        for attribute in spec.extra_attribs
+        if attribute.name not in invented
     )
     _refuse_unprintable(path, "attributes", [name for name, _, _ in attributes])
     return attributes
@@ -464,7 +542,9 @@ def frame_of(
     rgb, extra = samples
     zero_padded = _is_zero_padded(rgb, layout)
     bits = 12 if zero_padded else layout.bits
-    pixels = _code_values(rgb, bits)
+    pixels = _code_values(rgb, bits, legal=layout.legal)
+    if layout.container.radiance is not None:
+        pixels /= np.array(layout.container.radiance.exposure, np.float32)
     repaired = 0
     if layout.floating and len(set(layout.rgb)) == 1:
         grey, repaired = _without_impossible_samples(
@@ -475,24 +555,31 @@ def frame_of(
         pixels, repaired = _without_impossible_samples(
             path, pixels, layout, repair=repair, signed=signed
         )
+    pixels = _as_shown(pixels, layout)
+    planes = tuple(_as_shown(plane, layout) for plane in extra)
     header = Header(
         format=layout.format,
         attributes=layout.attributes,
         channels=layout.channels,
         kinds=layout.kinds,
         rgb=layout.rgb,
-        extra=tuple(_over_display_window(plane, layout) for plane in extra),
+        extra=planes,
         origin=layout.display[:2],
         colour=layout.stated,
         colour_chunks=layout.container.colour_chunks,
         big_endian=layout.container.big_endian,
-        created=layout.container.created,
+        carried=layout.container.carried[layout.part],
         boxes=layout.container.boxes,
         comments=layout.container.comments,
         zero_padded=zero_padded,
+        legal=layout.legal,
+        straight=layout.straight,
+        orientation=layout.orientation,
+        eyes=layout.container.eyes,
+        notes=layout.notes,
     )
-    return Frame(
-        pixels=_over_display_window(pixels, layout),
+    frame = Frame(
+        pixels=pixels,
         path=path,
         colour=layout.colour,
         bits=bits,
@@ -500,6 +587,20 @@ def frame_of(
         repaired=repaired,
         header=header,
     )
+    return shown_over_black(frame)
+
+
+def shown_over_black(frame: Frame) -> Frame:
+    """`frame`, whose colours are as stored, as it is shown: over black where it has an alpha."""
+    header = frame.header
+    alpha = header.alpha
+    if alpha is None or is_opaque(header.extra[alpha]):
+        return frame
+    said = replace(header, notes=(*header.notes, "over black where its alpha lets it through"))
+    if not header.straight:
+        return replace(frame, header=said)
+    shown = over_black(frame.pixels, header.extra[alpha], frame.colour.transfer)
+    return replace(frame, pixels=shown, header=said)
 
 
 def _is_zero_padded(rgb: NDArray[Any], layout: Layout) -> bool:
@@ -509,20 +610,29 @@ def _is_zero_padded(rgb: NDArray[Any], layout: Layout) -> bool:
     return not np.bitwise_or.reduce(rgb, axis=None) & 15
 
 
-def _code_values(samples: NDArray[Any], bits: int) -> Pixels:
-    """(row, col, 3) float32, integers scaled so that 1.0 is the largest code."""
+def _code_values(samples: NDArray[Any], bits: int, *, legal: bool = False) -> Pixels:
+    """(row, col, 3) float32, integers scaled so that 1.0 is the largest code, or video's white."""
     if not np.issubdtype(samples.dtype, np.integer):
         return samples.astype(np.float32, copy=False)
     # OpenImageIO widens 10 and 12 bits to 16 by repeating the upper bits below.
     unused = 8 * samples.dtype.itemsize - bits
     codes = samples >> unused if unused else samples
     pixels = codes.astype(np.float32)
-    pixels /= np.float32(2**bits - 1)
-    return pixels
+    black, white = code_span(bits, legal=legal)
+    if legal:
+        pixels -= np.float32(black)
+    pixels /= np.float32(white - black)
+    return np.clip(pixels, 0, 1, out=pixels) if legal else pixels
+
+
+def _as_shown(samples: NDArray[Any], layout: Layout) -> NDArray[Any]:
+    """`samples` of the data window, with 0 around them up to the display window, upright."""
+    if layout.orientation != UPRIGHT:
+        return turned(_over_display_window(samples, layout), layout.orientation)
+    return _over_display_window(samples, layout)
 
 
 def _over_display_window(samples: NDArray[Any], layout: Layout) -> NDArray[Any]:
-    """`samples` of the data window, with 0 around them up to the display window."""
     if layout.data == layout.display:
         return samples
     (left, top, cols, rows), (display_left, display_top, *size) = layout.data, layout.display
