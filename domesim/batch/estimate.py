@@ -177,7 +177,7 @@ def _video(tried: _Tried, films: Films, count: int, scratch: Path, console: Cons
         frames = {order.output[view]: sha256(order.output[view]) for order in orders}
         began = time.perf_counter()
         with console.progress("assembling", len(frames)) as start:
-            films.write(place, frames, ColourTag(transfer, primaries, "domesim"), start)
+            films.write(view, place, frames, ColourTag(transfer, primaries, "domesim"), start)
         seconds += (time.perf_counter() - began) * count / len(frames)
         disk += place.stat().st_size * count / len(frames)
     return _Cost(seconds, disk)

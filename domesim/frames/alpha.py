@@ -6,12 +6,14 @@ so that what lies under an alpha of 0 is black. Associated ones are light over b
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from domesim import transfer
+from domesim.frames.frame import Frame
 
 Codes = NDArray[np.float32]
 
@@ -29,6 +31,19 @@ def opacity(plane: NDArray[Any]) -> NDArray[np.float64]:
 def is_opaque(plane: NDArray[Any]) -> bool:
     """Whether nothing shines through."""
     return bool(opacity(plane).min() >= 1)
+
+
+def shown_over_black(frame: Frame) -> Frame:
+    """`frame`, whose colours are as stored, as it is shown: over black where it has an alpha."""
+    header = frame.header
+    alpha = header.alpha
+    if alpha is None or is_opaque(header.extra[alpha]):
+        return frame
+    said = replace(header, notes=(*header.notes, "over black where its alpha lets it through"))
+    if not header.straight:
+        return replace(frame, header=said)
+    shown = over_black(frame.pixels, header.extra[alpha], frame.colour.transfer)
+    return replace(frame, pixels=shown, header=said)
 
 
 def over_black(codes: Codes, plane: NDArray[Any], curve: str) -> Codes:

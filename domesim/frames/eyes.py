@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import final
+from typing import Literal, TypeAlias, final
 
 from domesim.frames.png import chunk
 
-SIDE_BY_SIDE, TOP_BOTTOM = "side-by-side", "top-bottom"
+Packed: TypeAlias = Literal["side-by-side", "top-bottom"]
+SIDE_BY_SIDE: Packed = "side-by-side"
+TOP_BOTTOM: Packed = "top-bottom"
 _JPS_LAYOUTS = {2: SIDE_BY_SIDE, 3: TOP_BOTTOM}
 _STEREO_3D = {1: SIDE_BY_SIDE, 2: TOP_BOTTOM}
 _FLAT = 0  # AVStereo3D's type
@@ -27,14 +29,14 @@ class Eyes:
     Parameters
     ----------
     packing
-        "side-by-side" or "top-bottom".
+        Where.
     right_first
         Whether the right eye's view is on the left, or on top.
     said_by
         For a person: "sTER".
     """
 
-    packing: str
+    packing: Packed
     right_first: bool
     said_by: str
 
@@ -65,14 +67,18 @@ def of_jps(layout: int, *, left_first: bool) -> Eyes:
     return Eyes(_JPS_LAYOUTS[layout], not left_first, "JPS marker")
 
 
-def of_video(stereo_3d: bytes) -> Eyes | None:
-    """What FFmpeg's AVStereo3D says; None for a flat picture.
+def of_video(stereo_3d: bytes | None, mode: str) -> Eyes | None:
+    """What FFmpeg's AVStereo3D says, or Matroska's StereoMode; None for a flat picture.
 
     Raises
     ------
     ValueError
         If it is another packing.
     """
+    if mode.startswith(("anaglyph", "block")):  # which FFmpeg tells only so
+        raise ValueError(mode)
+    if stereo_3d is None:
+        return None
     kind, flags = struct.unpack_from("=2i", stereo_3d)
     if kind == _FLAT:
         return None
@@ -81,8 +87,8 @@ def of_video(stereo_3d: bytes) -> Eyes | None:
     return Eyes(_STEREO_3D[kind], bool(flags & 1), "stereo mode")
 
 
-def stated(eyes: Eyes, name: str) -> bytes | None:
-    """The chunk or segment that says it in a format of that name; None if it cannot."""
+def stated(eyes: Eyes, name: str) -> bytes:
+    """The chunk or segment that says it in a format of that name; nothing if none can."""
     if name == "png" and eyes.packing == SIDE_BY_SIDE:
         return chunk(b"sTER", bytes([not eyes.right_first]))
     if name == "jpeg":
@@ -90,4 +96,10 @@ def stated(eyes: Eyes, name: str) -> bytes | None:
         flags = 0 if eyes.right_first else 4
         body = b"_JPSJPS_" + struct.pack(">H4B", 4, 0, flags, layout, 1)
         return b"\xff\xe3" + struct.pack(">H", len(body) + 2) + body
-    return None
+    return b""
+
+
+def stereo_mode(eyes: Eyes) -> str:
+    """What FFmpeg calls it in Matroska."""
+    names = {SIDE_BY_SIDE: ("left_right", "right_left"), TOP_BOTTOM: ("top_bottom", "bottom_top")}
+    return names[eyes.packing][eyes.right_first]

@@ -87,7 +87,7 @@ def _examine_bytes(path: Path, file: BinaryIO) -> Container:  # noqa: PLR0911 - 
             return Container(exr.carried_of(content))
     if start.startswith(jpeg.START):
         with _understood(path, "JPEG"):
-            return _examine_jpeg(start + file.read())
+            return _examine_jpeg(path, start + file.read())
     if start.startswith(b"#?"):
         with _understood(path, "HDR"):
             return Container(radiance=header_of(start + file.read(_LONG_TEXT)))
@@ -138,8 +138,13 @@ def _examine_png(path: Path, png: bytes) -> Container:
     raise damaged(path, "PNG", "one that ends early")
 
 
-def _examine_jpeg(content: bytes) -> Container:
+def _examine_jpeg(path: Path, content: bytes) -> Container:
     """OpenImageIO does not tell which eye is which, and loses some of what is told."""
+    if jpeg.is_pair(content):
+        raise InputError(
+            f"{path}: wanted one picture, got an MPO of two views. Split it (exiftool -b -MPImage2 "
+            "IN > RIGHT.jpg), and name both (--left IN.jpg without its second picture, --right)."
+        )
     stereo = jpeg.stereo_of(content)
     packed = None if stereo is None else eyes.of_jps(stereo[0], left_first=stereo[1])
     return Container((jpeg.metadata_of(content),), eyes=packed)

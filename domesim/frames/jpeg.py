@@ -5,15 +5,17 @@ OpenImageIO reads and writes a part of them: it loses an Orientation, and commen
 
 from __future__ import annotations
 
+import io
 import struct
 from collections.abc import Iterator
 
 START = b"\xff\xd8\xff"
 _STEREO = b"_JPSJPS_"
-_FIRST, _LAST, _COMMENT, _SCAN = 0xE1, 0xEF, 0xFE, 0xDA  # APP1, APP15, COM, SOS
+_JFIF, _FIRST, _LAST, _COMMENT, _SCAN = 0xE0, 0xE1, 0xEF, 0xFE, 0xDA  # APPn, COM, SOS
 # Of APP2: ICC profiles, which are said anew; and where other pictures of the file are, which are
 # not in another. APP14 tells how samples are stored.
-_OF_STORAGE = (b"ICC_PROFILE\0", b"MPF\0", b"Adobe")
+_INDEX, _ENTRIES = b"MPF\0", 0xB002
+_OF_STORAGE = (b"ICC_PROFILE\0", _INDEX, b"Adobe", _STEREO)
 
 
 def segments_of(content: bytes) -> Iterator[tuple[int, bytes]]:
@@ -42,17 +44,28 @@ def metadata_of(content: bytes) -> bytes:
 
 
 def with_metadata(encoded: bytes, metadata: bytes) -> bytes:
-    """The JPEG `encoded` with those segments in place of its own."""
-    # JFIF's comes first.
-    parts, place = [encoded[:2]], 2
-    others = []
-    for marker, whole in segments_of(encoded):
-        place += len(whole)
-        if marker < _FIRST and marker >= 0xE0:
-            parts.append(whole)
-        elif not _is_metadata(marker) or whole[4:].startswith(_OF_STORAGE):
-            others.append(whole)
-    return b"".join([*parts, metadata, *others, encoded[place:]])
+    """The JPEG `encoded` with those segments in place of its own of that kind."""
+    told = list(segments_of(encoded))
+    end = 2 + sum(len(whole) for _, whole in told)
+    others = [
+        (marker, whole)
+        for marker, whole in told
+        if not _is_metadata(marker) or whole[4:].startswith(_OF_STORAGE)
+    ]
+    return _joined(others, metadata, encoded[end:])
+
+
+def with_segment(encoded: bytes, segment: bytes) -> bytes:
+    """The JPEG `encoded` with one more."""
+    told = list(segments_of(encoded))
+    return _joined(told, segment, encoded[2 + sum(len(whole) for _, whole in told) :])
+
+
+def _joined(told: list[tuple[int, bytes]], more: bytes, rest: bytes) -> bytes:
+    """A JPEG; JFIF's segment, APP0, comes first."""
+    first = b"".join(whole for marker, whole in told if marker == _JFIF)
+    others = b"".join(whole for marker, whole in told if marker != _JFIF)
+    return b"".join([START[:2], first, more, others, rest])
 
 
 def stereo_of(content: bytes) -> tuple[int, bool] | None:
@@ -62,6 +75,20 @@ def stereo_of(content: bytes) -> tuple[int, bool] | None:
             _, flags, layout, media = whole[14:18]
             return (layout, bool(flags & 4)) if media == 1 else None
     return None
+
+
+def is_pair(content: bytes) -> bool:
+    """Whether it holds several views of one moment (CIPA DC-007, 5.2.3.3: disparity)."""
+    if not any(whole[4:].startswith(_INDEX) for _, whole in segments_of(content)):
+        return False
+    from PIL import Image  # noqa: PLC0415 - few JPEGs have an index
+
+    try:
+        with Image.open(io.BytesIO(content)) as opened:
+            entries = getattr(opened, "mpinfo", {}).get(_ENTRIES, [])
+    except (OSError, ValueError, SyntaxError, KeyError):
+        return False
+    return sum("Disparity" in entry["Attribute"]["MPType"] for entry in entries) > 1
 
 
 def _is_metadata(marker: int) -> bool:

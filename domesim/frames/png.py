@@ -125,16 +125,16 @@ def chunk(kind: bytes, content: bytes) -> bytes:
 
 
 def with_colour_chunks(png: bytes, colour: bytes) -> bytes:
-    """`png` with the colour chunks `colour` (after IHDR, where they must be) instead of its own.
-
-    Text that is not Latin-1, which OpenImageIO writes as if it were, is marked as UTF-8.
-    """
-    header, *others = [
-        _as_utf8(content) if kind == b"tEXt" else content
-        for kind, content in chunks_of(png)
-        if kind not in COLOUR_CHUNKS
-    ]
+    """`png` with the colour chunks `colour` (after IHDR, where they must be) instead of its own."""
+    header, *others = [whole for kind, whole in chunks_of(png) if kind not in COLOUR_CHUNKS]
     return b"".join([png[:8], header, colour, *others])
+
+
+def with_utf8_text(png: bytes) -> bytes:
+    """`png` with the text that OpenImageIO writes as UTF-8, but as if it were Latin-1, told so."""
+    return png[:8] + b"".join(
+        _as_utf8(whole) if kind == b"tEXt" else whole for kind, whole in chunks_of(png)
+    )
 
 
 def with_carried_chunks(png: bytes, carried: bytes) -> bytes:

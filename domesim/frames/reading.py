@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.frames import dpx
-from domesim.frames.alpha import is_opaque, over_black
+from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of
-from domesim.frames.formats import FLOATING, INTEGER, LABELS, code_span, label
+from domesim.frames.formats import FLOATING, INTEGER, LABELS, SQUARE, code_span, label
 from domesim.frames.frame import Frame, Header, Pixels
 from domesim.frames.integrity import Container, damaged, examine, refuse_sides
 from domesim.frames.jpeg2000 import is_associated
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
-from domesim.frames.video import read_video_frame, video_of, video_size
+from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size
 
 
 def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:
@@ -135,11 +135,24 @@ def open_image(path: Path) -> Any:
     # An error that is not fetched is printed when the process ends.
     problem = problem_of(oiio)
     if reader is None:
+        _refuse_video(path)
         raise InputError(
             f"{path}: wanted an image, got something that does not open as one "
             f"({problem}). Copy or render it again, or convert it to EXR or PNG."
         )
     return reader
+
+
+def _refuse_video(path: Path) -> None:
+    """Name the container of a video whose suffix is of none that is read."""
+    with path.open("rb") as file:
+        container = container_of(file.read(16))
+    if container is not None:
+        raise InputError(
+            f"{path}: wanted a video in {', '.join(SUFFIXES)}, got one in {container} called "
+            f"'{path.suffix}'. Convert it (ffmpeg -i IN -c:v ffv1 -c:a copy OUT.mkv), or rename "
+            "it if its suffix is wrong."
+        )
 
 
 # The header: where the samples are.
@@ -285,10 +298,6 @@ def _is_straight(spec: Any, name: str, container: Container) -> bool:
     return name == "bmp" or bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
 
 
-_SQUARE = 0.01
-"""By how much a pixel's sides may differ, of 1: what is told in few digits."""
-
-
 def _pixel_notes(path: Path, spec: Any, name: str, container: Container) -> tuple[str, ...]:
     """What is to be said of the pixels' shape; refuse pictures that are not of square ones."""
     stated = spec.getattribute("PixelAspectRatio")
@@ -296,7 +305,7 @@ def _pixel_notes(path: Path, spec: Any, name: str, container: Container) -> tupl
         stated = container.radiance.pixel_aspect
     if not isinstance(stated, float | int) or not 0 < stated < np.inf:
         return ()
-    if abs(stated - 1) <= _SQUARE:
+    if abs(stated - 1) <= SQUARE:
         return ()
     if name in ("openexr", "dpx", "hdr"):
         raise not_square(path, stated)
@@ -588,19 +597,6 @@ def frame_of(
         header=header,
     )
     return shown_over_black(frame)
-
-
-def shown_over_black(frame: Frame) -> Frame:
-    """`frame`, whose colours are as stored, as it is shown: over black where it has an alpha."""
-    header = frame.header
-    alpha = header.alpha
-    if alpha is None or is_opaque(header.extra[alpha]):
-        return frame
-    said = replace(header, notes=(*header.notes, "over black where its alpha lets it through"))
-    if not header.straight:
-        return replace(frame, header=said)
-    shown = over_black(frame.pixels, header.extra[alpha], frame.colour.transfer)
-    return replace(frame, pixels=shown, header=said)
 
 
 def _is_zero_padded(rgb: NDArray[Any], layout: Layout) -> bool:

@@ -19,7 +19,7 @@ PyAV is needed (extra ``video``), and imported only when a video is named.
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -33,11 +33,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of_code_points
+from domesim.frames.eyes import Eyes, of_video
 from domesim.frames.ffv1 import is_whole
+from domesim.frames.formats import SQUARE
 from domesim.frames.frame import Frame, Header
 from domesim.frames.integrity import damaged, refuse_sides
 from domesim.frames.messages import one_line, reason
+from domesim.frames.orientation import UPRIGHT, turned
 from domesim.frames.yuv import MATRICES, PixelFormat, code_values, pixel_format
 
 SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv")
@@ -106,6 +110,29 @@ def frame_paths(video: Path) -> tuple[Path, ...]:
     )
 
 
+def container_of(start: bytes) -> str | None:
+    """What a video's first bytes say that it is in; None if it is none."""
+    return next(
+        (name for name, place, mark in _MARKS if start[place : place + len(mark)] == mark), None
+    )
+
+
+_MARKS = (
+    ("QuickTime or MP4", 4, b"ftyp"),
+    ("QuickTime or MP4", 4, b"moov"),
+    ("Matroska or WebM", 0, b"\x1a\x45\xdf\xa3"),
+    ("AVI", 8, b"AVI "),
+    ("MXF", 0, b"\x06\x0e\x2b\x34\x02\x05\x01\x01\x0d\x01\x02"),
+    ("MPEG", 0, b"\0\0\1\xba"),
+    ("MPEG", 0, b"\0\0\1\xb3"),
+    ("Windows Media", 0, b"\x30\x26\xb2\x75\x8e\x66\xcf\x11"),
+    ("Flash", 0, b"FLV\1"),
+    ("Ogg", 0, b"OggS"),
+    ("YUV4MPEG2", 0, b"YUV4MPEG2"),
+)
+"""Name, and which bytes lie where."""
+
+
 def read_video_frame(path: Path, *, colour: ColourTag | None = None) -> Frame:
     """The frame that `path` names.
 
@@ -130,28 +157,11 @@ def read_video_frame(path: Path, *, colour: ColourTag | None = None) -> Frame:
         return _frame(path, decoder, decoder.frame(path), colour)
 
 
-@final
-@dataclass(frozen=True)
-class Timing:
-    """When a film's frames are shown.
-
-    Parameters
-    ----------
-    rate
-        Frames a second.
-    timecode
-        Of the first frame, ``01:00:00:00``; "" for none.
-    """
-
-    rate: Fraction
-    timecode: str = ""
-
-
-def timing_of(path: Path) -> Timing:
+def rate_and_timecode(path: Path) -> tuple[Fraction, str]:
     """Of the video that `path` names a frame of; with its timecode if that is the first frame."""
     decoder = _decoder(*_state(path.parent))
     timecode = decoder.timecode if _number(path) == 1 else ""
-    return Timing(Fraction(decoder.stream.guessed_rate), timecode)
+    return Fraction(decoder.stream.guessed_rate), timecode
 
 
 def _number(path: Path) -> int:
@@ -195,7 +205,8 @@ def _opened(video: Path) -> tuple[Any, Stream]:
     with _refused(video):
         # No playlists and the like, which name other files
         container = av.open(f"file:{video}", options={"format_whitelist": _CONTAINERS})
-    streams = container.streams.video
+    covers = av.stream.Disposition.attached_pic
+    streams = [each for each in container.streams.video if not each.disposition & covers]
     if len(streams) != 1:
         raise InputError(f"{video}: wanted one picture, got {len(streams)}. Export one alone.")
     stream = streams[0]
@@ -208,6 +219,13 @@ def _opened(video: Path) -> tuple[Any, Stream]:
     refuse_sides(video, context.width, context.height)
     if stream.guessed_rate is None or stream.start_time is None or not stream.time_base:
         raise InputError(f"{video}: wanted a frame rate, got none. Convert it to ProRes or FFV1.")
+    aspect = stream.sample_aspect_ratio or context.sample_aspect_ratio or 1
+    if abs(aspect - 1) > SQUARE:
+        raise InputError(
+            f"{video}: wanted square pixels, got ones of {aspect.numerator} : {aspect.denominator} "
+            "(sample aspect ratio). Resize it to square ones first (ffmpeg -i IN -vf "
+            "scale=iw*sar:ih,setsar=1 OUT)."
+        )
     context.options = {"err_detect": "crccheck+bitstream+buffer+explode"}
     return container, stream
 
@@ -414,16 +432,56 @@ def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None
     meant = replace(meant, source="; ".join([meant.source, *ways]))
     sample = "uint8" if kind.bits == 8 else "uint16"
     names = ("R", "G", "B") if alpha is None else ("R", "G", "B", "A")
+    orientation, eyes = _shown(path, decoder.stream.metadata, decoded)
     rate = decoder.stream.guessed_rate
     header = Header(
         format=f"{name} {kind.chroma or 'RGB'}",
         attributes=(("FramesPerSecond", "rational", (rate.numerator, rate.denominator)),),
         channels=names,
         kinds=(sample,) * len(names),
-        extra=() if alpha is None else (_widened(alpha, kind.bits),),
+        extra=() if alpha is None else (turned(_widened(alpha, kind.bits), orientation),),
         colour=stated,
+        straight=True,
+        eyes=eyes,
+        notes=() if orientation == UPRIGHT else ("turned upright by its display matrix",),
     )
-    return Frame(pixels, path, meant, kind.bits, floating=False, header=header)
+    pixels = turned(pixels, orientation) if orientation != UPRIGHT else pixels
+    return shown_over_black(Frame(pixels, path, meant, kind.bits, floating=False, header=header))
+
+
+_ONE = 65536  # of a display matrix: 16 bits below the point
+_TURNS = {
+    (1, 0, 0, 1): 1,
+    (-1, 0, 0, 1): 2,
+    (-1, 0, 0, -1): 3,
+    (1, 0, 0, -1): 4,
+    (0, 1, 1, 0): 5,
+    (0, 1, -1, 0): 6,
+    (0, -1, -1, 0): 7,
+    (0, -1, 1, 0): 8,
+}
+"""Exif's number by where a display matrix (ISO/IEC 14496-12, 8.3.2) takes columns and rows."""
+
+
+def _shown(path: Path, metadata: Mapping[str, str], decoded: Any) -> tuple[int, Eyes | None]:
+    """How a frame is turned when it is shown, and how two views are packed in it."""
+    told = {each.type.name: bytes(each) for each in decoded.side_data}
+    matrix = np.frombuffer(told.get("DISPLAYMATRIX", b""), np.int32)
+    orientation: int | None = UPRIGHT
+    if matrix.size:
+        orientation = _TURNS.get(tuple((matrix[[0, 1, 3, 4]] / _ONE).tolist()))
+    if orientation is None:
+        raise InputError(
+            f"{path}: wanted a picture turned by quarters, got a display matrix of "
+            f"{', '.join(f'{value:.3g}' for value in matrix[[0, 1, 3, 4]] / _ONE)}. Export it "
+            "upright."
+        )
+    try:
+        return orientation, of_video(told.get("STEREO3D"), metadata.get("stereo_mode", ""))
+    except ValueError as error:
+        raise InputError(
+            f"{path}: wanted views side by side or one above the other, got {error}. Export it so."
+        ) from error
 
 
 def _completed(tags: _Tags, others: _Tags) -> _Tags:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.dithering import seed_of
+from domesim.frames.eyes import Eyes, stated
 from domesim.frames.formats import SUFFIXES
 from domesim.frames.frame import Frame
 from domesim.frames.mistaken import (
@@ -28,8 +29,9 @@ from domesim.frames.mistaken import (
     refuse_one_file,
     refuse_other_view,
     refuse_packing,
+    refuse_stated_packing,
 )
-from domesim.frames.reading import read_frame, read_image
+from domesim.frames.reading import read_image
 from domesim.frames.stereo_exr import (
     MultiView,
     StereoFile,
@@ -68,6 +70,8 @@ class Master:
         of an EXR, which need a file to have come from.
     file
         What else such an EXR holds, and its order; None for other packings.
+    eyes
+        What a file of packed views says of them; None if it says nothing.
 
     Raises
     ------
@@ -78,6 +82,7 @@ class Master:
     frames: tuple[Frame, ...]
     packing: Packing = "single"
     file: StereoFile | None = None
+    eyes: Eyes | None = None
 
     def __post_init__(self) -> None:
         wanted = 1 if self.packing == "single" else 2
@@ -150,7 +155,10 @@ class Master:
         first = self.frames[0].described()
         if self.packing == "single":
             return first
-        return f"2 x {first}, {_DESCRIPTIONS[self.packing]}"
+        order = ""
+        if self.eyes is not None:
+            order = f", {'right' if self.eyes.right_first else 'left'} first ({self.eyes.said_by})"
+        return f"2 x {first}, {_DESCRIPTIONS[self.packing]}{order}"
 
     def facts(self) -> dict[str, Any]:
         """For a program: ``read``, as `described`, and ``encoding``: a `ColourTag`'s fields."""
@@ -177,8 +185,9 @@ def read_master(
         One file; or left and right.
     packing
         How the frames lie in one file. If None, an EXR of views left and right is known by its
-        attributes, and anything else is one frame. "side-by-side" has left on the left,
-        "top-bottom" on top; the views are not stretched.
+        attributes, a file that says which eye is where (``eyes.py``) by that, and anything else is
+        one frame. "side-by-side" has left on the left, "top-bottom" on top, unless the file says
+        otherwise; the views are not stretched.
     repair
         As for `read_frame`. What is repaired in one image of two views counts for its left frame.
     allow_identical
@@ -311,13 +320,16 @@ def _read_file(
     if stereo is not None:
         frames, file = stereo
         return Master(frames, "multi-view" if isinstance(file, MultiView) else "multi-part", file)
-    if packing is not None and packing in _AXES:
-        frame = read_image(path, repair=repair, grey=True, colour=colour)
-        return Master(_halves(frame, packing), packing)
-    return Master((read_frame(path, repair=repair, colour=colour),))
+    frame = read_image(path, repair=repair, grey=packing in _AXES, colour=colour)
+    eyes = frame.header.eyes
+    refuse_stated_packing(path, packing, eyes)
+    chosen = eyes.packing if eyes is not None and packing is None else packing
+    if chosen is not None and chosen in _AXES:
+        return Master(_halves(frame, chosen, eyes), chosen, eyes=eyes)
+    return Master((frame,))
 
 
-def _halves(frame: Frame, packing: Packing) -> tuple[Frame, ...]:
+def _halves(frame: Frame, packing: Packing, eyes: Eyes | None) -> tuple[Frame, ...]:
     axis = _AXES[packing]
     rows, cols = frame.pixels.shape[:2]
     if (rows, cols)[axis] % 2:
@@ -325,17 +337,23 @@ def _halves(frame: Frame, packing: Packing) -> tuple[Frame, ...]:
             f"{frame.path}: wanted an even {('height', 'width')[axis]} for two views packed as "
             f"{packing}, got {cols} x {rows} px. Crop it first, or name another packing."
         )
+    order = _order(eyes)
     pixels = np.split(frame.pixels, 2, axis)
     extra = [np.split(plane, 2, axis) for plane in frame.header.extra]
     return tuple(
         replace(
             frame,
-            pixels=pixels[side],
+            pixels=pixels[half],
             repaired=repaired,
-            header=replace(frame.header, extra=tuple(planes[side] for planes in extra)),
+            header=replace(frame.header, extra=tuple(planes[half] for planes in extra), eyes=None),
         )
-        for side, repaired in enumerate((frame.repaired, 0))
+        for half, repaired in zip(order, (frame.repaired, 0), strict=True)
     )
+
+
+def _order(eyes: Eyes | None) -> tuple[int, int]:
+    """Which half is left, and which is right; and the other way round."""
+    return (1, 0) if eyes is not None and eyes.right_first else (0, 1)
 
 
 # Writing.
@@ -347,10 +365,21 @@ def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: b
     if not left.colour.means_the_same_as(right.colour):
         raise ValueError(f"write_master takes one encoding, got {left.colour} and {right.colour}")
     if master.packing in _AXES:
-        whole = _whole(left, right, master.packing)
+        eyes = master.eyes
+        # What cannot be said is not so, either: then left comes first.
+        if eyes is not None and not _can_say(eyes, master.packing, path):
+            eyes = None
+        first, second = (master.frames[view] for view in _order(eyes))
+        whole = _whole(first, second, master.packing)
+        whole = replace(whole, header=replace(whole.header, eyes=eyes))
         return encoded(whole, path, bits, seed_of(whole.path) if dither else None)
     assert master.file is not None  # see `require_writable`
     return encoded_stereo_exr((left, right), master.file, path, bits)
+
+
+def _can_say(eyes: Eyes, packing: Packing, path: Path) -> bool:
+    name = SUFFIXES[path.suffix.lower()]  # see `require_writable`
+    return eyes.packing == packing and bool(stated(eyes, name))
 
 
 def _whole(left: Frame, right: Frame, packing: Packing) -> Frame:

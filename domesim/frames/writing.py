@@ -25,6 +25,7 @@ from domesim.frames import dpx, exr, jpeg
 from domesim.frames.alpha import is_opaque, straightened
 from domesim.frames.colour import BT709_LUMINANCE, colour_chunks, state_colour
 from domesim.frames.dithering import Seed, dither, seed_of
+from domesim.frames.eyes import stated
 from domesim.frames.formats import (
     DEPTHS,
     LABELS,
@@ -38,7 +39,7 @@ from domesim.frames.frame import Frame, Pixels
 from domesim.frames.jpeg2000 import with_comments, with_metadata
 from domesim.frames.messages import problem_of, reason
 from domesim.frames.orientation import UPRIGHT, turned_back
-from domesim.frames.png import with_carried_chunks, with_colour_chunks
+from domesim.frames.png import with_carried_chunks, with_colour_chunks, with_utf8_text
 from domesim.frames.whole import write_whole
 
 
@@ -93,12 +94,15 @@ def encoded(frame: Frame, path: Path, bits: int | None, seed: Seed | None = None
     carried = frame.header.carried if target.same_format else b""
     if target.format == "openexr" and target.same_format:
         content = exr.with_attributes(content, [carried_attributes(frame, target)])
+    eyes = b"" if frame.header.eyes is None else stated(frame.header.eyes, target.format)
     if target.format == "png":
-        content = with_colour_chunks(content, _png_colour(frame, target))
-        if target.same_format:
-            content = with_carried_chunks(content, carried)
-    if target.format == "jpeg" and target.same_format and _keeps_colour(frame):
-        content = jpeg.with_metadata(content, carried)
+        kept = target.same_format
+        told = with_carried_chunks(content, carried) if kept else with_utf8_text(content)
+        content = with_colour_chunks(told, _png_colour(frame, target) + eyes)
+    if target.format == "jpeg":
+        if target.same_format and _keeps_colour(frame):
+            content = jpeg.with_metadata(content, carried)
+        content = jpeg.with_segment(content, eyes)
     if target.format == "dpx":
         content = dpx.with_fields(content, path.name, carried)
     if target.format == "jpeg2000" and target.same_format:
