@@ -56,6 +56,26 @@ def damaged(path: Path, label: str, got: str) -> InputError:
     return InputError(f"{path}: wanted a complete {label}, got {got}. Copy or render it again.")
 
 
+@contextmanager
+def enough_memory(path: Path) -> Iterator[None]:
+    """Memory that there is not, as an error for a person."""
+    try:
+        yield
+    except MemoryError as error:
+        raise InputError(
+            f"{path}: wanted memory for a picture of this size, got none. Use a smaller one, or a "
+            "machine with more."
+        ) from error
+
+
+def stored_otherwise(path: Path, got: str) -> InputError:
+    """The error for a whole TIFF that is compressed in a way that is not read."""
+    return InputError(
+        f"{path}: wanted a TIFF of LZW, ZIP, PackBits, JPEG or no compression, got {got}. "
+        "It is not damaged: save it with LZW or ZIP (ImageMagick: convert IN -compress zip OUT)."
+    )
+
+
 def refuse_sides(path: Path, cols: int, rows: int) -> None:
     """Refuse a picture of sides that no master has."""
     if not (0 < cols <= LARGEST_SIDE and 0 < rows <= LARGEST_SIDE):
@@ -152,6 +172,8 @@ def _examine_jpeg(path: Path, content: bytes) -> Container:
 
 _TIFF_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
 _TIFF_EXIF = 34665
+_TIFF_COMPRESSION, _TIFF_FILL_ORDER = 259, 266
+_TIFF_ZIP = (8, 32946)
 
 
 def _examine_tiff(path: Path, file: BinaryIO, size: int, start: bytes) -> None:
@@ -171,6 +193,7 @@ def _examine_tiff(path: Path, file: BinaryIO, size: int, start: bytes) -> None:
         file.seek(position)
         return file.read(wanted)
 
+    shorts: dict[int, int] = {}
     directories = list(word.unpack(read(8 if big else 4, word.size)))
     seen: set[int] = set()
     while directories:
@@ -186,7 +209,12 @@ def _examine_tiff(path: Path, file: BinaryIO, size: int, start: bytes) -> None:
                 read(offset + values * _TIFF_SIZES[kind] - 1, 1)
             elif tag == _TIFF_EXIF:
                 directories.append(offset)
+            else:  # on the left of its field
+                shorts[tag] = offset & 0xFFFF if order == "<" else offset >> 8 * word.size - 16
         directories += word.unpack(read(position + count * entry.size, word.size))
+    # OpenImageIO inflates without a look at the order of bits.
+    if shorts.get(_TIFF_FILL_ORDER) == 2 and shorts.get(_TIFF_COMPRESSION) in _TIFF_ZIP:
+        raise stored_otherwise(path, "ZIP of reversed bits (fill order lsb2msb)")
 
 
 def _examine_jpeg2000(path: Path, content: bytes) -> Container:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,14 @@ from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of
 from domesim.frames.formats import FLOATING, INTEGER, LABELS, SQUARE, code_span, label
 from domesim.frames.frame import Frame, Header, Pixels
-from domesim.frames.integrity import Container, damaged, examine, refuse_sides
+from domesim.frames.integrity import (
+    Container,
+    damaged,
+    enough_memory,
+    examine,
+    refuse_sides,
+    stored_otherwise,
+)
 from domesim.frames.jpeg2000 import is_associated
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
@@ -61,6 +69,13 @@ def read_image(
 
     With `signed`, negative samples are no damage: a camera's black level is subtracted from noise.
     """
+    with enough_memory(path):
+        return _read_image(path, repair=repair, grey=grey, signed=signed, colour=colour)
+
+
+def _read_image(
+    path: Path, *, repair: bool, grey: bool, signed: bool, colour: ColourTag | None
+) -> Frame:
     if video_of(path) is not None:
         return read_video_frame(path, colour=colour)
     container = examine(path)
@@ -135,12 +150,20 @@ def open_image(path: Path) -> Any:
     # An error that is not fetched is printed when the process ends.
     problem = problem_of(oiio)
     if reader is None:
+        _refuse_compression(path, problem)
         _refuse_video(path)
         raise InputError(
             f"{path}: wanted an image, got something that does not open as one "
             f"({problem}). Copy or render it again, or convert it to EXR or PNG."
         )
     return reader
+
+
+def _refuse_compression(path: Path, problem: str) -> None:
+    """Name a compression that libtiff was built without."""
+    lacking = re.search(r"(\w+) compression support is not configured", problem)
+    if lacking is not None:
+        raise stored_otherwise(path, lacking[1])
 
 
 def _refuse_video(path: Path) -> None:
@@ -512,17 +535,9 @@ def read_plane(path: Path, reader: Any, place: int, channel: str, kind: str) -> 
 
 def read_samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray[Any]:
     """(row, col, channel) of the data window of the reader's present part."""
-    spec = reader.spec()
-    try:
-        samples = reader.read_image(
-            reader.current_subimage(), 0, channels.start, channels.stop, kind
-        )
-    except MemoryError as error:
-        raise InputError(
-            f"{path}: wanted memory for {spec.width} x {spec.height} px, got none. "
-            "Use a smaller image."
-        ) from error
+    samples = reader.read_image(reader.current_subimage(), 0, channels.start, channels.stop, kind)
     problem = problem_of(reader)
+    _refuse_compression(path, problem)
     if samples is None or problem:
         got = f"one that does not decode ({problem})"
         raise damaged(path, label(reader.format_name()), got)

@@ -24,6 +24,7 @@ from domesim.frames.dithering import seed_of
 from domesim.frames.eyes import Eyes, stated
 from domesim.frames.formats import SUFFIXES
 from domesim.frames.frame import Frame
+from domesim.frames.integrity import enough_memory
 from domesim.frames.mistaken import (
     refuse_mistaken_pair,
     refuse_one_file,
@@ -316,7 +317,8 @@ def _read_pair(
 def _read_file(
     path: Path, packing: Packing | None, *, repair: bool, colour: ColourTag | None
 ) -> Master:
-    stereo = read_stereo_exr(path, repair=repair, colour=colour)
+    with enough_memory(path):
+        stereo = read_stereo_exr(path, repair=repair, colour=colour)
     if stereo is not None:
         frames, file = stereo
         return Master(frames, "multi-view" if isinstance(file, MultiView) else "multi-part", file)
