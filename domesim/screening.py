@@ -60,9 +60,11 @@ def _require_views(master: Master, scene: Scene) -> None:
             f"{master.path}: wanted a domemaster for {scene.name}, got left and right. Do each "
             f"alone, or choose a stereo scene."
         )
+    eyes = master.frames[0].header.eyes
+    said = "" if eyes is None else f" {eyes.packing}, as it says itself"
     raise InputError(
         f"{master.path}: wanted left and right for {scene.name}, got one picture. Name both "
-        f"(--left L.####.exr --right R.####.exr), or say how they are packed (--packing)."
+        f"(--left L.####.exr --right R.####.exr), or say how they are packed (--packing{said})."
     )
 
 

@@ -40,6 +40,10 @@ class Eyes:
     right_first: bool
     said_by: str
 
+    def __str__(self) -> str:
+        """For a person: ``side-by-side, right first (sTER)``."""
+        return f"{self.packing}, {'right' if self.right_first else 'left'} first ({self.said_by})"
+
 
 def of_png(content: bytes) -> Eyes:
     """What a chunk sTER says: 0 is for crossed eyes.

@@ -29,8 +29,8 @@ def refuse_stated_packing(path: Path, packing: str | None, eyes: Eyes | None) ->
     """Refuse a file that says of itself that it is packed in another way than was asked."""
     if eyes is not None and packing not in (None, eyes.packing):
         raise InputError(
-            f"{path}: wanted a master packed as {packing}, got one that says it is {eyes.packing} "
-            f"({eyes.said_by}). Leave the packing out, or correct the file."
+            f"{path}: wanted a master packed as {packing}, got one that says it is {eyes}. Name "
+            f"that packing, or correct the file."
         )
 
 

@@ -155,10 +155,9 @@ class Master:
         """One phrase for a person: ``2 x 1920 x 1080 EXR, ..., left and right in two files``."""
         first = self.frames[0].described()
         if self.packing == "single":
-            return first
-        order = ""
-        if self.eyes is not None:
-            order = f", {'right' if self.eyes.right_first else 'left'} first ({self.eyes.said_by})"
+            held = self.frames[0].header.eyes
+            return first if held is None else f"{first}; it says that it is {held}"
+        order = "" if self.eyes is None else f": it says {self.eyes}"
         return f"2 x {first}, {_DESCRIPTIONS[self.packing]}{order}"
 
     def facts(self) -> dict[str, Any]:
@@ -186,9 +185,9 @@ def read_master(
         One file; or left and right.
     packing
         How the frames lie in one file. If None, an EXR of views left and right is known by its
-        attributes, a file that says which eye is where (``eyes.py``) by that, and anything else is
-        one frame. "side-by-side" has left on the left, "top-bottom" on top, unless the file says
-        otherwise; the views are not stretched.
+        attributes, and anything else is one frame. "side-by-side" has left on the left,
+        "top-bottom" on top, unless the file says otherwise (``eyes.py``); the views are not
+        stretched.
     repair
         As for `read_frame`. What is repaired in one image of two views counts for its left frame.
     allow_identical
@@ -325,9 +324,8 @@ def _read_file(
     frame = read_image(path, repair=repair, grey=packing in _AXES, colour=colour)
     eyes = frame.header.eyes
     refuse_stated_packing(path, packing, eyes)
-    chosen = eyes.packing if eyes is not None and packing is None else packing
-    if chosen is not None and chosen in _AXES:
-        return Master(_halves(frame, chosen, eyes), chosen, eyes=eyes)
+    if packing is not None and packing in _AXES:
+        return Master(_halves(frame, packing, eyes), packing, eyes=eyes)
     return Master((frame,))
 
 

@@ -53,19 +53,18 @@ def jps(path: Path, layout: int, flags: int) -> Path:
     return path
 
 
-def assert_eyes(path: Path, tolerance: int = 0, **options: object) -> None:
-    master = read_master([path], **options)
+def assert_eyes(path: Path, packing: str = "side-by-side", tolerance: int = 0) -> None:
+    master = read_master([path], packing=packing)
     for frame, view in zip(master.frames, views(), strict=True):
         found = np.rint(frame.pixels * 255)
         np.testing.assert_allclose(found, view, atol=tolerance)
 
 
-@pytest.mark.parametrize("packing", [None, "side-by-side"])
 @pytest.mark.parametrize("mode", [0, 1])
-def test_a_png_says_it_by_ster(tmp_path: Path, mode: int, packing: str | None) -> None:
+def test_a_png_says_it_by_ster(tmp_path: Path, mode: int) -> None:
     path = cross_png(tmp_path / "in.png", mode)
-    assert_eyes(path, packing=packing)
-    master = read_master([path], packing=packing)
+    assert_eyes(path)
+    master = read_master([path], packing="side-by-side")
     assert f"{'right' if mode == 0 else 'left'} first (sTER)" in master.described()
     write_master(master, [tmp_path / "out.png"])
     assert chunk(b"sTER", bytes([mode])) in (tmp_path / "out.png").read_bytes()
@@ -78,30 +77,32 @@ def test_a_png_says_it_by_ster(tmp_path: Path, mode: int, packing: str | None) -
 @pytest.mark.parametrize("flags", [0, 4])
 def test_a_jpeg_says_it_as_jps_does(tmp_path: Path, layout: int, flags: int) -> None:
     path = jps(tmp_path / "in.jpg", layout, flags)
-    assert_eyes(path, tolerance=3)
-    master = read_master([path])
-    assert master.packing == {2: "side-by-side", 3: "top-bottom"}[layout]
+    packing = {2: "side-by-side", 3: "top-bottom"}[layout]
+    assert_eyes(path, packing, tolerance=3)
+    master = read_master([path], packing=packing)
     write_master(master, [tmp_path / "out.jpg"])
     content = (tmp_path / "out.jpg").read_bytes()
     assert b"_JPSJPS_\0\4" + bytes([0, flags, layout, 1]) in content
     assert content.count(b"_JPSJPS_") == 1
-    assert_eyes(tmp_path / "out.jpg", tolerance=4)
+    assert_eyes(tmp_path / "out.jpg", packing, tolerance=4)
 
 
 def test_what_cannot_say_it_has_left_first(tmp_path: Path) -> None:
     sources = {
-        "png": cross_png(tmp_path / "in.png", 0),
-        "jpg": jps(tmp_path / "in.jpg", 3, 0),
+        "png": (cross_png(tmp_path / "in.png", 0), "side-by-side"),
+        "jpg": (jps(tmp_path / "in.jpg", 3, 0), "top-bottom"),
     }
-    for source, path in sources.items():
-        master = read_master([path])
+    masters = {
+        name: read_master([path], packing=packing) for name, (path, packing) in sources.items()
+    }
+    for source, master in masters.items():
         for suffix in ("tif", "exr", "dpx"):
             write_master(master, [tmp_path / f"{source}.{suffix}"])
             assert_eyes(tmp_path / f"{source}.{suffix}", tolerance=4, packing=master.packing)
     # Side by side a JPEG says what a PNG said; one above the other a PNG cannot.
-    write_master(read_master([sources["png"]]), [tmp_path / "x.jpg"])
+    write_master(masters["png"], [tmp_path / "x.jpg"])
     assert_eyes(tmp_path / "x.jpg", tolerance=4)
-    write_master(read_master([sources["jpg"]]), [tmp_path / "x.png"])
+    write_master(masters["jpg"], [tmp_path / "x.png"])
     assert_eyes(tmp_path / "x.png", tolerance=4, packing="top-bottom")
 
 
@@ -111,10 +112,12 @@ def test_the_command_goes_by_it_and_refuses_another_packing(
     path = cross_png(tmp_path / "in.png", 0)
     stereo = ("--scene", "stereo_cinema_silver", "--method", "none", "--out", out)
     result = run("compensate", path, *stereo)
+    result.is_refused("--packing side-by-side, as it says itself")
+    result = run("compensate", path, *stereo, "--packing", "side-by-side")
     assert result.code == 0, result
     assert "right first (sTER)" in result.out
     result = run("compensate", path, *stereo, "--packing", "top-bottom")
-    result.is_refused("in.png", "top-bottom", "side-by-side (sTER)")
+    result.is_refused("in.png", "top-bottom", "side-by-side, right first (sTER)")
     other = cross_png(tmp_path / "other.png", 0)
     result = run("compensate", "--left", path, "--right", other, "--allow-identical", *stereo)
     result.is_refused("wanted the left view", "holds both (sTER)")
@@ -178,8 +181,7 @@ def stereo_video(path: Path, mode: str) -> Path:
 def test_matroska_says_it_by_its_stereo_mode(tmp_path: Path, mode: str) -> None:
     path = stereo_video(tmp_path / "in.mkv", mode)
     frame = frame_paths(path)[0]
-    master = read_master([frame])
-    assert master.packing == MODES[mode][0]
+    master = read_master([frame], packing=MODES[mode][0])
     for found, view in zip(master.frames, views(), strict=True):
         np.testing.assert_array_equal(np.rint(found.pixels * 4095), view.astype(int) << 4)
     with pytest.raises(InputError, match="stereo mode"):
@@ -239,8 +241,7 @@ def test_mp4_says_it_by_st3d(tmp_path: Path, mode: int, packing: str, swapped: b
         np.full([n // 2 for n in grey.shape], 128),
     ]
     path = with_st3d(write_video(tmp_path / "in.mp4", KINDS["H.264"], [planes] * 2), mode)
-    master = read_master([frame_paths(path)[0]])
-    assert master.packing == packing
+    master = read_master([frame_paths(path)[0]], packing=packing)
     first, second = (frame.pixels.mean() for frame in master.frames)
     assert (first < second) != swapped
 
@@ -250,20 +251,32 @@ def test_a_film_keeps_its_stereo_mode(tmp_path: Path, out: Path, run: Run) -> No
 
     path = stereo_video(tmp_path / "in.mkv", "right_left")
     stereo = ("--scene", "stereo_cinema_silver", "--method", "none", "--out", out)
-    result = run("compensate", path, *stereo, "--workers", 0, "--format", "mkv", "--pages", 0)
+    how = ("--packing", "side-by-side", "--workers", 0, "--format", "mkv", "--pages", 0)
+    result = run("compensate", path, *stereo, *how)
     assert result.code == 0, result
     with av.open(str(out / "in.mkv")) as film:
         assert film.streams.video[0].metadata["stereo_mode"] == "right_left"
     (frame,) = frame_paths(out / "in.mkv")[:1]
-    left, _ = read_master([frame]).frames
+    left, _ = read_master([frame], packing="side-by-side").frames
     np.testing.assert_allclose(left.pixels * 255, views()[0], atol=2)
+
+
+def test_one_picture_that_says_so_stays_as_it_is(tmp_path: Path) -> None:
+    """Without a packing it is one: a domemaster may say anything."""
+    path = cross_png(tmp_path / "in.png", 0)
+    master = read_master([path])
+    assert master.packing == "single"
+    assert "it says that it is side-by-side, right first (sTER)" in master.described()
+    write_master(master, [tmp_path / "out.png"])
+    assert chunk(b"sTER", b"\0") in (tmp_path / "out.png").read_bytes()
 
 
 def test_halves_are_not_taken_for_pairs(tmp_path: Path) -> None:
     """A view that becomes a file of its own says nothing of two."""
     from dataclasses import replace  # noqa: PLC0415
 
-    master = replace(read_master([cross_png(tmp_path / "in.png", 0)]), packing="files")
+    pair = read_master([cross_png(tmp_path / "in.png", 0)], packing="side-by-side")
+    master = replace(pair, packing="files")
     write_master(master, [tmp_path / "l.png", tmp_path / "r.png"])
     assert b"sTER" not in (tmp_path / "l.png").read_bytes()
     assert len(read_master([tmp_path / "l.png", tmp_path / "r.png"]).frames) == 2
