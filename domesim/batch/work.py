@@ -15,7 +15,7 @@ import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar, final
 
@@ -24,10 +24,10 @@ import psutil
 from domesim.batch.job import Job, Record, versions
 from domesim.console import about
 from domesim.errors import InputError, NoSpaceError
-from domesim.frames import Master, read_master, write_master
+from domesim.frames import ColourTag, Master, read_master, write_master
 from domesim.frames.messages import joined
 from domesim.frames.reading import unsaid
-from domesim.frames.views import require_writable
+from domesim.frames.views import made_for
 from domesim.shows import Show
 
 Files: TypeAlias = tuple[Path, ...]
@@ -159,6 +159,8 @@ class Writing:
     fps
         Of a video that results become (`domesim.batch.film`), frames a second; the master's if
         None.
+    output
+        The results' encoding; the master's if None.
     """
 
     suffix: str | None = None
@@ -166,6 +168,7 @@ class Writing:
     dither: bool = False
     repair: bool = False
     fps: float | None = None
+    output: ColourTag | None = None
 
 
 @final
@@ -297,10 +300,14 @@ class Steps:
             seconds: dict[str, float] = {}
             with _timed(seconds, "reading"):
                 sources = {} if order.job is None else order.job.sources(order.moment)
-                master = order.show.read(order.moment, repair=order.writing.repair)
-                require_writable(master, order.output, order.writing.bits)
+                how = order.writing
+                master = order.show.read(order.moment, repair=how.repair)
+                facts = master.facts()
+                master = made_for(master, order.output, how.bits, how.output)
+                if how.output is not None:
+                    facts["encoding"] = asdict(how.output)
                 prepared = self._work.prepare(master)
-            return _Read(prepared, master.repaired, master.facts(), sources, seconds)
+            return _Read(prepared, master.repaired, facts, sources, seconds)
         return caught[0]
 
     def solve(self, order: Order, read: _Read[Any] | Finished | Failed) -> Any:

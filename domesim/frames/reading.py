@@ -564,6 +564,7 @@ def frame_of(
 ) -> Frame:
     """What was read, as a frame; `repair` and `signed` as for `read_image`."""
     rgb, extra = samples
+    _refuse_unsaid_dcdm(path, rgb, layout)
     zero_padded = _is_zero_padded(rgb, layout)
     bits = 12 if zero_padded else layout.bits
     pixels = _code_values(rgb, bits, legal=layout.legal)
@@ -619,6 +620,19 @@ def _is_zero_padded(rgb: NDArray[Any], layout: Layout) -> bool:
     if (layout.format, layout.bits, layout.colour.transfer) != ("tiff", 16, "dcdm"):
         return False
     return not np.bitwise_or.reduce(rgb, axis=None) & 15
+
+
+def _refuse_unsaid_dcdm(path: Path, rgb: NDArray[Any], layout: Layout) -> None:
+    """Ask about 12 bits in 16 that nobody says the meaning of: sRGB has no reason for them."""
+    if (layout.format, layout.kinds[0], layout.colour.assumed) != ("tiff", "uint16", True):
+        return
+    used = np.bitwise_or.reduce(rgb, axis=None)
+    if used & 0xF0 and not used & 0x0F:
+        raise InputError(
+            f"{path}: wanted to know what its code values are, got 12 bits in 16, as a DCDM's "
+            "X'Y'Z', and no word of it. Add --encoding dcdm, or --encoding srgb (or what it is) "
+            "if it is none."
+        )
 
 
 def _code_values(samples: NDArray[Any], bits: int, *, legal: bool = False) -> Pixels:

@@ -22,7 +22,7 @@ from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.dithering import seed_of
 from domesim.frames.eyes import Eyes, stated
-from domesim.frames.formats import SUFFIXES
+from domesim.frames.formats import SUFFIXES, code_range
 from domesim.frames.frame import Frame
 from domesim.frames.integrity import enough_memory
 from domesim.frames.mistaken import (
@@ -73,6 +73,10 @@ class Master:
         What else such an EXR holds, and its order; None for other packings.
     eyes
         What a file of packed views says of them; None if it says nothing.
+    becomes
+        Encoding of what is made of it; None for its own.
+    limits
+        Code values that what is made of it can hold; None for its own.
 
     Raises
     ------
@@ -84,6 +88,8 @@ class Master:
     packing: Packing = "single"
     file: StereoFile | None = None
     eyes: Eyes | None = None
+    becomes: ColourTag | None = None
+    limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         wanted = 1 if self.packing == "single" else 2
@@ -117,7 +123,9 @@ class Master:
 
     @property
     def code_range(self) -> tuple[float, float]:
-        """The least and the largest code value that each of its frames can hold."""
+        """The least and the largest code value that what is made of it can hold."""
+        if self.limits is not None:
+            return self.limits
         least, largest = zip(*(frame.code_range for frame in self.frames), strict=True)
         return max(least), min(largest)
 
@@ -150,6 +158,20 @@ class Master:
             raise ValueError(f"Master.with_pixels takes {wanted}, got {new.shape}")
         changed = (frame.with_pixels(view) for frame, view in zip(self.frames, new, strict=True))
         return replace(self, frames=tuple(changed))
+
+    @property
+    def fits(self) -> bool:
+        """Whether its code values are, as they are, those of what is made of it."""
+        least, largest = self.code_range
+        within = all(
+            least <= frame.pixels.min() and frame.pixels.max() <= largest for frame in self.frames
+        )
+        return within and (self.becomes is None or self.becomes.means_the_same_as(self.colour))
+
+    def encoded_as(self, colour: ColourTag, pixels: ArrayLike) -> Master:
+        """`with_pixels` that mean `colour`."""
+        made = self.with_pixels(pixels)
+        return replace(made, frames=tuple(replace(each, colour=colour) for each in made.frames))
 
     def described(self) -> str:
         """One phrase for a person: ``2 x 1920 x 1080 EXR, ..., left and right in two files``."""
@@ -295,6 +317,39 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
             )
     for frame, path in zip(master.frames, files, strict=False):
         target_of(frame, path, bits)
+
+
+def made_for(
+    master: Master,
+    paths: Sequence[str | Path],
+    bits: int | None = None,
+    colour: ColourTag | None = None,
+) -> Master:
+    """`master` that knows what is to be made of it: files at `paths`, of another encoding if given.
+
+    Parameters
+    ----------
+    master
+        What was read.
+    paths, bits
+        As for `write_master`.
+    colour
+        The encoding; None for the master's own.
+
+    Raises
+    ------
+    InputError, ValueError
+        As for `require_writable`.
+    """
+    require_writable(master, paths, bits)
+    meant = colour or master.colour
+    targets = [
+        target_of(replace(frame, colour=meant), Path(path), bits)
+        for frame, path in zip(master.frames, paths, strict=False)
+    ]
+    ranges = [code_range(target.bits, floating=target.floating) for target in targets]
+    limits = max(low for low, _ in ranges), min(high for _, high in ranges)
+    return replace(master, becomes=colour, limits=limits)
 
 
 # Reading.

@@ -132,6 +132,7 @@ class Target:
 
 
 _LUMINANCE = -1
+_DCDM_BITS = 12
 _LEAST_JPEG_2000_SIDE = 32  # OpenJPEG's encoder halves it five times
 
 
@@ -163,7 +164,10 @@ def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
     header = frame.header
     # What PNG and JPEG 2000 have is straight; an EXR's alpha never is.
     straight = header.straight if same or name == "tiff" else name in ("png", "jpeg2000")
-    padded, legal = kept and header.zero_padded, same and header.legal
+    # DCI DCSS, 3.2.2: 12 bits in 16.
+    is_dcdm = (name, frame.colour.transfer, bits) == ("tiff", "dcdm", _DCDM_BITS)
+    padded = header.zero_padded if kept else is_dcdm
+    legal = same and header.legal
     return Target(name, bits, floating, channels, kinds, sources, same, straight, padded, legal)
 
 
@@ -183,6 +187,8 @@ def as_stored(frame: Frame, target: Target) -> Frame:
 
 def _fitting_depth(name: str, frame: Frame) -> int:
     """The least depth that holds every code value, or else the largest there is."""
+    if (name, frame.colour.transfer) == ("tiff", "dcdm"):
+        return _DCDM_BITS
     if name == "openexr":
         # Half has 11 significant bits.
         return frame.bits if frame.floating else 16 if frame.bits <= 10 else 32

@@ -194,7 +194,7 @@ def test_a_dcdm_tiff_keeps_its_four_zeros(tmp_path: Path) -> None:
     # Of 16 bits, if one sample needs them; and of nothing else.
     store(path, (codes << 4 | (codes == 4095)).astype(np.uint16))
     assert read_frame(path, colour=encoding_named("dcdm")).bits == 16
-    assert read_frame(dcdm_tiff(path, codes)).bits == 16
+    assert read_frame(dcdm_tiff(path, codes), colour=encoding_named("srgb")).bits == 16
 
 
 def test_xyz_is_colorimetric() -> None:
