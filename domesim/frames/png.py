@@ -68,7 +68,7 @@ class Picture:
             self._begin(content)
         elif not any(self.sides):
             raise ValueError("one that does not begin with IHDR")
-        elif not kind.isalpha():
+        elif not (kind.isalpha() and kind[2:3].isupper()):
             raise ValueError("a chunk of an impossible kind")
         elif kind == b"IDAT":
             for begin in range(0, len(content), _BLOCK):

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import final
 
+from domesim.frames.messages import one_line
+
 _FORMAT = "32-bit_rle_rgbe"
 # Exif's orientation by signs of the outer and the inner axis: rows first, and columns first.
 _ROWS = {"-+": 1, "--": 2, "+-": 3, "++": 4}
@@ -53,7 +55,7 @@ def header_of(start: bytes) -> Radiance:
     for line in head.decode("latin-1").splitlines():
         name, _, value = line.partition("=")
         if name.strip() == "FORMAT" and value.strip() != _FORMAT:
-            raise ValueError(f"one of {value.strip()[:40]}")
+            raise ValueError(f"one of {one_line(value)}")
         if name in ("EXPOSURE", "COLORCORR"):
             factors = _numbers(name, value, 1 if name == "EXPOSURE" else 3) * 3
             exposure = [old * new for old, new in zip(exposure, factors, strict=False)]
@@ -76,5 +78,5 @@ def _numbers(name: str, value: str, count: int) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(map(isfinite, numbers)):
-        raise ValueError(f"{name} '{value.strip()[:40]}'")
+        raise ValueError(f"{name} '{one_line(value)}'")
     return numbers

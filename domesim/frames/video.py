@@ -193,7 +193,7 @@ def _refused(path: Path) -> Iterator[None]:
 
     try:
         yield
-    except (av.FFmpegError, UnicodeEncodeError) as error:
+    except (av.FFmpegError, UnicodeError) as error:
         told = error.strerror if isinstance(error, av.FFmpegError) else str(error)
         got = f"one that does not decode ({one_line(told or '').lower()})"
         raise damaged(path, "video", got) from None
