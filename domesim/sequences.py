@@ -26,7 +26,7 @@ import fileseq
 
 from domesim.errors import InputError
 from domesim.frames.messages import reason
-from domesim.frames.video import file_of, frame_paths, is_video, video_of
+from domesim.frames.video import file_of, frame_paths, is_picture, is_video, video_of
 
 OF_VIDEO = ".png"
 """Suffix of the results for frames of a video: its integers and its encoding fit."""
@@ -47,9 +47,9 @@ def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, .
     Raises
     ------
     InputError
-        If `pattern` is a folder, there is no such file or no frame, two files have one number, or
-        frames are missing: in a gap if `frames` is None, else of those in `frames`; or are links
-        to nothing.
+        If `pattern` is a folder (but of a DCP), there is no such file or no frame, two files have
+        one number, or frames are missing: in a gap if `frames` is None, else of those in `frames`;
+        or are links to nothing.
     """
     return tuple(_find(Path(pattern), frames).values())
 
@@ -183,7 +183,7 @@ def _find(path: Path, frames: str | None) -> dict[int | None, Path]:
     """Files by frame number, in order; a single file has none."""
     kind = _kind(path)
     if kind == "folder":
-        raise _is_a_folder(path)
+        path = _picture_of(path)
     if is_video(path):
         return _chosen(path, dict(enumerate(frame_paths(path), 1)), frames)
     if video_of(path) is not None and path in frame_paths(path.parent):
@@ -334,6 +334,27 @@ def _on_disk(path: Path, numbered: _Numbered) -> dict[int, Path]:
     if not found:
         raise InputError(f"{path}: wanted numbered frames, none matches.{_suggestion(folder)}")
     return found
+
+
+def _picture_of(folder: Path) -> Path:
+    """The MXF of the pictures of a DCP in a folder.
+
+    Raises
+    ------
+    InputError
+        If there is none, or several.
+    """
+    if not any((folder / name).is_file() for name in ("ASSETMAP", "ASSETMAP.xml")):
+        raise _is_a_folder(folder)
+    tracks = [path for path in _entries(folder, folder) if path.suffix.lower() == ".mxf"]
+    pictures = [path for path in tracks if is_picture(path)]
+    if len(pictures) == 1:
+        return pictures[0]
+    names = ", ".join(path.name for path in pictures) or "none"
+    raise InputError(
+        f"{folder}: wanted a DCP of one reel's picture (JPEG 2000 in MXF, not encrypted), got "
+        f"{names}. Name one of its files."
+    )
 
 
 def _is_a_folder(folder: Path) -> InputError:

@@ -44,13 +44,18 @@ from domesim.frames.messages import one_line, reason
 from domesim.frames.orientation import UPRIGHT, turned
 from domesim.frames.yuv import MATRICES, PixelFormat, code_values, pixel_format
 
-SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv")
+SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv", ".mxf")
 """Of files that are videos."""
 
 CODECS = {"prores": "ProRes", "ffv1": "FFV1", "h264": "H.264", "hevc": "HEVC"}
 """Each of these was seen to notice damage, as far as it can."""
 
-_CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm"
+_CINEMA = {"jpeg2000": "JPEG 2000"}
+"""What the MXF of a DCP holds (SMPTE ST 429-4): X'Y'Z' of 12 bits."""
+
+_CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,mxf"
+_ENCRYPTED = bytes.fromhex("060e2b34040101070d010301020b0100")  # SMPTE ST 429-6, 6.2: of a header
+_HEADER = 1 << 16
 _UNSAID = (0, 2)  # ITU-T H.273: reserved, unspecified
 _RGB = 0  # its MatrixCoefficients for R, G, B
 _LIMITED, _FULL = 1, 2  # FFmpeg's color_range
@@ -58,6 +63,8 @@ _SAMPLE = 8  # frames that are asked whether they have checksums
 _AHEAD = 12  # frames that are decoded on to rather than sought
 _LACKING = 0.75  # of a frame: what a file may be shorter than it says, for times are rounded
 _BACK = (0, 1, 16, 64, 256, None)  # frames before the wanted one that a key frame is sought at
+
+_CINEMA_COLOUR = ColourTag("dcdm", "XYZ", "file: digital-cinema profile")
 
 Stream: TypeAlias = Any
 """PyAV's, which is imported late."""
@@ -108,6 +115,16 @@ def frame_paths(video: Path) -> tuple[Path, ...]:
     return tuple(
         video / f"{video.stem}.{number:04d}{video.suffix}" for number in range(1, count + 1)
     )
+
+
+def is_picture(track: Path) -> bool:
+    """Whether a file of a DCP is a picture that is read."""
+    try:
+        container, _ = _opened(track)
+    except InputError:
+        return False
+    container.close()
+    return True
 
 
 def container_of(start: bytes) -> str | None:
@@ -211,11 +228,7 @@ def _opened(video: Path) -> tuple[Any, Stream]:
         raise InputError(f"{video}: wanted one picture, got {len(streams)}. Export one alone.")
     stream = streams[0]
     context = stream.codec_context
-    name = "none" if context is None else context.name
-    if name not in CODECS:
-        raise InputError(
-            f"{video}: wanted {', '.join(CODECS.values())}, got {name}. Convert it to one of them."
-        )
+    _require_codec(video, context)
     refuse_sides(video, context.width, context.height)
     if stream.guessed_rate is None or stream.start_time is None or not stream.time_base:
         raise InputError(f"{video}: wanted a frame rate, got none. Convert it to ProRes or FFV1.")
@@ -228,6 +241,29 @@ def _opened(video: Path) -> tuple[Any, Stream]:
         )
     context.options = {"err_detect": "crccheck+bitstream+buffer+explode"}
     return container, stream
+
+
+def _require_codec(video: Path, context: Any) -> None:
+    name = "none" if context is None else context.name
+    if video.suffix.lower() != ".mxf":
+        if name not in CODECS:
+            raise InputError(
+                f"{video}: wanted {', '.join(CODECS.values())}, got {name}. Convert it to one of "
+                "them."
+            )
+        return
+    with video.open("rb") as file:
+        if _ENCRYPTED in file.read(_HEADER):
+            raise InputError(
+                f"{video}: wanted a DCP's picture, got an encrypted one. Ask for one that is not, "
+                "or for its DCDM."
+            )
+    if name not in _CINEMA or not str(context.pix_fmt).startswith("xyz12"):
+        kind = f"{name} of {context.pix_fmt}" if name != "none" else "another"
+        raise InputError(
+            f"{video}: wanted a DCP's picture in MXF (JPEG 2000 of X'Y'Z'), got {kind}. Convert it "
+            f"to a video in {', '.join(SUFFIXES[:-1])} (ffmpeg -i IN -c:v ffv1 -c:a copy OUT.mkv)."
+        )
 
 
 def _step(stream: Stream) -> Fraction:
@@ -406,7 +442,7 @@ def _tags(source: Any) -> _Tags:
 
 
 def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None) -> Frame:
-    name = CODECS[decoder.stream.codec_context.name]
+    name = {**CODECS, **_CINEMA}[decoder.stream.codec_context.name]
     kind = pixel_format(decoded.format.name)
     if kind is None:
         raise InputError(
@@ -418,7 +454,7 @@ def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None
     tags = _completed(decoder.tags, _tags(decoded))
     stated: ColourTag | None
     try:
-        stated = _stated_colour(path, tags)
+        stated = _CINEMA_COLOUR if kind.xyz else _stated_colour(path, tags)
     except InputError:
         if colour is None:
             raise
