@@ -9,7 +9,9 @@ from typing import Any
 from domesim.frames.orientation import UPRIGHT
 
 HEADER = 2048
-_CREATED, _TURNED, _DEVICE, _INDUSTRY = 136, 768, 1408, 1664  # where fields begin
+_NAME = (36, 136)
+_TURNED, _DEVICE, _INDUSTRY = 768, 1408, 1664  # where fields begin
+_FIELDS = ((_NAME[1], 160), (_TURNED, _TURNED + 2), (_DEVICE, _INDUSTRY))  # time, ...
 _ROWS = (1, 2, 4, 3)
 _COLUMNS = range(4, 8)
 _OF_INDUSTRY = (
@@ -49,13 +51,17 @@ def is_legal(spec: Any, bits: int) -> bool:
     return stated == tuple(level << (bits - 8) for level in (16, 235))
 
 
-def with_fields(encoded: bytes, name: str, carried: bytes) -> bytes:
-    """The DPX `encoded` under its file's name, with the fields of the one that it came from."""
+def with_fields(encoded: bytes, carried: bytes) -> bytes:
+    """The DPX `encoded` with the fields of the one that it came from."""
     result = bytearray(encoded)
-    result[36:_CREATED] = os.fsencode(name)[: _CREATED - 37].ljust(_CREATED - 36, b"\0")
-    for begin, end in ((_CREATED, 160), (_TURNED, _TURNED + 2), (_DEVICE, _INDUSTRY)):
+    for begin, end in (*_FIELDS, (_INDUSTRY, HEADER)):
         if len(carried) >= end:
             result[begin:end] = carried[begin:end]
-    if len(carried) == HEADER:
-        result[_INDUSTRY:HEADER] = carried[_INDUSTRY:HEADER]
     return bytes(result)
+
+
+def with_name(encoded: bytes, name: str) -> bytes:
+    """The DPX `encoded` under its file's name."""
+    begin, end = _NAME
+    padded = os.fsencode(name)[: end - begin - 1].ljust(end - begin, b"\0")
+    return encoded[:begin] + padded + encoded[end:]

@@ -51,7 +51,8 @@ def write_frame(
     The suffix names the format. The format that the frame came from keeps its bit depth, metadata
     and all channels. Another format gets the least depth that holds every code value, the metadata
     that it knows, alpha unless it is DPX or JPEG, and other channels if it is EXR. The pixels are
-    written as they are: for another encoding, give `frame` other pixels *and* another `colour`.
+    turned back and divided by alpha as the file has it, and else written as they are: for another
+    encoding, give `frame` other pixels *and* another `colour`.
 
     JPEG 2000 is written losslessly: .jp2 with boxes, others as a codestream, without a profile.
     JPEG is written at quality 100 without chroma subsampling. Re-encoding what was decoded from a
@@ -91,25 +92,34 @@ def encoded(frame: Frame, path: Path, bits: int | None, seed: Seed | None = None
     frame = as_stored(frame, target)
     part = (specification(frame, target), samples_of(frame, target, seed))
     content = encode(path, target.format, [part])
-    carried = frame.header.carried if target.same_format else b""
-    if target.format == "openexr" and target.same_format:
-        content = exr.with_attributes(content, [carried_attributes(frame, target)])
+    if target.same_format:
+        content = _with_carried(content, frame, target)
     eyes = b"" if frame.header.eyes is None else stated(frame.header.eyes, target.format)
     if target.format == "png":
-        kept = target.same_format
-        told = with_carried_chunks(content, carried) if kept else with_utf8_text(content)
-        content = with_colour_chunks(told, _png_colour(frame, target) + eyes)
+        content = with_colour_chunks(content, _png_colour(frame, target) + eyes)
+    if target.format == "png" and not target.same_format:
+        content = with_utf8_text(content)
     if target.format == "jpeg":
-        if target.same_format and _keeps_colour(frame):
-            content = jpeg.with_metadata(content, carried)
         content = jpeg.with_segment(content, eyes)
     if target.format == "dpx":
-        content = dpx.with_fields(content, path.name, carried)
-    if target.format == "jpeg2000" and target.same_format:
-        content = with_comments(content, frame.header.comments)
+        content = dpx.with_name(content, path.name)
     if target.format == "jpeg2000" and path.suffix.lower() == ".jp2" and frame.header.boxes:
         content = with_metadata(content, frame.header.boxes, colour_holds=_keeps_colour(frame))
     return content
+
+
+def _with_carried(content: bytes, frame: Frame, target: Target) -> bytes:
+    """An encoded file with what the one that it came from said besides its picture."""
+    header = frame.header
+    if target.format == "openexr":
+        return exr.with_attributes(content, [carried_attributes(frame, target)])
+    if target.format == "png":
+        return with_carried_chunks(content, header.carried)
+    if target.format == "jpeg" and _keeps_colour(frame):  # Exif may tell of it
+        return jpeg.with_metadata(content, header.carried)
+    if target.format == "dpx":
+        return dpx.with_fields(content, header.carried)
+    return with_comments(content, header.comments) if target.format == "jpeg2000" else content
 
 
 # Which file, of which samples.
