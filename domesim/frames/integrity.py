@@ -103,8 +103,7 @@ def _examine_bytes(path: Path, file: BinaryIO) -> Container:  # noqa: PLR0911 - 
         big_endian = _examine_dpx(path, size, start)
         return Container((dpx.carried_of(start, big_endian=big_endian),), big_endian=big_endian)
     if start.startswith(exr.MAGIC):
-        with _understood(path, "EXR"), mmap(file.fileno(), 0, access=ACCESS_READ) as content:
-            return Container(exr.carried_of(content))
+        return _examine_exr(path, file)
     if start.startswith(jpeg.START):
         with _understood(path, "JPEG"):
             return _examine_jpeg(path, start + file.read())
@@ -156,6 +155,14 @@ def _examine_png(path: Path, png: bytes) -> Container:
         if kind == b"IEND":
             return Container((carried,), colour, eyes=packed)
     raise damaged(path, "PNG", "one that ends early")
+
+
+def _examine_exr(path: Path, file: BinaryIO) -> Container:
+    try:
+        with mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+            return Container(exr.carried_of(content))
+    except ValueError as error:
+        raise damaged(path, "EXR", str(error)) from error
 
 
 def _examine_jpeg(path: Path, content: bytes) -> Container:
