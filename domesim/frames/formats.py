@@ -32,6 +32,8 @@ SUFFIXES = {
     ".jpg": "jpeg",
     ".jpeg": "jpeg",
     ".jpe": "jpeg",
+    ".jps": "jpeg",  # stereo pairs, which say so: see eyes.py
+    ".pns": "png",
     ".jp2": "jpeg2000",
     ".j2k": "jpeg2000",
     ".j2c": "jpeg2000",

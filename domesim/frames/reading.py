@@ -159,11 +159,17 @@ def open_image(path: Path) -> Any:
     return reader
 
 
+_LACKING = re.compile(
+    r"(\w+) compression support is not configured|Compression (scheme \d+) .*not implemented"
+)
+"""What libtiff says of a compression that it was built without."""
+
+
 def _refuse_compression(path: Path, problem: str) -> None:
-    """Name a compression that libtiff was built without."""
-    lacking = re.search(r"(\w+) compression support is not configured", problem)
+    """Name a TIFF's compression that is not read."""
+    lacking = _LACKING.search(problem)
     if lacking is not None:
-        raise stored_otherwise(path, lacking[1])
+        raise stored_otherwise(path, lacking[1] or f"compression {lacking[2]}")
 
 
 def _refuse_video(path: Path) -> None:

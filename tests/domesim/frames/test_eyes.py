@@ -87,6 +87,18 @@ def test_a_jpeg_says_it_as_jps_does(tmp_path: Path, layout: int, flags: int) -> 
     assert_eyes(tmp_path / "out.jpg", packing, tolerance=4)
 
 
+@pytest.mark.parametrize("name", ["pair.pns", "pair.jps"])
+def test_stereo_suffixes_are_known(tmp_path: Path, out: Path, run: Run, name: str) -> None:
+    made = (
+        cross_png(tmp_path / "a.png", 0) if name.endswith("pns") else jps(tmp_path / "a.jpg", 2, 0)
+    )
+    path = made.rename(tmp_path / name)
+    stereo = ("--scene", "stereo_cinema_silver", "--method", "none", "--out", out)
+    result = run("compensate", path, *stereo, "--packing", "side-by-side")
+    assert result.code == 0, result
+    assert_eyes(out / name, tolerance=4)
+
+
 def test_what_cannot_say_it_has_left_first(tmp_path: Path) -> None:
     sources = {
         "png": (cross_png(tmp_path / "in.png", 0), "side-by-side"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+import struct
 import subprocess
 import sys
 import zlib
@@ -54,6 +55,16 @@ def test_a_compression_that_is_not_read_is_named(
         read_frame(path)
     except InputError as error:
         assert f"got {name}. It is not damaged: save it with LZW or ZIP" in str(error)  # noqa: PT017
+
+
+def test_a_compression_that_nobody_knows_is_named(tmp_path: Path) -> None:
+    path = tiff(tmp_path / "x.tif", "tiff_deflate")
+    content = bytearray(path.read_bytes())
+    place = content.index(struct.pack("<HHI", 259, 3, 1))
+    struct.pack_into("<H", content, place + 8, 50002)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"got compression scheme 50002\. It is not damaged"):
+        read_frame(path)
 
 
 def large_png(path: Path, side: int) -> Path:
