@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import struct
+import warnings
 from collections.abc import Iterator
 
 START = b"\xff\xd8\xff"
@@ -84,9 +85,10 @@ def is_pair(content: bytes) -> bool:
     from PIL import Image  # noqa: PLC0415 - few JPEGs have an index
 
     try:
-        with Image.open(io.BytesIO(content)) as opened:
+        # A panorama may be large: nothing of it is decoded here.
+        with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(content)) as opened:
             entries = getattr(opened, "mpinfo", {}).get(_ENTRIES, [])
-    except (OSError, ValueError, SyntaxError, KeyError):
+    except (OSError, ValueError, SyntaxError, KeyError, Image.DecompressionBombError):
         return False
     return sum("Disparity" in entry["Attribute"]["MPType"] for entry in entries) > 1
 
