@@ -17,7 +17,6 @@ from compensate.devices import CPU
 from compensate.master import Figures
 from compensate.methods import METHODS, Solver
 from domesim.batch.run import FRAME_TIMEOUT, Running
-from domesim.batch.work import Writing
 from domesim.choice import SceneChoice
 from domesim.cli import (
     TPDF,
@@ -36,6 +35,7 @@ from domesim.cli import (
     MasterName,
     Mix,
     OutFolder,
+    OutputEncoding,
     PackingName,
     Pages,
     Quiet,
@@ -48,10 +48,9 @@ from domesim.cli import (
     TransportFile,
     Workers,
     about_scene,
-    dithered,
     do_show,
     scene_of,
-    suffix_of,
+    writing_of,
 )
 from domesim.console import Console, about
 from domesim.console import prepare as prepare_folder
@@ -141,6 +140,7 @@ def compensate(
     only_visible: OnlyVisibleFlag = False,
     frames: Frames = None,
     file_format: Format = None,
+    output_encoding: OutputEncoding = None,
     bits: Bits = None,
     dither: DitherName = TPDF,
     fps: Fps = None,
@@ -190,7 +190,7 @@ def compensate(
         recipe,
         console,
         what="compensating",
-        writing=Writing(suffix_of(file_format), bits, dithered(dither), repair, fps),
+        writing=writing_of(file_format, bits, dither, output_encoding, repair=repair, fps=fps),
         running=Running(workers, threads, scheduler, anew, mix, pages, frame_timeout),
         facts=about_scene(theatre),
         dry_run=dry_run,

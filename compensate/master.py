@@ -683,7 +683,7 @@ class Solution:
         """
         posed, result = self.posed, self.result
         stored, file_clipped = self.frame, 0.0
-        if self.method != "none":
+        if self.method != "none" or not self.frame.fits:
             stored, file_clipped = encoded(self.frame, result.light, posed.scene, posed.screen)
         loss_after = posed.loss_subtractive
         if result.light is not posed.subtractive:

@@ -23,7 +23,7 @@ from domesim.batch.work import Recipe, Writing
 from domesim.choice import SceneChoice
 from domesim.console import Console, complain
 from domesim.errors import InputError
-from domesim.frames.encodings import ENCODINGS
+from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES
 from domesim.observing import Observing
@@ -70,6 +70,15 @@ EncodingName = Annotated[
         "--encoding",
         help="What the master's code values are, whatever its files say: "
         f"{', '.join(ENCODINGS)}; or transfer and primaries, such as st2084:p3-d65.",
+        show_default=False,
+    ),
+]
+OutputEncoding = Annotated[
+    str | None,
+    typer.Option(
+        "--output-encoding",
+        help="What the results' code values are, instead of the master's encoding: names as for "
+        "--encoding, such as dcdm for X'Y'Z' (TIFFs then have 12 bits in 16).",
         show_default=False,
     ),
 ]
@@ -121,7 +130,10 @@ Format = Annotated[
 Bits = Annotated[
     int | None,
     typer.Option(
-        help="Bits a sample instead of the master's, as the format allows.", show_default=False
+        "--output-bits",
+        "--bits",
+        help="Bits a sample instead of the master's, as the format allows.",
+        show_default=False,
     ),
 ]
 DitherName = Annotated[
@@ -207,6 +219,7 @@ def observe(
     transport: TransportFile = None,
     frames: Frames = None,
     file_format: Format = None,
+    output_encoding: OutputEncoding = None,
     bits: Bits = None,
     dither: DitherName = TPDF,
     fps: Fps = None,
@@ -242,7 +255,7 @@ def observe(
         Observing(choice.settled(theatre)),
         console,
         what="observing",
-        writing=Writing(suffix_of(file_format), bits, dithered(dither), repair, fps),
+        writing=writing_of(file_format, bits, dither, output_encoding, repair=repair, fps=fps),
         running=Running(workers, threads, scheduler, anew, mix, frame_timeout=frame_timeout),
         facts=about_scene(theatre),
         dry_run=dry_run,
@@ -338,6 +351,26 @@ def suffix_of(file_format: str | None) -> str | None:
             f"or mkv"
         )
     return suffix
+
+
+def writing_of(
+    file_format: str | None,
+    bits: int | None,
+    dither: str,
+    output: str | None,
+    *,
+    repair: bool,
+    fps: float | None,
+) -> Writing:
+    """How a command's results are written.
+
+    Raises
+    ------
+    InputError
+        If an option has no such value.
+    """
+    colour = None if output is None else encoding_named(output, "--output-encoding")
+    return Writing(suffix_of(file_format), bits, dithered(dither), repair, fps, colour)
 
 
 def dithered(name: str) -> bool:

@@ -213,3 +213,12 @@ def _print(text: str) -> None:
         raise InputError(
             f"standard output: wanted to write to it, got '{reason(error)}'. Send it elsewhere."
         ) from error
+
+
+def sized(count: float) -> str:
+    """Bytes, for a person."""
+    unit, name = next(each for each in _UNITS if count >= each[0] or each is _UNITS[-1])
+    return f"{count / unit:.3g} {name}"
+
+
+_UNITS = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"))

@@ -60,9 +60,11 @@ def _require_views(master: Master, scene: Scene) -> None:
             f"{master.path}: wanted a domemaster for {scene.name}, got left and right. Do each "
             f"alone, or choose a stereo scene."
         )
+    eyes = master.frames[0].header.eyes
+    said = "" if eyes is None else f" {eyes.packing}, as it says itself"
     raise InputError(
         f"{master.path}: wanted left and right for {scene.name}, got one picture. Name both "
-        f"(--left L.####.exr --right R.####.exr), or say how they are packed (--packing)."
+        f"(--left L.####.exr --right R.####.exr), or say how they are packed (--packing{said})."
     )
 
 
@@ -92,26 +94,38 @@ def encoded(
 ) -> tuple[Master, float]:
     """`master` with the picture on the screen replaced by `light`, and the share that was clipped.
 
+    It is encoded as `master` was, or as it is to become.
+
     No format holds all code values: light brighter than the white of an integer format (what the
     audience sees of a white master) or the largest half is clipped there, and the share of such
     pixels returned. So is what lies outside the file's gamut, negative in its primaries: floating
     formats could hold it, but `read_frame` and others' readers take it for damage.
     """
-    curve = transfer.named(master.colour.transfer, white=scene.projector.white)
+    projector, old = scene.projector, master.colour
+    new = master.becomes or old
+    require_primaries(new.primaries)
+    read = transfer.named(old.transfer, white=projector.white)
+    curve = transfer.named(new.transfer, white=projector.white)
     least, largest = 0.0, master.code_range[1]
     pixels = np.empty(light.shape, np.float32)
 
     def encode(view: int, rows: slice) -> int:
-        codes = scene.projector.encode(light[view, rows], curve, master.colour.primaries)
+        codes = projector.encode(light[view, rows], curve, new.primaries)
         on = screen[rows]
         np.clip(codes, least, largest, out=pixels[view, rows])
         if not on.all():
-            np.copyto(pixels[view, rows], master.frames[view].pixels[rows], where=~on[..., None])
+            around = master.frames[view].pixels[rows]
+            if not new.means_the_same_as(old):
+                shown = projector.decode(around, read, old.primaries)
+                around = projector.encode(shown, curve, new.primaries)
+            around = np.clip(around, least, largest)
+            np.copyto(pixels[view, rows], around, where=~on[..., None])
         # Half a code of 16 bit: rounding, not clipping
         return _beyond(codes, on, (least, largest), 0.5 / 65535)
 
     clipped = sum(in_strips(encode, light.shape))
-    return master.with_pixels(pixels), clipped / (len(light) * np.count_nonzero(screen))
+    result = master.encoded_as(new, pixels)
+    return result, clipped / (len(light) * np.count_nonzero(screen))
 
 
 def mean_luminance(light: Light, scene: Scene, areas: NDArray[np.floating] | None = None) -> float:

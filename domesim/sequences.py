@@ -6,24 +6,27 @@ A missing frame is an error, not a shorter film: a producer who rendered 5 000 f
 of the one that is not there before the night's run, and says `frames` when a part is meant.
 
 The number in a name may have any count of digits, so that ``show.9.png`` and ``show.10.png`` are
-one sequence, and so are ``show.9999.png`` and ``show.10000.png``.
+one sequence, and so are ``show.9999.png`` and ``show.10000.png``. It is the last one that a pattern
+has a place for: ``dome@4k.####.png`` has an @ in its name. It is negative only behind a point or an
+underscore, for ``n-0001.png`` is no frame -1.
 """
 
 from __future__ import annotations
 
 import re
 import stat
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from functools import cache
 from itertools import chain, pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import fileseq
 
 from domesim.errors import InputError
 from domesim.frames.messages import reason
-from domesim.frames.video import file_of, frame_paths, is_video, video_of
+from domesim.frames.video import file_of, frame_paths, is_picture, is_video, video_of
 
 OF_VIDEO = ".png"
 """Suffix of the results for frames of a video: its integers and its encoding fit."""
@@ -36,16 +39,17 @@ def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, .
     ----------
     pattern
         An existing file, or a numbered pattern: ``show.####.exr``, ``show.%04d.exr``,
-        ``show.@.png``, ``show.$F4.exr``; or a video, whose frames are numbered from 1, or one of
-        these: ``film.mov/film.0012.mov``.
+        ``show.@.png``, ``show.$F4.exr``, ``show.<F4>.exr``, ``show.*.exr``; or a video, whose
+        frames are numbered from 1, or one of these: ``film.mov/film.0012.mov``.
     frames
         Which frames, such as ``1-100x10`` (see `parse_frames`); all that there are if None.
 
     Raises
     ------
     InputError
-        If `pattern` is a folder, there is no such file or no frame, two files have one number, or
-        frames are missing: in a gap if `frames` is None, else of those in `frames`.
+        If `pattern` is a folder (but of a DCP), there is no such file or no frame, two files have
+        one number, or frames are missing: in a gap if `frames` is None, else of those in `frames`;
+        or are links to nothing.
     """
     return tuple(_find(Path(pattern), frames).values())
 
@@ -179,16 +183,16 @@ def _find(path: Path, frames: str | None) -> dict[int | None, Path]:
     """Files by frame number, in order; a single file has none."""
     kind = _kind(path)
     if kind == "folder":
-        raise _is_a_folder(path)
+        path = _picture_of(path)
     if is_video(path):
         return _chosen(path, dict(enumerate(frame_paths(path), 1)), frames)
     if video_of(path) is not None and path in frame_paths(path.parent):
         kind = "file"
-    sequence = _numbered(path)
-    if sequence is None or kind == "file":
+    numbered = _numbered(path)
+    if numbered is None or kind == "file":
         return {None: _single(path, kind, frames)}
     # show.1-5####.exr names its frames itself
-    return _chosen(path, _on_disk(path, sequence), frames or sequence.frameRange())
+    return _chosen(path, _on_disk(path, numbered), frames or numbered.frames)
 
 
 def _chosen(path: Path, found: dict[int, Path], frames: str | None) -> dict[int | None, Path]:
@@ -206,6 +210,12 @@ def _chosen(path: Path, found: dict[int, Path], frames: str | None) -> dict[int 
             f"{path}: wanted frames {wanted}, missing {missing}. "
             f"Render what is missing, or {way} --frames {ranges_of(found)}"
         )
+    for number in numbers:
+        if found[number].is_symlink() and not _is_file(found[number]):
+            raise InputError(
+                f"{path}: wanted frame {number}, got a link to nothing: {found[number].name} -> "
+                f"{found[number].readlink()}. Mount its disk, or name others: --frames"
+            )
     return {number: found[number] for number in numbers}
 
 
@@ -271,32 +281,48 @@ def _single(path: Path, kind: _Kind, frames: str | None) -> Path:
     return path
 
 
-def _numbered(path: Path) -> fileseq.FileSequence | None:
-    """`path` taken apart around its padding; None if it has none."""
-    try:
-        sequence = fileseq.FileSequence(path.name)
-    except fileseq.FileSeqException:
+_PLACE = re.compile(r"#+|@+|%0?[0-9]*d|\$F[0-9]*|<F[0-9]*>|\*")
+_RANGE = r"-?[0-9]+(?:--?[0-9]+(?:x[0-9]+)?)?"
+_RANGES = re.compile(rf"(?:^|(?<=[._])){_RANGE}(?:,{_RANGE})*$")
+_LAST_NUMBER = re.compile(r"[0-9]+(?!.*[0-9])")
+
+
+class _Numbered(NamedTuple):
+    """A pattern, taken apart around the place of its number."""
+
+    base: str
+    frames: str  # that it names itself; "" for all
+    extension: str
+
+
+def _numbered(path: Path) -> _Numbered | None:
+    """`path` as a pattern; None if it has no place for a number."""
+    places = list(_PLACE.finditer(path.name))
+    if not places:
         return None
-    # fileseq makes a padding out of the number in a plain file name.
-    return sequence if sequence.padding() and sequence.padding() in path.name else None
+    base, extension = path.name[: places[-1].start()], path.name[places[-1].end() :]
+    named = _RANGES.search(base)
+    frames = "" if named is None else named[0]
+    return _Numbered(base.removesuffix(frames), frames, extension)
 
 
-def _on_disk(path: Path, sequence: fileseq.FileSequence) -> dict[int, Path]:
-    """Each frame's file, by number."""
-    folder = path.parent
+def _is_file(path: Path) -> bool:
+    """Whether there is a file; a disk that is gone has none."""
     try:
-        files = sorted(folder.iterdir())
-    except OSError as error:
-        raise InputError(
-            f"{path}: wanted to look into {folder}, got '{reason(error)}'. Check the path."
-        ) from error
-    name = re.compile(
-        f"{re.escape(sequence.basename())}(-?[0-9]+){re.escape(sequence.extension())}"
-    )
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def _on_disk(path: Path, numbered: _Numbered) -> dict[int, Path]:
+    """Each frame's file, or link to nothing, by number."""
+    folder = path.parent
+    sign = "-?" if numbered.base[-1:] in ("", ".", "_") else ""
+    name = re.compile(f"{re.escape(numbered.base)}({sign}[0-9]+){re.escape(numbered.extension)}")
     found: dict[int, Path] = {}
-    for file in files:
+    for file in _entries(folder, path):
         match = name.fullmatch(file.name)
-        if match is None or not file.is_file():
+        if match is None or not (_is_file(file) or file.is_symlink()):
             continue
         number = int(match[1])
         if number in found:
@@ -310,20 +336,55 @@ def _on_disk(path: Path, sequence: fileseq.FileSequence) -> dict[int, Path]:
     return found
 
 
+def _picture_of(folder: Path) -> Path:
+    """The MXF of the pictures of a DCP in a folder.
+
+    Raises
+    ------
+    InputError
+        If there is none, or several.
+    """
+    if not any((folder / name).is_file() for name in ("ASSETMAP", "ASSETMAP.xml")):
+        raise _is_a_folder(folder)
+    tracks = [path for path in _entries(folder, folder) if path.suffix.lower() == ".mxf"]
+    pictures = [path for path in tracks if is_picture(path)]
+    if len(pictures) == 1:
+        return pictures[0]
+    names = ", ".join(path.name for path in pictures) or "none"
+    raise InputError(
+        f"{folder}: wanted a DCP of one reel's picture (JPEG 2000 in MXF, not encrypted), got "
+        f"{names}. Name one of its files."
+    )
+
+
 def _is_a_folder(folder: Path) -> InputError:
     suggestion = _suggestion(folder) or f" Name a file or a pattern such as {folder}/name.####.png"
     return InputError(f"{folder}: wanted a file or a numbered pattern, got a folder.{suggestion}")
 
 
+def _entries(folder: Path, path: Path) -> list[Path]:
+    """What is in a folder, by name."""
+    try:
+        return sorted(folder.iterdir())
+    except OSError as error:
+        raise InputError(
+            f"{path}: wanted to look into {folder}, got '{reason(error)}'. Check the path."
+        ) from error
+
+
 def _suggestion(folder: Path) -> str:
     """The pattern to use, if `folder` holds exactly one sequence; else nothing."""
-    sequences = [
-        sequence for sequence in fileseq.findSequencesOnDisk(str(folder)) if len(sequence) > 1
-    ]
+    digits: dict[tuple[str, str], set[str]] = defaultdict(set)
+    for file in _entries(folder, folder):
+        number = _LAST_NUMBER.search(file.stem)
+        if number is not None and _is_file(file):
+            base, rest = file.stem[: number.start()], file.stem[number.end() :]
+            digits[base, f"{rest}{file.suffix}"].add(number[0])
+    sequences = [(name, found) for name, found in digits.items() if len(found) > 1]
     if len(sequences) != 1:
         return ""
-    (only,) = sequences
-    name = f"{only.basename()}{'#' * only.zfill()}{only.extension()}"
+    (((base, extension), found),) = sequences
+    name = f"{base}{'#' * min(map(len, found))}{extension}"
     return f" Did you mean {folder / name}?"
 
 

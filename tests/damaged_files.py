@@ -22,12 +22,18 @@ from typing import NamedTuple
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
+from icc_profiles import icc_profile
+from videos import KINDS, write_numbered
 
 from domesim.errors import InputError
 from domesim.frames import read_master
+from domesim.frames.png import chunk
+from domesim.frames.video import frame_paths, is_video
 
 ROWS, COLS = 40, 53
-MEMORY = 6 << 30
+PROFILE = (f"uint8[{icc_profile('a').size}]", icc_profile("a", "P3-D65"))
+JPS = b"\xff\xe3\0\x10_JPSJPS_\0\4\0\4\2\1"
+MEMORY = 2 << 30
 BATCH = 500
 SOUND = {
     "zip.exr": ("half", 4, {"compression": "zip"}),
@@ -66,7 +72,30 @@ SOUND = {
     "x.sgi": ("uint8", 3, {}),
     "x.tga": ("uint8", 3, {}),
     "x.webp": ("uint8", 3, {}),
+    "icc.png": ("uint16", 4, {"ICCProfile": PROFILE, "Orientation": 6}),
+    "icc.tif": ("float", 4, {"ICCProfile": PROFILE, "oiio:UnassociatedAlpha": 1}),
+    "icc.jpg": ("uint8", 3, {"ICCProfile": PROFILE, "Orientation": 8, "Artist": "me"}),
+    "said.exr": (
+        "half",
+        4,
+        {
+            "textureformat": "Plain Texture",
+            "smpte:TimeCode": ("timecode", (1, 2)),
+            "FramesPerSecond": ("rational", (24, 1)),
+            "a long name of an attribute of some studio": "x" * 300,
+        },
+    ),
+    "said.dpx": ("uint16", 3, {"oiio:BitsPerSample": 10, "Orientation": 4, "dpx:FrameRate": 24.0}),
 }
+FILMS = {"prores.mov": "ProRes 4444", "ffv1.mkv": "FFV1", "h264.mp4": "H.264"}
+EDITED = {
+    "sTER.png": ("8.png", lambda png: png[:33] + chunk(b"sTER", b"\0") + png[33:]),
+    "text.png": ("8.png", lambda png: png[:33] + chunk(b"iTXt", b"a\0\0\0\0\0\xc3\xa4") + png[33:]),
+    "jps.jpg": ("8.jpg", lambda jpg: jpg[:2] + JPS + jpg[2:]),
+    "said.hdr": ("x.hdr", lambda hdr: hdr.replace(b"FORMAT", b"EXPOSURE=2\nPIXASPECT=1\nFORMAT")),
+}
+"""Made of others: what OpenImageIO does not write."""
+NAMES = [*SOUND, *EDITED, *FILMS]
 MAGICS = (b"v/1\1", b"\x89PNG\r\n\x1a\n", b"II*\0", b"MM\0*", b"SDPX", b"XPDS", b"\xff\xd8\xff\xe0")
 MAGICS += (
     b"\0\0\0\x0cjP  \r\n\x87\n",
@@ -96,12 +125,21 @@ def sound_files(folder: Path) -> dict[str, bytes]:
                 spec.attribute(key, oiio.TypeDesc(value[0]), value[1])
             else:
                 spec.attribute(key, value)
+        if "textureformat" in attributes:  # which OpenImageIO takes for an order
+            spec.erase_attribute("textureformat")
+            spec.attribute("texturefermat", "Plain Texture")
         path = folder / name
         writer = oiio.ImageOutput.create(str(path))
         assert writer.open(str(path), spec), writer.geterror()
         assert writer.write_image(samples), writer.geterror()
         assert writer.close(), writer.geterror()
-        contents[name] = path.read_bytes()
+        contents[name] = path.read_bytes().replace(b"texturefermat", b"textureformat")
+    for name, (source, edit) in EDITED.items():
+        contents[name] = edit(contents[source])
+    for name, kind in FILMS.items():
+        contents[name] = write_numbered(folder / name, KINDS[kind], 2).read_bytes()
+    for name, content in contents.items():
+        (folder / name).write_bytes(content)
     return contents
 
 
@@ -199,14 +237,14 @@ DAMAGES: tuple[tuple[Damage, float], ...] = (
 def damaged(number: int, sound: dict[str, bytes]) -> tuple[str, str, bytes]:
     """Damage, name and content of one file; formats take turns."""
     rng = np.random.default_rng([7, number])
-    name = list(sound)[number % len(sound)]
+    name = NAMES[number % len(NAMES)]
     damage = DAMAGES[rng.choice(len(DAMAGES), p=[share for _, share in DAMAGES])][0]
     content = damage(bytearray(sound[name]), rng, sound)
     if rng.random() < 0.5:
         content = with_right_checksums(content)
     suffix = name
     if damage in (wrong_suffix, magic_and_noise, no_image):
-        suffix = str(rng.choice(list(sound)))
+        suffix = str(rng.choice(NAMES))
     return damage.__name__, f"{number}-{suffix}", content
 
 
@@ -257,7 +295,7 @@ def followed(command: list[str], patience: float) -> list[Reading]:
 def outcome(path: Path) -> str:
     """What became of reading it: "frame", a refusal, or "WRONG: ..."."""
     try:
-        master = read_master([path])
+        master = read_master([frame_paths(path)[0] if is_video(path) else path])
     except InputError as error:
         message = str(error)
         if "\n" in message or not message.isprintable() or len(message) > 700:
@@ -276,7 +314,7 @@ def main(folder: Path, begin: int, end: int) -> None:
     with tempfile.TemporaryFile() as noise:
         for descriptor in (1, 2):
             os.dup2(noise.fileno(), descriptor)
-        sound = {name: (folder / name).read_bytes() for name in SOUND}
+        sound = {name: (folder / name).read_bytes() for name in NAMES}
         for number in range(begin, end):
             damage, name, content = damaged(number, sound)
             path = folder / name

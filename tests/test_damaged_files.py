@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
-from damaged_files import DAMAGES, SOUND, damaged, followed, readings, sound_files
+from damaged_files import DAMAGES, FILMS, NAMES, damaged, followed, readings, sound_files
 
 from domesim.errors import InputError
 from domesim.frames import read_frame, read_master
@@ -29,7 +29,7 @@ def test_each_damaged_file_is_a_frame_or_one_line(tmp_path: Path, count: int) ->
     assert max(each.seconds for each in found) < 10
     counts = Counter((each.damage, each.found.partition(":")[0]) for each in found)
     assert {damage for damage, _ in counts} == {damage.__name__ for damage, _ in DAMAGES}
-    sources = list(SOUND)
+    sources = NAMES
     cuts = [
         each
         for each in found
@@ -40,12 +40,21 @@ def test_each_damaged_file_is_a_frame_or_one_line(tmp_path: Path, count: int) ->
     # Bits of pixels without a checksum can change unseen; most other damage is noticed.
     refused = sum(n for (_, outcome), n in counts.items() if outcome == "refused")
     assert 0.5 < refused / len(found) < 0.8
-    assert counts["wrong_suffix", "refused"] == 0
+    # Content decides what a picture is; of a video, its suffix decides that it is one.
+    misnamed = [
+        each
+        for each in found
+        if (each.damage, each.found.partition(":")[0]) == ("wrong_suffix", "refused")
+        and not {each.name.partition("-")[2], sources[each.number % len(sources)]} & set(FILMS)
+    ]
+    assert misnamed == []
 
 
 def test_the_sound_files_are_frames(tmp_path: Path) -> None:
     for name in sound_files(tmp_path):
-        assert read_master([tmp_path / name]).pixels.shape[1:3] == (40, 53), name
+        if name not in FILMS:
+            shape = read_master([tmp_path / name]).pixels.shape[1:3]
+            assert sorted(shape) == [40, 53], name
 
 
 def test_a_file_is_made_by_its_number_alone(tmp_path: Path) -> None:
@@ -111,6 +120,7 @@ PNGS = {
         png(HEADER, LINES).replace(chunk(b"IDAT", zlib.compress(LINES)), chunk(b"IDAT", b"x" * 40)),
         "do not decode",
     ),
+    "a reserved chunk": (png(HEADER, LINES, chunk(b"tEvt", b"a")), "impossible kind"),
     "an odd chunk": (png(HEADER, LINES, chunk(b"gAM\1", b"\0\0\0\1")), "impossible kind"),
     "no header": (b"\x89PNG\r\n\x1a\n" + chunk(b"IDAT", b"") + chunk(b"IEND", b""), "IHDR"),
 }

@@ -404,7 +404,7 @@ def test_the_other_frames_of_a_sequence_are_written(run: Run, tmp_path: Path, ou
     damage(tmp_path / "s.2.exr")
     alone = ("--workers", 0)
     outcome = run("predict", tmp_path / "s.#.exr", "--scene", DOME, "--out", out, *alone)
-    outcome.is_refused("s.2.exr", "wanted an image")
+    outcome.is_refused("s.2.exr", "wanted a complete EXR")
     assert written(out) == sorted(names("s.1") + names("s.3"))
     assert "2 frames: " in outcome.out
 

@@ -98,6 +98,8 @@ def write_video(
     rate: Fraction = Fraction(24),
     times: Callable[[int], int] = lambda place: place,
     frames_say: bool = True,
+    metadata: dict[str, str] | None = None,
+    prepare: Callable[[Any], None] = lambda stream: None,
 ) -> Path:
     """Write planes of codes as a video; at `times`, in frames."""
     import av  # noqa: PLC0415
@@ -107,6 +109,8 @@ def write_video(
     with av.open(str(path), "w") as container:
         stream = container.add_stream(kind.codec, rate=rate, options=kind.options)
         stream.width, stream.height, stream.pix_fmt = cols, rows, kind.pixels
+        stream.metadata.update(metadata or {})
+        prepare(stream)
         context = stream.codec_context
         context.color_primaries, context.color_trc = kind.primaries, kind.transfer
         context.colorspace, context.color_range = kind.matrix, 2 if kind.full else 1

@@ -17,9 +17,17 @@ from typing import Any, final
 
 from domesim.batch.film import Films, encoding_of, films_of
 from domesim.batch.job import sha256
-from domesim.batch.run import Running, crew_of, do_all, orders_of, write_page
+from domesim.batch.run import (
+    Running,
+    crew_of,
+    do_all,
+    free_memory,
+    needed_memory,
+    orders_of,
+    write_page,
+)
 from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
-from domesim.console import Console, complain, duration
+from domesim.console import Console, complain, duration, sized
 from domesim.errors import InputError
 from domesim.frames import ColourTag
 from domesim.shows import Show
@@ -77,7 +85,8 @@ def estimate(
     ``seconds_total``, of which ``seconds_pages`` and ``seconds_video``; and in bytes
     ``memory_worker``, ``memory_total``, ``disk_frame`` (a result and the files beside it) and
     ``disk_total``, of which ``disk_pages`` and ``disk_video``. Records and tables, some kB a frame,
-    are not counted.
+    are not counted. Of frames that need more memory than is free, none is tried, and only memory
+    told.
 
     Raises
     ------
@@ -94,6 +103,14 @@ def estimate(
     crew = crew_of(running, recipe, show)
     count = len(show.moments)
     workers = 1 if crew is None else crew.workers
+    need = needed_memory(recipe, show)
+    if need is not None and need > free_memory():
+        console.say(
+            f"{count} frames: about {sized(need)} of memory a worker, of which "
+            f"{sized(free_memory())} are free here; none was tried"
+        )
+        known = {"frames": count, "sampled": 0, "workers": workers}
+        return {**known, "memory_worker": need, "memory_total": need * workers}
     if crew is not None:
         crew = replace(crew, workers=min(workers, cores()))
     wanted = min(count, A_WORKER * (1 if crew is None else crew.workers))
@@ -140,12 +157,12 @@ def estimate(
     console.say(
         f"{count} frames: {duration(figures['seconds_total'])} with {workers} "
         f"worker{'s' if workers > 1 else ''} ({steady:.3g} s a frame each, from "
-        f"{len(tried.frames)} that were tried), {_size(figures['memory_total'])} of memory, "
-        f"{_size(figures['disk_total'])} on the disk"
+        f"{len(tried.frames)} that were tried), {sized(figures['memory_total'])} of memory, "
+        f"{sized(figures['disk_total'])} on the disk"
     )
     for what, cost in (("pages", pages), ("the video", video)):
         if cost.seconds:
-            console.say(f"Of these, {what}: {duration(cost.seconds)}, {_size(cost.disk)}")
+            console.say(f"Of these, {what}: {duration(cost.seconds)}, {sized(cost.disk)}")
     return figures
 
 
@@ -177,7 +194,7 @@ def _video(tried: _Tried, films: Films, count: int, scratch: Path, console: Cons
         frames = {order.output[view]: sha256(order.output[view]) for order in orders}
         began = time.perf_counter()
         with console.progress("assembling", len(frames)) as start:
-            films.write(place, frames, ColourTag(transfer, primaries, "domesim"), start)
+            films.write(view, place, frames, ColourTag(transfer, primaries, "domesim"), start)
         seconds += (time.perf_counter() - began) * count / len(frames)
         disk += place.stat().st_size * count / len(frames)
     return _Cost(seconds, disk)
@@ -199,11 +216,3 @@ def _steady(found: Sequence[Finished]) -> tuple[float, float]:
 
 def _bytes_in(folder: Path) -> int:
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-
-
-def _size(count: float) -> str:
-    unit, name = next(each for each in _UNITS if count >= each[0] or each is _UNITS[-1])
-    return f"{count / unit:.3g} {name}"
-
-
-_UNITS = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"))

@@ -12,7 +12,6 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -25,8 +24,8 @@ from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_whole
 from domesim.frames.colour import is_sayable
 from domesim.frames.film import FILMS, FilmFormat, write_film
-from domesim.frames.reading import open_image
-from domesim.frames.video import Timing, file_of, pyav, timing_of, video_of
+from domesim.frames.timing import RATES, Timing, exact_rate, timing_of
+from domesim.frames.video import file_of, pyav, video_of
 from domesim.shows import Show
 
 USUAL_RATE = Fraction(24)
@@ -50,12 +49,15 @@ class Films:
         When frames are shown.
     dither
         Whether rounding to fewer codes is dithered.
+    sounds
+        For each, the video whose sound it gets; None for none.
     """
 
     paths: Files
     format: FilmFormat
     timing: Timing
     dither: bool
+    sounds: tuple[Path | None, ...]
 
     def make(self, orders: Sequence[Order], job: Job, console: Console) -> None:
         """Make those that are not there yet.
@@ -81,23 +83,27 @@ class Films:
                 console.say(f"{path} (made before)")
                 continue
             with console.progress("assembling", len(frames)) as start:
-                self.write(path, frames, colour, start)
+                lost = self.write(view, path, frames, colour, start)
             kept = {"made_of": made_of, "sha256": sha256(path)}
             write_whole(_record_of(path, job), json.dumps(kept).encode())
-            unsaid = "" if is_sayable(colour) else f"; {colour.named}, which the file cannot say"
-            console.say(f"-> {path} ({float(self.timing.rate):.6g} frames a second{unsaid})")
+            unsaid = [] if is_sayable(colour) else [f"{colour.named}, which the file cannot say"]
+            told = "; ".join([f"{float(self.timing.rate):.6g} frames a second", *unsaid, *lost])
+            console.say(f"-> {path} ({told})")
 
     def write(
         self,
+        view: int,
         path: Path,
         frames: Mapping[Path, str],
         colour: ColourTag,
         start: Callable[[str], None],
-    ) -> None:
-        """Make one of frames.
+    ) -> list[str]:
+        """Make one of frames; what it lacks is returned, for a person.
 
         Parameters
         ----------
+        view
+            Whose it is.
         path
             Where to.
         frames
@@ -112,13 +118,14 @@ class Films:
         InputError
             As for `make`; or if a file is not as it was written.
         """
-        write_film(
+        return write_film(
             path,
             _read(frames, colour, start),
             len(frames),
             colour,
             self.timing,
             dithered=self.dither,
+            sound=self.sounds[view] if view < len(self.sounds) else None,
         )
 
     def _frames(
@@ -143,7 +150,8 @@ class Films:
 
     def _digest(self, colour: ColourTag, frames: Iterable[str]) -> str:
         """Of all that a video depends on."""
-        told = [list(frames), asdict(colour), asdict(self.format), str(self.timing), self.dither]
+        how = asdict(self.format), str(self.timing), self.dither, str(self.sounds)
+        told = [list(frames), asdict(colour), *how]
         return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
@@ -207,7 +215,9 @@ def films_of(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films
                 f"{path}: wanted a place for the result, got the input itself. Choose another "
                 f"folder."
             )
-    return frames, Films(paths, film, _timing(show, writing.fps), writing.dither)
+    timing = _timing(show, writing.fps)
+    sounds = tuple(video_of(first) for first in show.moments[0])
+    return frames, Films(paths, film, timing, writing.dither, sounds)
 
 
 def _place(output: Path, suffix: str) -> Path:
@@ -218,31 +228,12 @@ def _place(output: Path, suffix: str) -> Path:
 
 def _timing(show: Show, fps: float | None) -> Timing:
     """As asked for, as the first master says, or the usual."""
-    first = show.moments[0][0]
-    found = Timing(USUAL_RATE)
-    if video_of(first) is not None:
-        found = timing_of(first)
-    else:
-        with suppress(InputError):
-            reader = open_image(first)
-            stated = reader.spec().getattribute("FramesPerSecond")
-            reader.close()
-            if isinstance(stated, tuple) and min(stated) > 0:
-                found = Timing(Fraction(*stated))
+    found = timing_of(show.moments[0][0], USUAL_RATE)
     if fps is None or abs(fps - found.rate) < 1e-3:
         return found
-    if not 1 <= fps <= 1000:
+    if not RATES[0] <= fps <= RATES[1]:
         raise InputError(f"--fps must lie between 1 and 1000, got {fps:g}")
-    return Timing(_exact(fps))
-
-
-def _exact(fps: float) -> Fraction:
-    """The rate that is meant: 23.976 is 24000/1001."""
-    whole = round(fps)
-    slowed = Fraction(1000 * round(fps * 1.001), 1001)
-    if fps != whole and abs(fps - slowed) < 0.01:
-        return slowed
-    return Fraction(fps).limit_denominator(1001)
+    return Timing(exact_rate(fps))
 
 
 def _record_of(path: Path, job: Job) -> Path:

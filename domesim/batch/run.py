@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -21,7 +22,7 @@ from domesim.batch.film import films_of
 from domesim.batch.job import Job, open_job, versions
 from domesim.batch.report import Report, page_name
 from domesim.batch.work import Failed, Files, Finished, Order, Recipe, Writing
-from domesim.console import Console, complain, prepare
+from domesim.console import Console, complain, prepare, sized
 from domesim.errors import InputError
 from domesim.frames.messages import joined
 from domesim.frames.reading import size_of
@@ -152,6 +153,7 @@ def each_frame(
     job = _job(show, folder, outputs, recipe, writing, running)
     orders = orders_of(show, outputs, recipe, writing, job)
     fresh, recorded = _by_record(orders, job)
+    _tell_size(show, recipe, console)
     report = None if job is None else Report(job, orders, what, show.part, checked_last=recorded)
     telling = _Telling(console, orders, recorded, report)
     crew = crew_of(running, recipe, show)
@@ -369,19 +371,35 @@ def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
 
 def _room(recipe: Recipe, show: Show) -> int:
     """How many frames memory has room for at once; at least one."""
+    need = needed_memory(recipe, show)
+    return cores() if need is None else max(1, int(_SPARE * free_memory() / need))
+
+
+def _tell_size(show: Show, recipe: Recipe, console: Console) -> None:
+    """Say so if a frame needs more memory than there is; it may yet go well."""
+    need, free = needed_memory(recipe, show), free_memory()
+    if need is not None and need > free:
+        console.say(
+            f"{show.moments[0][0].name}: a frame of this size needs about {sized(need)} of memory, "
+            f"of which {sized(free)} are free"
+        )
+
+
+def needed_memory(recipe: Recipe, show: Show) -> int | None:
+    """Bytes that a worker needs, about, by the header of a frame; None if none can be read."""
     for moment in show.moments[:3]:
         with suppress(InputError):
-            rows, cols = size_of(moment[0])
-            need = recipe.memory(rows, cols)
-            return max(1, int(_SPARE * _free() / need))
-    return cores()
+            return recipe.memory(*size_of(moment[0]))
+    return None
 
 
-def _free() -> int:
+def free_memory() -> int:
     """Memory that can be had, bytes: what is free, as far as this process may have it."""
     from distributed.system import MEMORY_LIMIT  # noqa: PLC0415
 
-    return int(min(psutil.virtual_memory().available, MEMORY_LIMIT))
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    left = inf if limit == resource.RLIM_INFINITY else limit - psutil.Process().memory_info().vms
+    return max(0, int(min(psutil.virtual_memory().available, MEMORY_LIMIT, left)))
 
 
 def _told(crew: Crew) -> str:

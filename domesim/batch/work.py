@@ -15,7 +15,7 @@ import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar, final
 
@@ -24,10 +24,10 @@ import psutil
 from domesim.batch.job import Job, Record, versions
 from domesim.console import about
 from domesim.errors import InputError, NoSpaceError
-from domesim.frames import ColourTag, Master, Packing, read_master, write_master
+from domesim.frames import ColourTag, Master, read_master, write_master
 from domesim.frames.messages import joined
 from domesim.frames.reading import unsaid
-from domesim.frames.views import require_writable
+from domesim.frames.views import made_for
 from domesim.shows import Show
 
 Files: TypeAlias = tuple[Path, ...]
@@ -159,6 +159,8 @@ class Writing:
     fps
         Of a video that results become (`domesim.batch.film`), frames a second; the master's if
         None.
+    output
+        The results' encoding; the master's if None.
     """
 
     suffix: str | None = None
@@ -166,6 +168,7 @@ class Writing:
     dither: bool = False
     repair: bool = False
     fps: float | None = None
+    output: ColourTag | None = None
 
 
 @final
@@ -297,10 +300,14 @@ class Steps:
             seconds: dict[str, float] = {}
             with _timed(seconds, "reading"):
                 sources = {} if order.job is None else order.job.sources(order.moment)
-                master = order.show.read(order.moment, repair=order.writing.repair)
-                require_writable(master, order.output, order.writing.bits)
+                how = order.writing
+                master = order.show.read(order.moment, repair=how.repair)
+                facts = master.facts()
+                master = made_for(master, order.output, how.bits, how.output)
+                if how.output is not None:
+                    facts["encoding"] = asdict(how.output)
                 prepared = self._work.prepare(master)
-            return _Read(prepared, master.repaired, master.facts(), sources, seconds)
+            return _Read(prepared, master.repaired, facts, sources, seconds)
         return caught[0]
 
     def solve(self, order: Order, read: _Read[Any] | Finished | Failed) -> Any:
@@ -347,7 +354,7 @@ class _Writer:
     def __init__(self, order: Order) -> None:
         self._order = order
         self.unsaid = ""
-        self._how: tuple[Packing | None, ColourTag | None] = None, None
+        self._stored: Master | None = None
         self.others: tuple[Path, ...] = ()
 
     @property
@@ -360,15 +367,21 @@ class _Writer:
     def __call__(self, result: Master, /) -> None:
         output, writing = self._order.output, self._order.writing
         write_master(result, output, bits=writing.bits, dither=writing.dither)
-        self.unsaid = unsaid(output[0], result.colour)
         packing = None if result.packing in ("single", "files") else result.packing
-        self._how = packing, result.colour
+        try:
+            self.unsaid = unsaid(output[0], result.colour)
+            self._stored = read_master(
+                output, packing=packing, repair=True, allow_identical=True, colour=result.colour
+            )
+        except InputError:
+            # An encoder that reports success is no proof.
+            for path in output:
+                path.unlink(missing_ok=True)
+            raise
 
     def stored(self) -> Master:
-        packing, colour = self._how
-        return read_master(
-            self._order.output, packing=packing, repair=True, allow_identical=True, colour=colour
-        )
+        assert self._stored is not None  # written before
+        return self._stored
 
 
 def _maker() -> dict[str, Any]:

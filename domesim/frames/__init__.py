@@ -10,8 +10,8 @@ and right, in two files or packed in one.
 Two promises shape the code. A damaged file is an error, never a picture with a black or grey part
 (``integrity.py``, ``reading.py``). And an output is whole or not there (``writing.py``).
 
-Code values are as stored: nothing here linearises, premultiplies or rotates (an ``Orientation`` is
-carried along). An EXR is read over its display window.
+Code values are of the picture as it is shown: upright, and over black where it has an alpha. The
+result is stored as the master was. An EXR is read over its display window.
 """
 
 from domesim.frames.colour import ColourTag

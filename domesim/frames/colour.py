@@ -1,8 +1,8 @@
 """Colour tags <-> what files say of their colour.
 
-A file says it by a Color Interop identifier, ITU-T H.273 code points (cICP), an ICC profile's name,
-chromaticities, a PNG's or a DPX's own fields; or nothing, and then what is usual for its format
-counts. Every tag says which of these it is from.
+A file says it by a Color Interop identifier, ITU-T H.273 code points (cICP), an ICC profile
+(``icc.py``), chromaticities, a PNG's or a DPX's own fields; or nothing, and then what is usual for
+its format counts. Every tag says which of these it is from.
 """
 
 from __future__ import annotations
@@ -18,11 +18,13 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
 from domesim.errors import InputError
+from domesim.frames import icc
 from domesim.frames.formats import FLOATING, label
 from domesim.frames.integrity import Container
 from domesim.frames.jpeg2000 import states_srgb
 from domesim.frames.messages import one_line
 from domesim.frames.png import chunk, chunks_of
+from domesim.frames.radiance import Radiance
 
 
 @dataclass(frozen=True)
@@ -73,9 +75,11 @@ def colour_of(path: Path, spec: Any, name: str, container: Container) -> ColourT
         by_format = _colour_of_png(path, spec, container.colour_chunks)
     elif name == "jpeg2000":
         by_format = _colour_of_jpeg2000(container)
+    elif container.radiance is not None:
+        by_format = _colour_of_radiance(path, container.radiance)
     else:
         by_format = _colour_of_others(path, spec, name)
-    return _colour_of_cicp(path, spec) or _colour_of_profile(spec) or by_format
+    return _colour_of_cicp(path, spec) or _colour_of_profile(path, spec) or by_format
 
 
 def colour_of_code_points(path: Path, primaries: int, transfer: int, where: str) -> ColourTag:
@@ -232,16 +236,29 @@ def _colour_of_cicp(path: Path, spec: Any) -> ColourTag | None:
     return colour
 
 
-def _colour_of_profile(spec: Any) -> ColourTag | None:
-    if spec.getattribute("ICCProfile") is None:
+def _colour_of_profile(path: Path, spec: Any) -> ColourTag | None:
+    profile = spec.getattribute("ICCProfile")
+    if not isinstance(profile, np.ndarray):  # an EXR may have any text of that name
         return None
-    # By name only: an ICC profile can be any function, and these two are what is found in masters.
-    description = one_line(spec.get_string_attribute("ICCProfile:profile_description"))
-    if "srgb" in description.lower():
-        return ColourTag("srgb", "BT.709", f"file: ICC profile '{description}'")
-    if "display p3" in description.lower():
-        return ColourTag("srgb", "P3-D65", f"file: ICC profile '{description}'")
-    return ColourTag("srgb", "BT.709", f"assumed: ICC profile '{description}' is not known")
+    try:
+        transfer, primaries = icc.meaning_of(bytes(profile), _CHROMATICITIES)
+    except ValueError as error:
+        raise _unsupported_encoding(path, str(error)) from error
+    named = one_line(spec.get_string_attribute("ICCProfile:profile_description"))
+    return ColourTag(transfer, primaries, f"file: ICC profile '{named}'")
+
+
+def _colour_of_radiance(path: Path, header: Radiance) -> ColourTag:
+    if header.chromaticities is None:
+        return ColourTag("linear", "BT.709", "assumed for HDR")
+    primaries = _primaries(header.chromaticities)
+    if primaries is None:
+        raise InputError(
+            f"{path}: wanted primaries of {', '.join(_CHROMATICITIES)}, got PRIMARIES "
+            f"{' '.join(f'{value:g}' for value in header.chromaticities)}. Convert it first, or "
+            "say what it is (--encoding)."
+        )
+    return ColourTag("linear", primaries, "file: PRIMARIES")
 
 
 def _colour_of_exr(path: Path, spec: Any) -> ColourTag:
@@ -266,6 +283,9 @@ def _colour_of_dpx(path: Path, spec: Any) -> ColourTag:
     if stated not in _DPX_TRANSFERS:
         raise _unsupported_encoding(path, stated)
     transfer = _DPX_TRANSFERS[stated]
+    # FFmpeg says so of all it writes (libavcodec/dpxenc.c), and converts nothing.
+    if stated == "Linear" and spec.get_string_attribute("Software").startswith("Lavc"):
+        return ColourTag("srgb", "BT.709", "assumed for DPX by FFmpeg, which always says 'Linear'")
     if transfer is None:
         return ColourTag("srgb", "BT.709", f"assumed for DPX with transfer '{stated}'")
     return ColourTag(transfer, "BT.709", f"file: transfer '{stated}'")
@@ -276,7 +296,8 @@ def _colour_of_png(path: Path, spec: Any, chunks: bytes) -> ColourTag:
     if b"sRGB" in found:  # overrides gAMA and cHRM (PNG specification, third edition, 4.3)
         return ColourTag("srgb", "BT.709", "file: sRGB")
     gamma = spec.get_string_attribute("oiio:ColorSpace")
-    known = _interop(path, gamma) if b"gAMA" in found else None
+    # 0 means nothing (PNG specification, 11.3.2.2).
+    known = _interop(path, gamma) if any(found.get(b"gAMA", b"")[8:-4]) else None
     transfer = known[0] if known else "srgb"
     sources = ["gAMA"] if known else []
     primaries = "BT.709"

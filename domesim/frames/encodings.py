@@ -36,14 +36,16 @@ _PRIMARIES = {
 }
 
 
-def encoding_named(name: str) -> ColourTag:
-    """The encoding called `name`, from ``--encoding``.
+def encoding_named(name: str, option: str = "--encoding") -> ColourTag:
+    """The encoding called `name`, from an option.
 
     Parameters
     ----------
     name
         One of `ENCODINGS`; or a transfer and primaries, ``st2084:p3-d65``, the transfer one of
         srgb, linear, gamma2.2, gamma2.4, gamma2.6, bt1886, st2084 and dcdm. In any case.
+    option
+        Which.
 
     Raises
     ------
@@ -51,13 +53,13 @@ def encoding_named(name: str) -> ColourTag:
         If there is none.
     """
     asked = name.lower()
-    source = f"--encoding {asked}"
+    source = f"{option} {asked}"
     if asked in ENCODINGS:
         return ColourTag(*ENCODINGS[asked], source)
     curve, _, gamut = asked.partition(":")
     if curve in ("linear", *TRANSFER_NAMES) and gamut in _PRIMARIES:
         return ColourTag(curve, _PRIMARIES[gamut], source)
     raise InputError(
-        f"--encoding {name!r} is not known; use one of {', '.join(ENCODINGS)}, or name transfer "
+        f"{option} {name!r} is not known; use one of {', '.join(ENCODINGS)}, or name transfer "
         f"and primaries, such as st2084:p3-d65 (primaries: {', '.join(_PRIMARIES)})"
     )

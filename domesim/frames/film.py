@@ -20,9 +20,12 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag, code_points_of
 from domesim.frames.dithering import dither, seed_of
+from domesim.frames.eyes import stereo_mode
 from domesim.frames.frame import Frame
 from domesim.frames.messages import one_line, reason
-from domesim.frames.video import Timing, frame_paths, pyav
+from domesim.frames.sound import Sound
+from domesim.frames.timing import Timing
+from domesim.frames.video import frame_paths, pyav
 from domesim.frames.whole import temporary_of
 from domesim.frames.yuv import limited_codes
 
@@ -82,8 +85,11 @@ def write_film(
     timing: Timing,
     *,
     dithered: bool = False,
-) -> None:
+    sound: Path | None = None,
+) -> list[str]:
     """Write frames of one size as a video, under a temporary name that is then changed.
+
+    Alpha is not written: frames are pictures over black.
 
     Parameters
     ----------
@@ -100,6 +106,12 @@ def write_film(
         When they are shown.
     dithered
         Round to fewer codes than the frames have with noise, as `domesim.frames.dithering` does.
+    sound
+        A video whose sound it gets, as it is; None for none.
+
+    Returns
+    -------
+    What it lacks, for a person: "without alpha".
 
     Raises
     ------
@@ -109,12 +121,13 @@ def write_film(
     av = pyav(path)
     temporary = temporary_of(path)
     try:
-        _encode(temporary, path, frames, colour, timing, dithered=dithered)
+        lacking = _encode(temporary, path, frames, colour, timing, dithered=dithered, sound=sound)
         if len(frame_paths(temporary)) != count:
             raise InputError(f"{path}: wanted to write {count} frames, got fewer. Try again.")
         with temporary.open("rb") as file:
             os.fsync(file.fileno())
         temporary.replace(path)
+        return lacking
     except BaseException as error:
         with suppress(OSError):
             temporary.unlink()
@@ -135,17 +148,25 @@ def _encode(
     timing: Timing,
     *,
     dithered: bool,
-) -> None:
+    sound: Path | None,
+) -> list[str]:
     av, film = pyav(path), FILMS[path.suffix]
     first = next(frames)
     rows, cols = first.pixels.shape[:2]
-    with av.open(f"file:{temporary}", "w") as container:
+    lacking = [] if first.header.alpha is None else ["without alpha"]
+    with (
+        av.open(f"file:{temporary}", "w") as container,
+        Sound(sound, container, timing.rate) as heard,
+    ):
         stream: Any = container.add_stream(film.codec, rate=timing.rate, options=dict(film.options))
         stream.width, stream.height = cols, rows
         lossless = film.codec == "ffv1"
         stream.pix_fmt = _RGB_FORMATS[first.bits] if lossless else f"yuv444p{_PRORES_BITS}le"
         if timing.timecode:
             stream.metadata["timecode"] = timing.timecode
+        if first.header.eyes is not None and lossless:  # FFmpeg writes none into QuickTime
+            stream.metadata["stereo_mode"] = stereo_mode(first.header.eyes)
+        lacking += heard.begin()
         primaries, transfer = code_points_of(colour)
         matrix = 0 if lossless else 9 if colour.primaries == "BT.2020" else 1
         context = stream.codec_context
@@ -168,11 +189,14 @@ def _encode(
             coded.color_primaries, coded.color_trc = primaries, transfer
             coded.colorspace, coded.color_range = context.colorspace, context.color_range
             container.mux(stream.encode(coded))
+            heard.copy((place + 1) / timing.rate)
             following = next(frames, None)
             if following is None:
                 break
             place, frame = place + 1, following
         container.mux(stream.encode(None))
+        heard.copy(None)
+    return lacking
 
 
 def _rgb_planes(frame: Frame) -> list[NDArray[Any]]:

@@ -32,6 +32,8 @@ SUFFIXES = {
     ".jpg": "jpeg",
     ".jpeg": "jpeg",
     ".jpe": "jpeg",
+    ".jps": "jpeg",  # stereo pairs, which say so: see eyes.py
+    ".pns": "png",
     ".jp2": "jpeg2000",
     ".j2k": "jpeg2000",
     ".j2c": "jpeg2000",
@@ -47,6 +49,8 @@ DEPTHS = {
 }
 LARGEST_SIDE = 32768
 """Pixels; a header that claims more is taken for damaged, before memory is asked for."""
+SQUARE = 0.01
+"""By how much a pixel's sides may differ, of 1: ratios are told in few digits."""
 INTEGER = {"uint8": 8, "uint16": 16}
 FLOATING = {"half": 16, "float": 32}
 _LARGEST_HALF = 65504.0
@@ -64,3 +68,8 @@ def code_range(bits: int, *, floating: bool) -> tuple[float, float]:
         return 0.0, 1.0
     largest = _LARGEST_HALF if bits == 16 else _LARGEST_FLOAT
     return -largest, largest
+
+
+def code_span(bits: int, *, legal: bool) -> tuple[int, int]:
+    """Integer codes of black and white: all of them, or those of video (ITU-R BT.709-6, 5.6)."""
+    return (16 << (bits - 8), 235 << (bits - 8)) if legal else (0, 2**bits - 1)

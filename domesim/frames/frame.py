@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.frames.colour import ColourTag
+from domesim.frames.eyes import Eyes
 from domesim.frames.formats import code_range, label
+from domesim.frames.orientation import UPRIGHT
 
 Pixels: TypeAlias = NDArray[np.float32]
 """(row, col, 3) float32: R, G, B code values; 1.0 is the largest code of an integer format."""
@@ -30,10 +32,21 @@ class Header:
     colour: ColourTag | None = None  # as the file has it; None if that is not supported
     colour_chunks: bytes = b""  # PNG: see png.py
     big_endian: bool = True  # DPX
-    created: bytes = b""  # DPX: the 24 bytes of its time, as they are
+    carried: bytes = b""  # EXR, PNG, JPEG, DPX: what is written back as it is
     boxes: bytes = b""  # JPEG 2000: see jpeg2000.py
     comments: bytes = b""  # JPEG 2000, too
     zero_padded: bool = False  # TIFF: 12 bits in 16, the lower four 0
+    legal: bool = False  # DPX: black and white are 64 and 940 of 10 bits
+    straight: bool = False  # its colours are not multiplied by alpha
+    orientation: int = UPRIGHT  # Exif's number
+    eyes: Eyes | None = None  # how two views are packed, if it says so
+    notes: tuple[str, ...] = ()  # what a person should know of how it was read
+
+    @property
+    def alpha(self) -> int | None:
+        """Which of `extra` is alpha; None if none is."""
+        others = [name for k, name in enumerate(self.channels) if k not in self.rgb]
+        return next((k for k, name in enumerate(others) if name.upper() == "A"), None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +56,9 @@ class Frame:
     Attributes
     ----------
     pixels
-        (row, col, 3) float32, R, G, B code values. Integer formats are scaled so that 1.0 is the
-        largest code; floating formats are as stored.
+        (row, col, 3) float32, R, G, B code values of the picture as it is shown: upright, and over
+        black if it has an alpha. Integer formats are scaled so that 1.0 is the largest code;
+        floating formats are as stored.
     path
         Where it was read.
     colour
@@ -88,4 +102,5 @@ class Frame:
         rows, cols = self.pixels.shape[:2]
         kind = f"{self.bits} bit float" if self.floating else f"{self.bits} bit"
         name = label(self.header.format) or "frame"
-        return f"{cols} x {rows} {name}, {kind}, {self.colour.named} ({self.colour.source})"
+        meaning = f"{self.colour.named} ({self.colour.source})"
+        return "; ".join([f"{cols} x {rows} {name}, {kind}, {meaning}", *self.header.notes])

@@ -15,6 +15,7 @@ _COMMENT, _TILE, _END = b"\xff\x64", b"\xff\x90", b"\xff\xd9"  # COM, SOT, EOC
 _CINEMA = (3, 4)  # Rsiz of the 2K and the 4K profile
 _HIGH_THROUGHPUT = 0x4000  # of Rsiz (ITU-T T.814, A.2)
 _SRGB, _GREY = 16, 17  # EnumCS
+_PREMULTIPLIED = 2  # of cdef's types
 _DEPTHS = (8, 10, 12, 16)
 
 
@@ -122,6 +123,13 @@ def _codestream_of(content: bytes) -> bytes:
     if not content.startswith(SIGNATURE):
         return content
     return next((inner for kind, _, inner in boxes_of(content) if kind == b"jp2c"), b"")
+
+
+def is_associated(metadata: bytes) -> bool:
+    """Whether boxes say that colours are multiplied by alpha (cdef: channel, type, association)."""
+    told = _inside(_inside(metadata, b"jp2h"), b"cdef")[2:]
+    whole = told[: len(told) // 6 * 6]
+    return any(kind == _PREMULTIPLIED for _, kind, _ in struct.iter_unpack(">3H", whole))
 
 
 def states_srgb(metadata: bytes) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from domesim.errors import InputError
 from domesim.frames.colour import TRANSFER_NAMES
+from domesim.frames.eyes import Eyes
 from domesim.frames.frame import Frame, Pixels
 from domesim.frames.reading import listed
 from domesim.frames.stereo_exr import channels_by_view, stated_views
@@ -21,6 +22,15 @@ def refuse_packing(paths: Sequence[Path], packing: str | None, got: str) -> None
         raise InputError(
             f"{_named(paths)}: wanted a master packed as {packing}, got {got}. "
             "Leave the packing out, or name other files."
+        )
+
+
+def refuse_stated_packing(path: Path, packing: str | None, eyes: Eyes | None) -> None:
+    """Refuse a file that says of itself that it is packed in another way than was asked."""
+    if eyes is not None and packing not in (None, eyes.packing):
+        raise InputError(
+            f"{path}: wanted a master packed as {packing}, got one that says it is {eyes}. Name "
+            f"that packing, or correct the file."
         )
 
 
@@ -39,6 +49,11 @@ def refuse_one_file(left: Path, right: Path) -> None:
 
 def refuse_other_view(frame: Frame, side: str) -> None:
     """Refuse a file for `side`, "left" or "right", that says of itself that it is not that."""
+    if frame.header.eyes is not None:
+        raise InputError(
+            f"{frame.path}: wanted the {side} view, got a file that says it holds both "
+            f"({frame.header.eyes.said_by}). Give this file alone, without the other."
+        )
     attributes = frame.header.attributes
     views = stated_views(attributes)
     if len(views) > 1 and all(channels_by_view(frame.header.channels, views)[:2]):

@@ -13,6 +13,9 @@ from typing import Any, final
 
 # What libpng knows of colour; OpenImageIO writes its own in their place and loses cHRM.
 COLOUR_CHUNKS = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
+CARRIED_CHUNKS = (b"tEXt", b"zTXt", b"iTXt", b"eXIf", b"tIME", b"pHYs", b"oFFs", b"sCAL")
+"""Those that tell of the picture what is true of another one in its place."""
+_KEPT = (b"IHDR", b"PLTE", b"iCCP", b"IDAT", b"IEND")
 
 
 def chunks_of(png: bytes) -> Iterator[tuple[bytes, bytes]]:
@@ -65,7 +68,7 @@ class Picture:
             self._begin(content)
         elif not any(self.sides):
             raise ValueError("one that does not begin with IHDR")
-        elif not kind.isalpha():
+        elif not (kind.isalpha() and kind[2:3].isupper()):
             raise ValueError("a chunk of an impossible kind")
         elif kind == b"IDAT":
             for begin in range(0, len(content), _BLOCK):
@@ -125,3 +128,26 @@ def with_colour_chunks(png: bytes, colour: bytes) -> bytes:
     """`png` with the colour chunks `colour` (after IHDR, where they must be) instead of its own."""
     header, *others = [whole for kind, whole in chunks_of(png) if kind not in COLOUR_CHUNKS]
     return b"".join([png[:8], header, colour, *others])
+
+
+def with_utf8_text(png: bytes) -> bytes:
+    """`png` with the text that OpenImageIO writes as UTF-8, but as if it were Latin-1, told so."""
+    return png[:8] + b"".join(
+        _as_utf8(whole) if kind == b"tEXt" else whole for kind, whole in chunks_of(png)
+    )
+
+
+def with_carried_chunks(png: bytes, carried: bytes) -> bytes:
+    """`png` with those chunks, as they were, instead of what it says besides its picture."""
+    chunks = [
+        (kind, content) for kind, content in chunks_of(png) if kind in (*_KEPT, *COLOUR_CHUNKS)
+    ]
+    first = next(k for k, (kind, _) in enumerate(chunks) if kind in (b"PLTE", b"IDAT"))
+    whole = [content for _, content in chunks]
+    return b"".join([png[:8], *whole[:first], carried, *whole[first:]])
+
+
+def _as_utf8(text: bytes) -> bytes:
+    """A chunk tEXt, or iTXt if it must be (PNG specification, 11.3.3)."""
+    keyword, _, said = text[8:-4].partition(b"\0")
+    return text if said.isascii() else chunk(b"iTXt", keyword + b"\0\0\0\0\0" + said)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +13,23 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames import dpx
+from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of
-from domesim.frames.formats import FLOATING, INTEGER, LABELS, label
+from domesim.frames.formats import FLOATING, INTEGER, LABELS, SQUARE, code_span, label
 from domesim.frames.frame import Frame, Header, Pixels
-from domesim.frames.integrity import Container, damaged, examine, refuse_sides
+from domesim.frames.integrity import (
+    Container,
+    damaged,
+    enough_memory,
+    examine,
+    refuse_sides,
+    stored_otherwise,
+)
+from domesim.frames.jpeg2000 import is_associated
 from domesim.frames.messages import one_line, problem_of
-from domesim.frames.video import read_video_frame, video_of, video_size
+from domesim.frames.orientation import UPRIGHT, known, turned
+from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size
 
 
 def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:
@@ -39,7 +51,8 @@ def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | No
     InputError
         If the file is missing, damaged or truncated, not an image, of several images, not RGB,
         encoded in a way that is not supported (unless `colour` is given), larger than its display
-        window (overscan), or holds NaN, Inf or negative samples and `repair` is off.
+        window (overscan), of pixels that are not square, or holds NaN, Inf or negative samples and
+        `repair` is off.
     """
     return read_image(Path(path), repair=repair, colour=colour)
 
@@ -56,6 +69,13 @@ def read_image(
 
     With `signed`, negative samples are no damage: a camera's black level is subtracted from noise.
     """
+    with enough_memory(path):
+        return _read_image(path, repair=repair, grey=grey, signed=signed, colour=colour)
+
+
+def _read_image(
+    path: Path, *, repair: bool, grey: bool, signed: bool, colour: ColourTag | None
+) -> Frame:
     if video_of(path) is not None:
         return read_video_frame(path, colour=colour)
     container = examine(path)
@@ -82,7 +102,8 @@ def size_of(path: Path) -> tuple[int, int]:
     reader = open_image(path)
     try:
         spec = reader.spec()
-        return int(spec.full_height), int(spec.full_width)
+        sides = int(spec.full_height), int(spec.full_width)
+        return sides if known(spec.getattribute("Orientation")) < 5 else sides[::-1]
     finally:
         reader.close()
 
@@ -129,11 +150,38 @@ def open_image(path: Path) -> Any:
     # An error that is not fetched is printed when the process ends.
     problem = problem_of(oiio)
     if reader is None:
+        _refuse_compression(path, problem)
+        _refuse_video(path)
         raise InputError(
             f"{path}: wanted an image, got something that does not open as one "
             f"({problem}). Copy or render it again, or convert it to EXR or PNG."
         )
     return reader
+
+
+_LACKING = re.compile(
+    r"(\w+) compression support is not configured|Compression (scheme \d+) .*not implemented"
+)
+"""What libtiff says of a compression that it was built without."""
+
+
+def _refuse_compression(path: Path, problem: str) -> None:
+    """Name a TIFF's compression that is not read."""
+    lacking = _LACKING.search(problem)
+    if lacking is not None:
+        raise stored_otherwise(path, lacking[1] or f"compression {lacking[2]}")
+
+
+def _refuse_video(path: Path) -> None:
+    """Name the container of a video whose suffix is of none that is read."""
+    with path.open("rb") as file:
+        container = container_of(file.read(16))
+    if container is not None:
+        raise InputError(
+            f"{path}: wanted a video in {', '.join(SUFFIXES)}, got one in {container} called "
+            f"'{path.suffix}'. Convert it (ffmpeg -i IN -c:v ffv1 -c:a copy OUT.mkv), or rename "
+            "it if its suffix is wrong."
+        )
 
 
 # The header: where the samples are.
@@ -176,6 +224,11 @@ class Layout:
     colour: ColourTag
     stated: ColourTag | None  # what the file has for `colour`; None if that is not supported
     container: Container
+    part: int  # of the file's
+    orientation: int
+    straight: bool  # whether colours are not multiplied by alpha
+    legal: bool  # whether codes lie between black and white of video
+    notes: tuple[str, ...]
     view: str = ""
 
 
@@ -211,6 +264,11 @@ def layout_of(
     kinds = tuple(kinds_of(spec)[place] for place in places)
     bits, floating = _depth(path, spec, {kinds[channel] for channel in rgb})
     meant, stated = _colours(path, spec, name, container, colour)
+    orientation = _orientation(path, spec, name, container)
+    legal = name == "dpx" and not floating and dpx.is_legal(spec, bits)
+    notes = [*_pixel_notes(path, spec, name, container), *(["legal range"] if legal else [])]
+    if orientation != UPRIGHT:
+        notes.append(f"turned upright: its Orientation is {orientation}")
     return Layout(
         format=name,
         places=places,
@@ -221,10 +279,15 @@ def layout_of(
         floating=floating,
         data=data,
         display=display,
-        attributes=attributes_of(path, spec),
+        attributes=attributes_of(path, spec, container),
         colour=meant,
         stated=stated,
         container=container,
+        part=reader.current_subimage(),
+        orientation=orientation,
+        straight=_is_straight(spec, name, container),
+        legal=legal,
+        notes=tuple(notes),
         view="" if view is None else view.name,
     )
 
@@ -242,16 +305,69 @@ def _colours(
         return given, None
 
 
+def _orientation(path: Path, spec: Any, name: str, container: Container) -> int:
+    """Exif's number."""
+    if name == "dpx":
+        try:
+            return dpx.orientation_of(container.carried[0], big_endian=container.big_endian)
+        except ValueError as error:
+            raise InputError(
+                f"{path}: wanted lines that are rows, got {error}. Turn it first (ImageMagick: "
+                "convert IN -auto-orient OUT)."
+            ) from error
+    if container.radiance is not None:
+        return container.radiance.orientation
+    return known(spec.getattribute("Orientation"))
+
+
+def _is_straight(spec: Any, name: str, container: Container) -> bool:
+    """Whether colours are not multiplied by alpha."""
+    if name == "jpeg2000":
+        return not is_associated(container.boxes)
+    return name == "bmp" or bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
+
+
+def _pixel_notes(path: Path, spec: Any, name: str, container: Container) -> tuple[str, ...]:
+    """What is to be said of the pixels' shape; refuse pictures that are not of square ones."""
+    stated = spec.getattribute("PixelAspectRatio")
+    if container.radiance is not None:
+        stated = container.radiance.pixel_aspect
+    if not isinstance(stated, float | int) or not 0 < stated < np.inf:
+        return ()
+    if abs(stated - 1) <= SQUARE:
+        return ()
+    if name in ("openexr", "dpx", "hdr"):
+        raise not_square(path, stated)
+    # Others tell how densely to print.
+    return (f"pixels taken as square, though its densities say {stated:.4g} : 1",)
+
+
+def not_square(path: Path, aspect: float) -> InputError:
+    """The error for a picture of pixels that are `aspect` times as wide as high."""
+    return InputError(
+        f"{path}: wanted square pixels, got ones of {aspect:.4g} : 1 (pixel aspect ratio). Resize "
+        "the picture to square ones first, or correct what the file says if they are square "
+        "(oiiotool IN --attrib PixelAspectRatio 1 -o OUT)."
+    )
+
+
 def kinds_of(spec: Any) -> tuple[str, ...]:
     """Each channel's type."""
     each = tuple(str(kind) for kind in spec.channelformats)
     return each or (str(spec.format),) * spec.nchannels
 
 
-def attributes_of(path: Path, spec: Any) -> tuple[tuple[str, str, Any], ...]:
+def attributes_of(
+    path: Path, spec: Any, container: Container | None = None
+) -> tuple[tuple[str, str, Any], ...]:
     """Name, type and value of each attribute."""
+    invented: frozenset[str] = frozenset()
+    if container is not None and spec.getattribute("dpx:Version") is not None:
+        invented = dpx.INDUSTRY if len(container.carried[0]) < dpx.HEADER else invented
     attributes = tuple(
-        (attribute.name, str(attribute.type), attribute.value) for attribute in spec.extra_attribs
+        (attribute.name, str(attribute.type), attribute.value)
+        for attribute in spec.extra_attribs
+        if attribute.name not in invented
     )
     _refuse_unprintable(path, "attributes", [name for name, _, _ in attributes])
     return attributes
@@ -425,17 +541,9 @@ def read_plane(path: Path, reader: Any, place: int, channel: str, kind: str) -> 
 
 def read_samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray[Any]:
     """(row, col, channel) of the data window of the reader's present part."""
-    spec = reader.spec()
-    try:
-        samples = reader.read_image(
-            reader.current_subimage(), 0, channels.start, channels.stop, kind
-        )
-    except MemoryError as error:
-        raise InputError(
-            f"{path}: wanted memory for {spec.width} x {spec.height} px, got none. "
-            "Use a smaller image."
-        ) from error
+    samples = reader.read_image(reader.current_subimage(), 0, channels.start, channels.stop, kind)
     problem = problem_of(reader)
+    _refuse_compression(path, problem)
     if samples is None or problem:
         got = f"one that does not decode ({problem})"
         raise damaged(path, label(reader.format_name()), got)
@@ -462,9 +570,12 @@ def frame_of(
 ) -> Frame:
     """What was read, as a frame; `repair` and `signed` as for `read_image`."""
     rgb, extra = samples
+    _refuse_unsaid_dcdm(path, rgb, layout)
     zero_padded = _is_zero_padded(rgb, layout)
     bits = 12 if zero_padded else layout.bits
-    pixels = _code_values(rgb, bits)
+    pixels = _code_values(rgb, bits, legal=layout.legal)
+    if layout.container.radiance is not None:
+        pixels /= np.array(layout.container.radiance.exposure, np.float32)
     repaired = 0
     if layout.floating and len(set(layout.rgb)) == 1:
         grey, repaired = _without_impossible_samples(
@@ -475,24 +586,31 @@ def frame_of(
         pixels, repaired = _without_impossible_samples(
             path, pixels, layout, repair=repair, signed=signed
         )
+    pixels = _as_shown(pixels, layout)
+    planes = tuple(_as_shown(plane, layout) for plane in extra)
     header = Header(
         format=layout.format,
         attributes=layout.attributes,
         channels=layout.channels,
         kinds=layout.kinds,
         rgb=layout.rgb,
-        extra=tuple(_over_display_window(plane, layout) for plane in extra),
+        extra=planes,
         origin=layout.display[:2],
         colour=layout.stated,
         colour_chunks=layout.container.colour_chunks,
         big_endian=layout.container.big_endian,
-        created=layout.container.created,
+        carried=layout.container.carried[layout.part],
         boxes=layout.container.boxes,
         comments=layout.container.comments,
         zero_padded=zero_padded,
+        legal=layout.legal,
+        straight=layout.straight,
+        orientation=layout.orientation,
+        eyes=layout.container.eyes,
+        notes=layout.notes,
     )
-    return Frame(
-        pixels=_over_display_window(pixels, layout),
+    frame = Frame(
+        pixels=pixels,
         path=path,
         colour=layout.colour,
         bits=bits,
@@ -500,6 +618,7 @@ def frame_of(
         repaired=repaired,
         header=header,
     )
+    return shown_over_black(frame)
 
 
 def _is_zero_padded(rgb: NDArray[Any], layout: Layout) -> bool:
@@ -509,20 +628,42 @@ def _is_zero_padded(rgb: NDArray[Any], layout: Layout) -> bool:
     return not np.bitwise_or.reduce(rgb, axis=None) & 15
 
 
-def _code_values(samples: NDArray[Any], bits: int) -> Pixels:
-    """(row, col, 3) float32, integers scaled so that 1.0 is the largest code."""
+def _refuse_unsaid_dcdm(path: Path, rgb: NDArray[Any], layout: Layout) -> None:
+    """Ask about 12 bits in 16 that nobody says the meaning of: sRGB has no reason for them."""
+    if (layout.format, layout.kinds[0], layout.colour.assumed) != ("tiff", "uint16", True):
+        return
+    used = np.bitwise_or.reduce(rgb, axis=None)
+    if used & 0xF0 and not used & 0x0F:
+        raise InputError(
+            f"{path}: wanted to know what its code values are, got 12 bits in 16, as a DCDM's "
+            "X'Y'Z', and no word of it. Add --encoding dcdm, or --encoding srgb (or what it is) "
+            "if it is none."
+        )
+
+
+def _code_values(samples: NDArray[Any], bits: int, *, legal: bool = False) -> Pixels:
+    """(row, col, 3) float32, integers scaled so that 1.0 is the largest code, or video's white."""
     if not np.issubdtype(samples.dtype, np.integer):
         return samples.astype(np.float32, copy=False)
     # OpenImageIO widens 10 and 12 bits to 16 by repeating the upper bits below.
     unused = 8 * samples.dtype.itemsize - bits
     codes = samples >> unused if unused else samples
     pixels = codes.astype(np.float32)
-    pixels /= np.float32(2**bits - 1)
-    return pixels
+    black, white = code_span(bits, legal=legal)
+    if legal:
+        pixels -= np.float32(black)
+    pixels /= np.float32(white - black)
+    return np.clip(pixels, 0, 1, out=pixels) if legal else pixels
+
+
+def _as_shown(samples: NDArray[Any], layout: Layout) -> NDArray[Any]:
+    """`samples` of the data window, with 0 around them up to the display window, upright."""
+    if layout.orientation != UPRIGHT:
+        return turned(_over_display_window(samples, layout), layout.orientation)
+    return _over_display_window(samples, layout)
 
 
 def _over_display_window(samples: NDArray[Any], layout: Layout) -> NDArray[Any]:
-    """`samples` of the data window, with 0 around them up to the display window."""
     if layout.data == layout.display:
         return samples
     (left, top, cols, rows), (display_left, display_top, *size) = layout.data, layout.display

@@ -21,6 +21,7 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames import exr
 from domesim.frames.colour import ColourTag
 from domesim.frames.frame import Frame
 from domesim.frames.integrity import Container, damaged, examine
@@ -42,10 +43,12 @@ from domesim.frames.reading import (
     refuse_implausible_size,
 )
 from domesim.frames.writing import (
+    EXR_STRUCTURE,
+    as_stored,
     bare_specification,
+    carried_attributes,
     encode,
     interleaved,
-    is_of_storage,
     planes_of,
     samples_of,
     specification,
@@ -71,6 +74,7 @@ class Part:
     data: Window
     display: Window
     attributes: tuple[tuple[str, str, Any], ...]
+    carried: bytes
     planes: tuple[NDArray[Any], ...]  # (row, col) of the data window, as stored
 
 
@@ -211,14 +215,17 @@ def _encoded_views(frames: Pair, file: MultiView, path: Path, bits: int | None) 
     for target, names in zip(targets, file.names, strict=True):
         if len(target.channels) != len(names):
             raise ValueError(f"wanted frames with channels {names}, got {target.channels}")
+    stored = [as_stored(*each) for each in zip(frames, targets, strict=True)]
     kinds = targets[0].kinds + targets[1].kinds
     channels = file.names[0] + file.names[1]
     # Both frames have the part's attributes.
-    spec = specification(frames[0], replace(targets[0], channels=channels, kinds=kinds))
+    whole = replace(targets[0], channels=channels, kinds=kinds)
+    spec = specification(frames[0], whole)
     spec.erase_attribute("view")
     spec.attribute("multiView", oiio.TypeDesc(f"string[{len(file.views)}]"), file.views)
-    planes = [*planes_of(frames[0], targets[0]), *planes_of(frames[1], targets[1])]
-    return encode(path, "openexr", [(spec, interleaved(planes, kinds))])
+    planes = [*planes_of(stored[0], targets[0]), *planes_of(stored[1], targets[1])]
+    content = encode(path, "openexr", [(spec, interleaved(planes, kinds))])
+    return exr.with_attributes(content, [carried_attributes(frames[0], whole)])
 
 
 # Multi-part.
@@ -245,7 +252,7 @@ def _read_parts(
         if not reader.seek_subimage(index, 0):
             raise damaged(path, "EXR", f"one without part {index + 1} of {count}")
         if index not in pictures:
-            parts.append(_read_part(path, reader))
+            parts.append(_read_part(path, reader, container))
             continue
         view = View(views[index], dict(enumerate(specs[index].channelnames)))
         layout = layout_of(path, reader, container, view=view, grey=True, colour=colour)
@@ -278,8 +285,9 @@ def _has_picture(channels: Sequence[str]) -> bool:
     return {"R", "G", "B"} <= names or find_grey(channels) is not None
 
 
-def _read_part(path: Path, reader: Any) -> Part:
+def _read_part(path: Path, reader: Any, container: Container) -> Part:
     spec = reader.spec()
+    carried = container.carried[reader.current_subimage()]
     if spec.deep:
         raise InputError(
             f"{path}: wanted flat parts beside the views, got one of deep samples. "
@@ -295,29 +303,34 @@ def _read_part(path: Path, reader: Any) -> Part:
     else:
         each = enumerate(zip(channels, kinds, strict=True))
         planes = tuple(read_plane(path, reader, k, name, kind) for k, (name, kind) in each)
-    return Part(channels, kinds, data, display, attributes_of(path, spec), planes)
+    return Part(channels, kinds, data, display, attributes_of(path, spec), carried, planes)
 
 
 def _encoded_parts(frames: Pair, file: MultiPart, path: Path, bits: int | None) -> bytes:
     targets = [target_of(frame, path, bits) for frame in frames]
+    stored = [as_stored(*each) for each in zip(frames, targets, strict=True)]
     specs = [specification(*each) for each in zip(frames, targets, strict=True)]
+    carried = [carried_attributes(*each) for each in zip(frames, targets, strict=True)]
     # OpenEXR wants the same of all parts.
     chromaticities = specs[0].getattribute("chromaticities")
-    parts = []
+    parts, attributes = [], []
     for part in file.parts:
         if isinstance(part, Part):
             spec = _specification_of(part)
-            spec.erase_attribute("chromaticities")
+            own = exr.attributes_in(part.carried)
             if chromaticities is not None:
                 spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), chromaticities)
+                own.pop(b"chromaticities", None)
             parts.append((spec, interleaved(part.planes, part.kinds)))
+            attributes.append(own)
         else:
-            parts.append((specs[part], samples_of(frames[part], targets[part])))
-    return encode(path, "openexr", parts)
+            parts.append((specs[part], samples_of(stored[part], targets[part])))
+            attributes.append(carried[part])
+    return exr.with_attributes(encode(path, "openexr", parts), attributes)
 
 
 def _specification_of(part: Part) -> Any:
-    kept = [each for each in part.attributes if not is_of_storage(each[0])]
+    kept = [each for each in part.attributes if each[0] in EXR_STRUCTURE]
     spec = bare_specification(part.channels, part.kinds, part.data[2:], kept)
     spec.x, spec.y = part.data[:2]
     spec.full_x, spec.full_y, spec.full_width, spec.full_height = part.display

@@ -19,7 +19,7 @@ PyAV is needed (extra ``video``), and imported only when a video is named.
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -33,20 +33,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of_code_points
+from domesim.frames.eyes import Eyes, of_video
 from domesim.frames.ffv1 import is_whole
+from domesim.frames.formats import SQUARE
 from domesim.frames.frame import Frame, Header
 from domesim.frames.integrity import damaged, refuse_sides
 from domesim.frames.messages import one_line, reason
+from domesim.frames.orientation import UPRIGHT, turned
 from domesim.frames.yuv import MATRICES, PixelFormat, code_values, pixel_format
 
-SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv")
+SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv", ".mxf")
 """Of files that are videos."""
 
 CODECS = {"prores": "ProRes", "ffv1": "FFV1", "h264": "H.264", "hevc": "HEVC"}
 """Each of these was seen to notice damage, as far as it can."""
 
-_CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm"
+_CINEMA = {"jpeg2000": "JPEG 2000"}
+"""What the MXF of a DCP holds (SMPTE ST 429-4): X'Y'Z' of 12 bits."""
+
+_CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,mxf"
+_ENCRYPTED = bytes.fromhex("060e2b34040101070d010301020b0100")  # SMPTE ST 429-6, 6.2: of a header
+_HEADER = 1 << 16
 _UNSAID = (0, 2)  # ITU-T H.273: reserved, unspecified
 _RGB = 0  # its MatrixCoefficients for R, G, B
 _LIMITED, _FULL = 1, 2  # FFmpeg's color_range
@@ -54,6 +63,8 @@ _SAMPLE = 8  # frames that are asked whether they have checksums
 _AHEAD = 12  # frames that are decoded on to rather than sought
 _LACKING = 0.75  # of a frame: what a file may be shorter than it says, for times are rounded
 _BACK = (0, 1, 16, 64, 256, None)  # frames before the wanted one that a key frame is sought at
+
+_CINEMA_COLOUR = ColourTag("dcdm", "XYZ", "file: digital-cinema profile")
 
 Stream: TypeAlias = Any
 """PyAV's, which is imported late."""
@@ -106,6 +117,39 @@ def frame_paths(video: Path) -> tuple[Path, ...]:
     )
 
 
+def is_picture(track: Path) -> bool:
+    """Whether a file of a DCP is a picture that is read."""
+    try:
+        container, _ = _opened(track)
+    except InputError:
+        return False
+    container.close()
+    return True
+
+
+def container_of(start: bytes) -> str | None:
+    """What a video's first bytes say that it is in; None if it is none."""
+    return next(
+        (name for name, place, mark in _MARKS if start[place : place + len(mark)] == mark), None
+    )
+
+
+_MARKS = (
+    ("QuickTime or MP4", 4, b"ftyp"),
+    ("QuickTime or MP4", 4, b"moov"),
+    ("Matroska or WebM", 0, b"\x1a\x45\xdf\xa3"),
+    ("AVI", 8, b"AVI "),
+    ("MXF", 0, b"\x06\x0e\x2b\x34\x02\x05\x01\x01\x0d\x01\x02"),
+    ("MPEG", 0, b"\0\0\1\xba"),
+    ("MPEG", 0, b"\0\0\1\xb3"),
+    ("Windows Media", 0, b"\x30\x26\xb2\x75\x8e\x66\xcf\x11"),
+    ("Flash", 0, b"FLV\1"),
+    ("Ogg", 0, b"OggS"),
+    ("YUV4MPEG2", 0, b"YUV4MPEG2"),
+)
+"""Name, and which bytes lie where."""
+
+
 def read_video_frame(path: Path, *, colour: ColourTag | None = None) -> Frame:
     """The frame that `path` names.
 
@@ -130,28 +174,11 @@ def read_video_frame(path: Path, *, colour: ColourTag | None = None) -> Frame:
         return _frame(path, decoder, decoder.frame(path), colour)
 
 
-@final
-@dataclass(frozen=True)
-class Timing:
-    """When a film's frames are shown.
-
-    Parameters
-    ----------
-    rate
-        Frames a second.
-    timecode
-        Of the first frame, ``01:00:00:00``; "" for none.
-    """
-
-    rate: Fraction
-    timecode: str = ""
-
-
-def timing_of(path: Path) -> Timing:
+def rate_and_timecode(path: Path) -> tuple[Fraction, str]:
     """Of the video that `path` names a frame of; with its timecode if that is the first frame."""
     decoder = _decoder(*_state(path.parent))
     timecode = decoder.timecode if _number(path) == 1 else ""
-    return Timing(Fraction(decoder.stream.guessed_rate), timecode)
+    return Fraction(decoder.stream.guessed_rate), timecode
 
 
 def _number(path: Path) -> int:
@@ -183,7 +210,7 @@ def _refused(path: Path) -> Iterator[None]:
 
     try:
         yield
-    except (av.FFmpegError, UnicodeEncodeError) as error:
+    except (av.FFmpegError, UnicodeError) as error:
         told = error.strerror if isinstance(error, av.FFmpegError) else str(error)
         got = f"one that does not decode ({one_line(told or '').lower()})"
         raise damaged(path, "video", got) from None
@@ -195,21 +222,48 @@ def _opened(video: Path) -> tuple[Any, Stream]:
     with _refused(video):
         # No playlists and the like, which name other files
         container = av.open(f"file:{video}", options={"format_whitelist": _CONTAINERS})
-    streams = container.streams.video
+    covers = av.stream.Disposition.attached_pic
+    streams = [each for each in container.streams.video if not each.disposition & covers]
     if len(streams) != 1:
         raise InputError(f"{video}: wanted one picture, got {len(streams)}. Export one alone.")
     stream = streams[0]
     context = stream.codec_context
-    name = "none" if context is None else context.name
-    if name not in CODECS:
-        raise InputError(
-            f"{video}: wanted {', '.join(CODECS.values())}, got {name}. Convert it to one of them."
-        )
+    _require_codec(video, context)
     refuse_sides(video, context.width, context.height)
     if stream.guessed_rate is None or stream.start_time is None or not stream.time_base:
         raise InputError(f"{video}: wanted a frame rate, got none. Convert it to ProRes or FFV1.")
+    aspect = stream.sample_aspect_ratio or context.sample_aspect_ratio or 1
+    if abs(aspect - 1) > SQUARE:
+        raise InputError(
+            f"{video}: wanted square pixels, got ones of {aspect.numerator} : {aspect.denominator} "
+            "(sample aspect ratio). Resize it to square ones first (ffmpeg -i IN -vf "
+            "scale=iw*sar:ih,setsar=1 OUT)."
+        )
     context.options = {"err_detect": "crccheck+bitstream+buffer+explode"}
     return container, stream
+
+
+def _require_codec(video: Path, context: Any) -> None:
+    name = "none" if context is None else context.name
+    if video.suffix.lower() != ".mxf":
+        if name not in CODECS:
+            raise InputError(
+                f"{video}: wanted {', '.join(CODECS.values())}, got {name}. Convert it to one of "
+                "them."
+            )
+        return
+    with video.open("rb") as file:
+        if _ENCRYPTED in file.read(_HEADER):
+            raise InputError(
+                f"{video}: wanted a DCP's picture, got an encrypted one. Ask for one that is not, "
+                "or for its DCDM."
+            )
+    if name not in _CINEMA or not str(context.pix_fmt).startswith("xyz12"):
+        kind = f"{name} of {context.pix_fmt}" if name != "none" else "another"
+        raise InputError(
+            f"{video}: wanted a DCP's picture in MXF (JPEG 2000 of X'Y'Z'), got {kind}. Convert it "
+            f"to a video in {', '.join(SUFFIXES[:-1])} (ffmpeg -i IN -c:v ffv1 -c:a copy OUT.mkv)."
+        )
 
 
 def _step(stream: Stream) -> Fraction:
@@ -388,7 +442,7 @@ def _tags(source: Any) -> _Tags:
 
 
 def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None) -> Frame:
-    name = CODECS[decoder.stream.codec_context.name]
+    name = {**CODECS, **_CINEMA}[decoder.stream.codec_context.name]
     kind = pixel_format(decoded.format.name)
     if kind is None:
         raise InputError(
@@ -400,7 +454,7 @@ def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None
     tags = _completed(decoder.tags, _tags(decoded))
     stated: ColourTag | None
     try:
-        stated = _stated_colour(path, tags)
+        stated = _CINEMA_COLOUR if kind.xyz else _stated_colour(path, tags)
     except InputError:
         if colour is None:
             raise
@@ -414,16 +468,56 @@ def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None
     meant = replace(meant, source="; ".join([meant.source, *ways]))
     sample = "uint8" if kind.bits == 8 else "uint16"
     names = ("R", "G", "B") if alpha is None else ("R", "G", "B", "A")
+    orientation, eyes = _shown(path, decoder.stream.metadata, decoded)
     rate = decoder.stream.guessed_rate
     header = Header(
         format=f"{name} {kind.chroma or 'RGB'}",
         attributes=(("FramesPerSecond", "rational", (rate.numerator, rate.denominator)),),
         channels=names,
         kinds=(sample,) * len(names),
-        extra=() if alpha is None else (_widened(alpha, kind.bits),),
+        extra=() if alpha is None else (turned(_widened(alpha, kind.bits), orientation),),
         colour=stated,
+        straight=True,
+        eyes=eyes,
+        notes=() if orientation == UPRIGHT else ("turned upright by its display matrix",),
     )
-    return Frame(pixels, path, meant, kind.bits, floating=False, header=header)
+    pixels = turned(pixels, orientation) if orientation != UPRIGHT else pixels
+    return shown_over_black(Frame(pixels, path, meant, kind.bits, floating=False, header=header))
+
+
+_ONE = 65536  # of a display matrix: 16 bits below the point
+_TURNS = {
+    (1, 0, 0, 1): 1,
+    (-1, 0, 0, 1): 2,
+    (-1, 0, 0, -1): 3,
+    (1, 0, 0, -1): 4,
+    (0, 1, 1, 0): 5,
+    (0, 1, -1, 0): 6,
+    (0, -1, -1, 0): 7,
+    (0, -1, 1, 0): 8,
+}
+"""Exif's number by where a display matrix (ISO/IEC 14496-12, 8.3.2) takes columns and rows."""
+
+
+def _shown(path: Path, metadata: Mapping[str, str], decoded: Any) -> tuple[int, Eyes | None]:
+    """How a frame is turned when it is shown, and how two views are packed in it."""
+    told = {each.type.name: bytes(each) for each in decoded.side_data}
+    matrix = np.frombuffer(told.get("DISPLAYMATRIX", b""), np.int32)
+    orientation: int | None = UPRIGHT
+    if matrix.size:
+        orientation = _TURNS.get(tuple((matrix[[0, 1, 3, 4]] / _ONE).tolist()))
+    if orientation is None:
+        raise InputError(
+            f"{path}: wanted a picture turned by quarters, got a display matrix of "
+            f"{', '.join(f'{value:.3g}' for value in matrix[[0, 1, 3, 4]] / _ONE)}. Export it "
+            "upright."
+        )
+    try:
+        return orientation, of_video(told.get("STEREO3D"), metadata.get("stereo_mode", ""))
+    except ValueError as error:
+        raise InputError(
+            f"{path}: wanted views side by side or one above the other, got {error}. Export it so."
+        ) from error
 
 
 def _completed(tags: _Tags, others: _Tags) -> _Tags:

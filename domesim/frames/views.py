@@ -21,15 +21,18 @@ from numpy.typing import ArrayLike, NDArray
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.dithering import seed_of
-from domesim.frames.formats import SUFFIXES
+from domesim.frames.eyes import Eyes, stated
+from domesim.frames.formats import SUFFIXES, code_range
 from domesim.frames.frame import Frame
+from domesim.frames.integrity import enough_memory
 from domesim.frames.mistaken import (
     refuse_mistaken_pair,
     refuse_one_file,
     refuse_other_view,
     refuse_packing,
+    refuse_stated_packing,
 )
-from domesim.frames.reading import read_frame, read_image
+from domesim.frames.reading import read_image
 from domesim.frames.stereo_exr import (
     MultiView,
     StereoFile,
@@ -68,6 +71,12 @@ class Master:
         of an EXR, which need a file to have come from.
     file
         What else such an EXR holds, and its order; None for other packings.
+    eyes
+        What a file of packed views says of them; None if it says nothing.
+    becomes
+        Encoding of what is made of it; None for its own.
+    limits
+        Code values that what is made of it can hold; None for its own.
 
     Raises
     ------
@@ -78,6 +87,9 @@ class Master:
     frames: tuple[Frame, ...]
     packing: Packing = "single"
     file: StereoFile | None = None
+    eyes: Eyes | None = None
+    becomes: ColourTag | None = None
+    limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         wanted = 1 if self.packing == "single" else 2
@@ -111,7 +123,9 @@ class Master:
 
     @property
     def code_range(self) -> tuple[float, float]:
-        """The least and the largest code value that each of its frames can hold."""
+        """The least and the largest code value that what is made of it can hold."""
+        if self.limits is not None:
+            return self.limits
         least, largest = zip(*(frame.code_range for frame in self.frames), strict=True)
         return max(least), min(largest)
 
@@ -145,12 +159,28 @@ class Master:
         changed = (frame.with_pixels(view) for frame, view in zip(self.frames, new, strict=True))
         return replace(self, frames=tuple(changed))
 
+    @property
+    def fits(self) -> bool:
+        """Whether its code values are, as they are, those of what is made of it."""
+        least, largest = self.code_range
+        within = all(
+            least <= frame.pixels.min() and frame.pixels.max() <= largest for frame in self.frames
+        )
+        return within and (self.becomes is None or self.becomes.means_the_same_as(self.colour))
+
+    def encoded_as(self, colour: ColourTag, pixels: ArrayLike) -> Master:
+        """`with_pixels` that mean `colour`."""
+        made = self.with_pixels(pixels)
+        return replace(made, frames=tuple(replace(each, colour=colour) for each in made.frames))
+
     def described(self) -> str:
         """One phrase for a person: ``2 x 1920 x 1080 EXR, ..., left and right in two files``."""
         first = self.frames[0].described()
         if self.packing == "single":
-            return first
-        return f"2 x {first}, {_DESCRIPTIONS[self.packing]}"
+            held = self.frames[0].header.eyes
+            return first if held is None else f"{first}; it says that it is {held}"
+        order = "" if self.eyes is None else f": it says {self.eyes}"
+        return f"2 x {first}, {_DESCRIPTIONS[self.packing]}{order}"
 
     def facts(self) -> dict[str, Any]:
         """For a program: ``read``, as `described`, and ``encoding``: a `ColourTag`'s fields."""
@@ -178,7 +208,8 @@ def read_master(
     packing
         How the frames lie in one file. If None, an EXR of views left and right is known by its
         attributes, and anything else is one frame. "side-by-side" has left on the left,
-        "top-bottom" on top; the views are not stretched.
+        "top-bottom" on top, unless the file says otherwise (``eyes.py``); the views are not
+        stretched.
     repair
         As for `read_frame`. What is repaired in one image of two views counts for its left frame.
     allow_identical
@@ -288,6 +319,39 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
         target_of(frame, path, bits)
 
 
+def made_for(
+    master: Master,
+    paths: Sequence[str | Path],
+    bits: int | None = None,
+    colour: ColourTag | None = None,
+) -> Master:
+    """`master` that knows what is to be made of it: files at `paths`, of another encoding if given.
+
+    Parameters
+    ----------
+    master
+        What was read.
+    paths, bits
+        As for `write_master`.
+    colour
+        The encoding; None for the master's own.
+
+    Raises
+    ------
+    InputError, ValueError
+        As for `require_writable`.
+    """
+    require_writable(master, paths, bits)
+    meant = colour or master.colour
+    targets = [
+        target_of(replace(frame, colour=meant), Path(path), bits)
+        for frame, path in zip(master.frames, paths, strict=False)
+    ]
+    ranges = [code_range(target.bits, floating=target.floating) for target in targets]
+    limits = max(low for low, _ in ranges), min(high for _, high in ranges)
+    return replace(master, becomes=colour, limits=limits)
+
+
 # Reading.
 
 
@@ -307,17 +371,20 @@ def _read_pair(
 def _read_file(
     path: Path, packing: Packing | None, *, repair: bool, colour: ColourTag | None
 ) -> Master:
-    stereo = read_stereo_exr(path, repair=repair, colour=colour)
+    with enough_memory(path):
+        stereo = read_stereo_exr(path, repair=repair, colour=colour)
     if stereo is not None:
         frames, file = stereo
         return Master(frames, "multi-view" if isinstance(file, MultiView) else "multi-part", file)
+    frame = read_image(path, repair=repair, grey=packing in _AXES, colour=colour)
+    eyes = frame.header.eyes
+    refuse_stated_packing(path, packing, eyes)
     if packing is not None and packing in _AXES:
-        frame = read_image(path, repair=repair, grey=True, colour=colour)
-        return Master(_halves(frame, packing), packing)
-    return Master((read_frame(path, repair=repair, colour=colour),))
+        return Master(_halves(frame, packing, eyes), packing, eyes=eyes)
+    return Master((frame,))
 
 
-def _halves(frame: Frame, packing: Packing) -> tuple[Frame, ...]:
+def _halves(frame: Frame, packing: Packing, eyes: Eyes | None) -> tuple[Frame, ...]:
     axis = _AXES[packing]
     rows, cols = frame.pixels.shape[:2]
     if (rows, cols)[axis] % 2:
@@ -325,17 +392,23 @@ def _halves(frame: Frame, packing: Packing) -> tuple[Frame, ...]:
             f"{frame.path}: wanted an even {('height', 'width')[axis]} for two views packed as "
             f"{packing}, got {cols} x {rows} px. Crop it first, or name another packing."
         )
+    order = _order(eyes)
     pixels = np.split(frame.pixels, 2, axis)
     extra = [np.split(plane, 2, axis) for plane in frame.header.extra]
     return tuple(
         replace(
             frame,
-            pixels=pixels[side],
+            pixels=pixels[half],
             repaired=repaired,
-            header=replace(frame.header, extra=tuple(planes[side] for planes in extra)),
+            header=replace(frame.header, extra=tuple(planes[half] for planes in extra), eyes=None),
         )
-        for side, repaired in enumerate((frame.repaired, 0))
+        for half, repaired in zip(order, (frame.repaired, 0), strict=True)
     )
+
+
+def _order(eyes: Eyes | None) -> tuple[int, int]:
+    """Which half is left, and which is right; and the other way round."""
+    return (1, 0) if eyes is not None and eyes.right_first else (0, 1)
 
 
 # Writing.
@@ -347,10 +420,21 @@ def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: b
     if not left.colour.means_the_same_as(right.colour):
         raise ValueError(f"write_master takes one encoding, got {left.colour} and {right.colour}")
     if master.packing in _AXES:
-        whole = _whole(left, right, master.packing)
+        eyes = master.eyes
+        # What cannot be said is not so, either: then left comes first.
+        if eyes is not None and not _can_say(eyes, master.packing, path):
+            eyes = None
+        first, second = (master.frames[view] for view in _order(eyes))
+        whole = _whole(first, second, master.packing)
+        whole = replace(whole, header=replace(whole.header, eyes=eyes))
         return encoded(whole, path, bits, seed_of(whole.path) if dither else None)
     assert master.file is not None  # see `require_writable`
     return encoded_stereo_exr((left, right), master.file, path, bits)
+
+
+def _can_say(eyes: Eyes, packing: Packing, path: Path) -> bool:
+    name = SUFFIXES[path.suffix.lower()]  # see `require_writable`
+    return eyes.packing == packing and bool(stated(eyes, name))
 
 
 def _whole(left: Frame, right: Frame, packing: Packing) -> Frame:

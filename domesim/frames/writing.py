@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,13 +21,25 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames import dpx, exr, jpeg
+from domesim.frames.alpha import is_opaque, straightened
 from domesim.frames.colour import BT709_LUMINANCE, colour_chunks, state_colour
 from domesim.frames.dithering import Seed, dither, seed_of
-from domesim.frames.formats import DEPTHS, LABELS, LARGEST_SIDE, SUFFIXES, code_range, label
+from domesim.frames.eyes import stated
+from domesim.frames.formats import (
+    DEPTHS,
+    LABELS,
+    LARGEST_SIDE,
+    SUFFIXES,
+    code_range,
+    code_span,
+    label,
+)
 from domesim.frames.frame import Frame, Pixels
 from domesim.frames.jpeg2000 import with_comments, with_metadata
 from domesim.frames.messages import problem_of, reason
-from domesim.frames.png import with_colour_chunks
+from domesim.frames.orientation import UPRIGHT, turned_back
+from domesim.frames.png import with_carried_chunks, with_colour_chunks, with_utf8_text
 from domesim.frames.whole import write_whole
 
 
@@ -39,7 +51,8 @@ def write_frame(
     The suffix names the format. The format that the frame came from keeps its bit depth, metadata
     and all channels. Another format gets the least depth that holds every code value, the metadata
     that it knows, alpha unless it is DPX or JPEG, and other channels if it is EXR. The pixels are
-    written as they are: for another encoding, give `frame` other pixels *and* another `colour`.
+    turned back and divided by alpha as the file has it, and else written as they are: for another
+    encoding, give `frame` other pixels *and* another `colour`.
 
     JPEG 2000 is written losslessly: .jp2 with boxes, others as a codestream, without a profile.
     JPEG is written at quality 100 without chroma subsampling. Re-encoding what was decoded from a
@@ -76,17 +89,37 @@ def write_frame(
 def encoded(frame: Frame, path: Path, bits: int | None, seed: Seed | None = None) -> bytes:
     """What `write_frame` puts at `path`, dithered if there is a `seed`."""
     target = target_of(frame, path, bits)
+    frame = as_stored(frame, target)
     part = (specification(frame, target), samples_of(frame, target, seed))
     content = encode(path, target.format, [part])
+    if target.same_format:
+        content = _with_carried(content, frame, target)
+    eyes = b"" if frame.header.eyes is None else stated(frame.header.eyes, target.format)
     if target.format == "png":
-        content = with_colour_chunks(content, _png_colour(frame, target))
+        content = with_colour_chunks(content, _png_colour(frame, target) + eyes)
+    if target.format == "png" and not target.same_format:
+        content = with_utf8_text(content)
+    if target.format == "jpeg":
+        content = jpeg.with_segment(content, eyes)
     if target.format == "dpx":
-        content = _with_dpx_fields(content, path.name, frame.header.created)
-    if target.format == "jpeg2000" and target.same_format:
-        content = with_comments(content, frame.header.comments)
+        content = dpx.with_name(content, path.name)
     if target.format == "jpeg2000" and path.suffix.lower() == ".jp2" and frame.header.boxes:
         content = with_metadata(content, frame.header.boxes, colour_holds=_keeps_colour(frame))
     return content
+
+
+def _with_carried(content: bytes, frame: Frame, target: Target) -> bytes:
+    """An encoded file with what the one that it came from said besides its picture."""
+    header = frame.header
+    if target.format == "openexr":
+        return exr.with_attributes(content, [carried_attributes(frame, target)])
+    if target.format == "png":
+        return with_carried_chunks(content, header.carried)
+    if target.format == "jpeg" and _keeps_colour(frame):  # Exif may tell of it
+        return jpeg.with_metadata(content, header.carried)
+    if target.format == "dpx":
+        return dpx.with_fields(content, header.carried)
+    return with_comments(content, header.comments) if target.format == "jpeg2000" else content
 
 
 # Which file, of which samples.
@@ -103,10 +136,13 @@ class Target:
     kinds: tuple[str, ...]
     sources: tuple[int, ...]  # 0, 1, 2: R, G, B; 3 + k: extra channel k; -1: luminance
     same_format: bool
+    straight: bool  # colours are to be divided by alpha
     zero_padded: bool = False  # 12 bits in 16
+    legal: bool = False  # between black and white of video
 
 
 _LUMINANCE = -1
+_DCDM_BITS = 12
 _LEAST_JPEG_2000_SIDE = 32  # OpenJPEG's encoder halves it five times
 
 
@@ -135,12 +171,34 @@ def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
         bits = bits or _fitting_depth(name, frame)
         floating = name == "openexr" or (name == "tiff" and bits == 32)
     channels, kinds, sources = _channels(frame, name, _kind(bits, floating), kept=kept)
-    padded = kept and frame.header.zero_padded
-    return Target(name, bits, floating, channels, kinds, sources, same, padded)
+    header = frame.header
+    # What PNG and JPEG 2000 have is straight; an EXR's alpha never is.
+    straight = header.straight if same or name == "tiff" else name in ("png", "jpeg2000")
+    # DCI DCSS, 3.2.2: 12 bits in 16.
+    is_dcdm = (name, frame.colour.transfer, bits) == ("tiff", "dcdm", _DCDM_BITS)
+    padded = header.zero_padded if kept else is_dcdm
+    legal = same and header.legal
+    return Target(name, bits, floating, channels, kinds, sources, same, straight, padded, legal)
+
+
+def as_stored(frame: Frame, target: Target) -> Frame:
+    """`frame` with its samples as they lie in the file: turned, and not multiplied by alpha."""
+    header, pixels = frame.header, frame.pixels
+    extra, alpha = list(header.extra), header.alpha
+    if target.straight and alpha is not None and not is_opaque(extra[alpha]):
+        pixels, extra[alpha] = straightened(
+            pixels, extra[alpha], frame.colour.transfer, floating=target.floating
+        )
+    if target.same_format and header.orientation != UPRIGHT:
+        pixels = turned_back(pixels, header.orientation)
+        extra = [turned_back(plane, header.orientation) for plane in extra]
+    return replace(frame, pixels=pixels, header=replace(header, extra=tuple(extra)))
 
 
 def _fitting_depth(name: str, frame: Frame) -> int:
     """The least depth that holds every code value, or else the largest there is."""
+    if (name, frame.colour.transfer) == ("tiff", "dcdm"):
+        return _DCDM_BITS
     if name == "openexr":
         # Half has 11 significant bits.
         return frame.bits if frame.floating else 16 if frame.bits <= 10 else 32
@@ -239,7 +297,10 @@ def _encoded_rgb(pixels: Pixels, target: Target, seed: Seed | None) -> NDArray[A
         )
     if target.floating:
         return pixels.astype(_dtype(_kind(target.bits, floating=True)), copy=False)
-    scaled = np.multiply(pixels, np.float32(2**target.bits - 1), order="C")
+    black, white = code_span(target.bits, legal=target.legal)
+    scaled = np.multiply(pixels, np.float32(white - black), order="C")
+    if target.legal:
+        scaled += np.float32(black)
     if seed is None:
         np.rint(scaled, out=scaled)
     else:
@@ -274,14 +335,21 @@ def _dtype(kind: str) -> np.dtype[Any]:
 # What a format says of how it is stored, not of the image; it is said anew.
 _STORAGE = re.compile(
     r"oiio:.*|tiff:.*|ICCProfile:.*|compression|planarconfig|jpeg:subsampling|"
-    r"openexr:(lineOrder|chunkCount)",
+    r"openexr:.*|textureformat|acesImageContainerFlag",
     re.IGNORECASE,
 )
+# Of an EXR, all else is written back as it is.
+EXR_STRUCTURE = ("view", "multiView", "oiio:subimagename")
 _COLOUR_ATTRIBUTES = ("ICCProfile", "CICP", "chromaticities", "colorInteropID", "Exif:ColorSpace")
 _FORMAT_PREFIXES = tuple(f"{name}:" for name in LABELS)
 
-# OpenImageIO does not write integer vectors by the names that it reads them by.
-_WRITABLE_TYPES = {"vector2i": "int[2]", "vectori": "int[3]", "vector2i[2]": "box2i"}
+# OpenImageIO does not write these by the names that it reads them by.
+_WRITABLE_TYPES = {
+    "vector2i": "int[2]",
+    "vectori": "int[3]",
+    "vector2i[2]": "box2i",
+    "uint16": "int",
+}
 
 
 def specification(frame: Frame, target: Target) -> Any:
@@ -324,15 +392,34 @@ def _set(spec: Any, name: str, kind: str, value: Any) -> None:
         spec.attribute(name, oiio.TypeDesc(_WRITABLE_TYPES.get(kind, kind)), value)
 
 
-def is_of_storage(name: str) -> bool:
-    """Whether an attribute is of how a file was stored, and so to be said anew."""
-    return name != "oiio:subimagename" and _STORAGE.fullmatch(name) is not None
-
-
 def _survives(frame: Frame, target: Target, name: str) -> bool:
-    if is_of_storage(name) or (name in _COLOUR_ATTRIBUTES and not _keeps_colour(frame)):
+    if target.same_format and target.format == "openexr":
+        return name in EXR_STRUCTURE
+    if _STORAGE.fullmatch(name) or (name in _COLOUR_ATTRIBUTES and not _keeps_colour(frame)):
         return False
-    return target.same_format or not name.startswith((*_FORMAT_PREFIXES, "openexr:"))
+    if target.same_format:
+        return True
+    return name != "Orientation" and not name.startswith(_FORMAT_PREFIXES)
+
+
+def carried_attributes(frame: Frame, target: Target) -> exr.Attributes:
+    """What an EXR's header said that still holds."""
+    found = exr.attributes_in(frame.header.carried)
+    if not _keeps_colour(frame):
+        for name in exr.COLOUR:
+            found.pop(name, None)
+    if not _is_aces(frame, target):
+        found.pop(_ACES_FLAG, None)
+    return found
+
+
+_ACES_FLAG = b"acesImageContainerFlag"
+
+
+def _is_aces(frame: Frame, target: Target) -> bool:
+    """Whether it is to be a container of SMPTE ST 2065-4: half, of ACES AP0, not compressed."""
+    said = target.same_format and _ACES_FLAG in exr.attributes_in(frame.header.carried)
+    return said and set(target.kinds) == {"half"} and _keeps_colour(frame)
 
 
 def _keeps_colour(frame: Frame) -> bool:
@@ -357,6 +444,8 @@ def _state_storage(frame: Frame, target: Target, spec: Any) -> None:
     compression = _stated(frame, "compression") if target.same_format else None
     if target.format == "openexr":
         state_exr_compression(spec, compression)
+        if _is_aces(frame, target):
+            spec.attribute("compression", "none")
     if target.format == "tiff":
         lossless = compression in ("none", "lzw", "packbits", "zip")
         spec.attribute("compression", compression if lossless else "zip")
@@ -369,8 +458,8 @@ def _state_storage(frame: Frame, target: Target, spec: Any) -> None:
         spec.attribute("oiio:Endian", "big" if frame.header.big_endian else "little")
     if target.bits in (10, 12) and not target.zero_padded:
         spec.attribute("oiio:BitsPerSample", target.bits)
-    # As it was read: no encoder may divide R, G, B by alpha.
-    if target.format in ("png", "jpeg2000") or _stated(frame, "oiio:UnassociatedAlpha"):
+    # See `as_stored`: no encoder may divide R, G, B by alpha.
+    if target.format in ("png", "jpeg2000") or target.straight:
         spec.attribute("oiio:UnassociatedAlpha", 1)
 
 
@@ -382,12 +471,6 @@ def _png_colour(frame: Frame, target: Target) -> bytes:
     if _keeps_colour(frame) and (target.same_format or _stated(frame, "ICCProfile") is not None):
         return frame.header.colour_chunks
     return colour_chunks(frame.colour)
-
-
-def _with_dpx_fields(dpx: bytes, name: str, created: bytes) -> bytes:
-    """`dpx` with the file's name (100 bytes at 36) and its time (24 behind), if it had one."""
-    padded = os.fsencode(name)[:99].ljust(100, b"\0")
-    return dpx[:36] + padded + (created or dpx[136:160]) + dpx[160:]
 
 
 def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> bytes:

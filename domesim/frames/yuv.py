@@ -36,6 +36,7 @@ _PACKED = {
     "rgb24": ("u1", 3, (0, 1, 2)),
     "rgb48le": ("<u2", 3, (0, 1, 2)),
     "rgba64le": ("<u2", 4, (0, 1, 2, 3)),
+    "xyz12le": ("<u2", 3, (0, 1, 2)),
 }
 
 
@@ -56,6 +57,8 @@ class PixelFormat:
         Whether there is an alpha.
     full_range
         Whether its name alone says that it uses all codes.
+    xyz
+        Whether it is X'Y'Z', above four bits that are 0.
     """
 
     name: str
@@ -63,12 +66,15 @@ class PixelFormat:
     chroma: str
     alpha: bool
     full_range: bool
+    xyz: bool = False
 
 
 def pixel_format(name: str) -> PixelFormat | None:
     """The format of that name; None if it has no R, G, B or lies in planes in an unknown way."""
     if name in _PACKED:
         kind, _, order = _PACKED[name]
+        if name == "xyz12le":
+            return PixelFormat(name, 12, "", alpha=False, full_range=True, xyz=True)
         return PixelFormat(name, 8 * np.dtype(kind).itemsize, "", len(order) == 4, full_range=True)
     match = _PLANAR.fullmatch(name)
     if match is None or (match[1].startswith("gbr") != (match[2] == "")):
@@ -157,7 +163,8 @@ def _planes(frame: Any, kind: PixelFormat) -> list[NDArray[Any]]:
         dtype, count, order = _PACKED[kind.name]
         (plane,) = frame.planes
         rows = _rows(plane, dtype, frame.width * count)
-        return [rows[:, place::count] for place in order]
+        planes = [rows[:, place::count] for place in order]
+        return [plane >> 4 for plane in planes] if kind.xyz else planes
     dtype = "u1" if kind.bits == 8 else "<u2"
     planes = [_rows(plane, dtype, plane.width) for plane in frame.planes]
     if not kind.chroma:

@@ -21,6 +21,7 @@ from types import MappingProxyType
 from typing import Any, TypeAlias, final
 
 from domesim.errors import InputError
+from domesim.texts import text_in
 
 
 @final
@@ -86,6 +87,13 @@ class Table:
     def require(self, known: Iterable[str], wanted: Iterable[str]) -> None:
         """Note the columns that are not among the `known`, and the `wanted` that are missing."""
         known = tuple(known)
+        if {"X", "Y", "Z"} <= set(known) and {"x", "y"} <= self.columns:
+            self.mistakes.add(
+                self.header,
+                "x and y are chromaticities, which are not X and Z: write X, Y, Z in cd/m², "
+                "Y the luminance, X = x Y / y and Z = (1 - x - y) Y / y",
+            )
+            return
         for name in sorted(self.columns - set(known)):
             near = difflib.get_close_matches(name, known, 1) or [
                 column for column in known if column.lower() == name.lower()
@@ -177,7 +185,7 @@ def text_of(path: Path) -> str:
         If there is no such file, or it is no text.
     """
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return text_in(path.read_bytes())
     except UnicodeDecodeError:
         raise InputError(
             f"{path}: readings are a text file in UTF-8, this is not; export it as CSV (UTF-8)"
@@ -196,6 +204,10 @@ def _csv(text: str, mistakes: Mistakes) -> Table:
     ]
     if not lines:
         raise InputError(f"{mistakes.source}: wanted a line of column names and rows, got nothing")
+    if re.fullmatch(r"sep=.", lines[0][1].strip().strip('"')):  # to Excel
+        del lines[0]
+    if not lines:
+        raise InputError(f"{mistakes.source}: wanted column names and rows, got 'sep=' alone")
     header, names = lines[0][0], _cells(lines[0][1])
     if len(names) == 1 and re.search(r"[;\t]", names[0]):
         raise InputError(
@@ -207,6 +219,7 @@ def _csv(text: str, mistakes: Mistakes) -> Table:
     rows = []
     for number, line in lines[1:]:
         cells = _cells(line)
+        refuse_decimal_comma(mistakes.source, number, cells)
         if len(cells) != len(names):
             mistakes.add(
                 number,
@@ -217,6 +230,22 @@ def _csv(text: str, mistakes: Mistakes) -> Table:
         pairs = zip(names, cells, strict=True)
         rows.append(Row(number, {name: cell for name, cell in pairs if cell}))
     return Table(tuple(rows), frozenset(names), header, {}, mistakes)
+
+
+def refuse_decimal_comma(source: str, line: int, cells: Iterable[str]) -> None:
+    """Refuse a table whose numbers have a comma, rather than each of them.
+
+    Raises
+    ------
+    InputError
+        If one of the cells of a line is such a number.
+    """
+    for cell in cells:
+        if re.fullmatch(r"[-+]?[0-9]+,[0-9]+([eE][-+]?[0-9]+)?", cell.strip('" ')):
+            raise InputError(
+                f"{source}: line {line}: numbers have a decimal point, got {cell!r}; export it "
+                f"with points"
+            )
 
 
 def _cells(line: str) -> list[str]:

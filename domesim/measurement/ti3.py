@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from domesim.errors import InputError
-from domesim.measurement.tables import Mistakes, Row, Table
+from domesim.measurement.tables import Mistakes, Row, Table, refuse_decimal_comma
 
 AGREEMENT = 0.05
 """Share by which a reading of white may miss what the header says of it: drift."""
@@ -71,6 +71,8 @@ def ti3_table(text: str, mistakes: Mistakes) -> Table:
         raise InputError(
             f"{source}: NUMBER_OF_SETS says {stated} rows, got {len(rows)}; copy the file again"
         )
+    for line, tokens in rows:
+        refuse_decimal_comma(source, line, tokens)
     scale = _scale(source, header)
     found, left_out, brightest = [], 0, 0.0
     for line, tokens in rows:

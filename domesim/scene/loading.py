@@ -21,6 +21,7 @@ from domesim.scene.dome_file import DomeFile
 from domesim.scene.mistakes import all_mistakes, suggestion
 from domesim.scene.stereo import StereoScene
 from domesim.scene.stereo_file import StereoFile
+from domesim.texts import text_in
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
@@ -35,7 +36,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     if path.suffix != ".toml" and len(path.parts) <= 1:
         return scene_of_text(_bundled(str(name_or_path)), str(name_or_path), Path())
     try:
-        text = path.read_bytes().decode()
+        text = text_in(path.read_bytes())
     except UnicodeDecodeError:
         raise InputError(f"{path}: a scene is a TOML text file in UTF-8, this is not") from None
     except OSError as error:

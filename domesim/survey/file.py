@@ -65,6 +65,7 @@ from domesim.survey.nuisances import Errors
 from domesim.survey.photographs import Photographs
 from domesim.survey.registration import Registered, registered
 from domesim.survey.spots import Reading
+from domesim.texts import text_in
 
 Floats = NDArray[np.float64]
 
@@ -276,7 +277,7 @@ def read_survey(path: Path) -> Task:
 
 def _parsed(path: Path) -> SurveyFile:
     try:
-        return SurveyFile.model_validate(tomllib.loads(path.read_bytes().decode()))
+        return SurveyFile.model_validate(tomllib.loads(text_in(path.read_bytes())))
     except UnicodeDecodeError:
         raise InputError(f"{path}: a survey is a TOML text file in UTF-8, this is not") from None
     except OSError as error:
@@ -292,7 +293,7 @@ def _content(where: Path, name: str) -> Mapping[str, Any]:
         from importlib import resources  # noqa: PLC0415
 
         return tomllib.loads(resources.files("scenes").joinpath(f"{name}.toml").read_text())
-    return tomllib.loads(where.read_text())
+    return tomllib.loads(text_in(where.read_bytes()))
 
 
 def _photographs(

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from icc_profiles import icc_profile
 from test_frames import (
     CHROMATICITIES,
     gamma,
-    icc_profile,
     png_with,
     refusal,
     store,
@@ -64,7 +64,7 @@ def test_a_name_that_there_is_not_lists_those_that_there_are(name: str) -> None:
 @pytest.mark.parametrize("name", ["dcdm", "st2084", "acescg", "bt709", "srgb", "gamma2.4:p3-d65"])
 def test_what_is_written_says_so_where_it_can(tmp_path: Path, suffix: str, name: str) -> None:
     """Of a file that says otherwise, or nothing."""
-    profile = icc_profile("Display P3")
+    profile = icc_profile("Display P3", "P3-D65")
     said = {
         "exr": {"chromaticities": ("float[8]", CHROMATICITIES)},
         "png": {"ICCProfile": (f"uint8[{profile.size}]", profile)},
@@ -194,7 +194,7 @@ def test_a_dcdm_tiff_keeps_its_four_zeros(tmp_path: Path) -> None:
     # Of 16 bits, if one sample needs them; and of nothing else.
     store(path, (codes << 4 | (codes == 4095)).astype(np.uint16))
     assert read_frame(path, colour=encoding_named("dcdm")).bits == 16
-    assert read_frame(dcdm_tiff(path, codes)).bits == 16
+    assert read_frame(dcdm_tiff(path, codes), colour=encoding_named("srgb")).bits == 16
 
 
 def test_xyz_is_colorimetric() -> None:

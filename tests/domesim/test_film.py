@@ -16,7 +16,7 @@ from videos import KINDS, number_of, write_numbered
 
 from domesim.batch import job
 from domesim.batch.estimate import estimate
-from domesim.batch.film import Films, _exact
+from domesim.batch.film import USUAL_RATE, Films
 from domesim.batch.job import open_job, sha256
 from domesim.batch.run import Done, Running
 from domesim.batch.work import Writing
@@ -26,7 +26,8 @@ from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.frames.encodings import encoding_named
 from domesim.frames.film import write_film
-from domesim.frames.video import Timing, frame_paths, timing_of
+from domesim.frames.timing import Timing, exact_rate, timing_of
+from domesim.frames.video import frame_paths
 from domesim.shows import find_show
 
 pytest.importorskip("av")
@@ -99,8 +100,8 @@ def test_it_says_what_it_is(tmp_path: Path, name: str) -> None:
     if SAID[name] == ".mov":
         matrix = "BT.2020" if colour.primaries == "BT.2020" else "BT.709"
         assert frame.colour.source == f"file: stream's tags; {matrix} matrix; limited range"
-    assert timing_of(frame_paths(path)[0]) == TIMING
-    assert timing_of(frame_paths(path)[1]).timecode == ""
+    assert timing_of(frame_paths(path)[0], USUAL_RATE) == TIMING
+    assert timing_of(frame_paths(path)[1], USUAL_RATE).timecode == ""
 
 
 def test_a_film_is_whole_or_not_there(tmp_path: Path) -> None:
@@ -143,7 +144,7 @@ def test_a_sequence_becomes_a_film(tmp_path: Path, suffix: str, bits: int | None
     frame = read_frame(frame_paths(film)[0])
     assert frame.bits == (bits or (16 if suffix == ".mkv" else 12))
     assert frame.colour.means_the_same_as(VIDEO)
-    assert timing_of(frame_paths(film)[0]).rate == 60
+    assert timing_of(frame_paths(film)[0], USUAL_RATE).rate == 60
 
 
 def test_a_film_becomes_a_film_of_its_rate_and_timecode(tmp_path: Path) -> None:
@@ -151,7 +152,7 @@ def test_a_film_becomes_a_film_of_its_rate_and_timecode(tmp_path: Path) -> None:
     frames = (Frame(each.astype(np.float32), source, VIDEO, 16, False) for each in pictures())
     write_film(source, frames, 3, VIDEO, TIMING)
     (film,) = filmed(str(source), tmp_path).films
-    assert timing_of(frame_paths(film)[0]) == TIMING
+    assert timing_of(frame_paths(film)[0], USUAL_RATE) == TIMING
     for a, b in zip(frame_paths(source), frame_paths(film), strict=True):
         assert np.abs(read_frame(a).pixels - read_frame(b).pixels).max() < 1 / 65535
 
@@ -179,7 +180,7 @@ def test_exr_files_say_their_rate(tmp_path: Path) -> None:
     filmed(str(source), tmp_path, ".exr")
     done = filmed(str(tmp_path / "out/film.####.exr"), tmp_path / "again")
     (film,) = done.films
-    assert timing_of(frame_paths(film)[0]).rate == 60
+    assert timing_of(frame_paths(film)[0], USUAL_RATE).rate == 60
     assert [number_of(read_frame(each).pixels) for each in frame_paths(film)] == [1, 2, 3]
 
 
@@ -210,7 +211,7 @@ def test_it_is_made_anew_only_if_it_must_be(tmp_path: Path) -> None:
     assert not filmed(master, tmp_path, frames="2-3").films  # a farm's ranges are no film
     assert not made()
     filmed(master, tmp_path, fps=25)  # no frame is done anew
-    assert timing_of(frame_paths(film)[0]).rate == 25
+    assert timing_of(frame_paths(film)[0], USUAL_RATE).rate == 25
     assert made()
     assert len(list((tmp_path / "log").iterdir())) == 5
 
@@ -326,8 +327,8 @@ def test_rates_are_what_is_meant() -> None:
         29.97: Fraction(30000, 1001),
         59.94: Fraction(60000, 1001),
     }
-    assert all(_exact(shown) == meant for shown, meant in rates.items())
-    assert [_exact(rate) for rate in (24, 12.5, 60)] == [24, Fraction(25, 2), 60]
+    assert all(exact_rate(shown) == meant for shown, meant in rates.items())
+    assert [exact_rate(rate) for rate in (24, 12.5, 60)] == [24, Fraction(25, 2), 60]
 
 
 def test_formats_have_names() -> None:

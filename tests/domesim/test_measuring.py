@@ -345,7 +345,7 @@ def test_grey_to_grey_that_is_no_scene(run, tmp_path, eyes, slopes, options, wor
 
 HEADER = "projector,filter,channel,level,X,Y,Z"
 DIRTY = {
-    "a comma for a point": (lambda t: t.replace("0.0", '"0,0"', 1), "must be a number"),
+    "a comma for a point": (lambda t: t.replace("0.0", '"0,0"', 1), "numbers have a decimal point"),
     "semicolons": (lambda t: t.replace(",", ";"), "commas"),
     "no column": (lambda t: t.replace("filter", "flter"), "did you mean filter?"),
     "no session": (

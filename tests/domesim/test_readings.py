@@ -589,6 +589,21 @@ def test_a_grey_ramp_stands_in_for_the_primaries(read):
 GOOD = Rig(ramps=False).csv().splitlines()
 
 
+def decimal_commas(lines):
+    """As Excel writes them where a comma is the decimal point."""
+    cells = [[f'"{cell.replace(".", ",")}"' for cell in line.split(",")] for line in lines[1:]]
+    return [lines[0], *map(",".join, cells)]
+
+
+def test_a_line_that_tells_excel_the_separator_is_no_row(read):
+    plain, told = (
+        one(read("\n".join(rows)))
+        for rows in (display_rows(lambda x: x**2.2), ["sep=,", *display_rows(lambda x: x**2.2)])
+    )
+    assert told.response.transfer.exponent == plain.response.transfer.exponent
+    refused(lambda: read("sep=,"), "rig.csv", "'sep=' alone")
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
@@ -596,6 +611,15 @@ GOOD = Rig(ramps=False).csv().splitlines()
         (lambda t: [t[0].replace("filter,", "eyes,"), *t[1:]], ["column filter is missing"]),
         (lambda t: [t[0].replace(",Z", ",Y"), *t[1:]], ["'Y' is there 2 times", "Z is missing"]),
         (lambda t: [x.replace(",", ";") for x in t], ["line 1: cells must be separated by commas"]),
+        (decimal_commas, ["numbers have a decimal point, got '"]),
+        (
+            lambda t: [t[0].replace("X,Y,Z", "Lv,x,y"), *t[1:]],
+            ["line 1: x and y are chromaticities, which are not X and Z", "X = x Y / y"],
+        ),
+        (
+            lambda t: [t[0].replace("X,Y,Z", "Y,x,y"), *t[1:]],
+            ["line 1: x and y are chromaticities, which are not X and Z"],
+        ),
         (lambda t: [t[0], t[1].replace(".", ","), *t[2:]], ["line 2: must have 7 cells", "comma"]),
         (lambda t: [*t, "left,left,Q,1,1,1,1"], ["channel must be R, G, B, W or K, got 'Q'"]),
         (lambda t: [*t, "up,left,R,1,1,1,1"], ["projector must be left or right, got 'up'"]),

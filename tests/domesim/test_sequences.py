@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from domesim.errors import InputError
-from domesim.sequences import find_frames, output_paths, parse_frames
+from domesim.sequences import find_frames, find_pairs, output_paths, parse_frames
 
 
 def fill(folder: Path, *names: str) -> Path:
@@ -35,7 +35,11 @@ def refusal(pattern: Path | str, frames: str | None = None) -> str:
 
 
 @pytest.mark.parametrize(
-    "pattern", ["show.####.exr", "show.#.exr", "show.%04d.exr", "show.@.exr", "show.$F4.exr"]
+    "pattern",
+    [
+        *("show.####.exr", "show.#.exr", "show.%04d.exr", "show.%d.exr", "show.@.exr"),
+        *("show.@@@@.exr", "show.$F4.exr", "show.$F.exr", "show.<F4>.exr", "show.*.exr"),
+    ],
 )
 def test_each_way_to_write_a_number_finds_all_frames_in_order(tmp_path: Path, pattern: str) -> None:
     numbered(tmp_path, 9998, 9999, 10000, 10001)  # sorted by name, 10000 comes first
@@ -57,6 +61,69 @@ def test_a_name_is_taken_literally(tmp_path: Path) -> None:
 def test_numbers_may_be_negative(tmp_path: Path) -> None:
     fill(tmp_path, "a.-2.png", "a.-1.png", "a.0.png", "a.1.png")
     assert found(tmp_path, "a.#.png") == ["a.-2.png", "a.-1.png", "a.0.png", "a.1.png"]
+
+
+@pytest.mark.parametrize("pattern", ["n-####.png", "n-%04d.png", "n-@.png", "n-*.png"])
+def test_a_hyphen_is_no_minus(tmp_path: Path, pattern: str) -> None:
+    fill(tmp_path, "n-0001.png", "n-0002.png", "n-0003.png")
+    assert found(tmp_path, pattern) == ["n-0001.png", "n-0002.png", "n-0003.png"]
+    assert found(tmp_path, pattern, "2-3") == ["n-0002.png", "n-0003.png"]
+    assert f"Did you mean {tmp_path}/n-####.png?" in refusal(tmp_path)
+    assert "none matches" in refusal(tmp_path / "n####.png")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(
+            "dome@4k.",
+            "shot#3.",
+            "100%d.",
+            "a*b.",
+            "take$F.",
+            "<b>.",
+            "a<F4>.",
+            "x##y@@.",
+            "@",
+            "#",
+        ),
+        *("v1-2_", "take2-"),
+    ],
+)
+@pytest.mark.parametrize("place", ["####", "#", "@", "%04d", "$F4", "<F4>", "*"])
+def test_what_comes_before_the_last_place_is_a_name(tmp_path: Path, name: str, place: str) -> None:
+    if name[-1] in "@#" and place[0] == name[-1]:
+        name = f"{name}_"
+    names = [f"{name}0001.png", f"{name}0002.png"]
+    fill(tmp_path, *names)
+    assert found(tmp_path, f"{name}{place}.png") == names
+    assert f"Did you mean {tmp_path}/{name}####.png?" in refusal(tmp_path / "other.####.png")
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3])
+def test_a_link_to_nothing_is_no_end_of_a_film(tmp_path: Path, lost: int) -> None:
+    """As of a farm's disk that is not mounted."""
+    numbered(tmp_path, *({1, 2, 3} - {lost}))
+    link = tmp_path / f"show.{lost:04}.exr"
+    link.symlink_to("nowhere/show.exr")
+    message = refusal(tmp_path / "show.####.exr")
+    assert f"got a link to nothing: {link.name} -> nowhere/show.exr" in message
+    others = sorted({1, 2, 3} - {lost})
+    assert len(find_frames(tmp_path / "show.####.exr", ",".join(map(str, others)))) == 2
+    link.unlink()
+    link.symlink_to(link)  # to itself
+    assert "got a link to nothing" in refusal(tmp_path / "show.####.exr")
+    link.unlink()
+    (tmp_path / "elsewhere.exr").touch()
+    link.symlink_to(tmp_path / "elsewhere.exr")
+    assert len(find_frames(tmp_path / "show.####.exr")) == 3
+
+
+def test_a_link_to_nothing_on_one_side_of_a_pair(tmp_path: Path) -> None:
+    fill(tmp_path, "l.1.exr", "l.2.exr", "r.1.exr")
+    (tmp_path / "r.2.exr").symlink_to("nowhere")
+    with pytest.raises(InputError, match="got a link to nothing"):
+        find_pairs(tmp_path / "l.#.exr", tmp_path / "r.#.exr")
 
 
 def test_a_file_is_a_file_whatever_its_name(tmp_path: Path) -> None:

@@ -169,6 +169,10 @@ BROKEN = {
     "an end that is missing": (ti3().split("END_DATA\n")[0], "ends before END_DATA"),
     "a half": (ti3()[: ti3().index("\n12 ")], "ends before END_DATA"),
     "nothing": ("", "got 'nothing'"),
+    "decimal commas": (
+        re.sub(r"(?<=[0-9])[.](?=[0-9])", ",", ti3()),
+        "numbers have a decimal point, got '",
+    ),
     "levels in 0..1": (
         re.sub(
             r"^(\d+) (\S+) (\S+) (\S+) ",

@@ -34,7 +34,8 @@ from domesim.frames import Frame, read_frame, read_master
 from domesim.frames.dithering import seed_of
 from domesim.frames.encodings import encoding_named
 from domesim.frames.film import write_film
-from domesim.frames.video import Timing, _decoder, frame_paths
+from domesim.frames.timing import Timing
+from domesim.frames.video import _decoder, frame_paths
 from domesim.shows import find_show
 
 pytest.importorskip("av")
@@ -203,6 +204,7 @@ def test_packed_samples_come_as_they_are(
 ) -> None:
     channels, largest = (3, 65535) if pixels == "rgb48le" else (4, 255)
     codes = np.arange(47 * 61 * channels).reshape(47, 61, channels) % (largest - 4)
+    codes[..., 3:] = largest  # a picture over black would be darker
     kind = Kind(".mkv", "ffv1", pixels, FFV1, matrix=0, full=True)
     frame = read_frame(frame_paths(write_video(tmp_path / "film.mkv", kind, [[codes]]))[0])
     assert np.array_equal(np.rint(frame.pixels * largest), codes[..., order[:3]])

@@ -233,8 +233,8 @@ def test_two_files_come_back(tmp_path: Path, suffix: str, dtype: str) -> None:
     [
         ("exr", "float16", "R,G,B,A,Z"),
         ("exr", "float16", "Y"),
-        ("png", "uint8", "R,G,B,A"),
-        ("tif", "uint16", "R,G,B,A"),
+        ("png", "uint8", "R,G,B"),
+        ("tif", "uint16", "R,G,B"),
         ("dpx", "uint16", "R,G,B"),
     ],
 )

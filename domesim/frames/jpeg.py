@@ -1,0 +1,97 @@
+"""The segments of a JPEG that are about its picture, and which eye is which (ITU-T T.81, annex B).
+
+OpenImageIO reads and writes a part of them: it loses an Orientation, and comments of Exif.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import warnings
+from collections.abc import Iterator
+
+START = b"\xff\xd8\xff"
+_STEREO = b"_JPSJPS_"
+_JFIF, _FIRST, _LAST, _COMMENT, _SCAN = 0xE0, 0xE1, 0xEF, 0xFE, 0xDA  # APPn, COM, SOS
+# Of APP2: ICC profiles, which are said anew; and where other pictures of the file are, which are
+# not in another. APP14 tells how samples are stored.
+_INDEX, _ENTRIES = b"MPF\0", 0xB002
+_OF_STORAGE = (b"ICC_PROFILE\0", _INDEX, b"Adobe", _STEREO)
+
+
+def segments_of(content: bytes) -> Iterator[tuple[int, bytes]]:
+    """(marker, whole segment) of each before the first scan, as far as they are there."""
+    position = 2
+    while position + 4 <= len(content) and content[position] == 0xFF:
+        marker = content[position + 1]
+        if marker == 0xFF:  # fill
+            position += 1
+            continue
+        (length,) = struct.unpack_from(">H", content, position + 2)
+        end = position + 2 + length
+        if marker == _SCAN or end > len(content):
+            return
+        yield marker, content[position:end]
+        position = end
+
+
+def metadata_of(content: bytes) -> bytes:
+    """The segments that tell of the picture: Exif, XMP, IPTC, comments, ..."""
+    return b"".join(
+        whole
+        for marker, whole in segments_of(content)
+        if _is_metadata(marker) and not whole[4:].startswith(_OF_STORAGE)
+    )
+
+
+def with_metadata(encoded: bytes, metadata: bytes) -> bytes:
+    """The JPEG `encoded` with those segments in place of its own of that kind."""
+    told = list(segments_of(encoded))
+    end = 2 + sum(len(whole) for _, whole in told)
+    others = [
+        (marker, whole)
+        for marker, whole in told
+        if not _is_metadata(marker) or whole[4:].startswith(_OF_STORAGE)
+    ]
+    return _joined(others, metadata, encoded[end:])
+
+
+def with_segment(encoded: bytes, segment: bytes) -> bytes:
+    """The JPEG `encoded` with one more."""
+    told = list(segments_of(encoded))
+    return _joined(told, segment, encoded[2 + sum(len(whole) for _, whole in told) :])
+
+
+def _joined(told: list[tuple[int, bytes]], more: bytes, rest: bytes) -> bytes:
+    """A JPEG; JFIF's segment, APP0, comes first."""
+    first = b"".join(whole for marker, whole in told if marker == _JFIF)
+    others = b"".join(whole for marker, whole in told if marker != _JFIF)
+    return b"".join([START[:2], first, more, others, rest])
+
+
+def stereo_of(content: bytes) -> tuple[int, bool] | None:
+    """Layout and "left first" of a stereoscopic JPEG (VRex, *JPS*, 1997); None if it is none."""
+    for marker, whole in segments_of(content):
+        if marker == 0xE3 and whole[4:12] == _STEREO and len(whole) >= 18:
+            _, flags, layout, media = whole[14:18]
+            return (layout, bool(flags & 4)) if media == 1 else None
+    return None
+
+
+def is_pair(content: bytes) -> bool:
+    """Whether it holds several views of one moment (CIPA DC-007, 5.2.3.3: disparity)."""
+    if not any(whole[4:].startswith(_INDEX) for _, whole in segments_of(content)):
+        return False
+    from PIL import Image  # noqa: PLC0415 - few JPEGs have an index
+
+    try:
+        # A panorama may be large: nothing of it is decoded here.
+        with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(content)) as opened:
+            entries = getattr(opened, "mpinfo", {}).get(_ENTRIES, [])
+    except (OSError, ValueError, SyntaxError, KeyError, Image.DecompressionBombError):
+        return False
+    return sum("Disparity" in entry["Attribute"]["MPType"] for entry in entries) > 1
+
+
+def _is_metadata(marker: int) -> bool:
+    return _FIRST <= marker <= _LAST or marker == _COMMENT

@@ -1,0 +1,116 @@
+"""The picture of a DCP: X'Y'Z' in JPEG 2000 in MXF, and a folder of one."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import Run
+from videos import KINDS, Kind, write_numbered
+
+from domesim.errors import InputError
+from domesim.frames import read_frame
+from domesim.frames.timing import Timing, timing_of
+from domesim.frames.video import frame_paths
+from domesim.sequences import find_frames
+
+av = pytest.importorskip("av")
+ROWS, COLS = 96, 96
+
+
+def codes(number: int) -> np.ndarray:
+    """(row, col, XYZ) of 12 bits, smooth: JPEG 2000 of a DCP is lossy."""
+    row, col = np.mgrid[:ROWS, :COLS]
+    return np.stack([row * 20, col * 20, row * 10 + col * 10], -1) + 30 * number
+
+
+def track(path: Path, count: int = 3) -> Path:
+    if shutil.which("ffmpeg") is None:
+        pytest.skip("no ffmpeg, whose encoder knows digital cinema's profile")
+    raw = b"".join((codes(k) << 4).astype("<u2").tobytes() for k in range(count))
+    size = ("-pix_fmt", "xyz12le", "-s", f"{COLS}x{ROWS}", "-r", "24")
+    profile = ("-c:v", "libopenjpeg", "-format", "j2k", "-cinema_mode", "2k_24")
+    command = ["ffmpeg", "-v", "error", "-y", "-f", "rawvideo", *size, "-i", "-", *profile, path]
+    subprocess.run(command, input=raw, check=True)
+    return path
+
+
+def dcp(folder: Path) -> Path:
+    folder.mkdir()
+    track(folder / "picture.mxf")
+    (folder / "ASSETMAP.xml").write_text("<AssetMap/>")
+    sound = Kind(".mxf", "mpeg2video", "yuv420p")
+    write_numbered(folder / "other.mxf", sound, 2, rate=Fraction(24))
+    return folder
+
+
+def test_x_y_z_codes_come_as_they_are(tmp_path: Path) -> None:
+    frames = frame_paths(track(tmp_path / "in.mxf"))
+    assert len(frames) == 3
+    for k, path in enumerate(frames):
+        read = read_frame(path)
+        assert (read.bits, read.colour.transfer, read.colour.primaries) == (12, "dcdm", "XYZ")
+        assert np.abs(read.pixels * 4095 - codes(k)).max() < 1.51
+        with av.open(str(tmp_path / "in.mxf")) as opened:
+            decoded = list(opened.decode(video=0))[k]
+        plane = np.frombuffer(decoded.planes[0], "<u2").reshape(ROWS, -1)[:, : 3 * COLS]
+        expected = plane.reshape(ROWS, COLS, 3) >> 4
+        np.testing.assert_array_equal(np.rint(read.pixels * 4095), expected)
+    assert timing_of(frames[0], Fraction(25)) == Timing(Fraction(24), "00:00:00:00")
+
+
+def test_a_dcps_folder_is_its_picture(tmp_path: Path) -> None:
+    folder = dcp(tmp_path / "dcp")
+    assert [path.name for path in find_frames(folder)] == [f"picture.{k:04}.mxf" for k in (1, 2, 3)]
+    assert len(find_frames(folder, "2-3")) == 2
+    track(folder / "second.mxf")
+    with pytest.raises(InputError, match=r"got picture\.mxf, second\.mxf\. Name one"):
+        find_frames(folder)
+    (folder / "ASSETMAP.xml").unlink()
+    with pytest.raises(InputError, match="got a folder"):
+        find_frames(folder)
+
+
+def test_the_command_makes_x_y_z_of_it(tmp_path: Path, out: Path, run: Run) -> None:
+    options = ("--scene", "dome_hemisphere", "--method", "none", "--workers", 0, "--pages", 0)
+    how = ("--format", "tif", "--dither", "none", "--out", out)
+    result = run("compensate", dcp(tmp_path / "dcp"), *options, *how)
+    assert result.code == 0, result
+    from domesim.frames.encodings import encoding_named  # noqa: PLC0415
+
+    read = read_frame(out / "picture.0001.tif", colour=encoding_named("dcdm"))
+    assert read.bits == 12
+    assert np.abs(read.pixels * 4095 - codes(0)).max() < 1.51
+
+
+def test_other_mxfs_are_told_by_what_they_are(tmp_path: Path) -> None:
+    path = write_numbered(
+        tmp_path / "x.mxf", Kind(".mxf", "mpeg2video", "yuv420p"), 2, rate=Fraction(25)
+    )
+    with pytest.raises(InputError) as caught:
+        find_frames(path)
+    assert "wanted a DCP's picture in MXF" in str(caught.value)
+    assert ".mov, .mp4, .m4v, .mkv" in str(caught.value)
+
+
+def test_an_encrypted_one_is_refused(tmp_path: Path) -> None:
+    """By the label of its essence container (SMPTE ST 429-6)."""
+    path = track(tmp_path / "x.mxf")
+    content = bytearray(path.read_bytes())
+    label = bytes.fromhex("060e2b34040101070d010301020c")
+    assert label in content
+    content = content.replace(label + b"\1\0", bytes.fromhex("060e2b34040101070d010301020b0100"))
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="got an encrypted one"):
+        find_frames(path)
+
+
+def test_a_video_of_another_codec_is_no_mxf(tmp_path: Path) -> None:
+    path = write_numbered(tmp_path / "film.mkv", KINDS["FFV1"], 2)
+    path.rename(tmp_path / "film.mxf")
+    with pytest.raises(InputError):
+        find_frames(tmp_path / "film.mxf")

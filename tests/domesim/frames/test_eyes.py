@@ -1,0 +1,309 @@
+"""Files that say which eye is which: they are believed, kept, and not argued with."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+from command_line import Run
+from image_files import store
+from PIL import Image
+from videos import KINDS, write_video
+
+from domesim.errors import InputError
+from domesim.frames import read_frame, read_master, write_master
+from domesim.frames.png import chunk
+from domesim.frames.video import frame_paths
+
+ROWS, COLS = 32, 48
+
+
+def views() -> tuple[np.ndarray, np.ndarray]:
+    """Left and right, (row, col, 3) 8 bits: left is darker."""
+    row, col = np.mgrid[:ROWS, :COLS]
+    left = np.stack([row * 3, col * 2, row + col], -1).astype(np.uint8)
+    return left, left + 100
+
+
+def packed(first: np.ndarray, second: np.ndarray, packing: str) -> np.ndarray:
+    return np.concatenate([first, second], 1 if packing == "side-by-side" else 0)
+
+
+def cross_png(path: Path, mode: int) -> Path:
+    left, right = views()
+    pair = (right, left) if mode == 0 else (left, right)
+    Image.fromarray(packed(*pair, "side-by-side")).save(path)
+    content = path.read_bytes()
+    path.write_bytes(content[:33] + chunk(b"sTER", bytes([mode])) + content[33:])
+    return path
+
+
+def jps(path: Path, layout: int, flags: int) -> Path:
+    left, right = views()
+    packing = {2: "side-by-side", 3: "top-bottom"}.get(layout, "side-by-side")
+    pair = (left, right) if flags & 4 else (right, left)
+    Image.fromarray(packed(*pair, packing)).save(path, quality=100, subsampling=0)
+    body = b"_JPSJPS_" + struct.pack(">H4B", 4, 0, flags, layout, 1) + b"\0\0"
+    content = path.read_bytes()
+    segment = b"\xff\xe3" + struct.pack(">H", len(body) + 2) + body
+    path.write_bytes(content[:2] + segment + content[2:])
+    return path
+
+
+def assert_eyes(path: Path, packing: str = "side-by-side", tolerance: int = 0) -> None:
+    master = read_master([path], packing=packing)
+    for frame, view in zip(master.frames, views(), strict=True):
+        found = np.rint(frame.pixels * 255)
+        np.testing.assert_allclose(found, view, atol=tolerance)
+
+
+@pytest.mark.parametrize("mode", [0, 1])
+def test_a_png_says_it_by_ster(tmp_path: Path, mode: int) -> None:
+    path = cross_png(tmp_path / "in.png", mode)
+    assert_eyes(path)
+    master = read_master([path], packing="side-by-side")
+    assert f"{'right' if mode == 0 else 'left'} first (sTER)" in master.described()
+    write_master(master, [tmp_path / "out.png"])
+    assert chunk(b"sTER", bytes([mode])) in (tmp_path / "out.png").read_bytes()
+    with Image.open(path) as old, Image.open(tmp_path / "out.png") as new:
+        np.testing.assert_array_equal(np.asarray(old), np.asarray(new))
+    assert_eyes(tmp_path / "out.png")
+
+
+@pytest.mark.parametrize("layout", [2, 3])
+@pytest.mark.parametrize("flags", [0, 4])
+def test_a_jpeg_says_it_as_jps_does(tmp_path: Path, layout: int, flags: int) -> None:
+    path = jps(tmp_path / "in.jpg", layout, flags)
+    packing = {2: "side-by-side", 3: "top-bottom"}[layout]
+    assert_eyes(path, packing, tolerance=3)
+    master = read_master([path], packing=packing)
+    write_master(master, [tmp_path / "out.jpg"])
+    content = (tmp_path / "out.jpg").read_bytes()
+    assert b"_JPSJPS_\0\4" + bytes([0, flags, layout, 1]) in content
+    assert content.count(b"_JPSJPS_") == 1
+    assert_eyes(tmp_path / "out.jpg", packing, tolerance=4)
+
+
+@pytest.mark.parametrize("name", ["pair.pns", "pair.jps"])
+def test_stereo_suffixes_are_known(tmp_path: Path, out: Path, run: Run, name: str) -> None:
+    made = (
+        cross_png(tmp_path / "a.png", 0) if name.endswith("pns") else jps(tmp_path / "a.jpg", 2, 0)
+    )
+    path = made.rename(tmp_path / name)
+    stereo = ("--scene", "stereo_cinema_silver", "--method", "none", "--out", out)
+    result = run("compensate", path, *stereo, "--packing", "side-by-side")
+    assert result.code == 0, result
+    assert_eyes(out / name, tolerance=4)
+
+
+def test_what_cannot_say_it_has_left_first(tmp_path: Path) -> None:
+    sources = {
+        "png": (cross_png(tmp_path / "in.png", 0), "side-by-side"),
+        "jpg": (jps(tmp_path / "in.jpg", 3, 0), "top-bottom"),
+    }
+    masters = {
+        name: read_master([path], packing=packing) for name, (path, packing) in sources.items()
+    }
+    for source, master in masters.items():
+        for suffix in ("tif", "exr", "dpx"):
+            write_master(master, [tmp_path / f"{source}.{suffix}"])
+            assert_eyes(tmp_path / f"{source}.{suffix}", tolerance=4, packing=master.packing)
+    # Side by side a JPEG says what a PNG said; one above the other a PNG cannot.
+    write_master(masters["png"], [tmp_path / "x.jpg"])
+    assert_eyes(tmp_path / "x.jpg", tolerance=4)
+    write_master(masters["jpg"], [tmp_path / "x.png"])
+    assert_eyes(tmp_path / "x.png", tolerance=4, packing="top-bottom")
+
+
+def test_the_command_goes_by_it_and_refuses_another_packing(
+    tmp_path: Path, out: Path, run: Run
+) -> None:
+    path = cross_png(tmp_path / "in.png", 0)
+    stereo = ("--scene", "stereo_cinema_silver", "--method", "none", "--out", out)
+    result = run("compensate", path, *stereo)
+    result.is_refused("--packing side-by-side, as it says itself")
+    result = run("compensate", path, *stereo, "--packing", "side-by-side")
+    assert result.code == 0, result
+    assert "right first (sTER)" in result.out
+    result = run("compensate", path, *stereo, "--packing", "top-bottom")
+    result.is_refused("in.png", "top-bottom", "side-by-side, right first (sTER)")
+    other = cross_png(tmp_path / "other.png", 0)
+    result = run("compensate", "--left", path, "--right", other, "--allow-identical", *stereo)
+    result.is_refused("wanted the left view", "holds both (sTER)")
+
+
+@pytest.mark.parametrize("layout", [1, 4])
+def test_views_in_other_layouts_are_refused(tmp_path: Path, layout: int) -> None:
+    with pytest.raises(InputError, match=f"JPS of layout {layout}"):
+        read_frame(jps(tmp_path / "in.jpg", layout, 4))
+
+
+def test_a_mono_jps_is_an_ordinary_picture(tmp_path: Path) -> None:
+    path = jps(tmp_path / "in.jpg", 2, 4)
+    path.write_bytes(path.read_bytes().replace(bytes([0, 4, 2, 1]), bytes([0, 4, 2, 0]), 1))
+    assert len(read_master([path]).frames) == 1
+
+
+def test_an_mpo_of_two_views_is_refused(tmp_path: Path) -> None:
+    """The second picture would be lost."""
+    left, right = (Image.fromarray(view) for view in views())
+    left.save(tmp_path / "in.jpg", format="MPO", save_all=True, append_images=[right])
+    content = bytearray((tmp_path / "in.jpg").read_bytes())
+    place = content.index(b"MPF\0") + 4
+    order = "<" if content[place : place + 2] == b"II" else ">"
+    entries = content.index(struct.pack(order + "HHI", 0xB002, 7, 32), place)
+    (offset,) = struct.unpack_from(order + "I", content, entries + 8)
+    for k in range(2):  # both of type "disparity"
+        struct.pack_into(order + "I", content, place + offset + 16 * k, 0x020002)
+    (tmp_path / "in.jpg").write_bytes(content)
+    with pytest.raises(InputError, match="MPO of two views"):
+        read_frame(tmp_path / "in.jpg")
+
+
+def test_a_jpeg_with_another_picture_beside_is_an_ordinary_one(tmp_path: Path) -> None:
+    """Large thumbnails, and the gain maps of phones."""
+    left, right = (Image.fromarray(view) for view in views())
+    left.save(tmp_path / "in.jpg", format="MPO", save_all=True, append_images=[right])
+    assert read_frame(tmp_path / "in.jpg").pixels.shape == (ROWS, COLS, 3)
+
+
+# Videos.
+
+MODES = {
+    "left_right": ("side-by-side", False),
+    "right_left": ("side-by-side", True),
+    "top_bottom": ("top-bottom", False),
+    "bottom_top": ("top-bottom", True),
+}
+
+
+def stereo_video(path: Path, mode: str) -> Path:
+    packing, swapped = MODES[mode]
+    left, right = views()
+    picture = packed(right, left, packing) if swapped else packed(left, right, packing)
+    planes = [picture[..., k].astype(np.uint16) << 4 for k in (1, 2, 0)]
+    write_video(path, KINDS["FFV1"], [planes] * 2, metadata={"stereo_mode": mode})
+    return path
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_matroska_says_it_by_its_stereo_mode(tmp_path: Path, mode: str) -> None:
+    path = stereo_video(tmp_path / "in.mkv", mode)
+    frame = frame_paths(path)[0]
+    master = read_master([frame], packing=MODES[mode][0])
+    for found, view in zip(master.frames, views(), strict=True):
+        np.testing.assert_array_equal(np.rint(found.pixels * 4095), view.astype(int) << 4)
+    with pytest.raises(InputError, match="stereo mode"):
+        read_master([frame], packing=next(p for p, _ in MODES.values() if p != MODES[mode][0]))
+
+
+@pytest.mark.parametrize(
+    "mode", ["anaglyph_cyan_red", "block_lr", "checkerboard_lr", "row_interleaved_rl"]
+)
+def test_other_stereo_modes_are_refused(tmp_path: Path, mode: str) -> None:
+    left, _ = views()
+    planes = [left[..., k].astype(np.uint16) << 4 for k in (1, 2, 0)]
+    path = write_video(
+        tmp_path / "in.mkv", KINDS["FFV1"], [planes] * 2, metadata={"stereo_mode": mode}
+    )
+    with pytest.raises(InputError, match=r"wanted views side by side"):
+        read_frame(frame_paths(path)[0])
+
+
+def test_a_mono_video_is_mono(tmp_path: Path) -> None:
+    left, _ = views()
+    planes = [left[..., k].astype(np.uint16) << 4 for k in (1, 2, 0)]
+    path = write_video(
+        tmp_path / "in.mkv", KINDS["FFV1"], [planes] * 2, metadata={"stereo_mode": "mono"}
+    )
+    assert len(read_master([frame_paths(path)[0]]).frames) == 1
+
+
+def box(kind: bytes, content: bytes) -> bytes:
+    return struct.pack(">I4s", 8 + len(content), kind) + content
+
+
+def with_st3d(path: Path, mode: int) -> Path:
+    """The MP4 with a box st3d (Google, *Spherical Video V2 RFC*) in its sample entry."""
+    content = path.read_bytes()
+    told = box(b"st3d", struct.pack(">IB", 0, mode))
+    place = content.index(b"avcC") - 4
+    (size,) = struct.unpack_from(">I", content, place)
+    content = bytearray(content[: place + size] + told + content[place + size :])
+    for kind in (b"avc1", b"stsd", b"stbl", b"minf", b"mdia", b"trak", b"moov"):
+        at = content.rindex(kind, 0, place + 8) - 4
+        (old,) = struct.unpack_from(">I", content, at)
+        struct.pack_into(">I", content, at, old + len(told))
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("mode", "packing", "swapped"), [(1, "top-bottom", False), (2, "side-by-side", False)]
+)
+def test_mp4_says_it_by_st3d(tmp_path: Path, mode: int, packing: str, swapped: bool) -> None:
+    left, right = views()
+    grey = packed(left, right, packing)[..., 0]
+    planes = [
+        grey,
+        np.full([n // 2 for n in grey.shape], 128),
+        np.full([n // 2 for n in grey.shape], 128),
+    ]
+    path = with_st3d(write_video(tmp_path / "in.mp4", KINDS["H.264"], [planes] * 2), mode)
+    master = read_master([frame_paths(path)[0]], packing=packing)
+    first, second = (frame.pixels.mean() for frame in master.frames)
+    assert (first < second) != swapped
+
+
+def test_a_film_keeps_its_stereo_mode(tmp_path: Path, out: Path, run: Run) -> None:
+    import av  # noqa: PLC0415
+
+    path = stereo_video(tmp_path / "in.mkv", "right_left")
+    stereo = ("--scene", "stereo_cinema_silver", "--method", "none", "--out", out)
+    how = ("--packing", "side-by-side", "--workers", 0, "--format", "mkv", "--pages", 0)
+    result = run("compensate", path, *stereo, *how)
+    assert result.code == 0, result
+    with av.open(str(out / "in.mkv")) as film:
+        assert film.streams.video[0].metadata["stereo_mode"] == "right_left"
+    (frame,) = frame_paths(out / "in.mkv")[:1]
+    left, _ = read_master([frame], packing="side-by-side").frames
+    np.testing.assert_allclose(left.pixels * 255, views()[0], atol=2)
+
+
+def test_one_picture_that_says_so_stays_as_it_is(tmp_path: Path) -> None:
+    """Without a packing it is one: a domemaster may say anything."""
+    path = cross_png(tmp_path / "in.png", 0)
+    master = read_master([path])
+    assert master.packing == "single"
+    assert "it says that it is side-by-side, right first (sTER)" in master.described()
+    write_master(master, [tmp_path / "out.png"])
+    assert chunk(b"sTER", b"\0") in (tmp_path / "out.png").read_bytes()
+
+
+def test_halves_are_not_taken_for_pairs(tmp_path: Path) -> None:
+    """A view that becomes a file of its own says nothing of two."""
+    from dataclasses import replace  # noqa: PLC0415
+
+    pair = read_master([cross_png(tmp_path / "in.png", 0)], packing="side-by-side")
+    master = replace(pair, packing="files")
+    write_master(master, [tmp_path / "l.png", tmp_path / "r.png"])
+    assert b"sTER" not in (tmp_path / "l.png").read_bytes()
+    assert len(read_master([tmp_path / "l.png", tmp_path / "r.png"]).frames) == 2
+
+
+def test_pictures_of_several_views_in_an_exr_have_names(tmp_path: Path) -> None:
+    samples = np.random.default_rng(3).random((ROWS, COLS, 6)).astype(np.float16)
+    path = store(
+        tmp_path / "in.exr",
+        samples,
+        "R,G,B,left.R,left.G,left.B",
+        multiView=("string[2]", ("right", "left")),
+    )
+    master = read_master([path])
+    np.testing.assert_array_equal(master.frames[0].pixels, samples[..., 3:].astype(np.float32))
+    write_master(master, [tmp_path / "out.exr"])
+    reader = oiio.ImageInput.open(str(tmp_path / "out.exr"))
+    assert reader.spec().getattribute("multiView") == ("right", "left")
