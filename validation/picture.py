@@ -15,7 +15,7 @@ _QUIET = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
 
 
 def photograph(page: Path, picture: Path) -> None:
-    """Split view of untouched and perceptual, two stops up, the probe on a dark tree."""
+    """Split view of untouched and perceptual, two stops up, the Milky Way on the perceptual side."""
     browser_path = shutil.which("chromium") or shutil.which("google-chrome")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=browser_path, args=list(_QUIET))
@@ -24,6 +24,10 @@ def photograph(page: Path, picture: Path) -> None:
         view.wait_for_function("window.domesimViewer && window.domesimViewer.ready")
         view.wait_for_timeout(1500)
         view.get_by_test_id("exposure").fill("2")
+        view.mouse.move(653, 450)
+        view.mouse.down()
+        view.mouse.move(455, 450, steps=8)
+        view.mouse.up()
         view.mouse.move(690, 330)
         view.mouse.down()
         view.mouse.up()
