@@ -27,6 +27,7 @@ from typing import Any, final
 from urllib.parse import quote
 
 from domesim.batch.job import Job, versions
+from domesim.batch.sealed import read_sealed
 from domesim.batch.work import Column, Failed, Finished, Order
 from domesim.console import complain, duration
 from domesim.errors import InputError
@@ -150,7 +151,7 @@ class Report:
             if name == "settings" or name in self._outcomes:
                 continue
             with suppress(OSError, ValueError, LookupError, TypeError):
-                rows[name] = dict(json.loads(place.read_text())["figures"])
+                rows[name] = dict(read_sealed(place)["figures"])
         for name, outcome in self._outcomes.items():
             if isinstance(outcome, Finished):
                 rows[name] = outcome.figures

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from math import inf
 from pathlib import Path
@@ -17,10 +18,10 @@ import psutil
 from domesim.batch.alone import alone
 from domesim.batch.cluster import in_cluster
 from domesim.batch.crew import Crew
-from domesim.batch.film import films_of
-from domesim.batch.job import Job, open_job, versions
+from domesim.batch.film import Films, films_of
+from domesim.batch.job import Job, Record, open_job
 from domesim.batch.report import Report, page_name
-from domesim.batch.work import Failed, Files, Finished, Order, Recipe, Writing
+from domesim.batch.work import Failed, Files, Finished, Order, Recipe, Writing, program_of
 from domesim.console import Console, complain, prepare
 from domesim.errors import InputError
 from domesim.frames.messages import joined
@@ -149,12 +150,26 @@ def each_frame(
     outputs = show.outputs(folder, writing.suffix)
     for place in {path.parent for output in outputs for path in output} | {folder}:
         prepare(place)
-    job = _job(show, folder, outputs, recipe, writing, running)
-    orders = orders_of(show, outputs, recipe, writing, job)
-    fresh, recorded = _by_record(orders, job)
-    report = None if job is None else Report(job, orders, what, show.part, checked_last=recorded)
-    telling = _Telling(console, orders, recorded, report)
     crew = crew_of(running, recipe, show)
+    with _job(show, folder, outputs, recipe, writing, running) as job:
+        orders = orders_of(show, outputs, recipe, writing, job)
+        return _each(orders, job, crew, running, console, what, films)
+
+
+def _each(
+    orders: list[Order],
+    job: Job | None,
+    crew: Crew | None,
+    running: Running,
+    console: Console,
+    what: str,
+    films: Films | None,
+) -> Done:
+    """Do all frames of a job, and what is made of them together."""
+    recipe, part = orders[0].recipe, orders[0].show.part
+    fresh, recorded = _by_record(orders, job)
+    report = None if job is None else Report(job, orders, what, part, checked_last=recorded)
+    telling = _Telling(console, orders, recorded, report)
     began = time.perf_counter()
     try:
         # To read all results of a long show takes hours, for which no worker should wait
@@ -176,7 +191,7 @@ def each_frame(
         return done
     done.report = report.finish()
     if films is not None and not done.failed:
-        if show.part:
+        if part:
             console.say("A video is made of a whole sequence: leave --frames out for it")
         else:
             films.make(orders, job, console)
@@ -184,10 +199,13 @@ def each_frame(
     if _compare(report.worst(running.pages), recipe, console):
         report.finish()
     kept = f", {done.kept} of them before" if done.kept else ""
+    others = sum(frame["settings"] != job.settings for frame in done.frames)
+    kept += f", {others} of them with other settings" if others else ""
     console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}. Report: {done.report}")
     return done
 
 
+@contextmanager
 def _job(
     show: Show,
     folder: Path,
@@ -195,19 +213,20 @@ def _job(
     recipe: Recipe,
     writing: Writing,
     running: Running,
-) -> Job | None:
+) -> Iterator[Job | None]:
     """The job of a sequence, without what processes that are gone half wrote; None of a file."""
     if not show.numbered:
-        return None
-    settings = {**recipe.settings(), **_settings(show, outputs[0], writing)}
-    job = open_job(folder, settings, mixed=running.mixed, anew=running.anew)
-    for place in {path.parent for output in outputs for path in output} | {job.folder}:
-        sweep(place)
-    for output in outputs if running.anew else ():
-        job.forget(output)
-    if any(video_of(path) for path in show.moments[0]):
-        job.sources(show.moments[0])  # once, not by each worker
-    return job
+        yield None
+        return
+    settings = _settings(show, folder, outputs[0], recipe, writing)
+    with open_job(folder, settings, mixed=running.mixed, anew=running.anew) as job:
+        for place in {path.parent for output in outputs for path in output} | {job.folder}:
+            sweep(place)
+        for output in outputs if running.anew else ():
+            job.forget(output)
+        if any(video_of(path) for path in show.moments[0]):
+            job.sources(show.moments[0])  # once, not by each worker
+        yield job
 
 
 def _by_record(orders: list[Order], job: Job | None) -> tuple[list[Order], list[Order]]:
@@ -241,7 +260,9 @@ def _changed(
             record = job.kept(order.moment, order.output)
         except InputError:  # whoever does it will say so
             return None
-        return None if record is None else Finished(record.figures, record.line, kept=True)
+        if not isinstance(record, Record):
+            return None
+        return Finished(record.figures, record.line, kept=True)
 
     changed = []
     pool = ThreadPoolExecutor(cores())
@@ -391,11 +412,16 @@ def _told(crew: Crew) -> str:
     return f"{workers}, {crew.threads} of {cores()} cores each"
 
 
-def _settings(show: Show, output: Files, writing: Writing) -> dict[str, Any]:
-    """What results depend on besides the recipe."""
+def _settings(
+    show: Show, folder: Path, output: Files, recipe: Recipe, writing: Writing
+) -> dict[str, Any]:
+    """All that results depend on, and whose they are."""
     colour = show.colour
     return {
-        "domesim": versions().get("domesim"),
+        **recipe.settings(),
+        "domesim": program_of(recipe),
+        # From the results, so that both may be moved together
+        "masters": [os.path.relpath(source, folder) for source in show.sources],
         "packing": show.packing,
         "encoding": None if colour is None else [colour.transfer, colour.primaries],
         **asdict(writing),
@@ -432,6 +458,8 @@ class _Telling:
         if outcome.kept:
             self._console.say(f"{order.name} (done before): {outcome.line}")
             return
+        if outcome.again:
+            self._console.say(f"{order.name}: done again: {outcome.again}")
         self._console.say(f"{order.name}: {outcome.line}\n  -> {', '.join(map(str, order.output))}")
 
     def has_all(self, orders: Sequence[Order]) -> bool:

@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
 from types import SimpleNamespace
@@ -132,9 +131,9 @@ def test_a_record_of_something_else_is_none(tmp_path: Path, recipe: Harmful, con
 def test_another_program_does_no_frame(tmp_path: Path, recipe: Harmful) -> None:
     """Of a worker that came after the command had looked at all of them."""
     make_show(tmp_path / "in", 1)
-    another = replace(open_job(tmp_path, {}), program="0.0.1")
-    order = Order(show_of(tmp_path / "in"), (tmp_path / "in.0001.exr",), recipe, Writing(), another)
-    found = cluster.do(order)
+    with open_job(tmp_path, {"domesim": "0.0.1"}) as another:
+        place = (tmp_path / "in.0001.exr",)
+        found = cluster.do(Order(show_of(tmp_path / "in"), place, recipe, Writing(), another))
     assert isinstance(found, Failed)
     assert "wanted domesim 0.0.1" in found.reason
     assert not recipe.begun()
@@ -278,12 +277,18 @@ do_show(show_of(folder / "in", sys.argv[2]), folder, harmful_in(folder))
 
 def test_other_settings_are_refused_unless_told(tmp_path: Path) -> None:
     folder = tmp_path
-    open_job(folder, {"method": "subtractive", "gain": 0.1})
-    with pytest.raises(InputError, match="method: subtractive there, perceptual now") as refused:
-        open_job(folder, {"method": "perceptual", "gain": 0.1})
+    with open_job(folder, {"method": "subtractive", "gain": 0.1}):
+        pass
+    with (
+        pytest.raises(InputError, match="method: subtractive there, perceptual now") as refused,
+        open_job(folder, {"method": "perceptual", "gain": 0.1}),
+    ):
+        pass
     assert "\n" not in str(refused.value)
-    mixed = open_job(folder, {"method": "perceptual", "gain": 0.1}, mixed=True)
-    anew = open_job(folder, {"method": "none", "gain": 0.1}, anew=True)
+    with open_job(folder, {"method": "perceptual", "gain": 0.1}, mixed=True) as mixed:
+        pass
+    with open_job(folder, {"method": "none", "gain": 0.1}, anew=True) as anew:
+        pass
     assert len({mixed.settings, anew.settings}) == 2
     assert json.loads((folder / FOLDER / "settings.json").read_text())["method"] == "none"
 
