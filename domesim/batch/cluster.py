@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import faulthandler
 import os
-import signal
 import threading
 import time
 from collections import Counter
@@ -26,6 +25,7 @@ from typing import Any, TypeAlias, final
 from domesim.batch.crew import DEATHS, Client, Crew, client_of
 from domesim.batch.work import Failed, Finished, Order, Recipe, Steps
 from domesim.console import duration
+from domesim.endings import heard_by
 from domesim.errors import InputError
 from domesim.frames.messages import joined
 from domesim.frames.reading import use_threads
@@ -67,13 +67,20 @@ def in_cluster(
     InputError
         If the scheduler cannot be reached, is lost, or its workers lack this program.
     KeyboardInterrupt
-        If Ctrl-C was typed; the first lets frames under way end.
+        If Ctrl-C was typed, or the like; the first lets frames under way end.
     """
     with client_of(crew, tell) as client:
         hall = _Hall(client, crew, tell)
         desk = _Desk(orders, client, crew, task or partial(do, limit=crew.limit))
         interrupted = False
-        with _ctrl_c(desk.wake) as asked, _left_if_broken(client):
+        asked = threading.Event()
+
+        def end_soon() -> None:
+            asked.set()
+            desk.wake()
+
+        # Ctrl-C would else break off between any two steps
+        with heard_by(end_soon), _left_if_broken(client):
             while desk.waiting or desk.running:
                 if asked.is_set() and not interrupted:
                     interrupted = True
@@ -300,29 +307,6 @@ class _Hall:
             f"{self._crew.scheduler or 'the scheduler'}: lost it. What is done is kept: the "
             f"same command goes on with the rest"
         )
-
-
-@contextmanager
-def _ctrl_c(wake: Callable[[], None]) -> Iterator[threading.Event]:
-    """Set at the first Ctrl-C, which would else break off between any two steps; then `wake` is
-    called. The second one is an exception as ever.
-    """
-    asked, before = threading.Event(), signal.getsignal(signal.SIGINT)
-    main = threading.current_thread() is threading.main_thread()
-    if not main or before is not signal.default_int_handler:
-        yield asked
-        return
-
-    def note(number: int, frame: Any) -> None:
-        signal.signal(signal.SIGINT, before)
-        asked.set()
-        wake()
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield asked
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

@@ -8,9 +8,11 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from typing import Any, TypeAlias, final
 
 from domesim.batch.job import versions
+from domesim.endings import ignored
 from domesim.errors import InputError
 from domesim.frames.messages import joined
 
@@ -91,6 +93,8 @@ def client_of(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
                 with contextlib.suppress(TimeoutError):
                     client.close(timeout=1)
             return
+        with ignored():
+            resource_tracker.ensure_running()  # it ends with the last of its processes
         cluster = LocalCluster(
             n_workers=crew.workers,
             threads_per_worker=1,

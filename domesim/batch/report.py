@@ -112,7 +112,7 @@ class Report:
 
     def interrupt(self) -> None:
         """The run ends before all frames are done."""
-        self._end("interrupted")
+        self._end("stopped")
 
     def finish(self) -> Path:
         """All frames have ended; where the page is."""
@@ -179,6 +179,7 @@ class Report:
             table=f"frames{self._mark}.csv",
             rate=rate,
             elapsed=duration(elapsed),
+            now=time.strftime("%Y-%m-%d %H:%M:%S"),
             left=duration(left / rate) if rate else "",
             failed=[each.reason for each in self._outcomes.values() if isinstance(each, Failed)],
             columns=self._columns,

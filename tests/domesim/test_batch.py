@@ -513,6 +513,7 @@ def program(folder: Path, workers: int, seconds: float, *more: str) -> subproces
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=True,
         # Whoever runs the tests in the background makes their children ignore Ctrl-C
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
     )
@@ -523,21 +524,28 @@ def records(folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_mtime_ns for path in (folder / "out/job").glob("in.*.json")}
 
 
-@pytest.mark.parametrize("end", ["kill -9", "Ctrl-C"])
+@pytest.mark.parametrize("end", ["SIGKILL", "SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_run_that_was_ended_goes_on(end: str, tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 6)
     process = program(tmp_path, 2, 0.5)
     until(lambda: len(recipe.begun()) >= 4)
-    process.send_signal(signal.SIGKILL if end == "kill -9" else signal.SIGINT)
+    if end == "SIGKILL":
+        process.kill()
+    else:  # as a terminal, SLURM and systemd do: to the workers, too
+        os.killpg(process.pid, signal.Signals[end])
     _, errors = process.communicate(timeout=PATIENCE)
     pids = recipe.pids()
     until(lambda: not any(alive(pid) for pid in pids))  # no worker outlives the command
     before, begun = records(tmp_path), len(recipe.begun())
     assert len(before) >= 2
-    if end == "Ctrl-C":
-        assert process.returncode == 130
+    page = (tmp_path / "out/job/report.html").read_text()
+    assert "running" not in page
+    assert "Last update: 20" in page
+    if end != "SIGKILL":
+        assert process.returncode == 128 + signal.Signals[end]
         assert "Traceback" not in errors
         assert f"{len(before)} of 6 frames are done; the same command goes on" in errors
+        assert "(copying, stopped)" in page
     done = copied(tmp_path, recipe, 0)
     assert done.kept == len(before)
     assert {name: records(tmp_path)[name] for name in before} == before
