@@ -28,6 +28,7 @@ from domesim.errors import InputError
 from domesim.frames.encodings import ENCODINGS
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES
+from domesim.frames.messages import reason
 from domesim.observing import Observing
 from domesim.scene import Scene, StereoScene
 from domesim.shows import PACKINGS, Show, find_show
@@ -413,6 +414,9 @@ def guarded() -> Iterator[None]:
         sys.exit(BAD_INPUT)
     except MemoryError:
         complain("not enough memory for frames of this size")
+        sys.exit(BAD_INPUT)
+    except OSError as error:  # that no part of the program expects
+        complain(f"{error.filename or 'the system'}: got '{reason(error)}'. Mend it, and try again")
         sys.exit(BAD_INPUT)
     except (KeyboardInterrupt, SystemExit) as end:
         # typer turns Ctrl-C into an exit, and says nothing.

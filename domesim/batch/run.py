@@ -491,7 +491,8 @@ class _Telling:
         if self._report is not None:
             self._report.interrupt()
         count = sum(job.recorded(order.output for order in self._orders))
-        complain(
-            f"{count} of {len(self._orders)} frames are done; the same command goes on with the "
-            f"rest{' without --anew' if running.anew else ''}"
-        )
+        if count:
+            complain(
+                f"{count} of {len(self._orders)} frames are done; the same command goes on with "
+                f"the rest{' without --anew' if running.anew else ''}"
+            )

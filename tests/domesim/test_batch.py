@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from queue import SimpleQueue
 from types import SimpleNamespace
@@ -488,6 +488,40 @@ def test_a_frame_without_end_is_given_up_and_named(
     assert not (tmp_path / "out/in.0002.exr").exists()
 
 
+@pytest.mark.parametrize("where", ["here", "elsewhere"])
+def test_a_worker_that_stands_still_is_given_up(
+    tmp_path: Path, recipe: Harmful, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    """It cannot end itself, nor can anybody ask it to."""
+    monkeypatch.setattr(cluster, "_SILENCE", 1.0)
+    make_show(tmp_path / "in", 4)
+    slow = Harmful(recipe.log, seconds=0.5)
+    stopped: list[int] = []
+
+    def stop() -> None:
+        until(lambda: bool(slow.pids()))
+        stopped.append(slow.pids().pop())
+        os.kill(stopped[0], signal.SIGSTOP)
+
+    stopper = threading.Thread(target=stop)
+    stopper.start()
+    began = time.monotonic()
+    try:
+        if where == "here":
+            done = copied(tmp_path, slow, 1, frame_timeout=2.0)
+        else:
+            with scheduler(2) as (address, _):
+                done = copied(tmp_path, slow, 0, scheduler=address, frame_timeout=2.0)
+    finally:
+        stopper.join()
+        with suppress(ProcessLookupError):
+            os.kill(stopped[0], signal.SIGKILL)
+    assert not done.failed
+    assert len(slow.begun()) == 5  # one of them twice
+    assert is_whole(tmp_path, 4)
+    assert time.monotonic() - began < 45
+
+
 def test_a_frame_timeout_is_for_each_frame(tmp_path: Path, recipe: Harmful) -> None:
     """A worker does many more than one in that time."""
     make_show(tmp_path / "in", 6)
@@ -661,7 +695,7 @@ def test_frames_that_a_scheduler_keeps_cancelling_are_given_up(
 
 
 def test_no_scheduler_is_told(tmp_path: Path, recipe: Harmful, monkeypatch: Any) -> None:
-    monkeypatch.setattr(crew, "_PATIENCE", 1.0)
+    monkeypatch.setattr(crew, "_ANSWER", 1.0)
     make_show(tmp_path / "in", 2)
     with pytest.raises(InputError, match="wanted a Dask scheduler") as told:
         copied(tmp_path, recipe, 0, scheduler="tcp://127.0.0.1:9")
