@@ -29,7 +29,7 @@ from urllib.parse import quote
 from domesim.batch.job import Job, versions
 from domesim.batch.sealed import read_sealed
 from domesim.batch.work import Column, Failed, Finished, Order
-from domesim.console import complain, duration
+from domesim.console import duration
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 
@@ -112,10 +112,17 @@ class Report:
 
     def interrupt(self) -> None:
         """The run ends before all frames are done."""
-        self._end("stopped")
+        with suppress(InputError):  # the run's end is told already
+            self._end("stopped")
 
     def finish(self) -> Path:
-        """All frames have ended; where the page is."""
+        """All frames have ended; where the page is.
+
+        Raises
+        ------
+        InputError
+            If it, or a table, cannot be written.
+        """
         self._end("ended")
         return self.page
 
@@ -137,9 +144,8 @@ class Report:
         rows = self._rows()
         try:
             write_tables(self._job.folder / f"frames{self._mark}", list(rows.values()))
+        finally:
             self._write(state, rows)
-        except InputError as error:
-            complain(error)
 
     def _rows(self) -> dict[str, dict[str, Any]]:
         """Figures of this run's frames, and unless it is of a part, of the job's others, by the

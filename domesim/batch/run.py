@@ -90,7 +90,7 @@ class Done:
     kept
         How many of the frames had been done before.
     report
-        The page about all frames of the job, if it is a sequence.
+        The page about all frames of the job, if it is a sequence and the page is there.
     films
         The videos that results became, if all of them are done.
     """
@@ -101,6 +101,15 @@ class Done:
     kept: int = 0
     report: Path | None = None
     films: tuple[Path, ...] = ()
+
+    def add_report(self, report: Report) -> None:
+        """Write it; that it cannot be is a failure."""
+        try:
+            self.report = report.finish()
+        except InputError as error:
+            complain(error)
+            self.failed.append(str(error))
+            self.report = report.page if report.page.exists() else None
 
 
 def each_frame(
@@ -189,19 +198,21 @@ def _each(
     done.seconds["total"] = time.perf_counter() - began
     if report is None or job is None:
         return done
-    done.report = report.finish()
+    done.add_report(report)
     if films is not None and not done.failed:
         if part:
             console.say("A video is made of a whole sequence: leave --frames out for it")
         else:
             films.make(orders, job, console)
             done.films = films.paths
-    if _compare(report.worst(running.pages), recipe, console):
-        report.finish()
+    if recipe.compares and done.report is not None:
+        done.failed += _compare(report.worst(running.pages), recipe, console)
+        done.add_report(report)
     kept = f", {done.kept} of them before" if done.kept else ""
     others = sum(frame["settings"] != job.settings for frame in done.frames)
     kept += f", {others} of them with other settings" if others else ""
-    console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}. Report: {done.report}")
+    told = "" if done.report is None else f" Report: {done.report}"
+    console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}.{told}")
     return done
 
 
@@ -278,10 +289,9 @@ def _changed(
     return changed
 
 
-def _compare(orders: list[Order], recipe: Recipe, console: Console) -> bool:
-    """Write the pages of the worst frames; whether there are any."""
-    if not recipe.compares:
-        return False
+def _compare(orders: list[Order], recipe: Recipe, console: Console) -> list[str]:
+    """Write the pages of the worst frames; why some could not be."""
+    failed = []
     with console.progress("comparing", len(orders)) as start:
         for order in orders:
             start(order.name)
@@ -290,18 +300,19 @@ def _compare(orders: list[Order], recipe: Recipe, console: Console) -> bool:
             with suppress(OSError):
                 if page.stat().st_mtime >= order.output[0].stat().st_mtime:
                     continue
-            write_page(order, page)
-    return True
+            failed.append(write_page(order, page))
+    return [reason for reason in failed if reason]
 
 
-def write_page(order: Order, page: Path) -> bool:
-    """Write the page about one frame; that it cannot be is told, and is no reason to end."""
+def write_page(order: Order, page: Path) -> str:
+    """Write the page about one frame; why it cannot be is told, and is no reason to end."""
     try:
         order.recipe.compare(order.show.read(order.moment, repair=True), page)
     except (InputError, OSError, MemoryError) as error:
-        complain(f"{page}: no page, '{joined(str(error))}'")
-        return False
-    return True
+        reason = f"{page}: no page, '{joined(str(error))}'"
+        complain(reason)
+        return reason
+    return ""
 
 
 def orders_of(
@@ -439,7 +450,7 @@ class _Telling:
         self._console, self._orders, self._report = console, orders, report
         self._recorded = set(recorded)
         self._ended: dict[Order, Finished | Failed] = {}
-        self._described = ""
+        self._described, self._hopeless = "", False
         self._lock = threading.Lock()
 
     def end(self, order: Order, outcome: Finished | Failed) -> None:
@@ -449,7 +460,10 @@ class _Telling:
             if self._report is not None:
                 self._report.add(order, outcome)
         if isinstance(outcome, Failed):
-            complain(outcome.reason)
+            # What would fail all frames is told once
+            if not (outcome.hopeless and self._hopeless):
+                complain(outcome.reason)
+            self._hopeless |= outcome.hopeless
             return
         read = outcome.figures.get("read", "")
         if read != self._described:

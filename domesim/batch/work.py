@@ -16,7 +16,7 @@ import time
 import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -26,9 +26,9 @@ import psutil
 
 from domesim.batch.job import Job, Record, versions
 from domesim.console import about
-from domesim.errors import InputError, NoSpaceError
+from domesim.errors import InputError, NoPlaceError
 from domesim.frames import ColourTag, Master, Packing, read_master, write_master
-from domesim.frames.messages import joined
+from domesim.frames.messages import joined, reason
 from domesim.frames.reading import unsaid
 from domesim.frames.views import require_writable
 from domesim.shows import Show
@@ -429,7 +429,10 @@ def _caught(order: Order) -> Iterator[list[Failed]]:
         with about(order.moment[0]):
             yield failed
     except InputError as error:
-        failed.append(Failed(str(error), hopeless=isinstance(error, NoSpaceError)))
+        failed.append(Failed(str(error), hopeless=isinstance(error, NoPlaceError)))
+    except OSError as error:
+        where = error.filename or order.moment[0]
+        failed.append(Failed(f"{order.moment[0]}: got '{reason(error)}' at {where}"))
     except MemoryError:
         failed.append(Failed(f"{order.moment[0]}: not enough memory for frames of this size"))
     except Exception as error:
@@ -445,7 +448,8 @@ def _fault(order: Order, error: Exception) -> str:
         handle, name = tempfile.mkstemp(prefix="domesim-", suffix=".txt")
         os.close(handle)
         place = Path(name)
-    place.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")
+    with suppress(OSError):  # which is told for results
+        place.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")
     return f"{joined(told)} (report it with {place})"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -431,6 +432,59 @@ def test_a_full_disk_leaves_what_is_whole(tmp_path: Path, recipe: Harmful, worke
         # Those that have a record are not called lost
         left_again = 9 - len(done.frames) - (len(again.failed) - 1)
         assert again.failed[-1] == f"{left_again} of 9 frames were not begun after that"
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("gone", ["out", "out/job"])
+def test_a_folder_that_goes_away_is_told_once(
+    tmp_path: Path, recipe: Harmful, capsys: pytest.CaptureFixture[str], workers: int, gone: str
+) -> None:
+    make_show(tmp_path / "in", 30)
+    done = copied(tmp_path, Harmful(recipe.log, removes=tmp_path / gone), workers)
+    assert done.failed
+    assert len(recipe.begun()) < 30
+    assert done.report is None
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == 3, errors
+    assert "no such file or directory" in errors[0]
+    assert "frames were not begun after that" in errors[1]
+    assert "report.html" in errors[2]
+
+
+def test_a_file_system_that_turns_read_only_is_told_once(
+    tmp_path: Path,
+    recipe: Harmful,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    make_show(tmp_path / "in", 30)
+    original = os.fsync
+
+    def fsync(handle: int) -> None:
+        if len(recipe.begun()) > 3:
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        original(handle)
+
+    monkeypatch.setattr("domesim.frames.whole.os.fsync", fsync)
+    done = copied(tmp_path, recipe, 0)
+    assert 1 <= len(done.frames) <= 3
+    assert len(recipe.begun()) < 8
+    assert done.report is not None
+    assert done.report.exists()
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == 3, errors
+    assert all("read-only" in line for line in errors[::2])
+
+
+def test_a_table_that_cannot_be_written_is_a_failure(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 2)
+    (tmp_path / "out/job/frames.csv").mkdir(parents=True)
+    done = copied(tmp_path, recipe, 0)
+    assert len(done.frames) == 2
+    (reason,) = done.failed
+    assert "frames.csv" in reason
+    assert done.report is not None
+    assert "2 of 2 frames are done (copying, ended)" in done.report.read_text()
 
 
 def test_a_killed_worker_loses_its_own_frame_only(tmp_path: Path, recipe: Harmful) -> None:
