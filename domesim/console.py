@@ -49,7 +49,7 @@ class Console:
     def say(self, text: str) -> None:
         """A line for a person, on standard output."""
         if self._text:
-            _print(text)
+            _print("\n".join(map(_printable, text.split("\n"))))
 
     def figures(self, figures: dict[str, Any]) -> None:
         """The command's figures, for a program."""
@@ -67,7 +67,7 @@ class Console:
         Call what it yields with the share that is done (0..1) and how it gets on.
         """
         columns = (
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             TaskProgressColumn(),
             TimeElapsedColumn(),
@@ -81,7 +81,7 @@ class Console:
     def progress(self, what: str, total: int) -> Iterator[Callable[[str], None]]:
         """A progress bar; call what it yields with the name of each piece as it starts."""
         columns = (
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
@@ -93,7 +93,7 @@ class Console:
 
             def start(name: str) -> None:
                 nonlocal started, current
-                current = f"{what} {name}"
+                current = _printable(f"{what} {name}")
                 bar.update(task, completed=started, description=current)
                 started += 1
 

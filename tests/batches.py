@@ -64,7 +64,7 @@ class Harmful(Recipe):
             begun = self.log / f"{name}.{time.time_ns()}"
             begun.write_text(str(os.getpid()))
             if self.removes is not None and self.removes.is_dir():
-                shutil.rmtree(self.removes)
+                shutil.rmtree(self.removes, ignore_errors=True)
             elif self.removes is not None:
                 self.removes.unlink(missing_ok=True)
             if name == self.faulty:

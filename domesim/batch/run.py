@@ -450,7 +450,7 @@ class _Telling:
         self._console, self._orders, self._report = console, orders, report
         self._recorded = set(recorded)
         self._ended: dict[Order, Finished | Failed] = {}
-        self._described, self._hopeless = "", False
+        self._described, self._hopeless = "", 0
         self._lock = threading.Lock()
 
     def end(self, order: Order, outcome: Finished | Failed) -> None:
@@ -463,7 +463,7 @@ class _Telling:
             # What would fail all frames is told once
             if not (outcome.hopeless and self._hopeless):
                 complain(outcome.reason)
-            self._hopeless |= outcome.hopeless
+            self._hopeless += outcome.hopeless
             return
         read = outcome.figures.get("read", "")
         if read != self._described:
@@ -495,9 +495,14 @@ class _Telling:
             done.kept += outcome.kept
             for step in STEPS:
                 done.seconds[step] += outcome.seconds.get(step, 0.0) if not outcome.kept else 0.0
+        told = []
         if left:
-            done.failed.append(f"{left} of {len(self._orders)} frames were not begun after that")
-            complain(f"{done.failed[-1]}; the same command goes on with them")
+            told = [f"{left} of {len(self._orders)} frames were not begun after that"]
+            done.failed += told
+        if self._hopeless > 1:
+            told.append(f"{self._hopeless - 1} under way failed likewise")
+        if told:
+            complain(f"{', and '.join(told)}; the same command goes on with them")
         return done
 
     def interrupted(self, job: Job, running: Running) -> None:

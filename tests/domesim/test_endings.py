@@ -15,6 +15,7 @@ import pytest
 from batches import make_show
 
 from domesim import endings
+from domesim.console import Console, complain
 
 SCENE = "dome_planetarium"
 
@@ -78,3 +79,21 @@ def test_a_second_sigterm_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
+
+
+def test_names_reach_no_terminal_raw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Escape codes colour, move and rename; U+202E turns what follows around."""
+    make_show(tmp_path / "in", 1, (8, 8))
+    name = "\x1b[31m[red]\u202e.exr"
+    master = (tmp_path / "in/in.0001.exr").rename(tmp_path / name)
+    console = Console()
+    result = os.fsdecode(b"out/caf\xe9")
+    console.say(f"{master}: done\n  -> {result}")
+    with console.progress("observing", 1) as start:
+        start(name)
+    complain(f"{master}: none")
+    said, errors = capsys.readouterr()
+    assert said.endswith(": done\n  -> out/caf\\udce9\n")
+    for text in (said, errors):
+        assert r"\x1b[31m[red]\u202e.exr" in text
+        assert "\x1b" not in text
