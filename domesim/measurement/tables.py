@@ -21,6 +21,7 @@ from types import MappingProxyType
 from typing import Any, TypeAlias, final
 
 from domesim.errors import InputError
+from domesim.plain import read_plain
 
 
 @final
@@ -177,7 +178,7 @@ def text_of(path: Path) -> str:
         If there is no such file, or it is no text.
     """
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return read_plain(path).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(
             f"{path}: readings are a text file in UTF-8, this is not; export it as CSV (UTF-8)"
