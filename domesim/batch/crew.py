@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from ipaddress import ip_address
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any, TypeAlias, final
 
 from domesim.batch.job import versions
@@ -107,6 +107,7 @@ def _own_workers(crew: Crew) -> Iterator[Client]:
     from distributed import Client, LocalCluster  # noqa: PLC0415
 
     with contextlib.ExitStack() as stack:
+        stack.callback(_end_workers)
         try:
             _require_handles(crew.workers)
             _require_locks()
@@ -150,8 +151,15 @@ def _require_locks() -> None:
         raise OSError(error.errno, f"{reason(error)} at /dev/shm") from None
 
 
+def _end_workers() -> None:
+    """End those that have not ended when they were asked to: Python would wait for them."""
+    for process in active_children():
+        if process.name.startswith("Dask Worker"):
+            process.kill()
+
+
 def _close(cluster: Any) -> None:
-    # On a busy machine they may take longer; they end with this process at the latest
+    # On a busy machine they may take longer
     with contextlib.suppress(TimeoutError):
         cluster.close(timeout=10)
 

@@ -576,6 +576,20 @@ def test_a_worker_that_stands_still_is_given_up(
     assert time.monotonic() - began < 45
 
 
+def test_a_worker_that_stands_still_at_the_end_is_ended(tmp_path: Path, recipe: Harmful) -> None:
+    """Python waits for its children when it ends."""
+    make_show(tmp_path / "in", 3)
+    process = program(tmp_path, 2, 1.0)
+    until(lambda: len(records(tmp_path)) == 2 and len(recipe.begun()) == 3)
+    busy = {int(path.read_text()) for path in recipe.log.glob("in.0003.exr.*")}
+    (idle,) = recipe.pids() - busy
+    os.kill(idle, signal.SIGSTOP)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+    assert errors == ""
+    assert not alive(idle)
+
+
 def test_a_frame_timeout_is_for_each_frame(tmp_path: Path, recipe: Harmful) -> None:
     """A worker does many more than one in that time."""
     make_show(tmp_path / "in", 6)
