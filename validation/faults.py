@@ -98,8 +98,8 @@ def faults() -> list[Fault]:
             lambda run, out: _workers(run)[0].suspend(),
             ("--workers", "2", "--frame-timeout", "5"),
         ),
-        Fault("a folder of results that goes away", lambda run, out: shutil.rmtree(out)),
-        Fault("a folder of records that goes away", lambda run, out: shutil.rmtree(out / "job")),
+        Fault("a folder of results that goes away", lambda run, out: _remove(out)),
+        Fault("a folder of records that goes away", lambda run, out: _remove(out / "job")),
         Fault("a flipped bit in each record", _each("job/[!.]*.*.json", _flip)),
         Fault("a flipped bit in each result", _each("[!.]*.exr", _flip)),
         Fault("results cut in half", _each("[!.]*.exr", lambda path: os.truncate(path, 300))),
@@ -208,6 +208,11 @@ def _flip(path: Path) -> None:
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
+
+
+def _remove(folder: Path) -> None:
+    """Away in one step, although somebody writes there."""
+    shutil.rmtree(folder.rename(folder.with_name(f"{folder.name}.gone")))
 
 
 def _block(run: subprocess.Popen[str], out: Path) -> None:
