@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 SIDE_BY_SIDE := -n auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test long lint validate readme schema bench masters gallery requirements clean
+.PHONY: help demo test long faults lint validate readme schema bench masters gallery requirements clean
 
 help: ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -30,6 +30,9 @@ test: $(READY) ## Set up and run the tests, but for long ones
 
 long: $(READY) ## The long tests: as thorough as a change deserves before it lands
 	@$(BIN)/python -m pytest $(SIDE_BY_SIDE) -m long
+
+faults: $(READY) ## Harm running shows in every way, and tell what is lost (ten minutes)
+	@$(BIN)/python -m validation.faults
 
 lint: $(READY) ## Style, types and import contracts
 	@$(BIN)/ruff check .

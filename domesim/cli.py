@@ -21,11 +21,14 @@ from domesim.batch.estimate import estimate
 from domesim.batch.run import FRAME_TIMEOUT, Done, Running, each_frame
 from domesim.batch.work import Recipe, Writing
 from domesim.choice import SceneChoice
-from domesim.console import Console, complain
+from domesim.console import Console, complain, output_is_lost
+from domesim.endings import alike, exit_code
+from domesim.endings import name as ending
 from domesim.errors import InputError
 from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES
+from domesim.frames.messages import reason
 from domesim.observing import Observing
 from domesim.scene import Scene, StereoScene
 from domesim.shows import PACKINGS, Show, find_show
@@ -435,18 +438,24 @@ def run() -> None:
 
 @contextmanager
 def guarded() -> Iterator[None]:
-    """Mistakes, and Ctrl-C, end the process with one line and an exit code."""
+    """Mistakes, and Ctrl-C and the like, end the process with one line and an exit code."""
     try:
-        yield
+        with alike():
+            yield
     except InputError as error:
         complain(error)
         sys.exit(BAD_INPUT)
     except MemoryError:
         complain("not enough memory for frames of this size")
         sys.exit(BAD_INPUT)
+    except OSError as error:  # that no part of the program expects
+        complain(f"{error.filename or 'the system'}: got '{reason(error)}'. Mend it, and try again")
+        sys.exit(BAD_INPUT)
     except (KeyboardInterrupt, SystemExit) as end:
         # typer turns Ctrl-C into an exit, and says nothing.
         if isinstance(end, SystemExit) and end.code != INTERRUPTED:
+            if not end.code and output_is_lost():
+                sys.exit(BAD_INPUT)
             raise
-        complain("interrupted; what was written is complete")
-        sys.exit(INTERRUPTED)
+        complain(f"{ending()}; what was written is complete")
+        sys.exit(exit_code())

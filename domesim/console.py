@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, final
+from typing import Any, TextIO, cast, final
 
 from rich.console import Console as RichConsole
 from rich.progress import (
@@ -42,14 +42,14 @@ class Console:
     def __init__(self, *, quiet: bool = False, json: bool = False) -> None:
         self._text = not (quiet or json)
         self._json = json
-        self._bars = RichConsole(stderr=True)
+        self._bars = RichConsole(file=cast(TextIO, _Sturdy(sys.stderr)))
         self._shows_bars = self._text and self._bars.is_terminal
         self._describe: Callable[[str], None] = lambda text: None
 
     def say(self, text: str) -> None:
         """A line for a person, on standard output."""
         if self._text:
-            _print(text)
+            _print("\n".join(map(_printable, text.split("\n"))))
 
     def figures(self, figures: dict[str, Any]) -> None:
         """The command's figures, for a program."""
@@ -67,7 +67,7 @@ class Console:
         Call what it yields with the share that is done (0..1) and how it gets on.
         """
         columns = (
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             TaskProgressColumn(),
             TimeElapsedColumn(),
@@ -81,7 +81,7 @@ class Console:
     def progress(self, what: str, total: int) -> Iterator[Callable[[str], None]]:
         """A progress bar; call what it yields with the name of each piece as it starts."""
         columns = (
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
@@ -93,7 +93,7 @@ class Console:
 
             def start(name: str) -> None:
                 nonlocal started, current
-                current = f"{what} {name}"
+                current = _printable(f"{what} {name}")
                 bar.update(task, completed=started, description=current)
                 started += 1
 
@@ -110,7 +110,13 @@ def complain(message: object) -> None:
     # File names may hold line breaks and terminal codes. A message's own further lines are
     # indented.
     text = "\n  ".join(_printable(line) for line in str(message).split("\n  "))
-    print(f"domesim: {text}", file=sys.stderr, flush=True)
+    with _heard(sys.stderr):
+        print(f"domesim: {text}", file=sys.stderr, flush=True)
+
+
+def output_is_lost() -> bool:
+    """Whether something that standard output should have got is lost, as was said."""
+    return _lost
 
 
 @contextmanager
@@ -205,14 +211,51 @@ def _printable(line: str) -> str:
 
 
 def _print(text: str) -> None:
-    try:
+    global _lost  # noqa: PLW0603
+    with _heard(sys.stdout) as problems:
         print(text, flush=True)
-    except BrokenPipeError:
-        raise  # whoever reads has had enough: typer ends the command quietly
+    # A pipe breaks when whoever reads has had enough
+    if problems and problems[0].errno not in (errno.EPIPE, errno.EIO):
+        _lost = True
+        complain(
+            f"standard output: wanted to write to it, got '{reason(problems[0])}'. The work goes "
+            f"on without it. Send it elsewhere."
+        )
+
+
+_lost = False
+
+
+@final
+class _Sturdy:
+    """A stream for progress bars: that its terminal is closed ends no work."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> None:
+        with _heard(self._stream):
+            self._stream.write(text)
+
+    def flush(self) -> None:
+        with _heard(self._stream):
+            self._stream.flush()
+
+
+@contextmanager
+def _heard(stream: TextIO) -> Iterator[list[OSError]]:
+    """What a stream that cannot be written to complains of; all else that it gets is dropped."""
+    problems: list[OSError] = []
+    try:
+        yield problems
     except OSError as error:
-        raise InputError(
-            f"standard output: wanted to write to it, got '{reason(error)}'. Send it elsewhere."
-        ) from error
+        problems.append(error)
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
 
 
 def sized(count: float) -> str:

@@ -11,8 +11,8 @@ class InputError(ValueError):
     """Something the user gave (a file, a field, an option) cannot be used."""
 
 
-class NoSpaceError(InputError):
-    """There is no room for a result; nor is there for the next."""
+class NoPlaceError(InputError):
+    """A result cannot be put where it belongs; nor can the next: the disk is full, say."""
 
 
 def require_positive(what: str, **settings: float) -> None:

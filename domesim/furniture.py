@@ -11,6 +11,8 @@ of them must not slow a path tracer down.
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -22,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
 from domesim.frames.messages import joined
+from domesim.plain import read_plain
 from domesim.theatre import Albedo, Point, Solid, Viewpoint
 
 EYE_HEIGHT = 1.2
@@ -154,7 +157,7 @@ def box(name: str, low: Point, high: Point, albedo: Albedo) -> Solid:
 
 
 def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
-    """The triangles of any mesh file that trimesh reads (STL, PLY, OBJ, OFF, GLB, ...).
+    """The triangles of a mesh file: STL, PLY, OBJ, OFF or GLB.
 
     Its coordinates are taken for metres in the room's frame.
 
@@ -164,12 +167,25 @@ def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
         If there is no such file, it cannot be read as a mesh, or there is no triangle in it.
     """
     path = Path(path)
-    if not path.is_file():
+    if not path.exists():
         raise InputError(f"{path}: wanted the mesh of {name}, got no such file. Correct the path.")
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in _COUNTS:
+        raise InputError(
+            f"{path}: wanted the mesh of {name}, got a file '.{kind}'. Export it as STL, PLY or "
+            f"OBJ."
+        )
     try:
-        mesh = import_module("trimesh").load_mesh(path)
+        content = read_plain(path, _LARGEST)
+        counts = re.findall(_COUNTS[kind], content[:_HEAD]) if _COUNTS[kind] else []
+        if max(map(int, counts), default=0) > len(content):
+            raise ValueError(f"counts of more things than its {len(content)} bytes can hold")
+        # Without a path, no other files are looked for: materials and pictures
+        mesh = import_module("trimesh").load_mesh(io.BytesIO(content), file_type=kind)
         vertices = np.array(mesh.vertices, np.float64).reshape(-1, 3)
         faces = np.array(mesh.faces, np.int64).reshape(-1, 3)
+    except InputError:
+        raise
     except Exception as error:  # trimesh's readers raise whatever their parsing runs into
         reason = joined(str(error)) or type(error).__name__
         raise InputError(
@@ -185,6 +201,18 @@ def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
             f"Export it again."
         )
     return Solid(name, vertices, faces, albedo)
+
+
+_LARGEST = 1 << 30  # bytes
+_HEAD = 1 << 20  # bytes, in which a file tells its counts
+_COUNTS = {
+    "stl": rb"",
+    "obj": rb"",
+    "ply": rb"(?m)^element \S+ ([0-9]+)",
+    "off": rb"(?m)^(?:OFF)?\s*([0-9]{7,})",
+    "glb": rb'"(?:count|byteLength)"\s*:\s*([0-9]+)',
+}
+"""Where kinds of meshes tell how many things they hold; trimesh makes room for them at once."""
 
 
 def manikin(name: str, foot: Point, albedo: Albedo, height: float = MANIKIN_HEIGHT) -> Solid:

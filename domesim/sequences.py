@@ -109,6 +109,14 @@ def ranges_of(numbers: Iterable[int]) -> str:
     return str(fileseq.framesToFrameRange(sorted(numbers)))
 
 
+def source_of(pattern: Path) -> Path:
+    """What `pattern` means, however it is spelt: ``show.#.exr`` for ``show.####.exr``."""
+    sequence = _numbered(pattern)
+    if sequence is None or pattern.is_file():
+        return pattern
+    return pattern.with_name(f"{sequence.base}#{sequence.extension}")
+
+
 def output_paths(
     sources: Sequence[Path], folder: Path, suffix: str | None = None
 ) -> tuple[Path, ...]:

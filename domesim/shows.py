@@ -17,6 +17,7 @@ from domesim.sequences import (
     output_paths,
     parse_frames,
     ranges_of,
+    source_of,
 )
 
 PACKINGS = tuple(kind for kind in get_args(Packing) if kind not in ("single", "files"))
@@ -42,6 +43,8 @@ class Show:
         Whether they are frames of a sequence, be it one of its frames.
     part
         Which of a sequence's frames were asked for, as `ranges_of` writes them; "" for all.
+    sources
+        Where they come from: one place, or left's and right's, with # for a frame's number.
     """
 
     moments: tuple[tuple[Path, ...], ...]
@@ -50,6 +53,7 @@ class Show:
     colour: ColourTag | None = None
     numbered: bool = False
     part: str = ""
+    sources: tuple[Path, ...] = ()
 
     def read(self, moment: tuple[Path, ...], *, repair: bool) -> Master:
         """One of its masters; see `read_master` for what is refused."""
@@ -122,7 +126,8 @@ def find_show(
         found = find_frames(master, frames)
         moments = tuple((path,) for path in found)
         numbered = moments != ((Path(master),),)
-        return Show(moments, packing, allow_identical, colour, numbered, part)
+        origin = (source_of(Path(master)),)
+        return Show(moments, packing, allow_identical, colour, numbered, part, origin)
     if left is None or right is None:
         if left is None and right is None:
             raise InputError(
@@ -144,4 +149,5 @@ def find_show(
         for pair in pairs:
             refuse_one_file(*pair)
     numbered = pairs != ((Path(left), Path(right)),)
-    return Show(pairs, None, allow_identical, colour, numbered, part)
+    origins = source_of(Path(left)), source_of(Path(right))
+    return Show(pairs, None, allow_identical, colour, numbered, part, origins)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import sys
 import time
@@ -41,7 +42,7 @@ class Harmful(Recipe):
     endless, holding
         Name of a frame that is never done; and whether Python itself stands still meanwhile.
     removes
-        A file that the first frame removes.
+        A file or folder that each frame removes.
     faulty
         Name of a frame that is a fault of the program.
     needs_gpu
@@ -62,7 +63,9 @@ class Harmful(Recipe):
             name = master.path.name
             begun = self.log / f"{name}.{time.time_ns()}"
             begun.write_text(str(os.getpid()))
-            if self.removes is not None:
+            if self.removes is not None and self.removes.is_dir():
+                shutil.rmtree(self.removes, ignore_errors=True)
+            elif self.removes is not None:
                 self.removes.unlink(missing_ok=True)
             if name == self.faulty:
                 raise ZeroDivisionError("a fault\nof two lines")

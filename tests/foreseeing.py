@@ -27,7 +27,7 @@ def left(posed: Posed, light: Light, room: Observation) -> tuple[float, float]:
     residual = room.observe(light) - posed.problem.desired
     areas = posed.areas * posed.screen / (posed.areas * posed.screen).sum()
     squares = np.einsum("rc,vrcp->vp", areas, residual.astype(np.float64) ** 2)
-    return float(np.sqrt(squares.mean())), posed._visible(residual)
+    return float(np.sqrt(squares.mean())), posed._in_differences(posed.judge.energy(residual))
 
 
 def held(intervals: list[Interval], values: list[float]) -> float:

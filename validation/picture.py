@@ -15,7 +15,7 @@ _QUIET = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
 
 
 def photograph(page: Path, picture: Path) -> None:
-    """Split view of untouched and perceptual, two stops up, the Milky Way on the perceptual side."""
+    """Split view of untouched and perceptual, two stops up; the Milky Way is perceptual."""
     browser_path = shutil.which("chromium") or shutil.which("google-chrome")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=browser_path, args=list(_QUIET))

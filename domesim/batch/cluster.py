@@ -4,6 +4,7 @@ Each worker does one frame at a time, start to end, and sends back figures only:
 stay on the disk that all share. No more frames are handed out than workers are free, so that when
 one dies, only its own frame is done again; a frame that kills worker after worker is given up, and
 the others go on. A worker that does not get done with a frame ends itself, and so counts as dead.
+One that cannot, because it or its machine stands still, is ended when it has been silent as well.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import faulthandler
 import os
-import signal
 import threading
 import time
 from collections import Counter
@@ -26,6 +26,7 @@ from typing import Any, TypeAlias, final
 from domesim.batch.crew import DEATHS, Client, Crew, client_of
 from domesim.batch.work import Failed, Finished, Order, Recipe, Steps
 from domesim.console import duration
+from domesim.endings import heard_by
 from domesim.errors import InputError
 from domesim.frames.messages import joined
 from domesim.frames.reading import use_threads
@@ -37,6 +38,8 @@ Future: TypeAlias = Any
 _LOOK = 1.0  # s: how often to look for new workers
 _SETTLING = 1.0  # s: until the client has seen that what went wrong is its scheduler
 _GLANCE = 0.02  # s: how often to look meanwhile
+_SILENCE = 15.0  # s: that a worker says nothing, not even that it is there, if it stands still
+_RESTART = 10.0  # s: for a worker to end
 
 
 def in_cluster(
@@ -67,13 +70,20 @@ def in_cluster(
     InputError
         If the scheduler cannot be reached, is lost, or its workers lack this program.
     KeyboardInterrupt
-        If Ctrl-C was typed; the first lets frames under way end.
+        If Ctrl-C was typed, or the like; the first lets frames under way end.
     """
     with client_of(crew, tell) as client:
         hall = _Hall(client, crew, tell)
         desk = _Desk(orders, client, crew, task or partial(do, limit=crew.limit))
         interrupted = False
-        with _ctrl_c(desk.wake) as asked, _left_if_broken(client):
+        asked = threading.Event()
+
+        def end_soon() -> None:
+            asked.set()
+            desk.wake()
+
+        # Ctrl-C would else break off between any two steps
+        with heard_by(end_soon), _left_if_broken(client):
             while desk.waiting or desk.running:
                 if asked.is_set() and not interrupted:
                     interrupted = True
@@ -99,6 +109,7 @@ def _serve(
         ended = desk.hear()
         if ended is None:
             hall.require_scheduler()
+            hall.end_silent(desk.late())
         elif ended.outcome is None:
             hall.require_scheduler(_SETTLING)
         else:
@@ -198,6 +209,13 @@ class _Desk:
         future.add_done_callback(lambda future: self._ended.put(future.key))
         return order
 
+    def late(self) -> set[str]:
+        """Frames whose time is up."""
+        if self._crew.limit is None:
+            return set()
+        begun = time.monotonic() - self._crew.limit
+        return {key for key, given in self.running.items() if given.time < begun}
+
     def hear(self) -> _Heard | None:
         """The next that ends; None if none does for a while.
 
@@ -258,6 +276,7 @@ class _Hall:
     def __init__(self, client: Client, crew: Crew, tell: Callable[[str], None]) -> None:
         self._client, self._crew, self._tell, self._told = client, crew, tell, False
         self._looked, self._places = -_LOOK, 0
+        self._heard: dict[str, tuple[float, float]] = {}
 
     def places(self) -> int:
         """How many frames can be under way."""
@@ -286,6 +305,28 @@ class _Hall:
         there = [worker.get("resources", {}) for worker in known]
         return sum(all(each.get(name, 0) >= least for name, least in needed) for each in there)
 
+    def end_silent(self, late: set[str]) -> None:
+        """End workers that have frames whose time is up, and that nobody hears of any more."""
+        now, heard, before = time.monotonic(), {}, self._heard
+        if late:
+            workers = self._client.scheduler_info(n_workers=-1)["workers"]
+            for address, keys in self._client.processing().items():
+                if address in workers and not late.isdisjoint(keys):
+                    said = workers[address]["last_seen"]  # by another machine's clock
+                    known = before.get(address)
+                    heard[address] = known if known and known[0] == said else (said, now)
+        self._heard = heard
+        silent = [each for each, (_, since) in heard.items() if now - since >= _SILENCE]
+        if silent:
+            self._client.sync(
+                self._client.scheduler.restart_workers,
+                workers=silent,
+                timeout=_RESTART,
+                wait_for_workers=False,
+                on_error="return",
+                stimulus_id="domesim-silent",
+            )
+
     def require_scheduler(self, patience: float = 0.0) -> None:
         """See that the scheduler is there, and that the client still thinks so after `patience`, s.
 
@@ -300,29 +341,6 @@ class _Hall:
             f"{self._crew.scheduler or 'the scheduler'}: lost it. What is done is kept: the "
             f"same command goes on with the rest"
         )
-
-
-@contextmanager
-def _ctrl_c(wake: Callable[[], None]) -> Iterator[threading.Event]:
-    """Set at the first Ctrl-C, which would else break off between any two steps; then `wake` is
-    called. The second one is an exception as ever.
-    """
-    asked, before = threading.Event(), signal.getsignal(signal.SIGINT)
-    main = threading.current_thread() is threading.main_thread()
-    if not main or before is not signal.default_int_handler:
-        yield asked
-        return
-
-    def note(number: int, frame: Any) -> None:
-        signal.signal(signal.SIGINT, before)
-        asked.set()
-        wake()
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield asked
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

@@ -179,7 +179,7 @@ def _pages(
     began = time.perf_counter()
     with console.progress("comparing", 1) as start:
         start(worst.name)
-        if not write_page(worst, page):
+        if write_page(worst, page):
             return _Cost()
     return _Cost(count * (time.perf_counter() - began), count * page.stat().st_size)
 

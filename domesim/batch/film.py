@@ -18,10 +18,11 @@ from pathlib import Path
 from typing import Any, final
 
 from domesim.batch.job import Job, sha256
+from domesim.batch.sealed import read_sealed, write_sealed
 from domesim.batch.work import Files, Order, Writing
 from domesim.console import Console
 from domesim.errors import InputError
-from domesim.frames import ColourTag, Frame, read_frame, write_whole
+from domesim.frames import ColourTag, Frame, read_frame
 from domesim.frames.colour import is_sayable
 from domesim.frames.film import FILMS, FilmFormat, write_film
 from domesim.frames.timing import RATES, Timing, exact_rate, timing_of
@@ -85,7 +86,7 @@ class Films:
             with console.progress("assembling", len(frames)) as start:
                 lost = self.write(view, path, frames, colour, start)
             kept = {"made_of": made_of, "sha256": sha256(path)}
-            write_whole(_record_of(path, job), json.dumps(kept).encode())
+            write_sealed(_record_of(path, job), kept)
             unsaid = [] if is_sayable(colour) else [f"{colour.named}, which the file cannot say"]
             told = "; ".join([f"{float(self.timing.rate):.6g} frames a second", *unsaid, *lost])
             console.say(f"-> {path} ({told})")
@@ -243,7 +244,7 @@ def _record_of(path: Path, job: Job) -> Path:
 def _is_there(path: Path, job: Job, made_of: str) -> bool:
     """Whether the video is, of these frames, and as it was written."""
     try:
-        kept = json.loads(_record_of(path, job).read_text())
+        kept = read_sealed(_record_of(path, job))
         return bool(kept["made_of"] == made_of and kept["sha256"] == sha256(path))
-    except (OSError, ValueError, TypeError, KeyError, InputError):
+    except (OSError, ValueError, KeyError):
         return False

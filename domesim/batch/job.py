@@ -3,12 +3,12 @@
 Beside the results, a folder ``job`` holds ``settings.json``, all that results depend on; and for
 each frame a record, written after its result: its figures, the SHA-256 of master, result and
 settings, and who made it with which versions. A record is one small file, so that as many machines
-as wish can work on one show at once, and none needs to hear of the others. Settings that some
-frames were made with and others not (``--mix``) are all kept, in a folder ``settings``, by their
-SHA-256.
+as wish can work on one show at once, and none needs to hear of the others (`clients` keeps those of
+other settings away). Settings that some frames were made with and others not (``--mix``) are all
+kept, in a folder ``settings``, by their SHA-256.
 
 A frame is done if its record says so, its result is as it was written, byte by byte, and its master
-too. Anything else is done again.
+too. Anything else is done again. Records have a checksum (`sealed`).
 """
 
 from __future__ import annotations
@@ -17,14 +17,16 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, final
 
+from domesim.batch.clients import Clients, clients_of
+from domesim.batch.sealed import read_sealed, write_sealed
 from domesim.errors import InputError
 from domesim.frames.messages import reason
 from domesim.frames.video import file_of, video_of
@@ -32,6 +34,8 @@ from domesim.frames.whole import write_whole
 
 FOLDER = "job"
 """Name of the folder, beside the results."""
+
+_SETTINGS = "settings.json"
 
 _PACKAGES = ("domesim", "numpy", "scipy", "openimageio", "distributed", "numba", "mkl-fft")
 
@@ -84,7 +88,7 @@ class Job:
     mixed
         Take results that were made with other settings.
     program
-        Version of domesim that its frames are done with.
+        What its frames are done with, as of `program_of`.
     """
 
     folder: Path
@@ -92,35 +96,30 @@ class Job:
     mixed: bool = False
     program: str | None = None
 
-    def kept(self, moment: Sequence[Path], output: Sequence[Path]) -> Record | None:
-        """The record of a frame, if it is done.
+    def kept(self, moment: Sequence[Path], output: Sequence[Path]) -> Record | str:
+        """The record of a frame that is done; else why it is done again, "" if it is new.
 
         Raises
         ------
         InputError
             If the master is not there any more.
         """
-        record = self.record(output)
-        if record is None or not (self.mixed or record.settings == self.settings):
-            return None
-        try:
-            return record if self._holds(record, moment, output) else None
-        except (TypeError, ValueError, LookupError, AttributeError):  # a damaged record
-            return None
-
-    def _holds(self, record: Record, moment: Sequence[Path], output: Sequence[Path]) -> bool:
-        """Whether master and result are as a record says."""
+        record = self._read(output)
+        if isinstance(record, str):
+            return record
+        if not (self.mixed or record.settings == self.settings):
+            return "it was made with other settings"
         known = _named(moment)
-        if set(record.sources) != set(known):
-            return False
-        if not all(self._unchanged(path, record.sources[name]) for name, path in known.items()):
-            return False
-        files = {name: (path, record.results[name]) for name, path in _named(output).items()}
+        if set(record.sources) != set(known) or not all(
+            self._unchanged(path, record.sources[name]) for name, path in known.items()
+        ):
+            return "its master has changed"
+        files = {name: (path, record.results.get(name)) for name, path in _named(output).items()}
         files |= {name: (self.folder / name, digest) for name, digest in record.beside.items()}
-        try:
-            return all(sha256(path) == digest for path, digest in files.values())
-        except InputError:
-            return False
+        with suppress(InputError):
+            if all(sha256(path) == digest for path, digest in files.values()):
+                return record
+        return "its result is not as it was written"
 
     def _unchanged(self, path: Path, known: list[Any]) -> bool:
         """Whether a master is as it was: by its size and time, or else its content."""
@@ -139,12 +138,33 @@ class Job:
 
     def record(self, output: Sequence[Path]) -> Record | None:
         """What is kept of the frame whose result is `output`; None if there is nothing whole."""
+        record = self._read(output)
+        return None if isinstance(record, str) else record
+
+    def _read(self, output: Sequence[Path]) -> Record | str:
+        """What is kept of a frame; else why not, "" if nothing was."""
         try:
-            record = Record(**json.loads(self._place(output).read_text()))
+            return Record(**read_sealed(self._place(output)))
+        except FileNotFoundError:
+            return ""
         except (OSError, ValueError, TypeError):
-            return None
-        whole = isinstance(record.figures, dict) and isinstance(record.line, str)
-        return record if whole else None
+            return "its record is damaged"
+
+    def require_settings(self) -> None:
+        """See that the folder has the job's settings still.
+
+        Raises
+        ------
+        InputError
+            If another command has changed them, which then took this one's for ended.
+        """
+        place = self.folder / _SETTINGS
+        now = sha256(place) if place.is_file() else self.settings
+        if now != self.settings and self.settings_file(now).is_file():  # else it is damaged
+            raise InputError(
+                f"{place}: wanted the settings that the frame was begun with, got other settings "
+                f"meanwhile. Type the command again"
+            )
 
     def recorded(self, outputs: Iterable[Sequence[Path]]) -> list[bool]:
         """Whether each of the frames with these results has a record, be it right or wrong."""
@@ -180,8 +200,7 @@ class Job:
             "versions": versions(),
             "beside": {os.path.relpath(path, self.folder): sha256(path) for path in beside},
         }
-        content = json.dumps(whole, indent=1, allow_nan=False)
-        write_whole(self._place(output), content.encode())
+        write_sealed(self._place(output), whole)
 
     def forget(self, output: Sequence[Path]) -> None:
         """Let a frame be done again."""
@@ -200,10 +219,13 @@ class Job:
         return self.folder / f"{output[0].name}.json"
 
 
+@contextmanager
 def open_job(
     out: Path, settings: dict[str, Any], *, mixed: bool = False, anew: bool = False
-) -> Job:
+) -> Iterator[Job]:
     """The job whose results go to the folder `out`; it is made if there is none.
+
+    Until it is left, no other command can change its settings.
 
     Parameters
     ----------
@@ -219,32 +241,79 @@ def open_job(
     Raises
     ------
     InputError
-        If the folder holds a job of other settings and neither is wanted, or cannot be written to.
+        If the folder holds a job of other settings and neither is wanted, another command works
+        there with other settings, or it cannot be written to.
     """
-    folder, place = out / FOLDER, out / FOLDER / "settings.json"
     told = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False)
-    job = Job(folder, hashlib.sha256(told.encode()).hexdigest(), mixed, versions().get("domesim"))
-    known = job.settings_file(job.settings)
+    digest = hashlib.sha256(told.encode()).hexdigest()
+    job = Job(out / FOLDER, digest, mixed, settings.get("domesim"))
+    with ExitStack() as stack:
+        try:
+            job.settings_file(digest).parent.mkdir(parents=True, exist_ok=True)
+            clients = stack.enter_context(clients_of(job.folder))
+            there = _settle(job, told, clients, change=mixed or anew)
+        except OSError as error:
+            raise InputError(
+                f"{job.folder}: wanted a folder for the job's records, got '{reason(error)}'. "
+                f"Choose another --out"
+            ) from error
+        if there != told:
+            others = clients.others()
+            raise InputError(_refusal(out, job, there, settings, others, change=mixed or anew))
+        yield job
+
+
+def _settle(job: Job, told: str, clients: Clients, *, change: bool) -> str:
+    """Give the folder the settings `told` if it has none, or if they may change and nobody works
+    there; those that it has then.
+    """
+    place, known = job.folder / _SETTINGS, job.settings_file(job.settings)
+    if not known.exists():
+        write_whole(known, told.encode())
+    if clients.enter_alone():
+        if change and place.exists() and _text(place) != told:
+            write_whole(place, told.encode())
+        _create(place, known)
+    clients.share()
+    _create(place, known)  # who was alone may have been killed
+    return _text(place)
+
+
+def _create(place: Path, known: Path) -> None:
+    """Put what `known` holds at `place` if nothing is there: one step, even without locks."""
+    if place.exists():
+        return
     try:
-        known.parent.mkdir(parents=True, exist_ok=True)
-        before = None
-        if place.exists() and not anew:
-            before = place.read_text(errors="replace")
-    except OSError as error:
-        raise InputError(
-            f"{folder}: wanted a folder for the job's records, got '{reason(error)}'. Choose "
-            f"another --out"
-        ) from error
-    if before is not None and before != told and not mixed:
-        raise InputError(
-            f"{out}: holds a job of other settings ({_difference(before, settings)}). Choose "
-            f"another --out, or do all frames again (--anew), or only those that are missing, "
-            f"beside the others (--mix)"
+        os.link(known, place)
+    except FileExistsError:
+        pass
+    except OSError:  # a file system without links
+        write_whole(place, known.read_bytes())
+
+
+def _text(place: Path) -> str:
+    return place.read_text(errors="replace")
+
+
+def _refusal(
+    out: Path, job: Job, there: str, settings: dict[str, Any], others: str, *, change: bool
+) -> str:
+    """Why a folder's settings are not these."""
+    difference = _difference(there, settings)
+    if change:
+        return (
+            f"{out}: wanted it alone to change the job's settings ({difference}), got another "
+            f"command that works there ({others or 'it does not say who'}). Wait for it, end it, "
+            f"or choose another --out"
         )
-    for each in (known, place):
-        if before != told or not each.exists():
-            write_whole(each, told.encode())
-    return job
+    at_work = f", and a command at work ({others})" if others else ""
+    way = (
+        "Choose another --out, or do all frames again (--anew), or only those that are missing, "
+        "beside the others (--mix)"
+    )
+    if not job.settings_file(hashlib.sha256(there.encode()).hexdigest()).exists():
+        return f"{job.folder / _SETTINGS}: is damaged, or was edited ({difference}){at_work}. {way}"
+    return f"{out}: holds a job of other settings ({difference}){at_work}. {way}"
 
 
 def sha256(path: Path) -> str:
@@ -291,13 +360,13 @@ def _state(path: Path) -> tuple[int, int]:
 @lru_cache(maxsize=4)
 def _video_content(video: Path, size: int, changed: int, place: Path) -> str:
     """SHA-256 of a video, which is written down at `place` for other processes."""
-    with suppress(OSError, ValueError, LookupError, TypeError):
-        known = json.loads(place.read_text())
+    with suppress(OSError, ValueError, LookupError):
+        known = read_sealed(place)
         if [known["size"], known["changed"]] == [size, changed]:
             return str(known["sha256"])
     content = sha256(video)
     kept = {"video": str(video), "size": size, "changed": changed, "sha256": content}
-    write_whole(place, json.dumps(kept).encode())
+    write_sealed(place, kept)
     return content
 
 
@@ -321,4 +390,6 @@ def _difference(before: str, settings: dict[str, Any]) -> str:
 def _brief(value: Any) -> str:
     if isinstance(value, str) and len(value) == 64:
         return f"SHA-256 {value[:8]}..."
+    if isinstance(value, list):
+        return " and ".join(map(_brief, value))
     return "none" if value is None else str(value)

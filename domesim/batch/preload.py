@@ -3,14 +3,16 @@
 import signal
 
 from domesim.batch.crew import be_quiet
+from domesim.endings import ENDINGS
 from domesim.strips import keep_freed_memory
 
 
 def dask_setup(worker: object) -> None:
-    """Ctrl-C is for the command, which tells its workers; what goes wrong, the command tells.
+    """Ctrl-C and the like are for the command, which tells its workers, also what goes wrong.
 
     Freed memory is kept for the next frame.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for each in ENDINGS:  # a terminal, SLURM and systemd send them to all processes
+        signal.signal(each, signal.SIG_IGN)
     be_quiet()
     keep_freed_memory()

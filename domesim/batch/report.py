@@ -27,8 +27,9 @@ from typing import Any, final
 from urllib.parse import quote
 
 from domesim.batch.job import Job, versions
+from domesim.batch.sealed import read_sealed
 from domesim.batch.work import Column, Failed, Finished, Order
-from domesim.console import complain, duration
+from domesim.console import duration
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 
@@ -111,10 +112,17 @@ class Report:
 
     def interrupt(self) -> None:
         """The run ends before all frames are done."""
-        self._end("interrupted")
+        with suppress(InputError):  # the run's end is told already
+            self._end("stopped")
 
     def finish(self) -> Path:
-        """All frames have ended; where the page is."""
+        """All frames have ended; where the page is.
+
+        Raises
+        ------
+        InputError
+            If it, or a table, cannot be written.
+        """
         self._end("ended")
         return self.page
 
@@ -136,9 +144,8 @@ class Report:
         rows = self._rows()
         try:
             write_tables(self._job.folder / f"frames{self._mark}", list(rows.values()))
+        finally:
             self._write(state, rows)
-        except InputError as error:
-            complain(error)
 
     def _rows(self) -> dict[str, dict[str, Any]]:
         """Figures of this run's frames, and unless it is of a part, of the job's others, by the
@@ -150,7 +157,7 @@ class Report:
             if name == "settings" or name in self._outcomes:
                 continue
             with suppress(OSError, ValueError, LookupError, TypeError):
-                rows[name] = dict(json.loads(place.read_text())["figures"])
+                rows[name] = dict(read_sealed(place)["figures"])
         for name, outcome in self._outcomes.items():
             if isinstance(outcome, Finished):
                 rows[name] = outcome.figures
@@ -178,6 +185,7 @@ class Report:
             table=f"frames{self._mark}.csv",
             rate=rate,
             elapsed=duration(elapsed),
+            now=time.strftime("%Y-%m-%d %H:%M:%S"),
             left=duration(left / rate) if rate else "",
             failed=[each.reason for each in self._outcomes.values() if isinstance(each, Failed)],
             columns=self._columns,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from math import inf
 from pathlib import Path
@@ -18,10 +19,10 @@ import psutil
 from domesim.batch.alone import alone
 from domesim.batch.cluster import in_cluster
 from domesim.batch.crew import Crew
-from domesim.batch.film import films_of
-from domesim.batch.job import Job, open_job, versions
+from domesim.batch.film import Films, films_of
+from domesim.batch.job import Job, Record, open_job
 from domesim.batch.report import Report, page_name
-from domesim.batch.work import Failed, Files, Finished, Order, Recipe, Writing
+from domesim.batch.work import Failed, Files, Finished, Order, Recipe, Writing, program_of
 from domesim.console import Console, complain, prepare, sized
 from domesim.errors import InputError
 from domesim.frames.messages import joined
@@ -90,7 +91,7 @@ class Done:
     kept
         How many of the frames had been done before.
     report
-        The page about all frames of the job, if it is a sequence.
+        The page about all frames of the job, if it is a sequence and the page is there.
     films
         The videos that results became, if all of them are done.
     """
@@ -101,6 +102,15 @@ class Done:
     kept: int = 0
     report: Path | None = None
     films: tuple[Path, ...] = ()
+
+    def add_report(self, report: Report) -> None:
+        """Write it; that it cannot be is a failure."""
+        try:
+            self.report = report.finish()
+        except InputError as error:
+            complain(error)
+            self.failed.append(str(error))
+            self.report = report.page if report.page.exists() else None
 
 
 def each_frame(
@@ -150,13 +160,27 @@ def each_frame(
     outputs = show.outputs(folder, writing.suffix)
     for place in {path.parent for output in outputs for path in output} | {folder}:
         prepare(place)
-    job = _job(show, folder, outputs, recipe, writing, running)
-    orders = orders_of(show, outputs, recipe, writing, job)
-    fresh, recorded = _by_record(orders, job)
     _tell_size(show, recipe, console)
-    report = None if job is None else Report(job, orders, what, show.part, checked_last=recorded)
-    telling = _Telling(console, orders, recorded, report)
     crew = crew_of(running, recipe, show)
+    with _job(show, folder, outputs, recipe, writing, running) as job:
+        orders = orders_of(show, outputs, recipe, writing, job)
+        return _each(orders, job, crew, running, console, what, films)
+
+
+def _each(
+    orders: list[Order],
+    job: Job | None,
+    crew: Crew | None,
+    running: Running,
+    console: Console,
+    what: str,
+    films: Films | None,
+) -> Done:
+    """Do all frames of a job, and what is made of them together."""
+    recipe, part = orders[0].recipe, orders[0].show.part
+    fresh, recorded = _by_record(orders, job)
+    report = None if job is None else Report(job, orders, what, part, checked_last=recorded)
+    telling = _Telling(console, orders, recorded, report)
     began = time.perf_counter()
     try:
         # To read all results of a long show takes hours, for which no worker should wait
@@ -176,20 +200,25 @@ def each_frame(
     done.seconds["total"] = time.perf_counter() - began
     if report is None or job is None:
         return done
-    done.report = report.finish()
+    done.add_report(report)
     if films is not None and not done.failed:
-        if show.part:
+        if part:
             console.say("A video is made of a whole sequence: leave --frames out for it")
         else:
             films.make(orders, job, console)
             done.films = films.paths
-    if _compare(report.worst(running.pages), recipe, console):
-        report.finish()
+    if recipe.compares and done.report is not None:
+        done.failed += _compare(report.worst(running.pages), recipe, console)
+        done.add_report(report)
     kept = f", {done.kept} of them before" if done.kept else ""
-    console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}. Report: {done.report}")
+    others = sum(frame["settings"] != job.settings for frame in done.frames)
+    kept += f", {others} of them with other settings" if others else ""
+    told = "" if done.report is None else f" Report: {done.report}"
+    console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}.{told}")
     return done
 
 
+@contextmanager
 def _job(
     show: Show,
     folder: Path,
@@ -197,19 +226,20 @@ def _job(
     recipe: Recipe,
     writing: Writing,
     running: Running,
-) -> Job | None:
+) -> Iterator[Job | None]:
     """The job of a sequence, without what processes that are gone half wrote; None of a file."""
     if not show.numbered:
-        return None
-    settings = {**recipe.settings(), **_settings(show, outputs[0], writing)}
-    job = open_job(folder, settings, mixed=running.mixed, anew=running.anew)
-    for place in {path.parent for output in outputs for path in output} | {job.folder}:
-        sweep(place)
-    for output in outputs if running.anew else ():
-        job.forget(output)
-    if any(video_of(path) for path in show.moments[0]):
-        job.sources(show.moments[0])  # once, not by each worker
-    return job
+        yield None
+        return
+    settings = _settings(show, folder, outputs[0], recipe, writing)
+    with open_job(folder, settings, mixed=running.mixed, anew=running.anew) as job:
+        for place in {path.parent for output in outputs for path in output} | {job.folder}:
+            sweep(place)
+        for output in outputs if running.anew else ():
+            job.forget(output)
+        if any(video_of(path) for path in show.moments[0]):
+            job.sources(show.moments[0])  # once, not by each worker
+        yield job
 
 
 def _by_record(orders: list[Order], job: Job | None) -> tuple[list[Order], list[Order]]:
@@ -243,7 +273,9 @@ def _changed(
             record = job.kept(order.moment, order.output)
         except InputError:  # whoever does it will say so
             return None
-        return None if record is None else Finished(record.figures, record.line, kept=True)
+        if not isinstance(record, Record):
+            return None
+        return Finished(record.figures, record.line, kept=True)
 
     changed = []
     pool = ThreadPoolExecutor(cores())
@@ -259,10 +291,9 @@ def _changed(
     return changed
 
 
-def _compare(orders: list[Order], recipe: Recipe, console: Console) -> bool:
-    """Write the pages of the worst frames; whether there are any."""
-    if not recipe.compares:
-        return False
+def _compare(orders: list[Order], recipe: Recipe, console: Console) -> list[str]:
+    """Write the pages of the worst frames; why some could not be."""
+    failed = []
     with console.progress("comparing", len(orders)) as start:
         for order in orders:
             start(order.name)
@@ -271,18 +302,19 @@ def _compare(orders: list[Order], recipe: Recipe, console: Console) -> bool:
             with suppress(OSError):
                 if page.stat().st_mtime >= order.output[0].stat().st_mtime:
                     continue
-            write_page(order, page)
-    return True
+            failed.append(write_page(order, page))
+    return [reason for reason in failed if reason]
 
 
-def write_page(order: Order, page: Path) -> bool:
-    """Write the page about one frame; that it cannot be is told, and is no reason to end."""
+def write_page(order: Order, page: Path) -> str:
+    """Write the page about one frame; why it cannot be is told, and is no reason to end."""
     try:
         order.recipe.compare(order.show.read(order.moment, repair=True), page)
     except (InputError, OSError, MemoryError) as error:
-        complain(f"{page}: no page, '{joined(str(error))}'")
-        return False
-    return True
+        reason = f"{page}: no page, '{joined(str(error))}'"
+        complain(reason)
+        return reason
+    return ""
 
 
 def orders_of(
@@ -409,11 +441,16 @@ def _told(crew: Crew) -> str:
     return f"{workers}, {crew.threads} of {cores()} cores each"
 
 
-def _settings(show: Show, output: Files, writing: Writing) -> dict[str, Any]:
-    """What results depend on besides the recipe."""
+def _settings(
+    show: Show, folder: Path, output: Files, recipe: Recipe, writing: Writing
+) -> dict[str, Any]:
+    """All that results depend on, and whose they are."""
     colour = show.colour
     return {
-        "domesim": versions().get("domesim"),
+        **recipe.settings(),
+        "domesim": program_of(recipe),
+        # From the results, so that both may be moved together
+        "masters": [os.path.relpath(source, folder) for source in show.sources],
         "packing": show.packing,
         "encoding": None if colour is None else [colour.transfer, colour.primaries],
         **asdict(writing),
@@ -431,7 +468,7 @@ class _Telling:
         self._console, self._orders, self._report = console, orders, report
         self._recorded = set(recorded)
         self._ended: dict[Order, Finished | Failed] = {}
-        self._described = ""
+        self._described, self._hopeless = "", 0
         self._lock = threading.Lock()
 
     def end(self, order: Order, outcome: Finished | Failed) -> None:
@@ -441,7 +478,10 @@ class _Telling:
             if self._report is not None:
                 self._report.add(order, outcome)
         if isinstance(outcome, Failed):
-            complain(outcome.reason)
+            # What would fail all frames is told once
+            if not (outcome.hopeless and self._hopeless):
+                complain(outcome.reason)
+            self._hopeless += outcome.hopeless
             return
         read = outcome.figures.get("read", "")
         if read != self._described:
@@ -450,6 +490,8 @@ class _Telling:
         if outcome.kept:
             self._console.say(f"{order.name} (done before): {outcome.line}")
             return
+        if outcome.again:
+            self._console.say(f"{order.name}: done again: {outcome.again}")
         self._console.say(f"{order.name}: {outcome.line}\n  -> {', '.join(map(str, order.output))}")
 
     def has_all(self, orders: Sequence[Order]) -> bool:
@@ -471,9 +513,14 @@ class _Telling:
             done.kept += outcome.kept
             for step in STEPS:
                 done.seconds[step] += outcome.seconds.get(step, 0.0) if not outcome.kept else 0.0
+        told = []
         if left:
-            done.failed.append(f"{left} of {len(self._orders)} frames were not begun after that")
-            complain(f"{done.failed[-1]}; the same command goes on with them")
+            told = [f"{left} of {len(self._orders)} frames were not begun after that"]
+            done.failed += told
+        if self._hopeless > 1:
+            told.append(f"{self._hopeless - 1} under way failed likewise")
+        if told:
+            complain(f"{', and '.join(told)}; the same command goes on with them")
         return done
 
     def interrupted(self, job: Job, running: Running) -> None:
@@ -481,7 +528,8 @@ class _Telling:
         if self._report is not None:
             self._report.interrupt()
         count = sum(job.recorded(order.output for order in self._orders))
-        complain(
-            f"{count} of {len(self._orders)} frames are done; the same command goes on with the "
-            f"rest{' without --anew' if running.anew else ''}"
-        )
+        if count:
+            complain(
+                f"{count} of {len(self._orders)} frames are done; the same command goes on with "
+                f"the rest{' without --anew' if running.anew else ''}"
+            )

@@ -6,16 +6,19 @@ Whoever does it (`alone`, `cluster`) only decides where and when. A mistake is h
 
 from __future__ import annotations
 
+import hashlib
 import os
 import resource
 import socket
+import sys
 import tempfile
 import time
 import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar, final
 
@@ -23,9 +26,9 @@ import psutil
 
 from domesim.batch.job import Job, Record, versions
 from domesim.console import about
-from domesim.errors import InputError, NoSpaceError
+from domesim.errors import InputError, NoPlaceError
 from domesim.frames import ColourTag, Master, read_master, write_master
-from domesim.frames.messages import joined
+from domesim.frames.messages import joined, reason
 from domesim.frames.reading import unsaid
 from domesim.frames.views import made_for
 from domesim.shows import Show
@@ -223,6 +226,8 @@ class Finished:
         at most (``peak``), bytes.
     kept
         Whether it had been done before.
+    again
+        Why it was not kept although it had been; "" if it had not.
     """
 
     figures: dict[str, Any]
@@ -230,6 +235,7 @@ class Finished:
     seconds: dict[str, float] = field(default_factory=dict)
     maker: dict[str, Any] = field(default_factory=dict)
     kept: bool = False
+    again: str = ""
 
 
 @final
@@ -264,7 +270,7 @@ class _Read(Generic[P]):
         `Master.facts`.
     sources
         As for `Record.sources`.
-    seconds
+    seconds, again
         As of `Finished`.
     """
 
@@ -273,6 +279,7 @@ class _Read(Generic[P]):
     facts: dict[str, Any]
     sources: dict[str, Any]
     seconds: dict[str, float]
+    again: str
 
 
 @final
@@ -291,11 +298,11 @@ class Steps:
     def read(self, order: Order) -> _Read[Any] | Finished | Failed:
         """What was prepared; the frame itself if it was done before."""
         with _caught(order) as caught:
-            before = None if order.job is None else order.job.kept(order.moment, order.output)
-            if before is not None:
+            before = "" if order.job is None else order.job.kept(order.moment, order.output)
+            if isinstance(before, Record):
                 return Finished(before.figures, before.line, kept=True)
             if order.job is not None:
-                _require_program(order.job)
+                _require_program(order.job, order.recipe)
                 order.job.forget(order.output)
             seconds: dict[str, float] = {}
             with _timed(seconds, "reading"):
@@ -307,7 +314,7 @@ class Steps:
                 if how.output is not None:
                     facts["encoding"] = asdict(how.output)
                 prepared = self._work.prepare(master)
-            return _Read(prepared, master.repaired, facts, sources, seconds)
+            return _Read(prepared, master.repaired, facts, sources, seconds, before)
         return caught[0]
 
     def solve(self, order: Order, read: _Read[Any] | Finished | Failed) -> Any:
@@ -324,6 +331,8 @@ class Steps:
             return solved
         write = _Writer(order)
         with _caught(order) as caught:
+            if order.job is not None:
+                order.job.require_settings()
             with _timed(solved.seconds, "writing"):
                 figures, line = self._work.finish(solved.prepared, write)
             named = {"input": _named(order.moment), "output": _named(order.output)}
@@ -339,7 +348,7 @@ class Steps:
                 figures["settings"] = order.job.settings
                 record = Record(figures, line, solved.seconds, solved.sources, maker)
                 order.job.keep(order.output, record, write.others)
-            return Finished(figures, line, solved.seconds, maker)
+            return Finished(figures, line, solved.seconds, maker, again=solved.again)
         return caught[0]
 
     def all(self, order: Order) -> Finished | Failed:
@@ -394,9 +403,30 @@ def _maker() -> dict[str, Any]:
     }
 
 
-def _require_program(job: Job) -> None:
+def program_of(recipe: Recipe) -> str:
+    """What frames are done with: the version of domesim, and of its code and the recipe's.
+
+    The code counts, because a version's number need not change with it.
+    """
+    package = type(recipe).__module__.partition(".")[0]
+    return f"{versions().get('domesim')}+{code_of('domesim', package)[:8]}"
+
+
+@cache
+def code_of(*packages: str) -> str:
+    """SHA-256 of all Python files of these."""
+    found = hashlib.sha256()
+    for package in packages:
+        for place in getattr(sys.modules[package], "__path__", ()):
+            for file in sorted(Path(place).rglob("*.py")):
+                found.update(f"{file.relative_to(place)} {file.stat().st_size} ".encode())
+                found.update(file.read_bytes())
+    return found.hexdigest()
+
+
+def _require_program(job: Job, recipe: Recipe) -> None:
     """See that a worker has the program that the job is done with."""
-    ours = versions().get("domesim")
+    ours = program_of(recipe)
     if ours != job.program:
         raise InputError(
             f"wanted domesim {job.program}, as the command has, got {ours} on "
@@ -412,7 +442,10 @@ def _caught(order: Order) -> Iterator[list[Failed]]:
         with about(order.moment[0]):
             yield failed
     except InputError as error:
-        failed.append(Failed(str(error), hopeless=isinstance(error, NoSpaceError)))
+        failed.append(Failed(str(error), hopeless=isinstance(error, NoPlaceError)))
+    except OSError as error:
+        where = error.filename or order.moment[0]
+        failed.append(Failed(f"{order.moment[0]}: got '{reason(error)}' at {where}"))
     except MemoryError:
         failed.append(Failed(f"{order.moment[0]}: not enough memory for frames of this size"))
     except Exception as error:
@@ -428,7 +461,8 @@ def _fault(order: Order, error: Exception) -> str:
         handle, name = tempfile.mkstemp(prefix="domesim-", suffix=".txt")
         os.close(handle)
         place = Path(name)
-    place.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")
+    with suppress(OSError):  # which is told for results
+        place.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")
     return f"{joined(told)} (report it with {place})"
 
 

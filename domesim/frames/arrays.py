@@ -12,6 +12,7 @@ import numpy as np
 
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
+from domesim.plain import size_of_plain
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
@@ -48,10 +49,13 @@ def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> d
     """
     none = f"{path}: wanted a {kind} stored by 'domesim tabulate', this is none or damaged"
     try:
+        size_of_plain(path, _LARGEST)
         # Of a damaged file NumPy would leave its own handle open.
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
         written, digest = str(arrays["format"]), str(arrays.pop("sha256"))
+    except InputError:
+        raise
     except OSError as error:
         reason = error.strerror or "not a .npz file"
         raise InputError(f"{path}: wanted a stored {kind}, got '{reason}'") from error
@@ -64,6 +68,9 @@ def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> d
     if digest != _digest(arrays):
         raise InputError(f"{path}: is damaged (its checksum does not fit); tabulate it again")
     return arrays
+
+
+_LARGEST = 256 << 30  # bytes of a transport that memory might hold
 
 
 def _digest(arrays: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import psutil
 
-from domesim.errors import InputError, NoSpaceError
+from domesim.errors import InputError, NoPlaceError
 from domesim.frames.messages import reason
 
 
@@ -46,6 +46,7 @@ def sweep(folder: Path) -> None:
 
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
+_OF_ONE = (errno.EISDIR, errno.ENAMETOOLONG)
 
 _TEMPORARY = re.compile(r"\.tmp-([0-9a-f]{4})-([0-9]+)-[0-9a-f]{4}(?:\.[^.]*)?$")
 
@@ -64,7 +65,7 @@ def write_together(contents: Sequence[tuple[Path, bytes]]) -> None:
     Raises
     ------
     InputError
-        If one of them cannot be written: `NoSpaceError` if the disk is full.
+        If one of them cannot be written: `NoPlaceError` if others could not be, either.
     """
     temporaries = [temporary_of(path) for path, _ in contents]
     try:
@@ -91,5 +92,5 @@ def write_together(contents: Sequence[tuple[Path, bytes]]) -> None:
             errno.EISDIR: "Name a file",
         }
         way = ways.get(error.errno or 0, "Choose a folder that can be written to")
-        kind = NoSpaceError if error.errno in _FULL else InputError
+        kind = InputError if error.errno in _OF_ONE else NoPlaceError
         raise kind(f"{path}: wanted to write it, got '{reason(error)}'. {way}.") from error

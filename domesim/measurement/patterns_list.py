@@ -27,6 +27,7 @@ from typing import Any, final
 
 from domesim.errors import InputError
 from domesim.frames import write_whole
+from domesim.plain import read_plain
 
 FORMAT = "domesim patterns 1"
 NAME = "patterns.json"
@@ -105,7 +106,7 @@ def read_patterns(folder: Path) -> PatternList:
     """
     path = folder / NAME
     try:
-        content = json.loads(path.read_bytes())
+        content = json.loads(read_plain(path))
         if content["format"] != FORMAT:
             raise ValueError(content["format"])
         patterns = tuple(

@@ -21,6 +21,7 @@ from types import MappingProxyType
 from typing import Any, TypeAlias, final
 
 from domesim.errors import InputError
+from domesim.plain import read_plain
 from domesim.texts import text_in
 
 
@@ -185,7 +186,7 @@ def text_of(path: Path) -> str:
         If there is no such file, or it is no text.
     """
     try:
-        return text_in(path.read_bytes())
+        return text_in(read_plain(path))
     except UnicodeDecodeError:
         raise InputError(
             f"{path}: readings are a text file in UTF-8, this is not; export it as CSV (UTF-8)"

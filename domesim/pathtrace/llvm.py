@@ -22,6 +22,7 @@ import json
 import os
 import platform
 import re
+import resource
 import signal
 import stat
 import subprocess
@@ -477,14 +478,21 @@ def _run(script: str, arguments: list[str], who: str, doing: str, timeout: float
         raise _InconclusiveError(f"{who}: still {doing} after {timeout:g} s") from None
     except OSError as fault:
         raise _InconclusiveError(f"{who}: no process to try it in: {fault.strerror}") from None
+    kind = _InconclusiveError if _lacked_memory(probe) else InputError
     if probe.returncode < 0:
-        killed = -probe.returncode == getattr(signal, "SIGKILL", None)  # often: out of memory
-        kind = _InconclusiveError if killed else InputError
         raise kind(f"{who}: crashed with signal {-probe.returncode} while {doing}")
     if probe.returncode > 0:
         said = probe.stderr.strip().splitlines() or [f"exit status {probe.returncode}"]
-        raise InputError(f"{who}: {said[-1]}")
+        raise kind(f"{who}: {said[-1]}")
     return probe.stdout.strip()
+
+
+def _lacked_memory(probe: subprocess.CompletedProcess[str]) -> bool:
+    """Whether a probe that failed may have done so for want of memory, which may come again."""
+    limited = resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
+    killed = -probe.returncode == signal.SIGKILL
+    told = re.search("memory|allocate|map segment|new thread", probe.stderr, re.IGNORECASE)
+    return limited or killed or told is not None
 
 
 _PRELUDE = """

@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from domesim.errors import InputError
+from domesim.plain import read_plain
 from domesim.scene import dome, stereo
 from domesim.scene.base import Scene
 from domesim.scene.dome import DomeScene
@@ -36,7 +37,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     if path.suffix != ".toml" and len(path.parts) <= 1:
         return scene_of_text(_bundled(str(name_or_path)), str(name_or_path), Path())
     try:
-        text = text_in(path.read_bytes())
+        text = text_in(read_plain(path))
     except UnicodeDecodeError:
         raise InputError(f"{path}: a scene is a TOML text file in UTF-8, this is not") from None
     except OSError as error:

@@ -54,6 +54,7 @@ from domesim.frames import read_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.reading import read_image
 from domesim.measurement.patterns_list import read_patterns
+from domesim.plain import read_plain
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.fields import Number, Place, Section, three
 from domesim.scene.mistakes import all_mistakes
@@ -277,7 +278,7 @@ def read_survey(path: Path) -> Task:
 
 def _parsed(path: Path) -> SurveyFile:
     try:
-        return SurveyFile.model_validate(tomllib.loads(text_in(path.read_bytes())))
+        return SurveyFile.model_validate(tomllib.loads(text_in(read_plain(path))))
     except UnicodeDecodeError:
         raise InputError(f"{path}: a survey is a TOML text file in UTF-8, this is not") from None
     except OSError as error:

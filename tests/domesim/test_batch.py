@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -12,8 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from dataclasses import replace
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from queue import SimpleQueue
 from types import SimpleNamespace
@@ -132,9 +132,9 @@ def test_a_record_of_something_else_is_none(tmp_path: Path, recipe: Harmful, con
 def test_another_program_does_no_frame(tmp_path: Path, recipe: Harmful) -> None:
     """Of a worker that came after the command had looked at all of them."""
     make_show(tmp_path / "in", 1)
-    another = replace(open_job(tmp_path, {}), program="0.0.1")
-    order = Order(show_of(tmp_path / "in"), (tmp_path / "in.0001.exr",), recipe, Writing(), another)
-    found = cluster.do(order)
+    with open_job(tmp_path, {"domesim": "0.0.1"}) as another:
+        place = (tmp_path / "in.0001.exr",)
+        found = cluster.do(Order(show_of(tmp_path / "in"), place, recipe, Writing(), another))
     assert isinstance(found, Failed)
     assert "wanted domesim 0.0.1" in found.reason
     assert not recipe.begun()
@@ -278,12 +278,18 @@ do_show(show_of(folder / "in", sys.argv[2]), folder, harmful_in(folder))
 
 def test_other_settings_are_refused_unless_told(tmp_path: Path) -> None:
     folder = tmp_path
-    open_job(folder, {"method": "subtractive", "gain": 0.1})
-    with pytest.raises(InputError, match="method: subtractive there, perceptual now") as refused:
-        open_job(folder, {"method": "perceptual", "gain": 0.1})
+    with open_job(folder, {"method": "subtractive", "gain": 0.1}):
+        pass
+    with (
+        pytest.raises(InputError, match="method: subtractive there, perceptual now") as refused,
+        open_job(folder, {"method": "perceptual", "gain": 0.1}),
+    ):
+        pass
     assert "\n" not in str(refused.value)
-    mixed = open_job(folder, {"method": "perceptual", "gain": 0.1}, mixed=True)
-    anew = open_job(folder, {"method": "none", "gain": 0.1}, anew=True)
+    with open_job(folder, {"method": "perceptual", "gain": 0.1}, mixed=True) as mixed:
+        pass
+    with open_job(folder, {"method": "none", "gain": 0.1}, anew=True) as anew:
+        pass
     assert len({mixed.settings, anew.settings}) == 2
     assert json.loads((folder / FOLDER / "settings.json").read_text())["method"] == "none"
 
@@ -428,6 +434,59 @@ def test_a_full_disk_leaves_what_is_whole(tmp_path: Path, recipe: Harmful, worke
         assert again.failed[-1] == f"{left_again} of 9 frames were not begun after that"
 
 
+@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("gone", ["out", "out/job"])
+def test_a_folder_that_goes_away_is_told_once(
+    tmp_path: Path, recipe: Harmful, capsys: pytest.CaptureFixture[str], workers: int, gone: str
+) -> None:
+    make_show(tmp_path / "in", 30)
+    done = copied(tmp_path, Harmful(recipe.log, removes=tmp_path / gone), workers)
+    assert done.failed
+    assert len(recipe.begun()) < 30
+    assert done.report is None
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == 3, errors
+    assert "no such file or directory" in errors[0]
+    assert "frames were not begun after that" in errors[1]
+    assert "report.html" in errors[2]
+
+
+def test_a_file_system_that_turns_read_only_is_told_once(
+    tmp_path: Path,
+    recipe: Harmful,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    make_show(tmp_path / "in", 30)
+    original = os.fsync
+
+    def fsync(handle: int) -> None:
+        if len(recipe.begun()) > 3:
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        original(handle)
+
+    monkeypatch.setattr("domesim.frames.whole.os.fsync", fsync)
+    done = copied(tmp_path, recipe, 0)
+    assert 1 <= len(done.frames) <= 3
+    assert len(recipe.begun()) < 8
+    assert done.report is not None
+    assert done.report.exists()
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == 3, errors
+    assert all("read-only" in line for line in errors[::2])
+
+
+def test_a_table_that_cannot_be_written_is_a_failure(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 2)
+    (tmp_path / "out/job/frames.csv").mkdir(parents=True)
+    done = copied(tmp_path, recipe, 0)
+    assert len(done.frames) == 2
+    (reason,) = done.failed
+    assert "frames.csv" in reason
+    assert done.report is not None
+    assert "2 of 2 frames are done (copying, ended)" in done.report.read_text()
+
+
 def test_a_killed_worker_loses_its_own_frame_only(tmp_path: Path, recipe: Harmful) -> None:
     """Kill -9 in the middle of a frame."""
     make_show(tmp_path / "in", 4)
@@ -483,6 +542,54 @@ def test_a_frame_without_end_is_given_up_and_named(
     assert not (tmp_path / "out/in.0002.exr").exists()
 
 
+@pytest.mark.parametrize("where", ["here", "elsewhere"])
+def test_a_worker_that_stands_still_is_given_up(
+    tmp_path: Path, recipe: Harmful, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    """It cannot end itself, nor can anybody ask it to."""
+    monkeypatch.setattr(cluster, "_SILENCE", 1.0)
+    make_show(tmp_path / "in", 4)
+    slow = Harmful(recipe.log, seconds=0.5)
+    stopped: list[int] = []
+
+    def stop() -> None:
+        until(lambda: bool(slow.pids()))
+        stopped.append(slow.pids().pop())
+        os.kill(stopped[0], signal.SIGSTOP)
+
+    stopper = threading.Thread(target=stop)
+    stopper.start()
+    began = time.monotonic()
+    try:
+        if where == "here":
+            done = copied(tmp_path, slow, 1, frame_timeout=2.0)
+        else:
+            with scheduler(2) as (address, _):
+                done = copied(tmp_path, slow, 0, scheduler=address, frame_timeout=2.0)
+    finally:
+        stopper.join()
+        with suppress(ProcessLookupError):
+            os.kill(stopped[0], signal.SIGKILL)
+    assert not done.failed
+    assert len(slow.begun()) == 5  # one of them twice
+    assert is_whole(tmp_path, 4)
+    assert time.monotonic() - began < 45
+
+
+def test_a_worker_that_stands_still_at_the_end_is_ended(tmp_path: Path, recipe: Harmful) -> None:
+    """Python waits for its children when it ends."""
+    make_show(tmp_path / "in", 3)
+    process = program(tmp_path, 2, 1.0)
+    until(lambda: len(records(tmp_path)) == 2 and len(recipe.begun()) == 3)
+    busy = {int(path.read_text()) for path in recipe.log.glob("in.0003.exr.*")}
+    (idle,) = recipe.pids() - busy
+    os.kill(idle, signal.SIGSTOP)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+    assert errors == ""
+    assert not alive(idle)
+
+
 def test_a_frame_timeout_is_for_each_frame(tmp_path: Path, recipe: Harmful) -> None:
     """A worker does many more than one in that time."""
     make_show(tmp_path / "in", 6)
@@ -508,6 +615,7 @@ def program(folder: Path, workers: int, seconds: float, *more: str) -> subproces
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=True,
         # Whoever runs the tests in the background makes their children ignore Ctrl-C
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
     )
@@ -518,21 +626,28 @@ def records(folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_mtime_ns for path in (folder / "out/job").glob("in.*.json")}
 
 
-@pytest.mark.parametrize("end", ["kill -9", "Ctrl-C"])
+@pytest.mark.parametrize("end", ["SIGKILL", "SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_run_that_was_ended_goes_on(end: str, tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 6)
     process = program(tmp_path, 2, 0.5)
     until(lambda: len(recipe.begun()) >= 4)
-    process.send_signal(signal.SIGKILL if end == "kill -9" else signal.SIGINT)
+    if end == "SIGKILL":
+        process.kill()
+    else:  # as a terminal, SLURM and systemd do: to the workers, too
+        os.killpg(process.pid, signal.Signals[end])
     _, errors = process.communicate(timeout=PATIENCE)
     pids = recipe.pids()
     until(lambda: not any(alive(pid) for pid in pids))  # no worker outlives the command
     before, begun = records(tmp_path), len(recipe.begun())
     assert len(before) >= 2
-    if end == "Ctrl-C":
-        assert process.returncode == 130
+    page = (tmp_path / "out/job/report.html").read_text()
+    assert "running" not in page
+    assert "Last update: 20" in page
+    if end != "SIGKILL":
+        assert process.returncode == 128 + signal.Signals[end]
         assert "Traceback" not in errors
         assert f"{len(before)} of 6 frames are done; the same command goes on" in errors
+        assert "(copying, stopped)" in page
     done = copied(tmp_path, recipe, 0)
     assert done.kept == len(before)
     assert {name: records(tmp_path)[name] for name in before} == before
@@ -648,7 +763,7 @@ def test_frames_that_a_scheduler_keeps_cancelling_are_given_up(
 
 
 def test_no_scheduler_is_told(tmp_path: Path, recipe: Harmful, monkeypatch: Any) -> None:
-    monkeypatch.setattr(crew, "_PATIENCE", 1.0)
+    monkeypatch.setattr(crew, "_ANSWER", 1.0)
     make_show(tmp_path / "in", 2)
     with pytest.raises(InputError, match="wanted a Dask scheduler") as told:
         copied(tmp_path, recipe, 0, scheduler="tcp://127.0.0.1:9")

@@ -164,8 +164,8 @@ def test_a_video_is_read_through_once_for_all_workers(tmp_path: Path, monkeypatc
     job._video_content.cache_clear()  # as of another process
     read: list[Path] = []
     monkeypatch.setattr(job, "sha256", lambda path: (read.append(path), sha256(path))[1])
-    again = open_job(tmp_path / "out", {}, anew=True)
-    known = again.sources([frame_paths(source)[0]])
+    with open_job(tmp_path / "out", {}, anew=True) as again:
+        known = again.sources([frame_paths(source)[0]])
     assert next(iter(known.values()))[2] == sha256(source)
     assert not read
     flip(source)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -196,6 +197,43 @@ def test_a_file_without_a_mesh_is_one_line(tmp_path: Path, name: str, content: b
     with pytest.raises(InputError, match=f"{name}: wanted the mesh of seats, got .*STL") as caught:
         from_file(tmp_path / name, "seats", GREY)
     assert "\n" not in str(caught.value)
+
+
+MATERIAL = b"mtllib seats.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+def test_no_other_files_are_opened(tmp_path: Path) -> None:
+    (tmp_path / "seats.obj").write_bytes(MATERIAL)
+    os.mkfifo(tmp_path / "seats.mtl")  # to open it would wait for ever
+    assert len(from_file(tmp_path / "seats.obj", "seats", GREY).faces) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("many.ply", b"ply\nformat binary_little_endian 1.0\nelement vertex 900000000000\n"
+                     b"property float x\nend_header\n"),
+        ("many.off", b"OFF\n90000000000 1 0\n0 0 0\n"),
+        ("many.glb", b'glTF\2\0\0\0{"accessors":[{"count": 90000000000}]}'),
+    ],
+)  # fmt: skip
+def test_counts_that_no_file_could_hold_are_refused(
+    tmp_path: Path, name: str, content: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trimesh.load_mesh", None)
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=r"counts of more things than its .* bytes can hold"):
+        from_file(tmp_path / name, "seats", GREY)
+
+
+@pytest.mark.parametrize("name", ["seats.zip", "seats.3mf", "seats.dae", "seats.xaml", "seats"])
+def test_archives_and_xml_are_not_read(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trimesh.load_mesh", None)
+    (tmp_path / name).write_bytes(b"PK")
+    with pytest.raises(InputError, match=f"{name}: wanted the mesh of seats, got a file"):
+        from_file(tmp_path / name, "seats", GREY)
 
 
 def test_a_missing_file_is_one_line(tmp_path: Path):

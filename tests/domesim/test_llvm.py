@@ -369,17 +369,22 @@ def test_a_change_starts_a_new_probe(
 
 @needs_compiler
 @pytest.mark.usefixtures("bare")
-@pytest.mark.parametrize("fault", ["timeout", "killed"])
+@pytest.mark.parametrize("fault", ["timeout", "killed", "out of memory", "a limit of memory"])
 def test_what_may_be_the_machines_load_is_not_remembered(
     tmp_path: Path, memory: Path, monkeypatch: pytest.MonkeyPatch, fault: str
 ) -> None:
     probe = {
         "timeout": "import time; time.sleep(60)",
         "killed": "import os; os.kill(os.getpid(), 9)",
+        "out of memory": "raise MemoryError",
+        "a limit of memory": "import sys; sys.exit('of something')",
     }
+    if fault == "a limit of memory":
+        monkeypatch.setattr(llvm.resource, "getrlimit", lambda which: (1 << 40, 1 << 40))
     monkeypatch.setattr(llvm, "_RENDER_PROBE", probe[fault])
     run = llvm._run
-    monkeypatch.setattr(llvm, "_run", lambda *args, **_: run(*args[:4], 0.5))
+    patience = 0.5 if fault == "timeout" else 20.0
+    monkeypatch.setattr(llvm, "_run", lambda *args, **_: run(*args[:4], patience))
     library = reporting(tmp_path, 19)
     assert not choose_llvm({VARIABLE: str(library)}).vectorised
     assert not memory.exists()

@@ -33,3 +33,11 @@ def test_no_librarys_threads_spin() -> None:
 
 def test_a_users_own_settings_hold() -> None:
     assert settings(OPENBLAS_NUM_THREADS="2", KMP_BLOCKTIME="9") == ["2", "9", "True"]
+
+
+def test_too_little_address_space_is_told_before_a_library_crashes() -> None:
+    command = f"ulimit -v 400000 && exec {sys.executable} -m domesim --help"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "wanted an address space of 1048576 kB at least, got 400000" in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,46 @@
+"""Files that are read whole: no pipe that never ends, no device, none that fills the memory."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+from domesim.errors import InputError
+
+LARGEST = 64 << 20
+"""Bytes of a text: a thousand times what tables of readings take."""
+
+
+def size_of_plain(path: Path, largest: int) -> int:
+    """A file's size, bytes.
+
+    Raises
+    ------
+    InputError
+        If it is a pipe or a device, or larger than `largest`.
+    OSError
+        If there is none.
+    """
+    found = path.stat()
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+        raise InputError(f"{path}: wanted a file, got a device or pipe. Save it as a file first.")
+    if found.st_size > largest:
+        raise InputError(
+            f"{path}: wanted a file of at most {largest >> 20} MiB, got {found.st_size >> 20}. "
+            f"It is probably another one: check the path."
+        )
+    return found.st_size
+
+
+def read_plain(path: Path, largest: int = LARGEST) -> bytes:
+    """A file's content.
+
+    Raises
+    ------
+    InputError
+        As for `size_of_plain`.
+    OSError
+        If it cannot be read.
+    """
+    size_of_plain(path, largest)
+    return path.read_bytes()
