@@ -134,11 +134,12 @@ def _tried(show: Show, fault: Fault, out: Path, wanted: dict[str, str]) -> tuple
     before = {path.name: path.read_bytes() for path in _records(out)}
     fault.harm(run, out)
     began = time.monotonic()
+    found_later = run.poll() == 0
     code = _ended(run)
     said = (show.folder / "log").read_text()
     again = 0
     more: tuple[str, ...] = fault.more
-    while _results(out) != wanted or code != 0:
+    while _results(out) != wanted or code != 0 or (found_later and not again):
         if again == 3:
             return f"exit {code}", "NOT MENDED", "-"
         refused = "damaged, or was edited" in (show.folder / "log").read_text()
