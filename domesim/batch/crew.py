@@ -10,6 +10,7 @@ import resource
 import socket
 import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from ipaddress import ip_address
@@ -183,14 +184,17 @@ def require_dask(address: str) -> None:
     from distributed.security import Security  # noqa: PLC0415
 
     async def greet() -> None:
-        comm = await connect(address, timeout=_ANSWER, **Security().get_connection_args("client"))
+        arguments = Security().get_connection_args("client")
+        comm = await asyncio.wait_for(connect(address, timeout=_ANSWER, **arguments), _ANSWER + 1)
         await comm.close()
 
     try:
         host, port = get_address_host_port(address, strict=True)
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         near = all(ip_address(place[0]).is_loopback for *_, place in found)
-        asyncio.run(asyncio.wait_for(greet(), _ANSWER + 1))
+        # In a thread of its own: whoever calls may be in a loop, as a notebook is
+        with ThreadPoolExecutor(1) as apart:
+            apart.submit(lambda: asyncio.run(greet())).result()
     except Exception as error:  # Dask's own are of many kinds
         way = "Start one (dask scheduler), or leave --scheduler out"
         if address.startswith("tls:"):

@@ -36,7 +36,7 @@ from domesim.frames.whole import temporary_of
 from domesim.shows import find_show
 from validation.benchmarks.schedulers import more_workers, scheduler
 
-PATIENCE = 90.0  # s: for what must happen to happen
+PATIENCE = 180.0  # s: for what must happen to happen
 TESTS = Path(__file__).parents[1]
 
 
