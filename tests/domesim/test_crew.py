@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import resource
 import socket
@@ -78,6 +79,18 @@ def test_a_wrong_address_is_told_at_once(tmp_path: Path, address: str, words: st
     assert words in str(told.value)
     assert "\n" not in str(told.value)
     assert time.monotonic() - began < 5
+
+
+def test_the_caller_may_be_in_an_event_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a notebook."""
+    monkeypatch.setattr(crew, "_ANSWER", 1.0)
+
+    async def call() -> None:
+        require_dask("tcp://127.0.0.1:9")
+
+    with pytest.raises(InputError) as told:
+        asyncio.run(call())
+    assert "event loop" not in str(told.value)
 
 
 def test_something_else_than_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
