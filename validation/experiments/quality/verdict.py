@@ -23,9 +23,7 @@ from validation.experiments.quality.measuring import DEFAULT, NOTHING, SUBTRACTI
 from validation.statistics import Estimate, estimate
 
 SHORT = 0.02
-"""JOD below the better of nothing and subtraction that nobody minds; cases beyond are counted."""
-SHORTEST = 0.05
-"""JOD below it that no case may be."""
+"""JOD below the better of nothing and subtraction that nobody minds."""
 JUDGE = "ColorVideoVDP"
 
 Cells: TypeAlias = Mapping[Place, Mapping[str, Cell]]
@@ -102,7 +100,7 @@ def checks(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Iterat
         yield at_least(
             f"{kind}: gain {over}, worst case ({words(worst)})",
             beyond(part[worst], DEFAULT),
-            -SHORTEST,
+            -SHORT,
             "JOD",
         )
     for what, figure in (("of light", "contour"), ("of contrast", "contrast_contour")):
@@ -139,7 +137,7 @@ def _of_exact(cells: list[Cell]) -> Iterator[Check]:
         return
     what = "of what is exact and not lifted"
     yield at_least(f"light {what}, median, least of all cases", min(kept), 0.98)
-    yield at_most(f"light {what}, median, largest of all cases", max(kept), 1.1)
+    yield at_most(f"light {what}, median, largest of all cases", max(kept), 1.05)
     yield at_least(f"light {what}, 5th percentile, least of all cases", min(fifth), 0.9)
     yield at_most(
         f"share {what} whose u'v' shifts by more than 0.01, the largest", max(shifted), 0.01
