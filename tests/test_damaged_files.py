@@ -17,7 +17,7 @@ from damaged_files import DAMAGES, FILMS, NAMES, damaged, followed, readings, so
 from domesim.errors import InputError
 from domesim.frames import read_frame, read_master
 
-# Truncation that nobody can tell: what a TGA may have behind its pixels, it may lack; and of a video
+# Truncation that nobody can tell: what a TGA may have behind its pixels, it may lack; of a video
 # one frame is read, whatever lies behind it.
 MAY_BE_CUT = ("x.tga", *FILMS)
 
