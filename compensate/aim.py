@@ -21,7 +21,7 @@ has no halo. Some saturated colours still need less light of one primary than is
 clipping would turn a blue sky purple. So a share of what is missing in the worst primary is added
 to the others, in places that are lifted anyhow.
 
-*Pairs.* A ghost is missing light in one place of one sight. Its own light cannot be hidden, but its
+*Pairs.* A ghost is missing light in one place of one eye. Its own light cannot be hidden, but its
 edges can, which are none of the picture's and hinder fusion (section 1): just outside a ghost g the
 aim has a *veil*, of the scales s from half of `reach` down by octaves,
 

@@ -68,7 +68,7 @@ class Figures:
         How much worse it looks than the master: the reference model's mean over the screen, in
         just-objectionable differences (`compensate.ruler`), untouched, subtracted, and as
         compensated, before rounding to the file's code values. No setting changes the model. Of
-        several seats, of the first one. `loss_before` may be left out (`Solution.outcome`).
+        several seats, their mean. `loss_before` may be left out (`Solution.outcome`).
     ghost_edges
         Of a stereo pair: ghost edge energy (`compensate.ghosts`) at the first seat, 1 for the
         untouched master; None without ghosts.

@@ -237,7 +237,7 @@ def halos(master: Light, seen: Light, scene: Scene) -> float:
         wanted, shown = (_band(np.log10(plane), screen, sigmas) for plane in raised)
         weaker = np.minimum(np.abs(wanted), np.abs(shown))
         turned_over = (wanted * shown < 0) & (weaker > HALO_CONTRAST)
-        smooth = np.where(screen, _mean_within(raised[0], screen, sigmas[0]), 0)
+        smooth = np.where(screen, mean_within(raised[0], screen, sigmas[0]), 0)
         beside = _highest_within(smooth, sigmas[1]) > HALO_BRIGHTER * smooth
         shares.append(float(np.sum(areas * (turned_over & beside & screen)) / areas.sum()))
     return float(np.mean(shares))
@@ -272,11 +272,11 @@ def _each_view(master: Light, seen: Light, scene: Scene) -> list[tuple[Floats, F
 
 def _band(plane: Floats, where: Mask, sigmas: list[float]) -> Floats:
     """Difference of the local means of two sizes."""
-    fine, coarse = (_mean_within(plane, where, sigma) for sigma in sigmas)
+    fine, coarse = (mean_within(plane, where, sigma) for sigma in sigmas)
     return fine - coarse
 
 
-def _mean_within(plane: Floats, where: Mask, sigma: float) -> Floats:
+def mean_within(plane: Floats, where: Mask, sigma: float) -> Floats:
     """Local mean over the pixels `where`; 1 far from any of them."""
     share = gaussian_filter(where.astype(np.float64), sigma)
     total = gaussian_filter(np.where(where, plane, 0), sigma)

@@ -28,7 +28,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from compensate.comparison import Comparison, compare_methods
 from domesim.light import Light
@@ -37,7 +36,7 @@ from validation.drawing import pictures
 from validation.experiment import Check, Column, Finding, Pictures, Table, Work, at_least, at_most
 from validation.judges import luminance
 from validation.masters import bundled_night
-from validation.seen import BANDS, halos, saturation_and_hue, structure_seen
+from validation.seen import BANDS, halos, mean_within, saturation_and_hue, structure_seen
 
 Floats = NDArray[np.floating[Any]]
 
@@ -151,9 +150,9 @@ def _measured(name: str, light: Light, comparison: Comparison) -> Seen:
     dark = screen & (wanted < np.median(wanted[screen]))
     per_degree = scene.viewing.pixels_per_degree(*screen.shape)
     sigma = REACH * per_degree
-    near, around = _mean_within(seen, dark, sigma), _mean_within(seen, screen, sigma)
+    near, around = mean_within(seen, dark, sigma), mean_within(seen, screen, sigma)
     detail = (seen - near)[dark]
-    detail_wanted = (wanted - _mean_within(wanted, dark, sigma))[dark]
+    detail_wanted = (wanted - mean_within(wanted, dark, sigma))[dark]
     desired = comparison.posed.wanted
     colours = saturation_and_hue(desired, light, scene)
     coarse = structure_seen(desired, light, scene, *BANDS[1])
@@ -177,13 +176,6 @@ def _halved(light: Light) -> Light:
     """Half as many pixels a side."""
     view, rows, cols, primaries = light.shape
     return light.reshape(view, rows // 2, 2, cols // 2, 2, primaries).mean(axis=(2, 4))
-
-
-def _mean_within(luminance: Floats, where: NDArray[np.bool_], sigma: float) -> Floats:
-    """Local mean over the pixels `where`; 1 far from any of them."""
-    share = gaussian_filter(where.astype(np.float64), sigma)
-    total = gaussian_filter(np.where(where, luminance, 0), sigma)
-    return np.asarray(np.divide(total, share, out=np.ones_like(total), where=share > 1e-9))
 
 
 def run(work: Work) -> Finding:
