@@ -22,6 +22,7 @@ from domesim.cli import (
     TPDF,
     Anew,
     Bits,
+    Checksums,
     DitherName,
     DryRun,
     EncodingName,
@@ -144,6 +145,7 @@ def compensate(
     bits: Bits = None,
     dither: DitherName = TPDF,
     fps: Fps = None,
+    checksums: Checksums = None,
     repair: Repair = False,
     allow_identical: Identical = False,
     workers: Workers = None,
@@ -183,7 +185,7 @@ def compensate(
         frames=frames,
         allow_identical=allow_identical,
         encoding=encoding,
-    )
+    ).listed_in(checksums)
     do_show(
         show,
         out,
@@ -218,6 +220,7 @@ def compare(
     size: Annotated[
         int, typer.Option(help="Largest side of the pictures on the page, pixels.", min=16)
     ] = 1024,
+    checksums: Checksums = None,
     repair: Repair = False,
     allow_identical: Identical = False,
     quiet: Quiet = False,
@@ -234,7 +237,7 @@ def compare(
         packing=packing,
         allow_identical=allow_identical,
         encoding=encoding,
-    )
+    ).listed_in(checksums)
     if len(show.moments) > 1:
         raise InputError(
             f"{master or left}: a page shows one frame, got {len(show.moments)}; name one of them"

@@ -31,6 +31,7 @@ from domesim.batch.work import Column, Note, Recipe, Work, Write, Writing
 from domesim.choice import SceneChoice
 from domesim.cli import (
     Anew,
+    Checksums,
     DryRun,
     EncodingName,
     Frames,
@@ -145,6 +146,7 @@ def predict(
     saliency: Saliency = None,
     mesopic: BlendName = MesopicBlend.MORE_SENSITIVE.value,
     frames: Frames = None,
+    checksums: Checksums = None,
     repair: Repair = False,
     allow_identical: Identical = False,
     workers: Workers = None,
@@ -171,7 +173,7 @@ def predict(
         frames=frames,
         allow_identical=allow_identical,
         encoding=encoding,
-    )
+    ).listed_in(checksums)
     _require_free(show, out, theatre.views)
 
     def summary(done: Done) -> dict[str, Any]:

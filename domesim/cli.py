@@ -117,6 +117,15 @@ OutFolder = Annotated[
     Path, typer.Option("--out", help="Folder for the results.", show_default=False)
 ]
 Frames = Annotated[str | None, typer.Option(help="Frames of a sequence to do, such as '1-100x10'.")]
+Checksums = Annotated[
+    Path | None,
+    typer.Option(
+        "--checksums",
+        metavar="FILE",
+        help="Refuse masters that have not the SHA-256 that FILE lists, as sha256sum writes it.",
+        show_default=False,
+    ),
+]
 Repair = Annotated[
     bool,
     typer.Option(help="Replace NaN and negative samples by black, infinite ones by the largest."),
@@ -226,6 +235,7 @@ def observe(
     bits: Bits = None,
     dither: DitherName = TPDF,
     fps: Fps = None,
+    checksums: Checksums = None,
     repair: Repair = False,
     allow_identical: Identical = False,
     workers: Workers = None,
@@ -251,7 +261,7 @@ def observe(
         frames=frames,
         allow_identical=allow_identical,
         encoding=encoding,
-    )
+    ).listed_in(checksums)
     do_show(
         show,
         out,

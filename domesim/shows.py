@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final, get_args
 
+from domesim.checksums import listed_sums, require_sum, sha256
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Master, Packing, read_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.mistaken import refuse_one_file
+from domesim.frames.video import file_of
 from domesim.sequences import (
     find_frames,
     find_pairs,
@@ -45,6 +48,8 @@ class Show:
         Which of a sequence's frames were asked for, as `ranges_of` writes them; "" for all.
     sources
         Where they come from: one place, or left's and right's, with # for a frame's number.
+    sums
+        SHA-256 of each moment's files, that they must have; nothing if nobody says so.
     """
 
     moments: tuple[tuple[Path, ...], ...]
@@ -54,9 +59,40 @@ class Show:
     numbered: bool = False
     part: str = ""
     sources: tuple[Path, ...] = ()
+    sums: tuple[tuple[str, ...], ...] = ()
 
-    def read(self, moment: tuple[Path, ...], *, repair: bool) -> Master:
-        """One of its masters; see `read_master` for what is refused."""
+    def listed_in(self, listing: Path | None) -> Show:
+        """The same, whose masters must have the sums of a file; as it is for None.
+
+        Raises
+        ------
+        InputError
+            As for `listed_sums`.
+        """
+        if listing is None:
+            return self
+        sums = iter(listed_sums(listing, [path for moment in self.moments for path in moment]))
+        return replace(self, sums=tuple(tuple(next(sums) for _ in each) for each in self.moments))
+
+    def some(self, places: Iterable[int]) -> Show:
+        """The same of some of its moments."""
+        chosen = tuple(places)
+        sums = tuple(self.sums[k] for k in chosen) if self.sums else ()
+        return replace(self, moments=tuple(self.moments[k] for k in chosen), sums=sums)
+
+    def read(self, moment: tuple[Path, ...], *, repair: bool, known: Sequence[str] = ()) -> Master:
+        """One of its masters, whose SHA-256 may be `known`.
+
+        Raises
+        ------
+        InputError
+            As for `read_master`; or if its files have not the sums that they must have.
+        """
+        if self.sums:
+            found = known or [sha256(file_of(path)) for path in moment]
+            wanted = self.sums[self.moments.index(moment)]
+            for path, *sums in zip(moment, wanted, found, strict=True):
+                require_sum(path, *sums)
         return read_master(
             moment,
             packing=self.packing,

@@ -16,7 +16,6 @@ from statistics import mean
 from typing import Any, final
 
 from domesim.batch.film import Films, encoding_of, films_of
-from domesim.batch.job import sha256
 from domesim.batch.run import (
     Running,
     crew_of,
@@ -27,6 +26,7 @@ from domesim.batch.run import (
     write_page,
 )
 from domesim.batch.work import Failed, Finished, Order, Recipe, Writing
+from domesim.checksums import sha256
 from domesim.console import Console, complain, duration, sized
 from domesim.errors import InputError
 from domesim.frames import ColourTag
@@ -120,7 +120,7 @@ def estimate(
         place = place.parent
     tried = _Tried()
     with tempfile.TemporaryDirectory(prefix=".domesim-", dir=place) as scratch:
-        part = replace(show, moments=tuple(show.moments[k] for k in chosen))
+        part = show.some(chosen)
         outputs = part.outputs(Path(scratch), writing.suffix)
         for output in outputs:
             for path in output:

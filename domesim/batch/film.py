@@ -17,9 +17,10 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, final
 
-from domesim.batch.job import Job, sha256
+from domesim.batch.job import Job
 from domesim.batch.sealed import read_sealed, write_sealed
 from domesim.batch.work import Files, Order, Writing
+from domesim.checksums import sha256
 from domesim.console import Console
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame

@@ -27,6 +27,7 @@ from typing import Any, final
 
 from domesim.batch.clients import Clients, clients_of
 from domesim.batch.sealed import read_sealed, write_sealed
+from domesim.checksums import sha256
 from domesim.errors import InputError
 from domesim.frames.messages import reason
 from domesim.frames.video import file_of, video_of
@@ -54,13 +55,12 @@ class Record:
     maker
         As of `Finished`.
     results
-        SHA-256 of each file of the result.
+        SHA-256 of each file of the result, and then of those beside it, by their paths from the
+        job's folder.
     settings
         SHA-256 of the settings it was made with.
     versions
         Of what made it.
-    beside
-        SHA-256 of other files that were written, by their paths from the job's folder.
     """
 
     figures: dict[str, Any]
@@ -71,7 +71,6 @@ class Record:
     results: dict[str, str] = field(default_factory=dict)
     settings: str = ""
     versions: dict[str, str] = field(default_factory=dict)
-    beside: dict[str, str] = field(default_factory=dict)
 
 
 @final
@@ -96,8 +95,12 @@ class Job:
     mixed: bool = False
     program: str | None = None
 
-    def kept(self, moment: Sequence[Path], output: Sequence[Path]) -> Record | str:
+    def kept(
+        self, moment: Sequence[Path], output: Sequence[Path], sums: Sequence[str] = ()
+    ) -> Record | str:
         """The record of a frame that is done; else why it is done again, "" if it is new.
+
+        If there are `sums`, its master must have had them.
 
         Raises
         ------
@@ -114,10 +117,12 @@ class Job:
             self._unchanged(path, record.sources[name]) for name, path in known.items()
         ):
             return "its master has changed"
-        files = {name: (path, record.results.get(name)) for name, path in _named(output).items()}
-        files |= {name: (self.folder / name, digest) for name, digest in record.beside.items()}
+        if sums and [record.sources[name][2] for name in known] != list(sums):
+            return "its master was not as --checksums has it"
+        files = {name: self.folder / name for name in record.results}
+        files |= {self._name(path): path for path in output}
         with suppress(InputError):
-            if all(sha256(path) == digest for path, digest in files.values()):
+            if all(sha256(path) == record.results.get(name) for name, path in files.items()):
                 return record
         return "its result is not as it was written"
 
@@ -185,22 +190,29 @@ class Job:
             found[name] = [size, changed, self._content(path, size, changed)]
         return found
 
-    def keep(self, output: Sequence[Path], record: Record, beside: Sequence[Path] = ()) -> None:
-        """Keep the record of a frame whose result has been written.
+    def keep(
+        self, output: Sequence[Path], record: Record, beside: Sequence[Path] = ()
+    ) -> dict[str, str]:
+        """Keep the record of a frame whose result, and files `beside` it, have been written.
+
+        Returns
+        -------
+        `Record.results`.
 
         Raises
         ------
         InputError
             If it cannot be written.
         """
+        results = {self._name(path): sha256(path) for path in (*output, *beside)}
         whole = {
             **asdict(record),
-            "results": {name: sha256(path) for name, path in _named(output).items()},
+            "results": results,
             "settings": self.settings,
             "versions": versions(),
-            "beside": {os.path.relpath(path, self.folder): sha256(path) for path in beside},
         }
         write_sealed(self._place(output), whole)
+        return results
 
     def forget(self, output: Sequence[Path]) -> None:
         """Let a frame be done again."""
@@ -214,6 +226,9 @@ class Job:
     def fault(self, output: Sequence[Path]) -> Path:
         """Where a fault of the program is written down, if a frame meets one."""
         return self.folder / f"{output[0].name}.fault.txt"
+
+    def _name(self, path: Path) -> str:
+        return os.path.relpath(path, self.folder)
 
     def _place(self, output: Sequence[Path]) -> Path:
         return self.folder / f"{output[0].name}.json"
@@ -314,21 +329,6 @@ def _refusal(
     if not job.settings_file(hashlib.sha256(there.encode()).hexdigest()).exists():
         return f"{job.folder / _SETTINGS}: is damaged, or was edited ({difference}){at_work}. {way}"
     return f"{out}: holds a job of other settings ({difference}){at_work}. {way}"
-
-
-def sha256(path: Path) -> str:
-    """Of a file's content.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"{path}: wanted to read it, got '{reason(error)}'") from error
 
 
 @cache

@@ -2,7 +2,7 @@
 
 It is written anew every few seconds, whole, and asks the browser to load it again until the run has
 ended. Beside it lie all figures as a table: ``frames.csv``, and ``frames.parquet`` where pyarrow is
-installed (extra ``tables``).
+installed (extra ``tables``); and the SHA-256 of all results, ``SHA256SUMS``.
 
 A run of some of the frames (``--frames 1-12``) tells of these, in files of its own
 (``report-1-12.html``): a farm's many runs neither overwrite each other's nor read all records.
@@ -29,6 +29,7 @@ from urllib.parse import quote
 from domesim.batch.job import Job, versions
 from domesim.batch.sealed import read_sealed
 from domesim.batch.work import Column, Failed, Finished, Order
+from domesim.checksums import written_sums
 from domesim.console import duration
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
@@ -141,27 +142,32 @@ class Report:
         return [known[name] for _, name in ranked[:count]]
 
     def _end(self, state: str) -> None:
-        rows = self._rows()
+        rows, sums = self._rows()
         try:
             write_tables(self._job.folder / f"frames{self._mark}", list(rows.values()))
+            write_whole(self._job.folder / f"SHA256SUMS{self._mark}", written_sums(sums))
         finally:
             self._write(state, rows)
 
-    def _rows(self) -> dict[str, dict[str, Any]]:
+    def _rows(self) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
         """Figures of this run's frames, and unless it is of a part, of the job's others, by the
-        result's name.
+        result's name; and the SHA-256 of their files.
         """
         rows: dict[str, dict[str, Any]] = {}
+        sums: dict[str, dict[str, str]] = {}
         for place in () if self._mark else self._job.folder.glob("[!.]*.json"):
             name = place.name.removesuffix(".json")
             if name == "settings" or name in self._outcomes:
                 continue
             with suppress(OSError, ValueError, LookupError, TypeError):
-                rows[name] = dict(read_sealed(place)["figures"])
+                kept = read_sealed(place)
+                rows[name], sums[name] = dict(kept["figures"]), dict(kept["results"])
         for name, outcome in self._outcomes.items():
             if isinstance(outcome, Finished):
-                rows[name] = outcome.figures
-        return {name: rows[name] for name in sorted(rows, key=_natural)}
+                rows[name], sums[name] = outcome.figures, outcome.results
+        names = sorted(rows, key=_natural)
+        together = {file: digest for name in names for file, digest in sums[name].items()}
+        return {name: rows[name] for name in names}, together
 
     def _write(self, state: str, rows: Mapping[str, dict[str, Any]] | None = None) -> None:
         if rows is None:

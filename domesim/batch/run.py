@@ -22,7 +22,16 @@ from domesim.batch.crew import Crew
 from domesim.batch.film import Films, films_of
 from domesim.batch.job import Job, Record, open_job
 from domesim.batch.report import Report, page_name
-from domesim.batch.work import Failed, Files, Finished, Order, Recipe, Writing, program_of
+from domesim.batch.work import (
+    Failed,
+    Files,
+    Finished,
+    Order,
+    Recipe,
+    Writing,
+    finished_before,
+    program_of,
+)
 from domesim.console import Console, complain, prepare, sized
 from domesim.errors import InputError
 from domesim.frames.messages import joined
@@ -190,7 +199,7 @@ def _each(
         if job is not None and recorded and telling.has_all(fresh):
             if running.scheduler is None:
                 with console.progress("checking", len(recorded)) as start:
-                    recorded = _changed(recorded, job, start, telling.end)
+                    recorded = _changed(recorded, start, telling.end)
             _do(recorded, crew, telling, console, what)
     except BaseException:
         if job is not None:
@@ -262,7 +271,6 @@ def _do(
 
 def _changed(
     orders: list[Order],
-    job: Job,
     start: Callable[[str], None],
     end: Callable[[Order, Finished | Failed], None],
 ) -> list[Order]:
@@ -270,12 +278,10 @@ def _changed(
 
     def look(order: Order) -> Finished | None:
         try:
-            record = job.kept(order.moment, order.output)
+            record = order.kept()
         except InputError:  # whoever does it will say so
             return None
-        if not isinstance(record, Record):
-            return None
-        return Finished(record.figures, record.line, kept=True)
+        return finished_before(record) if isinstance(record, Record) else None
 
     changed = []
     pool = ThreadPoolExecutor(cores())
@@ -326,8 +332,8 @@ def orders_of(
 ) -> list[Order]:
     """One for each moment of a show, whose results go to `outputs`."""
     return [
-        Order(replace(show, moments=(moment,)), output, recipe, writing, job)
-        for moment, output in zip(show.moments, outputs, strict=True)
+        Order(show.some([place]), output, recipe, writing, job)
+        for place, output in enumerate(outputs)
     ]
 
 

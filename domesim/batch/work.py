@@ -207,6 +207,11 @@ class Order:
         """For a person."""
         return " and ".join(path.name for path in self.moment)
 
+    def kept(self) -> Record | str:
+        """As of `Job`."""
+        sums = self.show.sums[0] if self.show.sums else ()
+        return "" if self.job is None else self.job.kept(self.moment, self.output, sums)
+
 
 @final
 @dataclass(frozen=True)
@@ -228,6 +233,8 @@ class Finished:
         Whether it had been done before.
     again
         Why it was not kept although it had been; "" if it had not.
+    results
+        As of `Record`; nothing without a job.
     """
 
     figures: dict[str, Any]
@@ -236,6 +243,12 @@ class Finished:
     maker: dict[str, Any] = field(default_factory=dict)
     kept: bool = False
     again: str = ""
+    results: dict[str, str] = field(default_factory=dict)
+
+
+def finished_before(record: Record) -> Finished:
+    """A frame that is kept."""
+    return Finished(record.figures, record.line, kept=True, results=record.results)
 
 
 @final
@@ -298,9 +311,9 @@ class Steps:
     def read(self, order: Order) -> _Read[Any] | Finished | Failed:
         """What was prepared; the frame itself if it was done before."""
         with _caught(order) as caught:
-            before = "" if order.job is None else order.job.kept(order.moment, order.output)
+            before = order.kept()
             if isinstance(before, Record):
-                return Finished(before.figures, before.line, kept=True)
+                return finished_before(before)
             if order.job is not None:
                 _require_program(order.job, order.recipe)
                 order.job.forget(order.output)
@@ -308,7 +321,8 @@ class Steps:
             with _timed(seconds, "reading"):
                 sources = {} if order.job is None else order.job.sources(order.moment)
                 how = order.writing
-                master = order.show.read(order.moment, repair=how.repair)
+                known = [str(digest) for _, _, digest in sources.values()]
+                master = order.show.read(order.moment, repair=how.repair, known=known)
                 facts = master.facts()
                 master = made_for(master, order.output, how.bits, how.output)
                 if how.output is not None:
@@ -343,12 +357,14 @@ class Steps:
             if write.unsaid:
                 figures["unsaid"] = write.unsaid
                 line += f"; written as {write.unsaid}"
-            maker = _maker()
+            maker, results = _maker(), {}
             if order.job is not None:
                 figures["settings"] = order.job.settings
                 record = Record(figures, line, solved.seconds, solved.sources, maker)
-                order.job.keep(order.output, record, write.others)
-            return Finished(figures, line, solved.seconds, maker, again=solved.again)
+                results = order.job.keep(order.output, record, write.others)
+            return Finished(
+                figures, line, solved.seconds, maker, again=solved.again, results=results
+            )
         return caught[0]
 
     def all(self, order: Order) -> Finished | Failed:

@@ -32,10 +32,11 @@ import numpy as np
 
 from domesim.batch.cluster import in_cluster
 from domesim.batch.crew import Crew
-from domesim.batch.job import FOLDER, sha256
+from domesim.batch.job import FOLDER
 from domesim.batch.work import Column as Figure
 from domesim.batch.work import Failed, Finished, Note, Order, Recipe, Writing
 from domesim.batch.work import Work as Duty
+from domesim.checksums import sha256
 from domesim.light import Light
 from domesim.shows import Show
 from domesim.strips import cores
