@@ -281,7 +281,7 @@ def demo(
         raise InputError(f"--scene {scene}: the demo's master is a domemaster; use a dome theatre")
     with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
         frame = read_master([path])
-    console.say(f"Master: {frame.described()}\nTheatre: {theatre.name}. {theatre.description}")
+    console.say(f"Master: {frame.described()}", f"Theatre: {theatre.name}. {theatre.description}")
     prepare_folder(out)
     comparison = _compared(frame, theatre, console, None, None)
     files = []
@@ -290,7 +290,7 @@ def demo(
         files.append(str(out / f"{name}.exr"))
     page = out / "compare.html"
     comparison.write_page(page, size=1024, command=_command_line())
-    console.say(f"Frames: {', '.join(files)}\nOpen {page.resolve()}")
+    console.say(f"Frames: {', '.join(files)}", f"Open {page.resolve()}")
     console.figures(
         {
             **about_scene(theatre),

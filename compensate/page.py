@@ -162,7 +162,7 @@ def write_page(
             scripts=[_resource(name) for name in SCRIPTS],
             payloads=[_pack(picture, peak) for picture in light],
             mask_payload=_deflate(np.packbits(small_mask).tobytes()),
-        ).encode(),
+        ).encode("utf-8", "replace"),  # names of files may be any bytes
     )
 
 

@@ -21,7 +21,7 @@ from domesim.batch.estimate import estimate
 from domesim.batch.run import FRAME_TIMEOUT, Done, Running, each_frame
 from domesim.batch.work import Recipe, Writing
 from domesim.choice import SceneChoice
-from domesim.console import Console, complain, output_is_lost
+from domesim.console import Console, complain, output_is_lost, shown
 from domesim.endings import alike, exit_code
 from domesim.endings import name as ending
 from domesim.errors import InputError
@@ -32,6 +32,8 @@ from domesim.frames.messages import reason
 from domesim.observing import Observing
 from domesim.scene import Scene, StereoScene
 from domesim.shows import PACKINGS, Show, find_show
+
+_UsageError: Any = typer.BadParameter.__base__  # typer has it from click, or as its own
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -443,7 +445,13 @@ def run() -> None:
     with guarded():
         command = build()
         gc.enable()
-        command()
+        try:
+            sys.exit(command(standalone_mode=False))
+        except _UsageError as error:
+            told = io.StringIO()
+            error.show(told)
+            print(*map(shown, told.getvalue().splitlines()), sep="\n", file=sys.stderr)
+            sys.exit(error.exit_code)
 
 
 @contextmanager

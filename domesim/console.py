@@ -46,10 +46,10 @@ class Console:
         self._shows_bars = self._text and self._bars.is_terminal
         self._describe: Callable[[str], None] = lambda text: None
 
-    def say(self, text: str) -> None:
-        """A line for a person, on standard output."""
+    def say(self, *lines: str) -> None:
+        """Lines for a person, on standard output; what belongs to one is indented below it."""
         if self._text:
-            _print("\n".join(map(_printable, text.split("\n"))))
+            _print("\n".join(map(shown, lines)))
 
     def figures(self, figures: dict[str, Any]) -> None:
         """The command's figures, for a program."""
@@ -107,11 +107,16 @@ class Console:
 
 def complain(message: object) -> None:
     """A mistake, on standard error."""
-    # File names may hold line breaks and terminal codes. A message's own further lines are
-    # indented.
-    text = "\n  ".join(_printable(line) for line in str(message).split("\n  "))
     with _heard(sys.stderr):
-        print(f"domesim: {text}", file=sys.stderr, flush=True)
+        print(f"domesim: {shown(str(message))}", file=sys.stderr, flush=True)
+
+
+def shown(text: str) -> str:
+    """Text as a terminal may get it: names of files may hold line breaks and terminal codes.
+
+    Lines of its own are indented.
+    """
+    return "\n  ".join(map(_printable, text.split("\n  ")))
 
 
 def output_is_lost() -> bool:

@@ -302,8 +302,9 @@ def _photographed(
         options = ", ".join(f"--{name}" for name in room.assumed)
         console.say(f"Assumed, for want of {options}: {_RIG}")
     console.say(
-        f"  -> {out}, {stored}\nUse them: domesim compensate --left L.####.exr --right R.####.exr "
-        f"--scene {out} --transport {stored}"
+        f"  -> {out}, {stored}",
+        f"Use them: domesim compensate --left L.####.exr --right R.####.exr --scene {out} "
+        f"--transport {stored}",
     )
     eyes = {
         each.eye: {
@@ -431,8 +432,8 @@ def _dome_without_geometry(survey: Path, out: Path, console: Console) -> None:
     stored(found, scene, survey).save(transport)
     write_whole(out, text.encode())
     console.say(
-        f"  -> {out}, {transport}\n"
-        f"Use them: domesim compensate MASTER --scene {out} --transport {transport}"
+        f"  -> {out}, {transport}",
+        f"Use them: domesim compensate MASTER --scene {out} --transport {transport}",
     )
     figures = {"survey": str(survey), **figures_of(found)}
     finish(console, {"output": str(out), "transport": str(transport), **figures}, [])
@@ -622,7 +623,8 @@ def _say_where(console: Console, out: Path, room: _Room) -> None:
         options = ", ".join(f"--{name}" for name in room.assumed)
         console.say(f"Assumed, for want of {options}: {_RIG}")
     console.say(
-        f"  -> {out}\nUse it: domesim compensate --left L.####.exr --right R.####.exr --scene {out}"
+        f"  -> {out}",
+        f"Use it: domesim compensate --left L.####.exr --right R.####.exr --scene {out}",
     )
 
 

@@ -111,8 +111,8 @@ def patterns(
     count = len(found) * len(folders)
     console.say(
         f"{len(found)} patterns, {count} files of {cols} x {rows} pixels, {codes.bits} bit"
-        f"{' float' if codes.floating else ''}, {colour.transfer}\n  -> {out}\n"
-        f"Print this first: {out / PAGE}"
+        f"{' float' if codes.floating else ''}, {colour.transfer}\n  -> {out}",
+        f"Print this first: {out / PAGE}",
     )
     names = {"list": str(written), "page": str(out / PAGE), "tables": [*tables(facts)]}
     finish(console, {"output": str(out), **names, "patterns": len(found), "files": count}, [])

@@ -182,14 +182,16 @@ def tabulate(
     }
     console.say(
         f"{theatre.name}: a white picture's reflected light is {_per_primary(gain)} of its direct "
-        f"light (closed form of the bare screen: {_per_primary(closed)})\n"
+        f"light (closed form of the bare screen: {_per_primary(closed)})",
         f"standard error {figures['relative_error']:.1e} after {found.walks:.3g} paths, "
-        f"{found.seconds:.0f} CPU-s. {found.status.value}"
+        f"{found.seconds:.0f} CPU-s. {found.status.value}",
     )
     interrupted = found.status is Status.INTERRUPTED
     if check and not interrupted:
         figures["second_opinion"] = _second_opinion(theatre, found, console)
-    console.say(f"  -> {out}\nUse it: domesim compensate MASTER --scene {scene} --transport {out}")
+    console.say(
+        f"  -> {out}", f"Use it: domesim compensate MASTER --scene {scene} --transport {out}"
+    )
     _finish(console, figures, interrupted)
 
 
@@ -259,8 +261,9 @@ def _tabulate_crosstalk(
     )
     stored.save(out)
     console.say(
-        f"  -> {out}\nUse it: domesim compensate --left L.####.exr --right R.####.exr "
-        f"--scene {name} --transport {out}"
+        f"  -> {out}",
+        f"Use it: domesim compensate --left L.####.exr --right R.####.exr "
+        f"--scene {name} --transport {out}",
     )
     finish(console, {"scene": scene.name, "output": str(out), "seats": rows}, [])
 

@@ -89,7 +89,7 @@ class _Listener:
             )
             left_out = (why.partition(". ")[0] for why in outcome.finding.left_out)
             text += "".join(f"\n    left out: {what}" for what in left_out)
-        self._console.say(text)
+        self._console.say(*text.split("\n"))
 
 
 def bench(
@@ -124,7 +124,7 @@ def bench(
     tried = _names("--solvers", solvers, SOLVERS)
     settings = Settings(budget=150, repeats=1, memory=False) if quick else Settings()
     prepare(out)
-    console.say(f"{writing.LEGEND}\n\n{writing.HEADER}")
+    console.say(*writing.LEGEND.split("\n"), "", writing.HEADER)
     machine = {
         "cores": cores(),
         "processor": platform.machine(),

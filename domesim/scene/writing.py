@@ -52,6 +52,7 @@ def _key(key: str) -> str:
 
 
 def _text(text: str) -> str:
+    text = text.encode("utf-8", "backslashreplace").decode()  # names of files may be any bytes
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
 
 

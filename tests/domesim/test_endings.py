@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import select
@@ -9,13 +10,16 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
 from batches import make_show
+from command_line import Run
 
 from domesim import endings
 from domesim.console import Console, complain
+from domesim.scene.writing import as_toml
 
 SCENE = "dome_planetarium"
 
@@ -97,3 +101,47 @@ def test_names_reach_no_terminal_raw(tmp_path: Path, capsys: pytest.CaptureFixtu
     for text in (said, errors):
         assert r"\x1b[31m[red]\u202e.exr" in text
         assert "\x1b" not in text
+
+
+RAW = "\x1b[31m\u202e\nforged: 12 of 12"
+"""Colours, turns what follows around, and looks like a line of the command's own."""
+
+
+@pytest.mark.parametrize("arguments", [(RAW,), (f"--{RAW}",), ("--output-bits", RAW), ()])
+def test_arguments_that_are_not_understood_are_no_terminal_codes(
+    run: Run, tmp_path: Path, arguments: tuple[str, ...]
+) -> None:
+    """A pattern of the shell's names files as they are."""
+    outcome = run("observe", "a.png", *arguments, "--out", tmp_path / "out")
+    assert outcome.code == 2
+    assert outcome.err.startswith("Usage: ")
+    assert all(line.isprintable() for line in outcome.err.splitlines())
+    assert "\nforged" not in outcome.err
+
+
+@pytest.mark.parametrize("command", ["observe", "compensate", "predict", "compare", "tabulate"])
+def test_a_scenes_name_is_no_terminal_code_and_may_be_any_bytes(
+    run: Run, tmp_path: Path, command: str
+) -> None:
+    scene = tmp_path / os.fsdecode(b"caf\xe9.toml")
+    name = json.dumps(RAW)
+    scene.write_text(
+        f"name = {name}\ndescription = {name}\nscreen = {{ albedo = 0.4 }}\n"
+        "dome = { radius_m = 5.0 }\nprojector = { white_cd_m2 = 13.7 }\n"
+        "viewing = { adaptation_cd_m2 = 1.4 }\n"
+    )
+    make_show(tmp_path / "in", 1, (16, 16))
+    master = (tmp_path / "in/in.0001.exr").rename(tmp_path / f"{RAW.replace('/', '')}.exr")
+    out = tmp_path / {"compare": "page.html", "tabulate": "light.npz"}.get(command, "out")
+    words = (scene,) if command == "tabulate" else (master, "--scene", scene)
+    outcome = run(command, *words, "--out", out)
+    assert outcome.code == 0, outcome
+    assert outcome.out
+    for line in f"{outcome.out}{outcome.err}".splitlines():
+        assert line.isprintable()
+        assert not line.startswith("forged")
+
+
+def test_what_was_measured_may_have_a_name_of_any_bytes() -> None:
+    told = as_toml({"description": os.fsdecode(b"As measured: caf\xe9.toml.")})
+    assert tomllib.loads(told.encode().decode()) == {"description": r"As measured: caf\udce9.toml."}
