@@ -12,6 +12,8 @@ of them must not slow a path tracer down.
 from __future__ import annotations
 
 import io
+import json
+import logging
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
-from domesim.frames.messages import joined
+from domesim.frames.messages import one_line
 from domesim.plain import read_plain
 from domesim.theatre import Albedo, Point, Solid, Viewpoint
 
@@ -177,9 +179,10 @@ def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
         )
     try:
         content = read_plain(path, _LARGEST)
-        counts = re.findall(_COUNTS[kind], content[:_HEAD]) if _COUNTS[kind] else []
-        if max(map(int, counts), default=0) > len(content):
-            raise ValueError(f"counts of more things than its {len(content)} bytes can hold")
+        if wrong := _wrong(kind, content):
+            raise InputError(
+                f"{path}: wanted the mesh of {name}, got {wrong}. Export it as STL, PLY or OBJ."
+            )
         # Without a path, no other files are looked for: materials and pictures
         mesh = import_module("trimesh").load_mesh(io.BytesIO(content), file_type=kind)
         vertices = np.array(mesh.vertices, np.float64).reshape(-1, 3)
@@ -187,9 +190,9 @@ def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
     except InputError:
         raise
     except Exception as error:  # trimesh's readers raise whatever their parsing runs into
-        reason = joined(str(error)) or type(error).__name__
         raise InputError(
-            f"{path}: wanted the mesh of {name}, got '{reason}'. Export it as STL, PLY or OBJ."
+            f"{path}: wanted the mesh of {name}, got a file that does not read as {kind.upper()}. "
+            f"It is damaged, or something else: export it again, as STL, PLY or OBJ."
         ) from error
     if not len(faces):
         raise InputError(
@@ -203,6 +206,43 @@ def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
     return Solid(name, vertices, faces, albedo)
 
 
+# Its readers go on with what they lack (pictures, say), but log it on standard error.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
+
+
+def _wrong(kind: str, content: bytes) -> str:
+    """What a mesh file is that must not be read; "" if it may be."""
+    start = content[:_HEAD].lstrip(b"\xef\xbb\xbf \t\r\n")
+    for mark, other in _OTHERS.items():
+        if start.startswith(mark):
+            return other
+    counts = re.findall(_COUNTS[kind], content[:_HEAD]) if _COUNTS[kind] else []
+    if max(map(int, counts), default=0) > len(content):
+        return f"counts of more things than its {len(content)} bytes can hold"
+    return _wrong_glb(content) if kind == "glb" else ""
+
+
+def _wrong_glb(content: bytes) -> str:
+    """The same of a GLB, by its chunk of JSON (glTF 2.0, 4.4): parts may be named many times."""
+    told = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    for extension in told.get("extensionsRequired", []):
+        if extension.endswith("_compression"):
+            return f"geometry that is compressed ({one_line(extension)})"
+    if any(not each.get("uri", "data:").startswith("data:") for each in told.get("buffers", [])):
+        return "geometry that lies in another file"
+    held = [each["count"] for each in told.get("accessors", [])]
+    sizes = [
+        sum(held[part["attributes"]["POSITION"]] for part in mesh["primitives"])
+        for mesh in told.get("meshes", [])
+    ]
+    shown = [sizes[node["mesh"]] for node in told.get("nodes", []) if "mesh" in node]
+    if (vertices := max(sum(sizes), sum(shown))) > _VERTICES:
+        return f"{vertices} vertices, of at most {_VERTICES}"
+    return ""
+
+
+_OTHERS = {b"PK\3\4": "a ZIP archive", b"\x1f\x8b": "a gzip archive", b"<?xml": "XML"}
+_VERTICES = 20_000_000
 _LARGEST = 1 << 30  # bytes
 _HEAD = 1 << 20  # bytes, in which a file tells its counts
 _COUNTS = {

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
+import struct
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -224,6 +229,92 @@ def test_counts_that_no_file_could_hold_are_refused(
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=r"counts of more things than its .* bytes can hold"):
         from_file(tmp_path / name, "seats", GREY)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "wrong"),
+    [
+        ("seats.stl", b"PK\3\4" + bytes(400), "a ZIP archive"),
+        ("seats.obj", b"\x1f\x8b\x08" + bytes(400), "a gzip archive"),
+        ("seats.stl", b"\xef\xbb\xbf\n<?xml version='1.0'?><mesh/>", "XML"),
+        ("seats.stl", bytes(80) + b"\0\xff\xff\xff" + bytes(50), "does not read as STL"),
+        ("seats.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 2147483647\n", "does not read as OBJ"),
+        ("seats.glb", b"glTF" + bytes(8) + b"\2\0\0\0JSON[]", "does not read as GLB"),
+    ],
+)
+def test_what_is_wrong_is_named_and_no_word_of_a_library(
+    tmp_path: Path, name: str, content: bytes, wrong: str
+) -> None:
+    """The second STL was decoded as text, by a module that is not there."""
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"got .*{wrong}") as caught:
+        from_file(tmp_path / name, "seats", GREY)
+    assert not re.search("module|index|NoneType|unpack", str(caught.value))
+
+
+def glb(parts: int = 1, **told: Any) -> bytes:
+    """A triangle, drawn in as many parts of three vertices as are wanted."""
+    part = {"attributes": {"POSITION": 0}, "indices": 1}
+    content = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": 48}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 36},
+            {"buffer": 0, "byteOffset": 36, "byteLength": 12},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"},
+        ],
+        "meshes": [{"primitives": [part] * parts}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+        **told,
+    }
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    points = np.float32([0, 0, 0, 1, 0, 0, 0, 1, 0]).tobytes() + np.uint32([0, 1, 2]).tobytes()
+    body = struct.pack("<I4s", len(text), b"JSON") + text
+    body += struct.pack("<I4s", len(points), b"BIN\0") + points
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+@pytest.mark.parametrize(
+    ("content", "wrong"),
+    [
+        (glb(parts=100), "300 vertices, of at most 200"),
+        (glb(nodes=[{"mesh": 0}] * 100), "300 vertices, of at most 200"),
+        (glb(extensionsRequired=["KHR_draco_mesh_compression"]), "compressed .KHR_draco"),
+        (glb(buffers=[{"byteLength": 48, "uri": "../seats.bin"}]), "lies in another file"),
+    ],
+)
+def test_a_glb_that_must_not_be_read(
+    tmp_path: Path, content: bytes, wrong: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Few bytes may name a part many times: a million vertices in a thousand places."""
+    monkeypatch.setattr("domesim.furniture._VERTICES", 200)
+    (tmp_path / "seats.glb").write_bytes(glb(parts=60))
+    assert len(from_file(tmp_path / "seats.glb", "seats", GREY).faces) == 60
+    monkeypatch.setattr("trimesh.load_mesh", None)
+    (tmp_path / "seats.glb").write_bytes(content)
+    with pytest.raises(InputError, match=wrong):
+        from_file(tmp_path / "seats.glb", "seats", GREY)
+
+
+def test_readers_say_nothing_on_standard_error(tmp_path: Path) -> None:
+    """Of a picture that they lack, with a traceback."""
+    path = tmp_path / "seats.ply"
+    path.write_text(
+        "ply\nformat ascii 1.0\ncomment TextureFile \x1b[31m.png\nelement vertex 3\n"
+        "property float x\nproperty float y\nproperty float z\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    )
+    read = (
+        "import sys; from domesim.furniture import from_file\n"
+        "print(len(from_file(sys.argv[1], 'seats', (0.1, 0.1, 0.1)).faces))"
+    )
+    done = subprocess.run([sys.executable, "-c", read, path], capture_output=True, check=True)
+    assert (done.stdout, done.stderr) == (b"1\n", b"")
 
 
 @pytest.mark.parametrize("name", ["seats.zip", "seats.3mf", "seats.dae", "seats.xaml", "seats"])
