@@ -10,7 +10,7 @@ import hashlib
 import os
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from domesim.errors import InputError
@@ -35,6 +35,27 @@ def sha256(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise InputError(f"{path}: wanted to read it, got '{reason(error)}'") from error
+
+
+def sum_of(frame: Path) -> str:
+    """Of the file that holds a frame; of a video, which holds many, once.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    file = file_of(frame)
+    try:
+        state = file.stat()
+    except OSError:
+        return sha256(file)  # which says why
+    return _known_sum(file, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _known_sum(file: Path, size: int, changed: int) -> str:
+    return sha256(file)
 
 
 def written_sums(sums: Mapping[str, str]) -> bytes:

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final, get_args
 
-from domesim.checksums import listed_sums, require_sum, sha256
+from domesim.checksums import listed_sums, require_sum, sum_of
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Master, Packing, read_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.mistaken import refuse_one_file
-from domesim.frames.video import file_of
 from domesim.sequences import (
     find_frames,
     find_pairs,
@@ -89,7 +88,7 @@ class Show:
             As for `read_master`; or if its files have not the sums that they must have.
         """
         if self.sums:
-            found = known or [sha256(file_of(path)) for path in moment]
+            found = known or [sum_of(path) for path in moment]
             wanted = self.sums[self.moments.index(moment)]
             for path, *sums in zip(moment, wanted, found, strict=True):
                 require_sum(path, *sums)

@@ -10,15 +10,18 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813
 import pytest
 from batches import Harmful, copied, do_show, harmful_in, make_show, show_of
 from command_line import Run
 from image_files import store
+from videos import KINDS, write_numbered
 
+from domesim import checksums
 from domesim.checksums import listed_sums, written_sums
 from domesim.errors import InputError
 from domesim.frames import read_frame
-from domesim.shows import Show
+from domesim.shows import Show, find_show
 
 ODD = ("plain.png", "a name.png", "back\\slash.png", "new\nline.png", "\r.png", "caf\udce9.png")
 
@@ -159,6 +162,24 @@ def test_a_frame_that_was_done_of_a_damaged_master_is_not_kept(
     assert "in.0002.exr: wanted SHA-256" in done.failed[0]
 
 
+def test_a_video_is_hashed_once_and_not_by_each_frame(
+    tmp_path: Path, recipe: Harmful, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "in").mkdir()
+    film = write_numbered(tmp_path / "in/film.mov", KINDS["ProRes 4444"], 3)
+    listing = listing_of(tmp_path / "in", pattern="film.mov")
+    show = find_show(str(film)).listed_in(listing)
+    hashed: list[Path] = []
+    plain = checksums.sha256
+    monkeypatch.setattr(checksums, "sha256", lambda path: hashed.append(path) or plain(path))
+    for moment in show.moments:
+        show.read(moment, repair=False)
+    assert hashed == [film]
+    assert len(do_show(show, tmp_path, recipe).frames) == 3
+    flip(film)
+    assert "film.mov/film.0001.mov: wanted SHA-256" in do_show(show, tmp_path, recipe).failed[0]
+
+
 def test_with_and_without_sums_it_is_one_job(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 2)
     listing_of(tmp_path / "in")
@@ -209,3 +230,26 @@ def test_sums_of_left_right_and_pictures(run: Run, tmp_path: Path, out: Path) ->
     found = agrees(out / "maps/job")
     assert "../left/0001.maps.exr" in found or "../0001.maps.exr" in found
     assert any(name.endswith(".png") for name in found)
+
+
+# What decoders say themselves.
+
+
+def test_a_decoders_warning_is_an_error(tmp_path: Path) -> None:
+    """Samples come all the same: libjpeg goes on, and OpenImageIO keeps the warning."""
+    noise = np.random.default_rng(1).integers(0, 256, (32, 32, 3), np.uint8)
+    whole = store(tmp_path / "whole.jpg", noise, jpeg__progressive=1).read_bytes()
+    path, warned = tmp_path / "in.jpg", 0
+    for place in range(len(whole) // 2, len(whole), 7):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 64]) + whole[place + 1 :])
+        reader = oiio.ImageInput.open(str(path))
+        if reader is None:
+            assert oiio.geterror()
+            continue
+        says = reader.geterror()
+        if reader.read_image(0, 0, 0, 3, "uint8") is not None and (says or reader.geterror()):
+            warned += 1
+            with pytest.raises(InputError, match=r"does not decode .JPEG error"):
+                read_frame(path)
+        reader.close()
+    assert warned > 5
