@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from domesim.endings import ENDINGS
 from domesim.frames import ColourTag, Frame, write_frame
 
 FRAMES, SIZE = 12, 64
@@ -261,7 +262,15 @@ def table(rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(lines)
 
 
+def _unignored() -> None:
+    """Let commands hear the signals that nohup and a shell's & have ignored; this one does not."""
+    for number in ENDINGS:
+        if signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, lambda number, frame: None)  # a handler is not inherited
+
+
 if __name__ == "__main__":
+    _unignored()
     with tempfile.TemporaryDirectory() as scratch:
         found = try_all(Path(scratch))
     print(table(found))
