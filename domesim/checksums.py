@@ -1,7 +1,7 @@
 """SHA-256 sums of files, in the format of ``sha256sum``: of masters, and of results.
 
-Formats that say nothing when they are damaged (JPEG, JPEG 2000, EXR of PIZ, DWA or B44, ProRes) are
-told whole from damaged by these alone.
+Most formats have no checksums of their own: JPEG, JPEG 2000, DPX, TIFF of LZW, EXR of PIZ or DWA,
+ProRes. A changed bit makes another picture of them, and their decoders say nothing.
 """
 
 from __future__ import annotations

@@ -208,7 +208,7 @@ class Order:
         return " and ".join(path.name for path in self.moment)
 
     def kept(self) -> Record | str:
-        """As of `Job`."""
+        """What is kept of it, as of `Job.kept`; "" without a job."""
         sums = self.show.sums[0] if self.show.sums else ()
         return "" if self.job is None else self.job.kept(self.moment, self.output, sums)
 
