@@ -9,23 +9,28 @@ what the eye is adapted to in that place:
 B_y is the local mean of y, and c a luminance below which the eye loses contrast. lambda(psi(x)) =
 lambda(m) for the master m holds where
 
-    psi(x) = m (B + v) / B,      B = B_m + c                                      (the aim)
+    psi(x) = m B' / B,      B = B_m + c                                           (the aim)
 
-v is how far what is seen is lifted there. The aim has the master's contrast and its hue, and it is
-at least as bright as the light that is missing if v is chosen so. Exact subtraction then shows it:
-no solver and no transform is needed. Where nothing is missing v is 0, and the aim is the master.
+for any base B' of what is seen. The aim has the master's contrast and its hue, and it is at least
+as bright as the light that is missing if B' is chosen so. Exact subtraction then shows it: no
+solver and no transform is needed.
 
-*Domes.* All of the screen is polluted alike, so v is one number: `lift` times the light that is
-missing in the darkest part of the screen. B keeps edges (`means.guided`), so that what is bright
-has no halo. Some saturated colours still need less light of one primary than is there. Exact
-clipping would turn a blue sky purple. So a share of what is missing in the worst primary is added
-to the others, in places that are lifted anyhow.
+*Domes.* All of the screen is polluted alike, so one number says how far it is lifted: v is `lift`
+times the light that is missing in the darkest part of the screen. The base rises to it, and far
+above it stays:
+
+    B'² = B² + v²
+
+Where nothing is missing v is 0, and the aim is the master. B keeps edges (`means.guided`), so that
+what is bright has no halo. Some saturated colours still need less light of one primary than is
+there. Exact clipping would turn a blue sky purple. So a share of what is missing in the worst
+primary is added to the others, in places that are lifted anyhow.
 
 *Pairs.* A ghost is missing light in one place of one eye. Its own light cannot be hidden, but its
 edges can, which are none of the picture's and hinder fusion (section 1): just outside a ghost g the
 aim has a *veil*, of the scales s from half of `reach` down by octaves,
 
-    V = max_s min(lift G_s g, G_s g² / G_s g),    aim = m + max(V - g, 0) / (1 + Y_V / f (Y_m + c))
+    V = max_s min(veil G_s g, G_s g² / G_s g),    aim = m + max(V - g, 0) / (1 + Y_V / f (Y_m + c))
 
 G_s is a local mean. The second term is the mean of g weighted by itself, which limits a veil to the
 ghost's own brightness. On black, a veil is seen as well as the ghost that it hides: the more it
@@ -59,8 +64,10 @@ class Aim:
     Parameters
     ----------
     lift
-        How many times the missing light dark places are lifted. 0 keeps the deepest black, which is
-        plain subtraction; 4 keeps all contrast.
+        How many times the missing light a dome's dark places are lifted. 0 keeps the deepest black,
+        which is plain subtraction; 4 keeps all contrast.
+    veil
+        How strong a pair's veils are: 0 has none, 4 the softest edges.
     darkest
         Share of a dome's screen whose missing light decides: its darkest part.
     reach
@@ -81,7 +88,8 @@ class Aim:
         be above 0, `darkest` and `hue` at most 1.
     """
 
-    lift: float = 2.5
+    lift: float = 1.75
+    veil: float = 2.5
     darkest: float = 0.1
     reach: float = 2.0
     edge: float = 2.0
@@ -90,7 +98,7 @@ class Aim:
     faint: float = 15.0
 
     def __post_init__(self) -> None:
-        require_not_negative("the aim", lift=self.lift, hue=self.hue)
+        require_not_negative("the aim", lift=self.lift, veil=self.veil, hue=self.hue)
         require_positive(
             "the aim",
             darkest=self.darkest,
@@ -198,7 +206,7 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
         sigma = aim.reach * sight.density / 2 ** (octave + 1)
         mean = smooth(ghosts, sigma)
         peak = smooth(ghosts**2, sigma) / xp.maximum(mean, xp.full_like(mean, _TINY))
-        veil = xp.maximum(veil, xp.minimum(aim.lift * mean, peak))
+        veil = xp.maximum(veil, xp.minimum(aim.veil * mean, peak))
         own = peak if octave == 0 else own
     around = smooth(sight.luminance(wanted), _NEARBY * sight.density) + aim.dark / sight.white
     stands_out = sight.luminance(xp.moveaxis(own, 1, -1)) / around
@@ -207,13 +215,13 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
 
 
 def _gain(aim: Aim, sight: Sight, wanted: Light, floor: Light) -> Array:
-    """(1, row, col) (B + v) / B."""
+    """(1, row, col) B' / B."""
     xp = namespace(wanted)
     luminance, dark = sight.luminance(wanted), aim.dark / sight.white
     missing = aim.lift * _missing(aim, sight, sight.luminance(floor) - luminance)
     radius = max(1, round(aim.reach * sight.density))
     base = xp.exp(guided(xp.log(luminance[0, ...] + dark), sight.screen, radius, aim.edge))
-    return (1 + missing / base)[None, ...]
+    return ((1 + (missing / base) ** 2) ** 0.5)[None, ...]
 
 
 def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import TypeAlias, final
 
 import numpy as np
@@ -25,6 +26,9 @@ CROSSTALK = (0.02, 0.05, 0.1)
 ALBEDOS = (0.3, 0.5, 0.7)
 LUMINANCES = (5.0, 15.0, 48.0)
 """Of white, cd/m²: a giant dome's, a planetarium's that is bright, a cinema's."""
+CHOSEN_CROSSTALK = ((0.02, 48.0), (0.05, 15.0), (0.1, 48.0), (0.1, 5.0))
+CHOSEN_ALBEDOS = ((0.3, 5.0), (0.5, 15.0), (0.7, 48.0))
+"""With luminances of white, where the choosing half is shown."""
 USUAL_CROSSTALK, USUAL_ALBEDO, USUAL_LUMINANCE = 0.05, 0.5, 15.0
 """Of pictures; and the luminance that variants are tried at."""
 SEQUENTIAL_CONTRAST = 2000.0
@@ -42,14 +46,26 @@ DOMES: Mapping[str, str] = {
     "Stellarium": "stellarium_night_1024.png",
 }
 """Domemasters of the test data."""
+VARIANTS: Mapping[str, tuple[str, float, float]] = {
+    "dim night": ("night", 0.2, 1.0),
+    "dim aurora": ("aurora", 0.25, 1.0),
+    "dim full dome": ("full dome", 0.1, 1.0),
+    "dim chess": ("chess", 0.1, 1.0),
+    "bright trunks": ("trunks", 1.0, 0.45),
+    "bright fog": ("fog", 1.0, 0.45),
+    "bright motorcycle": ("motorcycle", 1.0, 0.45),
+    "dim beachball": (pairs.SEQUENCE[0], 0.15, 1.0),
+}
+"""Darker and brighter ones for choosing: an input, and the gain and exponent of its light."""
 CHOOSING = frozenset(
     {
         *PAIRS,
         *("generated", "night", "generated dome", "full dome", "pillars"),
         *("art on black", "film frame", "aurora", "chess"),
+        *VARIANTS,
     }
 )
-"""Inputs that settings were chosen on. All others are for reporting."""
+"""Inputs that settings were chosen on, at fewer places. All others are for reporting."""
 WIDEST, DOME_SIZE = 512, 384
 """Pixels."""
 QUICK_WIDTH, QUICK_SIZE = 96, 64
@@ -113,7 +129,20 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
             left_out.append(f"{name}: needs {folder / file}; set {pairs.FOLDER}")
     for name, draw in content.DOMES.items():
         found[name] = _of_dome(partial(draw, size), quick=False)
+    for name, (original, gain, exponent) in VARIANTS.items():
+        if original in found:
+            read = partial(_varied, found[original].read, gain, exponent)
+            found[name] = replace(found[original], read=read)
     return found, left_out
+
+
+def places(work: Work, name: str, one: Input) -> list[Place]:
+    """Where an input is shown: everywhere, but for quick runs and the choosing half."""
+    if not work.quick and name in CHOOSING:
+        chosen = CHOSEN_CROSSTALK if one.kind == PAIRED else CHOSEN_ALBEDOS
+        return [(name, *place) for place in chosen]
+    luminances = (USUAL_LUMINANCE,) if work.quick else LUMINANCES
+    return [(name, *place) for place in product(one.pollutions, luminances)]
 
 
 def kinds(inputs: Mapping[str, Input]) -> dict[str, list[str]]:
@@ -159,6 +188,10 @@ def words(place: Place) -> str:
 
 def _of_pair(read: Callable[[], Light], *, quick: bool) -> Input:
     return Input(read, stereo_at, (USUAL_CROSSTALK,) if quick else CROSSTALK, USUAL_CROSSTALK)
+
+
+def _varied(read: Callable[[], Light], gain: float, exponent: float) -> Light:
+    return np.asarray(gain * read() ** exponent, np.float32)
 
 
 def _of_dome(read: Callable[[], Light], *, quick: bool) -> Input:

@@ -34,8 +34,8 @@ WAYS: Mapping[str, tuple[str, Eye]] = {
 }
 """Method of `compensate.methods`, and what pictures are made for."""
 KNOB: Mapping[str, tuple[str, Eye]] = {
-    "lift 1": ("perceptual", Aim(lift=1.0)),
-    "lift 4": ("perceptual", Aim(lift=4.0)),
+    "lift 1": ("perceptual", Aim(lift=1.0, veil=1.0)),
+    "lift 4": ("perceptual", Aim(lift=4.0, veil=4.0)),
 }
 """Other settings of the default's one knob."""
 
