@@ -8,6 +8,7 @@ encoding, and the figures that say what was done and how good it is.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -523,11 +524,9 @@ def preferred(scene: Scene) -> Eye:
 
 
 def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
-    observation = scene.observation(rows, cols)
-    single = observation
-    if isinstance(scene, DomeScene):
-        observation = single = scene.solvable(rows, cols)
-    elif isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
+    look = scene.solvable if isinstance(scene, DomeScene) else scene.observation
+    single = observation = look(rows, cols)
+    if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         single = scene.mean_seat(rows, cols)
     screen = scene.screen(rows, cols)
     if isinstance(settings, Aim) and isinstance(observation, SeveralSeats):
@@ -591,12 +590,6 @@ def _on(screen: NDArray[np.bool_], light: Light) -> Light:
 
     in_strips(keep, light.shape)
     return kept
-
-
-def _aimed(posed: Posed, light: Light) -> Result:
-    """What shows the aim: computed, without a solver."""
-    computed = baselines.computed(posed.problem, light, 0)
-    return replace(computed, status=Status.AIMED)
 
 
 def _is_rounding(residual: Light, expected: Light | None = None) -> bool:
@@ -723,7 +716,7 @@ def solved(posed: Posed, method: str, solver: Solver | None = None) -> Result:
     if method == "perceptual" and posed.exact:
         return Result(posed.subtractive, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
     if method == "perceptual" and posed.aiming is not None and solver is None:
-        return _aimed(posed, posed.aiming())
+        return Result(posed.aiming(), math.nan, math.nan, Status.AIMED, 0, 0)
     problem = posed.problem if method == "perceptual" else posed.single
     start = posed.desired if method == "none" else posed.subtractive
     chosen = solver or require_method(method, posed.scene)(posed.scene, problem)
