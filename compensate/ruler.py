@@ -8,6 +8,7 @@ better.
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from compensate.vision.differences import visible_difference
 from domesim.light import Light
 from domesim.scene import Scene
+from domesim.strips import in_strips
 
 FINEST = 1024
 """Pixels of a picture's larger side, at most: larger pictures are averaged."""
@@ -34,7 +36,7 @@ def quality_lost(wanted: Light, seen: Light, scene: Scene, screen: NDArray[np.bo
         (row, col) pixels that count.
     """
     lost = lost_map(wanted, seen, scene, screen)
-    share = _reduced(screen[None, ..., None].astype(np.float32), *screen.shape)[..., 0]
+    share = _reduced(np.ones((1, *screen.shape, 1), np.float32), screen)[..., 0]
     return float(np.sum(lost * share) / (share.sum() * len(lost)))
 
 
@@ -45,19 +47,31 @@ def lost_map(
 
     Parameters are as for `quality_lost`; the map is of the averaged picture.
     """
-    rows, cols = screen.shape
-    shown = [
-        _reduced(np.where(screen[..., None], light, 0), rows, cols) for light in (wanted, seen)
-    ]
+    shown = [_reduced(light, screen) for light in (wanted, seen)]
     to_xyz = (scene.projector.to_xyz * scene.projector.white).T.astype(np.float32)
     per_degree = scene.viewing.pixels_per_degree(*shown[0].shape[1:3])
     wanted, seen = (np.maximum(light, 0).astype(np.float32) @ to_xyz for light in shown)
     return visible_difference(wanted, seen, per_degree)
 
 
-def _reduced(light: Light, rows: int, cols: int) -> Light:
-    """Means of squares, so that no side is longer than `FINEST`; what is left over is left out."""
-    times = -(-max(rows, cols) // FINEST)
-    cells = light[:, : rows // times * times, : cols // times * times]
-    cells = cells.reshape(len(light), rows // times, times, cols // times, times, -1)
-    return cells.mean(axis=(2, 4))
+def _reduced(light: Light, screen: NDArray[np.bool_]) -> Light:
+    """Means of squares of light on the screen, so that no side is longer than `FINEST`.
+
+    What is left over is left out.
+    """
+    times = -(-max(screen.shape) // FINEST)
+    rows, cols = (side // times for side in screen.shape)
+    means = np.empty((len(light), rows, cols, light.shape[-1]), light.dtype)
+
+    def average(view: int, lines: slice) -> None:
+        part, across = slice(lines.start * times, lines.stop * times), slice(cols * times)
+        on = np.repeat(screen[part, across].astype(light.dtype), light.shape[-1], axis=1)
+        on *= light[view, part, across].reshape(on.shape)
+        # Whole rows first, which are contiguous
+        total = reduce(np.add, (on[k::times] for k in range(times)))
+        total = total.reshape(-1, cols, times, light.shape[-1])
+        total = reduce(np.add, (total[:, :, k] for k in range(times)))
+        means[view, lines] = total / times**2
+
+    in_strips(average, (len(light), rows, cols, times**2 * light.shape[-1]))
+    return means
