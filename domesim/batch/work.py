@@ -26,9 +26,9 @@ import psutil
 
 from domesim.batch.job import Job, Record, versions
 from domesim.console import about
-from domesim.errors import InputError, NoPlaceError
+from domesim.errors import InputError, NoPlaceError, reason
 from domesim.frames import ColourTag, Master, read_master, write_master
-from domesim.frames.messages import joined, reason
+from domesim.frames.messages import joined
 from domesim.frames.reading import unsaid
 from domesim.frames.views import made_for
 from domesim.shows import Show

@@ -20,7 +20,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
-from domesim.errors import InputError
+from domesim.errors import InputError, reason
 from domesim.frames import dpx, exr, jpeg
 from domesim.frames.alpha import is_opaque, straightened
 from domesim.frames.colour import BT709_LUMINANCE, colour_chunks, state_colour
@@ -37,7 +37,7 @@ from domesim.frames.formats import (
 )
 from domesim.frames.frame import Frame, Pixels
 from domesim.frames.jpeg2000 import with_comments, with_metadata
-from domesim.frames.messages import problem_of, reason
+from domesim.frames.messages import problem_of
 from domesim.frames.orientation import UPRIGHT, turned_back
 from domesim.frames.png import with_carried_chunks, with_colour_chunks, with_utf8_text
 from domesim.frames.whole import write_whole
