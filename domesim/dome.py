@@ -22,9 +22,7 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import quad
 from scipy.ndimage import distance_transform_edt
-from scipy.optimize import brentq
 
 from domesim.errors import InputError
 from domesim.strips import in_strips, is_large
@@ -200,6 +198,7 @@ class Dome:
 
     def _integrated(self, density: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> float:
         """Integral over the screen of a density per solid angle that depends on theta only."""
+        from scipy.integrate import quad  # noqa: PLC0415 - a quarter of a second, for few domes
 
         def ring(theta: float) -> float:
             angle = np.array([theta])
@@ -236,6 +235,8 @@ class Dome:
         """Angles theta at which the truncation begins to cut rings, or has cut off whole ones."""
         if self.truncated_below is None:
             return []
+        from scipy.optimize import brentq  # noqa: PLC0415 - as above
+
         scan, cut = np.linspace(0, self.half_angle, 721), self.truncated_below
 
         def above(theta: Any, side: int) -> Any:

@@ -1,12 +1,17 @@
-"""What the C library does with freed memory."""
+"""Memory: what this process may have, and what the C library does with what is freed."""
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import math
 from functools import cache
+from pathlib import Path
 
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
+
+_GROUPS = Path("/sys/fs/cgroup")
+_LIMITS = ("memory.max", "memory.high", "memory/memory.limit_in_bytes")  # of versions 2 and 1
 
 KEPT = 250_000_000
 """Bytes: more than RGB light of 4096 x 4096 in float32, less than a plane of 8192 x 8192."""
@@ -30,3 +35,12 @@ def give_back_memory() -> None:
     """Give what was kept of freed memory back, where the C library can (glibc)."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
+
+
+def limit_of_group() -> float:
+    """Bytes that this process's control group, such as a container, may have; inf for all."""
+    limit = math.inf
+    for name in _LIMITS:
+        with contextlib.suppress(OSError, ValueError):  # "max"
+            limit = min(limit, int((_GROUPS / name).read_text()))
+    return limit
