@@ -8,7 +8,7 @@ import math
 from functools import cache
 from pathlib import Path
 
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
+_TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # of glibc's malloc.h
 
 _GROUPS = Path("/sys/fs/cgroup")
 _LIMITS = ("memory.max", "memory.high", "memory/memory.limit_in_bytes")  # of versions 2 and 1
@@ -23,12 +23,14 @@ def keep_freed_memory() -> None:
 
     Else each large array is fetched from the system and zeroed anew, page by page: a fifth of the
     time of a solution. Arrays of more than `KEPT` bytes go back: with the gaps that they leave, a
-    frame of 8192 x 8192 would take a third more memory.
+    frame of 8192 x 8192 would take a third more memory. All threads share one heap: those that read
+    and write would have heaps too small for large arrays, and keep none.
     """
     with contextlib.suppress(OSError, AttributeError):
         library = ctypes.CDLL(None)
         library.mallopt(_TRIM_THRESHOLD, 2**31 - 1)
         library.mallopt(_MMAP_THRESHOLD, KEPT)
+        library.mallopt(_ARENA_MAX, 1)
 
 
 def give_back_memory() -> None:
