@@ -8,8 +8,8 @@ better.
 
 from __future__ import annotations
 
-from functools import reduce
-from typing import Any
+from functools import cached_property, reduce
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,35 +23,55 @@ FINEST = 1024
 """Pixels of a picture's larger side, at most: larger pictures are averaged."""
 
 
-def quality_lost(wanted: Light, seen: Light, scene: Scene, screen: NDArray[np.bool_]) -> float:
-    """Mean of `lost_map` over the screen, JOD: 0 where the master is seen.
+@final
+class Ruler:
+    """How much worse things look than one master.
 
     Parameters
     ----------
-    wanted, seen
-        (view, row, col, primary) what should be seen, and what is.
+    wanted
+        (view, row, col, primary) what should be seen.
     scene
         Where.
     screen
         (row, col) pixels that count.
     """
-    lost = lost_map(wanted, seen, scene, screen)
-    share = _reduced(np.ones((1, *screen.shape, 1), np.float32), screen)[..., 0]
-    return float(np.sum(lost * share) / (share.sum() * len(lost)))
 
+    def __init__(self, wanted: Light, scene: Scene, screen: NDArray[np.bool_]) -> None:
+        self.wanted = wanted
+        self._scene, self._screen = scene, screen
 
-def lost_map(
-    wanted: Light, seen: Light, scene: Scene, screen: NDArray[np.bool_]
-) -> NDArray[np.floating[Any]]:
-    """(view, row, col) JOD that are lost if all of the picture looks like that place.
+    def lost(self, seen: Light) -> float:
+        """Mean of `lost_map` over the screen, JOD: 0 where the master is seen.
 
-    Parameters are as for `quality_lost`; the map is of the averaged picture.
-    """
-    shown = [_reduced(light, screen) for light in (wanted, seen)]
-    to_xyz = (scene.projector.to_xyz * scene.projector.white).T.astype(np.float32)
-    per_degree = scene.viewing.pixels_per_degree(*shown[0].shape[1:3])
-    wanted, seen = (np.maximum(light, 0).astype(np.float32) @ to_xyz for light in shown)
-    return visible_difference(wanted, seen, per_degree)
+        Parameters
+        ----------
+        seen
+            (view, row, col, primary).
+        """
+        lost = self.lost_map(seen)
+        share = _reduced(np.ones((1, *self._screen.shape, 1), np.float32), self._screen)[..., 0]
+        return float(np.sum(lost * share) / (share.sum() * len(lost)))
+
+    def lost_map(self, seen: Light) -> NDArray[np.floating[Any]]:
+        """(view, row, col) JOD that are lost if all of the picture looks like that place.
+
+        It is of the averaged picture.
+        """
+        wanted, found = self._averaged_master, self._averaged(seen)
+        per_degree = self._scene.viewing.pixels_per_degree(*wanted.shape[1:3])
+        return visible_difference(wanted, found, per_degree)
+
+    @cached_property
+    def _averaged_master(self) -> NDArray[np.float32]:
+        return self._averaged(self.wanted)
+
+    def _averaged(self, light: Light) -> NDArray[np.float32]:
+        """XYZ of the averaged picture, (view, row, col, 3), cd/m²."""
+        projector = self._scene.projector
+        to_xyz = (projector.to_xyz * projector.white).T.astype(np.float32)
+        averaged = np.maximum(_reduced(light, self._screen), 0).astype(np.float32)
+        return np.asarray(averaged @ to_xyz)
 
 
 def _reduced(light: Light, screen: NDArray[np.bool_]) -> Light:
