@@ -18,6 +18,7 @@ from domesim.light import Array, namespace
 from domesim.strips import in_strips
 
 _BOXES = 3
+_LINE = 16  # numbers that a line of the cache holds
 
 
 def box_mean(planes: Array, radius: int, count: Array | None = None) -> Array:
@@ -109,12 +110,16 @@ def _along_rows(planes: Array, found: Array, radii: Sequence[int], *, means: boo
         factors.append(factor.astype(planes.dtype))
 
     def work(plane: int, rows: slice) -> None:
-        part = np.ascontiguousarray(planes[plane, rows])
+        # Columns are copied before they are turned, and turned back from rows of an odd length:
+        # numbers a power of two apart push each other out of a core's cache
+        part = np.ascontiguousarray(planes[plane, rows].copy(order="K"))
         for reach, factor in zip(reaches, factors, strict=True):
             # It adds up in double precision: in single, what is dark beside bright would be lost
             part = uniform_filter1d(part, 2 * reach + 1, mode="constant")
             part *= factor
-        found[plane, rows] = part
+        apart = np.empty((len(part), size + _LINE), part.dtype)[:, :size]
+        apart[:] = part
+        found[plane, rows] = apart
 
     in_strips(work, planes.shape)
 
