@@ -61,6 +61,19 @@ def all_within(values: NDArray[Any], least: float, most: float) -> bool:
     return all(in_strips(work, values.shape))
 
 
+def converted(picture: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
+    """(row, col, ...) of another type, by all threads: to and from half NumPy is slow."""
+    if picture.dtype == kind:
+        return picture
+    found = np.empty(picture.shape, kind)
+
+    def convert(_: int, rows: slice) -> None:
+        found[rows] = picture[rows]
+
+    in_strips(convert, (1, *picture.shape))
+    return found
+
+
 def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: object) -> list[T]:
     """`in_strips` where `computes`, an array, is NumPy's; else `work` of all rows of each view."""
     if isinstance(computes, np.ndarray):

@@ -30,6 +30,7 @@ from domesim.frames.jpeg2000 import is_associated
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
 from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size
+from domesim.strips import converted
 
 
 def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:
@@ -644,7 +645,7 @@ def _refuse_unsaid_dcdm(path: Path, rgb: NDArray[Any], layout: Layout) -> None:
 def _code_values(samples: NDArray[Any], bits: int, *, legal: bool = False) -> Pixels:
     """(row, col, 3) float32, integers scaled so that 1.0 is the largest code, or video's white."""
     if not np.issubdtype(samples.dtype, np.integer):
-        return samples.astype(np.float32, copy=False)
+        return converted(samples, np.dtype(np.float32))
     # OpenImageIO widens 10 and 12 bits to 16 by repeating the upper bits below.
     unused = 8 * samples.dtype.itemsize - bits
     codes = samples >> unused if unused else samples
