@@ -522,11 +522,12 @@ class _Shared:
             ]
         direct = self.single.direct
         wanted = direct(desired)
-        raised = lifted(
-            aim, self.sight, wanted, seen - direct(subtractive), direct(np.ones_like(desired))
-        )
+        white = direct(np.broadcast_to(np.ones((), desired.dtype), desired.shape))
+        raised = lifted(aim, self.sight, wanted, seen - direct(subtractive), white)
         light = self._showing(raised)
-        floor = self.single.observe(light) - direct(light)
+        floor = self.single.observe(light)
+        floor -= direct(light)
+        del light
         return self._showing(with_hue(aim, wanted, raised, floor))
 
     def _showing(self, seen: Light) -> Light:
