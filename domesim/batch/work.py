@@ -378,10 +378,10 @@ class _Writer:
         write_master(result, output, bits=writing.bits, dither=writing.dither)
         packing = None if result.packing in ("single", "files") else result.packing
         try:
-            self.unsaid = unsaid(output[0], result.colour)
             self._stored = read_master(
                 output, packing=packing, repair=True, allow_identical=True, colour=result.colour
             )
+            self.unsaid = unsaid(self._stored.frames[0])
         except InputError:
             # An encoder that reports success is no proof.
             for path in output:

@@ -109,21 +109,12 @@ def size_of(path: Path) -> tuple[int, int]:
         reader.close()
 
 
-def unsaid(path: Path, colour: ColourTag) -> str:
-    """What a file's header says else, for a person, of code values that mean `colour`; or "".
+def unsaid(frame: Frame) -> str:
+    """What a frame's file says else than what its code values mean, for a person; or "".
 
     A TIFF, JPEG or DPX cannot say most encodings.
-
-    Raises
-    ------
-    InputError
-        If it does not open.
     """
-    container, reader = examine(path), open_image(path)
-    try:
-        stated = _colours(path, reader.spec(), reader.format_name(), container, colour)[1]
-    finally:
-        reader.close()
+    colour, stated = frame.colour, frame.header.colour
     if stated is not None and colour.means_the_same_as(stated):
         return ""
     taken = "nothing" if stated is None else f"{stated.named}"
