@@ -43,8 +43,12 @@ chosen, and what lost: ``validation/notes/0007``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 from typing import TypeAlias, final
+
+import numpy as np
 
 from compensate.means import guided, smooth
 from compensate.weighting import PerceptualWeighting
@@ -140,7 +144,7 @@ class Sight:
         """(view, row, col), 1 = projector white, at least 0."""
         xp = namespace(light)
         weights = xp.asarray(self.weights, dtype=light.dtype, device=light.device)
-        return xp.maximum(xp.vecdot(light, weights), xp.zeros_like(light[..., 0]))
+        return xp.maximum(light @ weights, xp.zeros_like(light[..., 0]))
 
 
 Eye: TypeAlias = Aim | PerceptualWeighting
@@ -179,11 +183,11 @@ def with_hue(aim: Aim, wanted: Light, aimed: Light, floor: Light) -> Light:
     """
     xp = namespace(wanted)
     missing = xp.maximum(floor - aimed, xp.zeros_like(aimed))
-    bright = xp.max(aimed, axis=-1, keepdims=True)
+    bright = _of_primaries(xp.maximum, aimed)
     # Only as far as a place is lifted anyhow: elsewhere, what is exact stays exact
-    raised = 1 - xp.max(wanted, axis=-1, keepdims=True) / xp.maximum(bright, bright * 0 + _TINY)
-    shared = aim.hue * raised * xp.max(missing, axis=-1, keepdims=True)
-    return aimed + xp.maximum(missing, shared)
+    raised = 1 - _of_primaries(xp.maximum, wanted) / xp.maximum(bright, xp.full_like(bright, _TINY))
+    shared = aim.hue * raised * _of_primaries(xp.maximum, missing)
+    return aimed + xp.maximum(missing, shared[..., None])
 
 
 def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
@@ -214,6 +218,11 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
     return wanted + rim / (1 + stands_out / aim.faint)[..., None]
 
 
+def _of_primaries(pick: Callable[[Array, Array], Array], light: Light) -> Array:
+    """(view, row, col) `pick` of all primaries: far faster than a reduction over so few."""
+    return reduce(pick, (light[..., p] for p in range(light.shape[-1])))
+
+
 def _gain(aim: Aim, sight: Sight, wanted: Light, floor: Light) -> Array:
     """(1, row, col) B' / B."""
     xp = namespace(wanted)
@@ -227,8 +236,12 @@ def _gain(aim: Aim, sight: Sight, wanted: Light, floor: Light) -> Array:
 def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:
     """Mean light that is missing where most is, over the `darkest` share of the screen."""
     xp = namespace(lacking)
-    values = xp.sort(lacking[0, ...][sight.screen], descending=True)
-    most = values[: max(1, round(aim.darkest * values.shape[0]))]
+    values = lacking[0, ...][sight.screen]
+    count = max(1, round(aim.darkest * values.shape[0]))
+    if isinstance(values, np.ndarray):  # in a tenth of the time of sorting
+        most = np.partition(values, -count)[-count:]
+    else:
+        most = xp.sort(values, descending=True)[:count]
     mean: float = float(total(xp.maximum(most, xp.zeros_like(most)))) / most.shape[0]
     return mean
 
@@ -236,5 +249,5 @@ def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:
 def _within(gain: Array, wanted: Light, brightest: Light) -> Array:
     """The gain, no more than brings the brightest primary to white: hues stay."""
     xp = namespace(wanted)
-    room = xp.min(brightest / xp.maximum(wanted, xp.full_like(wanted, _TINY)), axis=-1)
+    room = _of_primaries(xp.minimum, brightest / xp.maximum(wanted, xp.full_like(wanted, _TINY)))
     return xp.maximum(xp.minimum(gain, room), xp.ones_like(gain))

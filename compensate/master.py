@@ -8,6 +8,7 @@ encoding, and the figures that say what was done and how good it is.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,7 +23,7 @@ from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy
 from compensate.methods import Solver, require_method
 from compensate.problem import Problem
-from compensate.ruler import quality_lost
+from compensate.ruler import Ruler
 from compensate.solver import baselines, deghosting
 from compensate.solver.result import Result, Status
 from compensate.solver.worst_seat import seat_importance
@@ -135,8 +136,8 @@ class Posed:
         Gives the light that shows the aim; None without an aim.
     single
         The problem for methods that know one seat only: of several, the mean one.
-    subtractive
-        The light of exact clipped subtraction.
+    subtractive, shown
+        The light of exact clipped subtraction, and what is seen of it, at all seats.
     screen
         (row, col) bool: pixels off the screen neither count nor change.
     areas
@@ -158,6 +159,7 @@ class Posed:
     aiming: Callable[[], Light] | None
     single: Problem
     subtractive: Light
+    shown: Light
     screen: NDArray[np.bool_]
     areas: NDArray[np.floating]
     judge: CsfWeighting
@@ -169,11 +171,14 @@ class Posed:
         """Share of the screen's pixels where subtraction needs less light than none."""
         if self.exact:
             return 0.0
-        residual = self.single.observation.observe(self.subtractive) - self.single.desired
-        count = sum(
-            in_strips(lambda view, rows: self._too_bright(residual, view, rows), residual.shape)
-        )
-        return count / (len(residual) * np.count_nonzero(self.screen))
+        shown, wanted = self.shown, self.single.desired
+        if isinstance(self.observation, SeveralSeats):
+            shown = self.single.observation.observe(self.subtractive)
+
+        def count(view: int, rows: slice) -> int:
+            return self._too_bright(shown[view, rows] - wanted[view, rows], rows)
+
+        return sum(in_strips(count, shown.shape)) / (len(shown) * np.count_nonzero(self.screen))
 
     @cached_property
     def loss_subtractive(self) -> float:
@@ -188,14 +193,19 @@ class Posed:
     @cached_property
     def loss_before(self) -> float:
         """`loss` of the untouched master."""
-        return self.loss(self.desired)
+        return self._untouched[2] if not self.exact else self.loss(self.desired)
 
     @cached_property
-    def _untouched(self) -> tuple[float, NDArray[np.floating]]:
-        """`pollution`, and (view, row, col) luminance that a pair sees too much."""
-        residual = self.residual(self.desired)
+    def _untouched(self) -> tuple[float, NDArray[np.floating], float]:
+        """`pollution`, (view, row, col) luminance that a pair sees too much, and `loss_before`.
+
+        The last is NaN where subtraction is exact: it may never be asked for.
+        """
+        residual = self.observation.observe(self.desired)
+        lost = math.nan if self.exact else _mean(self._losses(residual))
+        residual -= self.wanted
         ghost = self._luminance(residual[: self.scene.views if self.scene.views > 1 else 0])
-        return mean_luminance(residual, self.scene, self.areas), ghost
+        return mean_luminance(residual, self.scene, self.areas), ghost, lost
 
     def _luminance(self, light: Light) -> NDArray[np.floating]:
         planes = np.empty(light.shape[:3], light.dtype)
@@ -206,9 +216,8 @@ class Posed:
         )
         return planes
 
-    def _too_bright(self, residual: Light, view: int, rows: slice) -> int:
+    def _too_bright(self, part: Light, rows: slice) -> int:
         """How many pixels of the screen show more light than they should, in some primary."""
-        part = residual[view, rows]
         if part.max() <= _INVISIBLE_LIGHT:
             return 0
         # Primary by primary: NumPy's `any` of three is ten times slower
@@ -240,7 +249,7 @@ class Posed:
 
     def loss(self, light: Light) -> float:
         """How much worse it looks than the master, JOD (`compensate.ruler`); of all seats."""
-        return float(np.mean(list(self._losses(light).values())))
+        return _mean(self._losses(self._seen(light)))
 
     def stored_loss(self, stored: Master) -> float:
         """`loss` of a frame as a file holds it, with its rounding."""
@@ -302,25 +311,34 @@ class Posed:
 
     def loss_by_seat(self, light: Light) -> dict[str, float]:
         """`loss` at each of several seats; empty for one."""
-        return self._losses(light) if isinstance(self.observation, SeveralSeats) else {}
+        several = isinstance(self.observation, SeveralSeats)
+        return self._losses(self._seen(light)) if several else {}
 
-    def _losses(self, light: Light) -> dict[str, float]:
-        """`loss` at each seat; that of a single one has no name."""
-        seen = self.observation.observe(light)
-        seats = {"": (self.wanted, seen)}
+    def _seen(self, light: Light) -> Light:
+        """What is seen of it at all seats."""
+        return self.shown if light is self.subtractive else self.observation.observe(light)
+
+    def _losses(self, seen: Light) -> dict[str, float]:
+        """How much is lost at each seat, of what all see; that of a single one has no name."""
+        losses = {}
+        for number, (name, ruler) in enumerate(self._rulers.items()):
+            shown = seen
+            if isinstance(self.observation, SeveralSeats):
+                shown = self.observation.of_seat(seen, number)
+            losses[name] = 0.0 if _is_rounding(shown, ruler.wanted) else ruler.lost(shown)
+        return losses
+
+    @cached_property
+    def _rulers(self) -> dict[str, Ruler]:
+        """Of each seat."""
+        seats = {"": self.wanted}
         if isinstance(self.observation, SeveralSeats):
             assert isinstance(self.scene, StereoScene)
-            of_seat = self.observation.of_seat
             seats = {
-                name: (of_seat(self.wanted, number), of_seat(seen, number))
+                name: self.observation.of_seat(self.wanted, number)
                 for number, name in enumerate(self.scene.chosen)
             }
-        return {
-            name: 0.0
-            if _is_rounding(shown, wanted)
-            else quality_lost(wanted, shown, self.scene, self.screen)
-            for name, (wanted, shown) in seats.items()
-        }
+        return {name: Ruler(wanted, self.scene, self.screen) for name, wanted in seats.items()}
 
 
 @final
@@ -434,6 +452,7 @@ class Stage:
             aiming=aiming,
             single=single,
             subtractive=subtractive,
+            shown=seen,
             screen=shared.screen,
             areas=shared.areas,
             judge=shared.judge,
@@ -503,11 +522,12 @@ class _Shared:
             ]
         direct = self.single.direct
         wanted = direct(desired)
-        raised = lifted(
-            aim, self.sight, wanted, seen - direct(subtractive), direct(np.ones_like(desired))
-        )
+        white = direct(np.broadcast_to(np.ones((), desired.dtype), desired.shape))
+        raised = lifted(aim, self.sight, wanted, seen - direct(subtractive), white)
         light = self._showing(raised)
-        floor = self.single.observe(light) - direct(light)
+        floor = self.single.observe(light)
+        floor -= direct(light)
+        del light
         return self._showing(with_hue(aim, wanted, raised, floor))
 
     def _showing(self, seen: Light) -> Light:
@@ -523,11 +543,9 @@ def preferred(scene: Scene) -> Eye:
 
 
 def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
-    observation = scene.observation(rows, cols)
-    single = observation
-    if isinstance(scene, DomeScene):
-        observation = single = scene.solvable(rows, cols)
-    elif isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
+    look = scene.solvable if isinstance(scene, DomeScene) else scene.observation
+    single = observation = look(rows, cols)
+    if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         single = scene.mean_seat(rows, cols)
     screen = scene.screen(rows, cols)
     if isinstance(settings, Aim) and isinstance(observation, SeveralSeats):
@@ -593,10 +611,8 @@ def _on(screen: NDArray[np.bool_], light: Light) -> Light:
     return kept
 
 
-def _aimed(posed: Posed, light: Light) -> Result:
-    """What shows the aim: computed, without a solver."""
-    computed = baselines.computed(posed.problem, light, 0)
-    return replace(computed, status=Status.AIMED)
+def _mean(losses: dict[str, float]) -> float:
+    return float(np.mean(list(losses.values())))
 
 
 def _is_rounding(residual: Light, expected: Light | None = None) -> bool:
@@ -723,7 +739,7 @@ def solved(posed: Posed, method: str, solver: Solver | None = None) -> Result:
     if method == "perceptual" and posed.exact:
         return Result(posed.subtractive, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
     if method == "perceptual" and posed.aiming is not None and solver is None:
-        return _aimed(posed, posed.aiming())
+        return Result(posed.aiming(), math.nan, math.nan, Status.AIMED, 0, 0)
     problem = posed.problem if method == "perceptual" else posed.single
     start = posed.desired if method == "none" else posed.subtractive
     chosen = solver or require_method(method, posed.scene)(posed.scene, problem)

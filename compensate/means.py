@@ -9,9 +9,16 @@ picture as its own guide.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
 from domesim.light import Array, namespace
+from domesim.strips import in_strips
 
 _BOXES = 3
+_LINE = 16  # numbers that a line of the cache holds
 
 
 def box_mean(planes: Array, radius: int, count: Array | None = None) -> Array:
@@ -26,15 +33,14 @@ def box_mean(planes: Array, radius: int, count: Array | None = None) -> Array:
     count
         `box_sum` of what counts, if not every pixel of the picture does.
     """
-    xp = namespace(planes)
     if count is None:
-        count = box_sum(xp.ones_like(planes[..., :, :]), radius)
+        return _boxes(planes, [radius], means=True)
     return box_sum(planes, radius) / count
 
 
 def box_sum(planes: Array, radius: int) -> Array:
     """Sums over squares of 2 `radius` + 1 pixels; nothing lies outside the picture."""
-    return _sum_along(_sum_along(planes, radius, -1), radius, -2)
+    return _boxes(planes, [radius], means=False)
 
 
 def smooth(planes: Array, sigma: float) -> Array:
@@ -46,9 +52,7 @@ def smooth(planes: Array, sigma: float) -> Array:
     small = int((sigma**2 + 0.25) ** 0.5 - 0.5)
     wanted = (sigma**2 - small * (small + 1)) / (2 * (small + 1) / 3)
     large = min(max(round(wanted), 0), _BOXES)
-    for radius in [small + 1] * large + [small] * (_BOXES - large):
-        planes = box_mean(planes, radius) if radius else planes
-    return planes
+    return _boxes(planes, [small + 1] * large + [small] * (_BOXES - large), means=True)
 
 
 def guided(plane: Array, screen: Array, radius: int, edge: float) -> Array:
@@ -78,8 +82,50 @@ def guided(plane: Array, screen: Array, radius: int, edge: float) -> Array:
     return mean(slope) * plane + mean((1 - slope) * middle)
 
 
-def _sum_along(planes: Array, radius: int, axis: int) -> Array:
-    """Running sums in double precision: in single they would lose what is dark beside bright."""
+def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:
+    """Sums over boxes one after the other, or means of what lies in the picture."""
+    if not isinstance(planes, np.ndarray):
+        for radius in radii:
+            for axis in (-1, -2):
+                planes = _sum_along(planes, radius, axis, means=means)
+        return planes
+    # First all rows, then all columns, so that each strip stays in a core's cache
+    flat = planes.reshape(-1, *planes.shape[-2:])
+    for axis in (-1, -2):
+        found = np.empty_like(flat, order="C")
+        _along_rows(flat.swapaxes(axis, -1), found.swapaxes(axis, -1), radii, means=means)
+        flat = found
+    return flat.reshape(planes.shape)
+
+
+def _along_rows(planes: Array, found: Array, radii: Sequence[int], *, means: bool) -> None:
+    """`_boxes` of (plane, row, col) within each row, by all threads; into `found`."""
+    size = planes.shape[-1]
+    reaches = [min(radius, size - 1) for radius in radii if radius]
+    place = np.arange(size)
+    factors = []
+    for reach in reaches:
+        inside = np.minimum(place + reach + 1, size) - np.maximum(place - reach, 0)
+        factor = (2 * reach + 1) / (inside if means else np.ones(size))
+        factors.append(factor.astype(planes.dtype))
+
+    def work(plane: int, rows: slice) -> None:
+        # Columns are copied before they are turned, and turned back from rows of an odd length:
+        # numbers a power of two apart push each other out of a core's cache
+        part = np.ascontiguousarray(planes[plane, rows].copy(order="K"))
+        for reach, factor in zip(reaches, factors, strict=True):
+            # It adds up in double precision: in single, what is dark beside bright would be lost
+            part = uniform_filter1d(part, 2 * reach + 1, mode="constant")
+            part *= factor
+        apart = np.empty((len(part), size + _LINE), part.dtype)[:, :size]
+        apart[:] = part
+        found[plane, rows] = apart
+
+    in_strips(work, planes.shape)
+
+
+def _sum_along(planes: Array, radius: int, axis: int, *, means: bool) -> Array:
+    """`_boxes` along an axis, by running sums in double precision."""
     xp = namespace(planes)
     size = planes.shape[axis]
     sums = xp.cumulative_sum(planes, axis=axis, dtype=xp.float64, include_initial=True)
@@ -87,4 +133,7 @@ def _sum_along(planes: Array, radius: int, axis: int) -> Array:
     above = xp.minimum(steps + radius + 1, xp.full_like(steps, size))
     below = xp.maximum(steps - radius, xp.zeros_like(steps))
     found = xp.take(sums, above, axis=axis) - xp.take(sums, below, axis=axis)
+    if means:
+        count = xp.astype(above - below, xp.float64)
+        found = found / (count if axis == -1 else count[:, None])
     return xp.astype(found, planes.dtype)

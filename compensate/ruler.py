@@ -8,7 +8,8 @@ better.
 
 from __future__ import annotations
 
-from typing import Any
+from functools import cached_property, reduce
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,48 +17,81 @@ from numpy.typing import NDArray
 from compensate.vision.differences import visible_difference
 from domesim.light import Light
 from domesim.scene import Scene
+from domesim.strips import in_strips
 
 FINEST = 1024
 """Pixels of a picture's larger side, at most: larger pictures are averaged."""
 
 
-def quality_lost(wanted: Light, seen: Light, scene: Scene, screen: NDArray[np.bool_]) -> float:
-    """Mean of `lost_map` over the screen, JOD: 0 where the master is seen.
+@final
+class Ruler:
+    """How much worse things look than one master.
 
     Parameters
     ----------
-    wanted, seen
-        (view, row, col, primary) what should be seen, and what is.
+    wanted
+        (view, row, col, primary) what should be seen.
     scene
         Where.
     screen
         (row, col) pixels that count.
     """
-    lost = lost_map(wanted, seen, scene, screen)
-    share = _reduced(screen[None, ..., None].astype(np.float32), *screen.shape)[..., 0]
-    return float(np.sum(lost * share) / (share.sum() * len(lost)))
+
+    def __init__(self, wanted: Light, scene: Scene, screen: NDArray[np.bool_]) -> None:
+        self.wanted = wanted
+        self._scene, self._screen = scene, screen
+
+    def lost(self, seen: Light) -> float:
+        """Mean of `lost_map` over the screen, JOD: 0 where the master is seen.
+
+        Parameters
+        ----------
+        seen
+            (view, row, col, primary).
+        """
+        lost = self.lost_map(seen)
+        share = _reduced(np.ones((1, *self._screen.shape, 1), np.float32), self._screen)[..., 0]
+        return float(np.sum(lost * share) / (share.sum() * len(lost)))
+
+    def lost_map(self, seen: Light) -> NDArray[np.floating[Any]]:
+        """(view, row, col) JOD that are lost if all of the picture looks like that place.
+
+        It is of the averaged picture.
+        """
+        wanted, found = self._averaged_master, self._averaged(seen)
+        per_degree = self._scene.viewing.pixels_per_degree(*wanted.shape[1:3])
+        return visible_difference(wanted, found, per_degree)
+
+    @cached_property
+    def _averaged_master(self) -> NDArray[np.float32]:
+        return self._averaged(self.wanted)
+
+    def _averaged(self, light: Light) -> NDArray[np.float32]:
+        """XYZ of the averaged picture, (view, row, col, 3), cd/m²."""
+        projector = self._scene.projector
+        to_xyz = (projector.to_xyz * projector.white).T.astype(np.float32)
+        averaged = np.maximum(_reduced(light, self._screen), 0).astype(np.float32)
+        return np.asarray(averaged @ to_xyz)
 
 
-def lost_map(
-    wanted: Light, seen: Light, scene: Scene, screen: NDArray[np.bool_]
-) -> NDArray[np.floating[Any]]:
-    """(view, row, col) JOD that are lost if all of the picture looks like that place.
+def _reduced(light: Light, screen: NDArray[np.bool_]) -> Light:
+    """Means of squares of light on the screen, so that no side is longer than `FINEST`.
 
-    Parameters are as for `quality_lost`; the map is of the averaged picture.
+    What is left over is left out.
     """
-    rows, cols = screen.shape
-    shown = [
-        _reduced(np.where(screen[..., None], light, 0), rows, cols) for light in (wanted, seen)
-    ]
-    to_xyz = (scene.projector.to_xyz * scene.projector.white).T.astype(np.float32)
-    per_degree = scene.viewing.pixels_per_degree(*shown[0].shape[1:3])
-    wanted, seen = (np.maximum(light, 0).astype(np.float32) @ to_xyz for light in shown)
-    return visible_difference(wanted, seen, per_degree)
+    times = -(-max(screen.shape) // FINEST)
+    rows, cols = (side // times for side in screen.shape)
+    means = np.empty((len(light), rows, cols, light.shape[-1]), light.dtype)
 
+    def average(view: int, lines: slice) -> None:
+        part, across = slice(lines.start * times, lines.stop * times), slice(cols * times)
+        on = np.repeat(screen[part, across].astype(light.dtype), light.shape[-1], axis=1)
+        on *= light[view, part, across].reshape(on.shape)
+        # Whole rows first, which are contiguous
+        total = reduce(np.add, (on[k::times] for k in range(times)))
+        total = total.reshape(-1, cols, times, light.shape[-1])
+        total = reduce(np.add, (total[:, :, k] for k in range(times)))
+        means[view, lines] = total / times**2
 
-def _reduced(light: Light, rows: int, cols: int) -> Light:
-    """Means of squares, so that no side is longer than `FINEST`; what is left over is left out."""
-    times = -(-max(rows, cols) // FINEST)
-    cells = light[:, : rows // times * times, : cols // times * times]
-    cells = cells.reshape(len(light), rows // times, times, cols // times, times, -1)
-    return cells.mean(axis=(2, 4))
+    in_strips(average, (len(light), rows, cols, times**2 * light.shape[-1]))
+    return means

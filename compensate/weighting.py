@@ -16,7 +16,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -28,6 +28,8 @@ from domesim.light import Array, Light, dot, kind, namespace, require_light
 from domesim.projector import Projector
 from domesim.strips import in_parts, in_strips
 from domesim.viewing import Viewing
+
+Gains: TypeAlias = NDArray[np.floating[Any]]
 
 
 class Weighting(ABC):
@@ -92,7 +94,8 @@ class CsfWeighting(Weighting):
     ----------
     gains
         (channel, padded row, padded col // 2 + 1) Fourier weights Omega, 1 at the peak, even in
-        the row frequency; or (1, ...), shared by all channels.
+        the row frequency; or (1, ...), shared by all channels. Or what computes them, once they are
+        needed.
     opponent
         (channel, primary) T.
     support
@@ -110,7 +113,7 @@ class CsfWeighting(Weighting):
 
     def __init__(
         self,
-        gains: NDArray[np.floating[Any]],
+        gains: Gains | Callable[[], Gains],
         opponent: NDArray[np.floating[Any]],
         support: NDArray[np.bool_],
         padded: tuple[int, int],
@@ -119,11 +122,11 @@ class CsfWeighting(Weighting):
         importance: NDArray[np.floating[Any]] | None = None,
     ) -> None:
         expected = (len(opponent), padded[0], padded[1] // 2 + 1)
-        if gains.shape not in (expected, (1, *expected[1:])):
+        if not callable(gains) and gains.shape not in (expected, (1, *expected[1:])):
             raise ValueError(f"CsfWeighting takes gains {expected}, got {gains.shape}")
         if support.shape[0] > padded[0] or support.shape[1] > padded[1]:
             raise ValueError(f"padded grid {padded} is smaller than the support {support.shape}")
-        self.gains = gains
+        self._gains = gains
         self.opponent = opponent
         self.support = support
         self._peak = peak
@@ -136,7 +139,7 @@ class CsfWeighting(Weighting):
     def with_importance(self, importance: NDArray[np.floating[Any]]) -> CsfWeighting:
         """The same weighting of views that count otherwise; its transforms are counted together."""
         other = CsfWeighting(
-            self.gains,
+            self._gains,
             self.opponent,
             self.support,
             self.padded,
@@ -155,6 +158,11 @@ class CsfWeighting(Weighting):
         other = self.with_importance(self.importance)
         other._fourier, other._converted = Fourier(*self.padded, within), self._converted
         return other
+
+    @property
+    def gains(self) -> Gains:
+        """Omega, (channel, padded row, padded col // 2 + 1), or (1, ...)."""
+        return self._gains() if callable(self._gains) else self._gains
 
     @cached_property
     def typical(self) -> float:
@@ -388,12 +396,16 @@ class PerceptualWeighting:
         """
         rows, cols = support.shape
         padded = (padded_size(rows, self.padding), padded_size(cols, self.padding))
-        luma, peak = csf_gains(viewing, (rows, cols), padded, self.low_frequency)
-        if self.chroma_low_frequency == self.low_frequency:
-            gains = luma[None]
-        else:
+
+        @cache  # for all weightings that are made of this one
+        def gains() -> Gains:
+            luma, _ = csf_gains(viewing, (rows, cols), padded, self.low_frequency)
+            if self.chroma_low_frequency == self.low_frequency:
+                return luma[None]
             chroma, _ = csf_gains(viewing, (rows, cols), padded, self.chroma_low_frequency)
-            gains = np.stack([luma, chroma, chroma])
+            return np.stack([luma, chroma, chroma])
+
+        peak, _ = _peak(_daly(viewing))
         return CsfWeighting(gains, linear_ycbcr(luminance_weights), support, padded, peak, views)
 
 
@@ -402,36 +414,14 @@ def csf_gains(
     size: tuple[int, int],
     padded: tuple[int, int],
     low_frequency: LowFrequencyFloor,
-) -> tuple[NDArray[np.floating[Any]], float]:
-    """`gains_of` Daly's sensitivity."""
-    sensitivity = partial(
-        daly,
-        adaptation=viewing.adaptation,
-        image_area=viewing.image_area,
-        distance=viewing.distance,
-    )
-    return gains_of(sensitivity, viewing, size, padded, low_frequency)
-
-
-Sensitivity: TypeAlias = Callable[[Any, Any], NDArray[np.floating[Any]]]
-"""Of frequency, cycles/degree, and orientation, radians: the same at two that mirror each other."""
-
-
-def gains_of(
-    sensitivity: Sensitivity,
-    viewing: Viewing,
-    size: tuple[int, int],
-    padded: tuple[int, int],
-    low_frequency: LowFrequencyFloor,
-) -> tuple[NDArray[np.floating[Any]], float]:
-    """Omega (padded row, padded col // 2 + 1), 1 at the CSF's peak, and the peak's sensitivity.
+) -> tuple[Gains, float]:
+    """Omega (padded row, padded col // 2 + 1) of Daly's sensitivity, 1 at its peak, and the peak.
 
     In single precision: as much memory as pictures take, and no CSF is known to seven digits.
     """
     row_frequency, col_frequency = Fourier(*padded).frequencies(viewing.pixels_per_degree(*size))
-    axis = np.geomspace(0.01, 60, 4096)
-    curve = sensitivity(axis, 0.0)
-    peak, most_sensitive = float(curve.max()), axis[curve.argmax()]
+    sensitivity = _daly(viewing)
+    peak, most_sensitive = _peak(sensitivity)
     omega = np.empty((padded[0], padded[1] // 2 + 1), np.float32)
     above = padded[0] // 2 + 1  # the other rows are their mirror images
 
@@ -444,6 +434,26 @@ def gains_of(
     in_strips(fill, (1, above, omega.shape[1]))
     omega[above:] = omega[1 : padded[0] - above + 1][::-1]
     return omega, peak
+
+
+Sensitivity: TypeAlias = Callable[[Any, Any], NDArray[np.floating[Any]]]
+"""Of frequency, cycles/degree, and orientation, radians: the same at two that mirror each other."""
+
+
+def _daly(viewing: Viewing) -> Sensitivity:
+    return partial(
+        daly,
+        adaptation=viewing.adaptation,
+        image_area=viewing.image_area,
+        distance=viewing.distance,
+    )
+
+
+def _peak(sensitivity: Sensitivity) -> tuple[float, Any]:
+    """The largest sensitivity, and its frequency, cycles/degree."""
+    axis = np.geomspace(0.01, 60, 4096)
+    curve = sensitivity(axis, 0.0)
+    return float(curve.max()), axis[curve.argmax()]
 
 
 def linear_ycbcr(luminance_weights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:

@@ -31,8 +31,8 @@ def main() -> None:
         sys.exit(2)
     gc.disable()  # while modules load: a million objects, and no garbage
     try:
-        from domesim.cli import run  # noqa: PLC0415
-        from domesim.strips import keep_freed_memory  # noqa: PLC0415
+        from domesim.commands import run  # noqa: PLC0415
+        from domesim.memory import keep_freed_memory  # noqa: PLC0415
     except KeyboardInterrupt:
         print("domesim: interrupted", file=sys.stderr)
         sys.exit(130)

@@ -13,8 +13,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
 
-from domesim.errors import InputError
-from domesim.frames.messages import reason
+from domesim.errors import InputError, reason
 from domesim.frames.video import file_of
 from domesim.plain import read_plain
 

@@ -1,17 +1,8 @@
-"""The ``domesim`` command, and those of its subcommands that only need to know what light does.
-
-Subcommands are found through the entry-point group ``domesim.commands``, so that the packages above
-add theirs without being imported here. Bad input is one line on standard error and exit code 2.
-"""
+"""What subcommands share, options above all; and the one that needs only what light does."""
 
 from __future__ import annotations
 
-import gc
-import io
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from importlib.metadata import entry_points
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,22 +12,15 @@ from domesim.batch.estimate import estimate
 from domesim.batch.run import FRAME_TIMEOUT, Done, Running, each_frame
 from domesim.batch.work import Recipe, Writing
 from domesim.choice import SceneChoice
-from domesim.console import Console, complain, output_is_lost, shown
-from domesim.endings import alike, exit_code
-from domesim.endings import name as ending
+from domesim.commands import BAD_INPUT
+from domesim.console import Console
 from domesim.errors import InputError
 from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES
-from domesim.frames.messages import reason
 from domesim.observing import Observing
 from domesim.scene import Scene, StereoScene
 from domesim.shows import PACKINGS, Show, find_show
-
-_UsageError: Any = typer.BadParameter.__base__  # typer has it from click, or as its own
-
-BAD_INPUT = 2
-INTERRUPTED = 130
 
 MasterName = Annotated[
     str | None,
@@ -414,66 +398,3 @@ def finish(console: Console, figures: dict[str, Any], failed: list[str]) -> None
     console.figures({**figures, "failed": failed})
     if failed:
         raise typer.Exit(BAD_INPUT)
-
-
-def build() -> typer.Typer:
-    """The command with all subcommands that the installed packages offer."""
-    app = typer.Typer(
-        name="domesim",
-        help="Simulate and compensate light pollution in dome theatres and 3D cinema.",
-        no_args_is_help=True,
-        add_completion=False,
-        pretty_exceptions_enable=False,
-        rich_markup_mode=None,
-    )
-    for entry in sorted(entry_points(group="domesim.commands"), key=lambda entry: entry.name):
-        found = entry.load()
-        if isinstance(found, typer.Typer):  # a command with subcommands of its own
-            app.add_typer(found, name=entry.name)
-        else:
-            app.command(entry.name)(found)
-    # With one command alone typer would drop its name.
-    app.callback()(lambda: None)
-    return app
-
-
-def run() -> None:
-    """Run the command; the process's exit code says whether all went well."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        # A name that the terminal cannot show is no reason to stop.
-        sys.stdout.reconfigure(errors="backslashreplace")
-    with guarded():
-        command = build()
-        gc.enable()
-        try:
-            sys.exit(command(standalone_mode=False))
-        except _UsageError as error:
-            told = io.StringIO()
-            error.show(told)
-            print(*map(shown, told.getvalue().splitlines()), sep="\n", file=sys.stderr)
-            sys.exit(error.exit_code)
-
-
-@contextmanager
-def guarded() -> Iterator[None]:
-    """Mistakes, and Ctrl-C and the like, end the process with one line and an exit code."""
-    try:
-        with alike():
-            yield
-    except InputError as error:
-        complain(error)
-        sys.exit(BAD_INPUT)
-    except MemoryError:
-        complain("not enough memory for frames of this size")
-        sys.exit(BAD_INPUT)
-    except OSError as error:  # that no part of the program expects
-        complain(f"{error.filename or 'the system'}: got '{reason(error)}'. Mend it, and try again")
-        sys.exit(BAD_INPUT)
-    except (KeyboardInterrupt, SystemExit) as end:
-        # typer turns Ctrl-C into an exit, and says nothing.
-        if isinstance(end, SystemExit) and end.code != INTERRUPTED:
-            if not end.code and output_is_lost():
-                sys.exit(BAD_INPUT)
-            raise
-        complain(f"{ending()}; what was written is complete")
-        sys.exit(exit_code())

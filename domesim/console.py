@@ -12,19 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO, cast, final
 
-from rich.console import Console as RichConsole
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-
-from domesim.errors import InputError
-from domesim.frames.messages import reason
+from domesim.errors import InputError, reason
 
 
 @final
@@ -40,6 +28,8 @@ class Console:
     """
 
     def __init__(self, *, quiet: bool = False, json: bool = False) -> None:
+        from rich.console import Console as RichConsole  # noqa: PLC0415 - not for --help
+
         self._text = not (quiet or json)
         self._json = json
         self._bars = RichConsole(file=cast(TextIO, _Sturdy(sys.stderr)))
@@ -66,28 +56,14 @@ class Console:
 
         Call what it yields with the share that is done (0..1) and how it gets on.
         """
-        columns = (
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            TaskProgressColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-        )
-        with Progress(*columns, console=self._bars, disable=not self._shows_bars) as bar:
+        with self._bar(pieces=False) as bar:
             task = bar.add_task(what, total=1.0)
             yield lambda done, how: bar.update(task, completed=done, description=f"{what}, {how}")
 
     @contextmanager
     def progress(self, what: str, total: int) -> Iterator[Callable[[str], None]]:
         """A progress bar; call what it yields with the name of each piece as it starts."""
-        columns = (
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-        )
-        with Progress(*columns, console=self._bars, disable=not self._shows_bars) as bar:
+        with self._bar(pieces=True) as bar:
             task = bar.add_task(what, total=total)
             started, current = 0, ""
 
@@ -103,6 +79,19 @@ class Console:
             finally:
                 self._describe = lambda text: None
             bar.update(task, completed=started)
+
+    def _bar(self, *, pieces: bool) -> Any:
+        """A progress bar, which counts pieces or has a share."""
+        from rich import progress  # noqa: PLC0415 - not for --help
+
+        columns = (
+            progress.TextColumn("{task.description}", markup=False),
+            progress.BarColumn(),
+            progress.MofNCompleteColumn() if pieces else progress.TaskProgressColumn(),
+            progress.TimeElapsedColumn(),
+            progress.TimeRemainingColumn(),
+        )
+        return progress.Progress(*columns, console=self._bars, disable=not self._shows_bars)
 
 
 def complain(message: object) -> None:

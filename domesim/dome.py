@@ -22,9 +22,7 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import quad
 from scipy.ndimage import distance_transform_edt
-from scipy.optimize import brentq
 
 from domesim.errors import InputError
 from domesim.strips import in_strips, is_large
@@ -200,6 +198,7 @@ class Dome:
 
     def _integrated(self, density: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> float:
         """Integral over the screen of a density per solid angle that depends on theta only."""
+        from scipy.integrate import quad  # noqa: PLC0415 - a quarter of a second, for few domes
 
         def ring(theta: float) -> float:
             angle = np.array([theta])
@@ -236,6 +235,8 @@ class Dome:
         """Angles theta at which the truncation begins to cut rings, or has cut off whole ones."""
         if self.truncated_below is None:
             return []
+        from scipy.optimize import brentq  # noqa: PLC0415 - as above
+
         scan, cut = np.linspace(0, self.half_angle, 721), self.truncated_below
 
         def above(theta: Any, side: int) -> Any:
@@ -279,7 +280,8 @@ class Dome:
 
         Exact up to rounding, also for the pixels that the rim cuts: by Green's theorem the solid
         angle of a region is the integral of (1 - cos theta) d(phi) along its boundary, whose pieces
-        are the pixel's edges inside the circle and the arc of the rim within the pixel. Neighbours
+        are the pixel's edges inside the circle and the arc of the rim within the pixel; along the
+        arc it is what the edges leave of a whole turn, times that of the rim. Neighbours
         share edges, so the areas of any image size sum to the cap's area.
 
         Raises
@@ -291,16 +293,15 @@ class Dome:
         grid = (2 * np.arange(size + 1) - size) / size
         # One quadrant; the others are its reflections.
         half = (size + 1) // 2
-        cap, angle = _edge_integrals(grid[: half + 1], self.half_angle)
+        edges = _edge_integrals(grid[: half + 1], self.half_angle)
         # Counter-clockwise around pixel (i, j): bottom and top edges run along u, the others along
-        # v; exchanging u and v turns a boundary around, hence the transposes' signs.
-        around_cap = cap[:-1, :] - cap[1:, :] + cap.T[:, :-1] - cap.T[:, 1:]
-        around_angle = angle[:-1, :] - angle[1:, :] + angle.T[:, :-1] - angle.T[:, 1:]
-        arc = -around_angle
-        arc[-1, -1] += 2 * np.pi / (1 if size % 2 else 4)  # the pole is in it
-        quadrant = around_cap + (1 - np.cos(self.half_angle)) * arc
-        reached = _nearest_distance(grid[: half + 1]) < 1
-        quadrant = np.where(reached, np.maximum(quadrant, 0.0), 0.0)
+        # v; exchanging u and v turns a boundary around, hence the transpose's signs.
+        along_u = edges[:-1, :] - edges[1:, :]
+        quadrant = along_u + along_u.T
+        # The pole is in the last
+        quadrant[-1, -1] += 2 * np.pi * (1 - np.cos(self.half_angle)) / (1 if size % 2 else 4)
+        np.maximum(quadrant, 0.0, out=quadrant)
+        quadrant[_nearest_distance(grid[: half + 1]) >= 1] = 0.0
         solid_angle = np.empty((size, size))
         solid_angle[:half, :half], solid_angle[:half, -half:] = quadrant, quadrant[:, ::-1]
         solid_angle[-half:] = solid_angle[:half][::-1]
@@ -447,14 +448,12 @@ def _nearest_distance(grid: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.hypot(near[:, None], near[None, :])
 
 
-def _edge_integrals(
-    grid: NDArray[np.floating[Any]], half_angle: float
-) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
-    """(line, piece): integrals of (1 - cos theta) d(phi) and of d(phi) along grid lines v = const.
+def _edge_integrals(grid: NDArray[np.floating[Any]], half_angle: float) -> NDArray[np.float64]:
+    """(line, piece): integrals of (cos H - cos theta) d(phi) along grid lines v = const.
 
-    From u_j to u_j+1, clipped to the unit disc.
+    From u_j to u_j+1, clipped to the unit disc; H is the half-angle, at the rim.
     """
-    cap, angle = (np.empty((len(grid), len(grid) - 1)) for _ in range(2))
+    edges = np.empty((len(grid), len(grid) - 1))
 
     def fill(_: int, lines: slice) -> None:
         v = grid[lines, None]
@@ -462,16 +461,15 @@ def _edge_integrals(
         start = np.clip(grid[None, :-1], -rim, rim)
         end = np.clip(grid[None, 1:], -rim, rim)
         middle, half = (start + end) / 2, (end - start) / 2
-        cap[lines] = 0
-        for node, weight in zip(_GAUSS_NODES, _GAUSS_WEIGHTS, strict=True):
-            square = (middle + node * half) ** 2 + v**2
-            # (1 - cos(H r)) / r² = H²/2 sinc²(H r / 2): smooth through the zenith
-            half_theta = half_angle / 2 * np.sqrt(square)
-            density = half_angle**2 / 2 * np.sinc(half_theta / np.pi) ** 2
-            cap[lines] += weight * half * density * -v
         # atan2 of the cross and dot products of the piece's ends; 0 along a line through the centre
         turn = np.arctan2(-v * (end - start), start * end + v**2)
-        angle[lines] = np.where(v == 0, 0.0, turn)
+        integral = (np.cos(half_angle) - 1) * np.where(v == 0, 0.0, turn)
+        for node, weight in zip(_GAUSS_NODES, _GAUSS_WEIGHTS, strict=True):
+            square = (middle + node * half) ** 2 + v**2
+            # (1 - cos(H r)) / r² = 2 sin²(H r / 2) / r²; no node lies in the zenith
+            sine = np.sin(half_angle / 2 * np.sqrt(square))
+            integral += (-2 * weight * v) * half * (sine * sine / square)
+        edges[lines] = integral
 
-    in_strips(fill, (1, *cap.shape))
-    return cap, angle
+    in_strips(fill, (1, *edges.shape))
+    return edges

@@ -39,3 +39,8 @@ def require_not_negative(what: str, **settings: float) -> None:
     for name, value in settings.items():
         if not 0 <= value < math.inf:
             raise InputError(f"the {name} of {what} must be at least 0, got {value:g}")
+
+
+def reason(error: OSError) -> str:
+    """What the operating system complains of."""
+    return (error.strerror or str(error)).lower()

@@ -1,36 +1,31 @@
 """The projector: code values of a file <-> linear light on the screen.
 
 Light 1.0 is the projector's white. A master in other primaries than the projector's goes through a
-3 x 3 matrix (colour-science's, chromatically adapted, applied in the pixels' own precision). A
-projector's primaries have a name, or were measured.
+3 x 3 matrix (chromatically adapted, applied in the pixels' own precision). A projector's primaries
+have a name, or were measured.
+
+The matrices are those of colour-science, which takes two seconds to import: SMPTE RP 177 derives
+them from chromaticities.
 """
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypeAlias, final
+from typing import TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.frames.colour import CHROMATICITIES
 from domesim.light import Light
 from domesim.transfer import Transfer
 
 Pixels = NDArray[np.floating]
 
-PRIMARIES = {
-    "BT.709": "ITU-R BT.709",
-    "BT.2020": "ITU-R BT.2020",
-    "P3-D65": "P3-D65",
-    "P3-DCI": "DCI-P3",
-    "ACES AP0": "ACES2065-1",
-    "ACES AP1": "ACEScg",
-    "XYZ": None,
-}
-"""Names of primaries -> colour-science's names of the colour spaces that have them."""
+PRIMARIES = tuple(CHROMATICITIES)
+"""Names of primaries."""
 
 MEASURED = "measured"
 """Name of primaries that have no other."""
@@ -185,43 +180,33 @@ def conversion(source: str | Matrix, target: str | Matrix) -> NDArray[np.float64
     for space in (source, target):
         if isinstance(space, str):
             require_primaries(space)
-    if source == "XYZ":
-        return np.asarray(_colour_space(target).matrix_XYZ_to_RGB)
-    if target == "XYZ":
-        return np.asarray(_colour_space(source).matrix_RGB_to_XYZ)
-    return np.asarray(
-        _colour().matrix_RGB_to_RGB(
-            _colour_space(source),
-            _colour_space(target),
-            chromatic_adaptation_transform="Bradford",
-        )
-    )
+    to_xyz, from_target = _to_xyz(source), np.linalg.inv(_to_xyz(target))
+    if "XYZ" in (source, target):
+        return np.asarray(from_target @ to_xyz)
+    whites = [_BRADFORD @ matrix.sum(axis=1) for matrix in (to_xyz, _to_xyz(target))]
+    adapted = np.linalg.inv(_BRADFORD) @ np.diag(whites[1] / whites[0]) @ _BRADFORD
+    return np.asarray(from_target @ adapted @ to_xyz)
 
 
-def _colour_space(space: str | Matrix) -> Any:
-    """colour-science's colour space of these primaries."""
-    colour = _colour()
-    if isinstance(space, str):
-        return colour.RGB_COLOURSPACES[PRIMARIES[space]]
-    to_xyz = np.asarray(space)
-    return colour.RGB_Colourspace(
-        MEASURED,
-        colour.XYZ_to_xy(to_xyz.T),
-        colour.XYZ_to_xy(to_xyz.sum(axis=1)),
-        matrix_RGB_to_XYZ=to_xyz,
-        matrix_XYZ_to_RGB=np.linalg.inv(to_xyz),
-    )
+_BRADFORD = np.array(
+    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
+)
+"""XYZ -> cone responses in which white is adapted to (Lam 1985; ICC.1:2022, annex E)."""
+
+
+def _to_xyz(space: str | Matrix) -> NDArray[np.float64]:
+    """(XYZ, RGB) matrix of light in these primaries, with Y = 1 at white (SMPTE RP 177)."""
+    if not isinstance(space, str):
+        return np.asarray(space, np.float64)
+    if space == "XYZ":
+        return np.eye(3)
+    x, y = np.reshape(CHROMATICITIES[space], (4, 2)).T
+    red, green, blue, white = (np.stack([x, y, 1 - x - y]) / y).T
+    primaries = np.stack([red, green, blue], axis=1)
+    return np.asarray(primaries * np.linalg.solve(primaries, white))
 
 
 @cache
 def _luminance_weights(primaries: str | Matrix) -> NDArray[np.float64]:
     row = np.asarray(conversion(primaries, "XYZ"))[1]
     return np.asarray(row / row.sum())
-
-
-def _colour() -> Any:
-    """colour-science, imported late: it takes about a second, and warns of absent extras."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import colour  # noqa: PLC0415
-    return colour

@@ -15,7 +15,8 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from domesim.cli import INTERRUPTED, Json, Quiet, Repair, finish
+from domesim.cli import Json, Quiet, Repair, finish
+from domesim.commands import INTERRUPTED
 from domesim.console import Console, about, prepare_file
 from domesim.errors import InputError
 from domesim.frames import read_master

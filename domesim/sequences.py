@@ -24,8 +24,7 @@ from typing import Any, Literal, NamedTuple
 
 import fileseq
 
-from domesim.errors import InputError
-from domesim.frames.messages import reason
+from domesim.errors import InputError, reason
 from domesim.frames.video import file_of, frame_paths, is_picture, is_video, video_of
 
 OF_VIDEO = ".png"

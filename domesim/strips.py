@@ -5,8 +5,6 @@ A pass over a whole 2K pair costs more for bringing 50 MB from memory and back t
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -16,12 +14,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.memory import KEPT
+
 T = TypeVar("T")
-
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
-
-KEPT = 250_000_000
-"""Bytes: more than RGB light of 4096 x 4096 in float32, less than a plane of 8192 x 8192."""
 
 SAMPLES = 200_000
 """Of a strip: with a few temporaries, what a core's cache holds."""
@@ -66,6 +61,19 @@ def all_within(values: NDArray[Any], least: float, most: float) -> bool:
     return all(in_strips(work, values.shape))
 
 
+def converted(picture: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
+    """(row, col, ...) of another type, by all threads: to and from half NumPy is slow."""
+    if picture.dtype == kind:
+        return picture
+    found = np.empty(picture.shape, kind)
+
+    def convert(_: int, rows: slice) -> None:
+        found[rows] = picture[rows]
+
+    in_strips(convert, (1, *picture.shape))
+    return found
+
+
 def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: object) -> list[T]:
     """`in_strips` where `computes`, an array, is NumPy's; else `work` of all rows of each view."""
     if isinstance(computes, np.ndarray):
@@ -85,26 +93,6 @@ def threads() -> int:
     """Threads to use: ``OMP_NUM_THREADS`` if it is set, but not more than there are cores."""
     given = os.environ.get("OMP_NUM_THREADS", "")
     return min(int(given), cores()) if given.isdecimal() and int(given) else cores()
-
-
-@cache
-def keep_freed_memory() -> None:
-    """Tell the C library to keep freed arrays for the next ones, where it can be told (glibc).
-
-    Else each large array is fetched from the system and zeroed anew, page by page: a fifth of the
-    time of a solution. Arrays of more than `KEPT` bytes go back: with the gaps that they leave, a
-    frame of 8192 x 8192 would take a third more memory.
-    """
-    with contextlib.suppress(OSError, AttributeError):
-        library = ctypes.CDLL(None)
-        library.mallopt(_TRIM_THRESHOLD, 2**31 - 1)
-        library.mallopt(_MMAP_THRESHOLD, KEPT)
-
-
-def give_back_memory() -> None:
-    """Give what was kept of freed memory back, where the C library can (glibc)."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
 
 
 @cache

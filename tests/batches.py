@@ -148,7 +148,7 @@ def copied(
 
 
 def main() -> None:
-    from domesim.cli import guarded  # noqa: PLC0415
+    from domesim.commands import guarded  # noqa: PLC0415
 
     folder, workers, seconds = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
     scheduler = sys.argv[4] if len(sys.argv) > 4 else None

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from domesim import cli
+from domesim import commands
 
 
 class Outcome(NamedTuple):
@@ -51,7 +51,7 @@ def exit_code(*arguments: object) -> int:
         patch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
         patch.setattr(sys, "argv", ["domesim", *map(str, arguments)])
         try:
-            cli.run()
+            commands.run()
         except SystemExit as end:  # pytest.raises would keep files open that frames hold
             code = end.code or 0
         else:

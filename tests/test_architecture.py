@@ -24,7 +24,17 @@ def test_the_engine_does_not_load_mitsuba(module):
 
 def test_slow_imports_wait_until_they_are_needed():
     modules = ("colour", "torch", "matplotlib", "mitsuba", "cupy")
-    assert loaded_by("from domesim.cli import build; build()", *modules) == set()
+    assert loaded_by("from domesim.commands import build; build()", *modules) == set()
+
+
+def test_help_loads_no_command():
+    code = "from domesim.commands import build; build(['--help'])"
+    assert loaded_by(code, "domesim.cli", "numpy", "rich", "OpenImageIO") == set()
+
+
+def test_only_the_command_that_runs_is_loaded():
+    code = "from domesim.commands import build; build(['observe', 'a.png'])"
+    assert loaded_by(code, "domesim.cli", "compensate.cli", "validation.cli") == {"domesim.cli"}
 
 
 def test_the_probe_can_fail():

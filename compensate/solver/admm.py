@@ -57,8 +57,9 @@ from compensate.solver.split import BoxSplit, Split
 from compensate.solver.varying import Varying
 from compensate.weighting import Masked
 from domesim.light import Light, namespace
+from domesim.memory import give_back_memory
 from domesim.observation.stereo import StereoObservation
-from domesim.strips import give_back_memory, in_parts, is_large
+from domesim.strips import in_parts, is_large
 
 
 @final

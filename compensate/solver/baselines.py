@@ -18,14 +18,18 @@ leaves a corner so dim that even white cannot outshine the pollution, that corne
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensate.problem import Problem
 from compensate.solver.result import Result, Status
 from domesim.light import Light, dot
-from domesim.observation.lowrank import LowRankObservation
+from domesim.observation.lowrank import LowRankObservation, expand
+from domesim.strips import in_strips
+
+Floats = NDArray[np.float64]
 
 
 @final
@@ -92,34 +96,43 @@ def clipped_subtraction(problem: Problem, max_iterations: int = 50) -> tuple[Lig
 
     If those are `max_iterations`, it has not been reached.
     """
-    observation = _low_rank(problem)
-    desired = problem.desired
+    observation, desired = _low_rank(problem), problem.desired
     f = observation.factors_like(desired)
-    gain = f.direct_gain[..., None]
-    target = (desired - observation.observe(np.zeros_like(desired)))[0]
-    primaries = desired.shape[-1]
-    lower, upper = (
-        np.broadcast_to(bound, desired.shape)[0] for bound in (problem.lower, problem.upper)
-    )
-    light = np.empty_like(target)
+    lower, upper = (np.broadcast_to(each, desired.shape) for each in (problem.lower, problem.upper))
+    ranks, primaries = len(f.spread), desired.shape[-1]
+    light = np.empty_like(desired)
+    s = np.zeros((primaries, ranks))
+    unsettled = list(range(primaries))
+
+    def show(_: int, rows: slice) -> tuple[Floats, Floats]:
+        """The light of s in some rows: its sums, (primary, rank), and their slopes by s."""
+        sums, slopes = np.zeros((primaries, ranks)), np.zeros((primaries, ranks, ranks))
+        gain, collect = f.direct_gain[rows], f.collect[:, rows]
+        modes = f.spread[:, rows] / gain
+        overlaps = [[each * mode for mode in modes] for each in collect]
+        for p in unsettled:
+            free = desired[0, rows, :, p] - f.ambient[p, rows]
+            free /= gain
+            free -= expand(modes, s[p].astype(free.dtype))
+            low, high = lower[0, rows, :, p], upper[0, rows, :, p]
+            shown = np.minimum(np.maximum(free, low), high)
+            moving = (free > low) & (free < high)
+            light[0, rows, :, p] = shown
+            sums[p] = [dot(each, shown) for each in collect]
+            slopes[p] = [[np.sum(moving * each) for each in line] for line in overlaps]
+        return sums, slopes
+
     steps = 0
-    for p in range(primaries):
-        s = np.zeros(len(f.spread))
-        for step in range(1, max_iterations + 1):
-            pollution = np.tensordot(s.astype(target.dtype), f.spread, 1)
-            free = (target[..., p] - pollution) / gain[..., 0]
-            light[..., p] = np.clip(free, lower[..., p], upper[..., p])
-            moving = (free > lower[..., p]) & (free < upper[..., p])
-            shown = f.core[p] @ _sums(f.collect, light[..., p])
-            slopes = np.array(
-                [[dot(c * m / gain[..., 0], moving) for m in f.spread] for c in f.collect]
-            )
-            change = np.linalg.solve(np.eye(len(s)) + f.core[p] @ slopes, shown - s)
-            s = s + change
-            steps = max(steps, step)
-            if np.abs(change).max() <= 1e-7 * max(np.abs(s).max(), 1e-7):
-                break
-    return light[None], steps
+    while unsettled and steps < max_iterations:
+        steps += 1
+        sums, slopes = (sum(parts) for parts in zip(*in_strips(show, desired.shape), strict=True))
+        for p in tuple(unsettled):
+            system = np.eye(ranks) + f.core[p] @ slopes[p]
+            change = np.linalg.solve(system, f.core[p] @ sums[p] - s[p])
+            s[p] += change
+            if np.abs(change).max() <= 1e-7 * max(np.abs(s[p]).max(), 1e-7):
+                unsettled.remove(p)
+    return light, steps
 
 
 def _low_rank(problem: Problem) -> LowRankObservation:
@@ -138,7 +151,3 @@ def computed(
     cost, gradient = problem.quadratic(light)
     optimality = problem.kkt_residual(light, gradient)
     return Result(light, cost, optimality, status, iterations, problem.ffts - before)
-
-
-def _sums(modes: Any, plane: Any) -> Any:
-    return np.array([dot(mode, plane) for mode in modes])

@@ -39,9 +39,9 @@ class Result:
     light
         (view, row, col, primary) light to project, within the bounds.
     cost
-        Objective at `light`.
+        Objective at `light`; NaN where nothing was minimised.
     optimality
-        Largest KKT residual at `light`.
+        Largest KKT residual at `light`; NaN likewise.
     status
         Why the solver stopped.
     iterations

@@ -20,8 +20,8 @@ from typing import Any, TypeAlias, final
 from domesim.batch.job import versions
 from domesim.console import complain
 from domesim.endings import ignored
-from domesim.errors import InputError
-from domesim.frames.messages import joined, reason
+from domesim.errors import InputError, reason
+from domesim.frames.messages import joined
 
 Client: TypeAlias = Any
 """Dask's, which is imported late."""

@@ -28,8 +28,7 @@ from typing import Any, final
 from domesim.batch.clients import Clients, clients_of
 from domesim.batch.sealed import read_sealed, write_sealed
 from domesim.checksums import sha256
-from domesim.errors import InputError
-from domesim.frames.messages import reason
+from domesim.errors import InputError, reason
 from domesim.frames.video import file_of, video_of
 from domesim.frames.whole import write_whole
 

@@ -4,7 +4,7 @@ import signal
 
 from domesim.batch.crew import be_quiet
 from domesim.endings import ENDINGS
-from domesim.strips import keep_freed_memory
+from domesim.memory import keep_freed_memory
 
 
 def dask_setup(worker: object) -> None:

@@ -38,6 +38,7 @@ from domesim.frames.messages import joined
 from domesim.frames.reading import size_of
 from domesim.frames.video import video_of
 from domesim.frames.whole import sweep
+from domesim.memory import limit_of_group
 from domesim.shows import Show
 from domesim.strips import cores
 
@@ -433,11 +434,9 @@ def needed_memory(recipe: Recipe, show: Show) -> int | None:
 
 def free_memory() -> int:
     """Memory that can be had, bytes: what is free, as far as this process may have it."""
-    from distributed.system import MEMORY_LIMIT  # noqa: PLC0415
-
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     left = inf if limit == resource.RLIM_INFINITY else limit - psutil.Process().memory_info().vms
-    return max(0, int(min(psutil.virtual_memory().available, MEMORY_LIMIT, left)))
+    return max(0, int(min(psutil.virtual_memory().available, limit_of_group(), left)))
 
 
 def _told(crew: Crew) -> str:

@@ -26,9 +26,9 @@ import psutil
 
 from domesim.batch.job import Job, Record, versions
 from domesim.console import about
-from domesim.errors import InputError, NoPlaceError
+from domesim.errors import InputError, NoPlaceError, reason
 from domesim.frames import ColourTag, Master, read_master, write_master
-from domesim.frames.messages import joined, reason
+from domesim.frames.messages import joined
 from domesim.frames.reading import unsaid
 from domesim.frames.views import made_for
 from domesim.shows import Show
@@ -394,10 +394,10 @@ class _Writer:
         write_master(result, output, bits=writing.bits, dither=writing.dither)
         packing = None if result.packing in ("single", "files") else result.packing
         try:
-            self.unsaid = unsaid(output[0], result.colour)
             self._stored = read_master(
                 output, packing=packing, repair=True, allow_identical=True, colour=result.colour
             )
+            self.unsaid = unsaid(self._stored.frames[0])
         except InputError:
             # An encoder that reports success is no proof.
             for path in output:

@@ -119,7 +119,7 @@ def state_colour(colour: ColourTag, name: str, spec: Any) -> None:
         if colour.transfer != "linear":
             spec.attribute("colorInteropID", _interop_identifier(colour))
         if colour.primaries != "BT.709":
-            kind, value = oiio.TypeDesc("float[8]"), _CHROMATICITIES[colour.primaries]
+            kind, value = oiio.TypeDesc("float[8]"), CHROMATICITIES[colour.primaries]
             spec.attribute("chromaticities", kind, value)
     if name == "dpx":
         names = {"linear": "Linear", "bt1886": "ITU-R 709-4"}
@@ -141,7 +141,7 @@ def colour_chunks(colour: ColourTag) -> bytes:
     exponents = {"linear": 1.0, "gamma2.2": 2.2, "gamma2.4": 2.4, "gamma2.6": 2.6, "dcdm": 2.6}
     if colour.transfer in exponents:
         chunks += chunk(b"gAMA", struct.pack(">I", round(100000 / exponents[colour.transfer])))
-    xy = _CHROMATICITIES[colour.primaries]
+    xy = CHROMATICITIES[colour.primaries]
     if min(xy) >= 0:  # cHRM has no sign, and so not AP0
         white_first = [round(100000 * value) for value in (*xy[6:], *xy[:6])]
         chunks += chunk(b"cHRM", struct.pack(">8I", *white_first))
@@ -162,7 +162,7 @@ TRANSFER_NAMES = {
 
 # x, y of red, green, blue and white: ITU-R BT.709-6 and BT.2020-2, SMPTE RP 431-2 (DCI white and
 # D65), SMPTE ST 2065-1 (AP0), ACES TB-2014-004 via AMPAS S-2014-004 (AP1); XYZ with white E.
-_CHROMATICITIES = {
+CHROMATICITIES = {
     "BT.709": (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290),
     "P3-D65": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
     "P3-DCI": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3140, 0.3510),
@@ -241,7 +241,7 @@ def _colour_of_profile(path: Path, spec: Any) -> ColourTag | None:
     if not isinstance(profile, np.ndarray):  # an EXR may have any text of that name
         return None
     try:
-        transfer, primaries = icc.meaning_of(bytes(profile), _CHROMATICITIES)
+        transfer, primaries = icc.meaning_of(bytes(profile), CHROMATICITIES)
     except ValueError as error:
         raise _unsupported_encoding(path, str(error)) from error
     named = one_line(spec.get_string_attribute("ICCProfile:profile_description"))
@@ -254,7 +254,7 @@ def _colour_of_radiance(path: Path, header: Radiance) -> ColourTag:
     primaries = _primaries(header.chromaticities)
     if primaries is None:
         raise InputError(
-            f"{path}: wanted primaries of {', '.join(_CHROMATICITIES)}, got PRIMARIES "
+            f"{path}: wanted primaries of {', '.join(CHROMATICITIES)}, got PRIMARIES "
             f"{' '.join(f'{value:g}' for value in header.chromaticities)}. Convert it first, or "
             "say what it is (--encoding)."
         )
@@ -350,7 +350,7 @@ def _interop(path: Path, identifier: str) -> tuple[str, str] | None:
 
 def _primaries(chromaticities: Sequence[float]) -> str | None:
     """The known primaries within 0.001 of x, y of red, green, blue and white."""
-    for name, known in _CHROMATICITIES.items():
+    for name, known in CHROMATICITIES.items():
         if np.allclose(chromaticities, known, rtol=0, atol=1e-3):
             return name
     return None

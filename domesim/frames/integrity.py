@@ -12,10 +12,9 @@ from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import BinaryIO
 
-from domesim.errors import InputError
+from domesim.errors import InputError, reason
 from domesim.frames import dpx, exr, eyes, jpeg, jpeg2000
 from domesim.frames.formats import LARGEST_SIDE
-from domesim.frames.messages import reason
 from domesim.frames.png import CARRIED_CHUNKS, COLOUR_CHUNKS, Picture, chunks_of
 from domesim.frames.radiance import Radiance, header_of
 

@@ -13,11 +13,6 @@ def problem_of(source: Any) -> str:
         return one_line(error.object.decode("utf-8", "replace"))
 
 
-def reason(error: OSError) -> str:
-    """What the operating system complains of."""
-    return (error.strerror or str(error)).lower()
-
-
 def joined(text: str) -> str:
     """All of `text`, of a library, in one line."""
     return " ".join(text.split())

@@ -30,6 +30,7 @@ from domesim.frames.jpeg2000 import is_associated
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
 from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size
+from domesim.strips import converted
 
 
 def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:
@@ -108,21 +109,12 @@ def size_of(path: Path) -> tuple[int, int]:
         reader.close()
 
 
-def unsaid(path: Path, colour: ColourTag) -> str:
-    """What a file's header says else, for a person, of code values that mean `colour`; or "".
+def unsaid(frame: Frame) -> str:
+    """What a frame's file says else than what its code values mean, for a person; or "".
 
     A TIFF, JPEG or DPX cannot say most encodings.
-
-    Raises
-    ------
-    InputError
-        If it does not open.
     """
-    container, reader = examine(path), open_image(path)
-    try:
-        stated = _colours(path, reader.spec(), reader.format_name(), container, colour)[1]
-    finally:
-        reader.close()
+    colour, stated = frame.colour, frame.header.colour
     if stated is not None and colour.means_the_same_as(stated):
         return ""
     taken = "nothing" if stated is None else f"{stated.named}"
@@ -644,7 +636,7 @@ def _refuse_unsaid_dcdm(path: Path, rgb: NDArray[Any], layout: Layout) -> None:
 def _code_values(samples: NDArray[Any], bits: int, *, legal: bool = False) -> Pixels:
     """(row, col, 3) float32, integers scaled so that 1.0 is the largest code, or video's white."""
     if not np.issubdtype(samples.dtype, np.integer):
-        return samples.astype(np.float32, copy=False)
+        return converted(samples, np.dtype(np.float32))
     # OpenImageIO widens 10 and 12 bits to 16 by repeating the upper bits below.
     unused = 8 * samples.dtype.itemsize - bits
     codes = samples >> unused if unused else samples

@@ -15,8 +15,7 @@ from pathlib import Path
 
 import psutil
 
-from domesim.errors import InputError, NoPlaceError
-from domesim.frames.messages import reason
+from domesim.errors import InputError, NoPlaceError, reason
 
 
 def write_whole(path: Path, content: bytes) -> None:

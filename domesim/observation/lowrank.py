@@ -128,7 +128,7 @@ class LowRankObservation(AdjointObservation):
         system = identity[None, :, :] + overlap[None, :, :] @ f.core
         sums = xp.linalg.solve(system, _project(f.collect, wanted)[:, :, None])
         excited = xp.astype((f.core @ sums)[:, :, 0], modes.dtype)
-        planes = [_expand(modes, excited[p, :]) for p in range(excited.shape[0])]
+        planes = [expand(modes, excited[p, :]) for p in range(excited.shape[0])]
         return wanted - xp.stack(planes, axis=-1)[None, ...]
 
     def _observe(self, light: Light) -> Light:
@@ -160,7 +160,7 @@ class LowRankObservation(AdjointObservation):
         def work(_: int, rows: slice) -> None:
             for p in range(light.shape[-1]):
                 direct = light[0, rows, :, p]
-                part = _expand(modes[:, rows, :], excited[p, :])
+                part = expand(modes[:, rows, :], excited[p, :])
                 part += direct if self._unit_gain else direct * gain[rows, :]
                 if ambient is not None:
                     part += ambient[p, rows, :]
@@ -193,7 +193,7 @@ def _project(modes: Array, light: Light) -> Array:
     return first
 
 
-def _expand(modes: Array, coefficients: Array) -> Array:
+def expand(modes: Array, coefficients: Array) -> Array:
     """(row, col): the sum of modes times (rank,) coefficients of their type."""
     result = modes[0, :, :] * coefficients[0]
     for k in range(1, modes.shape[0]):

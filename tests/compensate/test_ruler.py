@@ -8,6 +8,7 @@ import pytest
 from compensate import ruler
 from compensate.aim import Aim
 from compensate.master import pose
+from compensate.ruler import Ruler
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 from domesim.scene import load_scene
@@ -31,7 +32,7 @@ def test_no_setting_of_the_method_changes_it():
 def test_it_is_nothing_for_the_master_and_rises_with_the_veil():
     scene, light = load_scene("dome_planetarium"), night(64)
     screen = scene.screen(64, 64)
-    lost = [ruler.quality_lost(light, light + veil, scene, screen) for veil in (0.0, 0.005, 0.05)]
+    lost = [Ruler(light, scene, screen).lost(light + veil) for veil in (0.0, 0.005, 0.05)]
     assert lost[0] == 0
     assert 0 < lost[1] < lost[2]
 
@@ -40,7 +41,7 @@ def test_what_lies_off_the_screen_does_not_count():
     scene, light = load_scene("dome_planetarium"), night(64)
     screen = scene.screen(64, 64)
     other = np.where(screen[..., None], light, 0.7)
-    assert ruler.quality_lost(light, other, scene, screen) == 0
+    assert Ruler(light, scene, screen).lost(other) == 0
 
 
 def test_large_pictures_are_averaged(monkeypatch):
@@ -48,8 +49,7 @@ def test_large_pictures_are_averaged(monkeypatch):
     seen = light + 0.02
     large = [np.repeat(np.repeat(one, 2, 1), 2, 2) for one in (light, seen)]
     monkeypatch.setattr(ruler, "FINEST", 64)
-    whole = ruler.quality_lost(light, seen, scene, scene.screen(64, 64))
-    found = ruler.quality_lost(
-        *large, scene, np.repeat(np.repeat(scene.screen(64, 64), 2, 0), 2, 1)
-    )
+    whole = Ruler(light, scene, scene.screen(64, 64)).lost(seen)
+    screen = np.repeat(np.repeat(scene.screen(64, 64), 2, 0), 2, 1)
+    found = Ruler(large[0], scene, screen).lost(large[1])
     assert found == pytest.approx(whole, rel=1e-5)

@@ -13,6 +13,7 @@ from pairs import pair
 from compensate import master
 from compensate.fourier import Fourier
 from compensate.master import Posed, Stage, compensate_frame, pose, solve_frame
+from compensate.ruler import Ruler
 from compensate.solver.deghosting import clipped_subtraction
 from compensate.solver.result import Status
 from compensate.weighting import PerceptualWeighting
@@ -172,8 +173,8 @@ def test_a_frame_in_which_nothing_clips_costs_no_transform(monkeypatch: pytest.M
     stage.pose_frame(frame(lit(seed=1)))
     for step in ("forward", "inverse"):
         monkeypatch.setattr(Fourier, step, lambda *_: pytest.fail("transformed"))
-    for seen in ("veiled", "quality_lost"):
-        monkeypatch.setattr(master, seen, lambda *_: pytest.fail("looked at"))
+    for place, seen in ((master, "veiled"), (Ruler, "lost")):
+        monkeypatch.setattr(place, seen, lambda *_: pytest.fail("looked at"))
     posed, _ = stage.pose_frame(frame(lit()))
     figures = solve_frame(frame(lit()), posed, 0.0, "perceptual").outcome(brief=True).figures
     assert figures.loss_before is None

@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from types import SimpleNamespace
@@ -338,7 +339,7 @@ def test_there_are_no_more_workers_than_memory(tmp_path: Path, monkeypatch: Any)
     monkeypatch.setattr("domesim.batch.run.cores", lambda: 4)
     monkeypatch.setattr(Harmful, "memory", lambda self, rows, cols: 10**9)
     for limit, workers in ((10**10, 4), (2.6e9, 2), (1, 1)):  # a container's
-        monkeypatch.setattr("distributed.system.MEMORY_LIMIT", limit)
+        monkeypatch.setattr("domesim.batch.run.limit_of_group", partial(float, limit))
         crew = crew_of(Running(), recipe, show)
         assert crew is not None
         assert crew.workers == workers

@@ -88,7 +88,7 @@ def test_what_is_written_says_so_where_it_can(tmp_path: Path, suffix: str, name:
     if suffix == "dpx" and name != "bt709":  # which it said before
         colorimetric = stored(tmp_path / "out.dpx")[1]["dpx:Colorimetric"]
         assert (colorimetric == "ITU-R 709-4") == (colour.primaries == "BT.709")
-    assert (unsaid(tmp_path / f"out.{suffix}", colour) == "") == can
+    assert (unsaid(read_frame(tmp_path / f"out.{suffix}", colour=colour)) == "") == can
 
 
 def test_what_cannot_be_said_is_told(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_what_cannot_be_said_is_told(tmp_path: Path) -> None:
         read_frame(store(tmp_path / "in.png", texture("uint16")), colour=encoding_named("dcdm")),
         tmp_path / "x.tif",
     )
-    told = unsaid(tmp_path / "x.tif", encoding_named("dcdm"))
+    told = unsaid(read_frame(tmp_path / "x.tif", colour=encoding_named("dcdm")))
     assert told == "DCDM XYZ, which the file cannot say: it reads as sRGB"
 
 

@@ -71,7 +71,7 @@ import json, sys
 from pathlib import Path
 from batches import do_show, harmful_in, show_of
 from domesim.batch.work import Writing
-from domesim.cli import guarded
+from domesim.commands import guarded
 folder, depth = Path(sys.argv[1]), int(sys.argv[2])
 show = show_of(folder / "in")
 recipe = harmful_in(folder, seconds=float(sys.argv[3]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,31 @@ def test_luminance_weights_are_those_of_the_standard():
     assert Projector("BT.2020", 1.0).luminance_weights == pytest.approx(
         [0.2627, 0.6780, 0.0593], abs=1e-4
     )
+
+
+NAMES = {
+    "BT.709": "ITU-R BT.709",
+    "BT.2020": "ITU-R BT.2020",
+    "P3-D65": "P3-D65",
+    "P3-DCI": "DCI-P3",
+    "ACES AP0": "ACES2065-1",
+    "ACES AP1": "ACEScg",
+}
+
+
+def test_conversions_are_those_of_colour_science():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import colour  # noqa: PLC0415
+    spaces = {name: colour.RGB_COLOURSPACES[known] for name, known in NAMES.items()}
+    assert set(spaces) | {"XYZ"} == set(PRIMARIES)
+    for name, space in spaces.items():
+        # AP0's matrix was published with ten digits
+        assert conversion(name, "XYZ") == pytest.approx(space.matrix_RGB_to_XYZ, abs=1e-9)
+        assert conversion("XYZ", name) == pytest.approx(space.matrix_XYZ_to_RGB, abs=1e-9)
+        for other, target in spaces.items():
+            expected = colour.matrix_RGB_to_RGB(space, target, "Bradford")
+            assert conversion(name, other) == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_wide_gamut_colour_leaves_the_range_and_is_not_clamped():

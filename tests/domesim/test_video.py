@@ -423,7 +423,8 @@ def test_the_extra_is_asked_for_in_one_line(film: Path, monkeypatch: pytest.Monk
 def test_pyav_is_loaded_for_videos_only(tmp_path: Path) -> None:
     (tmp_path / "a.png").touch()
     code = (
-        "import sys; from domesim.cli import build; build(); from domesim.shows import find_show; "
+        "import sys; from domesim.commands import build; build(); "
+        "from domesim.shows import find_show; "
         f"find_show({str(tmp_path / 'a.png')!r}); print('av' in sys.modules); import av"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -13,7 +13,7 @@ import pytest
 from command_line import exit_code
 from numpy.typing import NDArray
 
-from domesim import cli
+from domesim import commands
 from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.frames import read_frame
@@ -234,7 +234,7 @@ Run = Callable[..., int]
 def run(monkeypatch: pytest.MonkeyPatch) -> Run:
     entry = EntryPoint("master", "domesim.mastering:master", "domesim.commands")
     other = EntryPoint("observe", "domesim.cli:observe", "domesim.commands")
-    monkeypatch.setattr(cli, "entry_points", lambda group: [entry, other])
+    monkeypatch.setattr(commands, "entry_points", lambda group: [entry, other])
     return lambda *arguments: exit_code("master", *arguments)
 
 

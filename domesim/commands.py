@@ -1,0 +1,119 @@
+"""The ``domesim`` command: finds its subcommands, and ends with one line where one is mistaken.
+
+Subcommands are found through the entry-point group ``domesim.commands``, so that the packages above
+add theirs without being imported here. Only the one that runs is imported, for that takes a second;
+``--help`` reads what it says of them from their source. Bad input is one line on standard error and
+exit code 2.
+"""
+
+from __future__ import annotations
+
+import ast
+import gc
+import io
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from domesim.console import complain, output_is_lost, shown
+from domesim.endings import alike, exit_code
+from domesim.endings import name as ending
+from domesim.errors import InputError, reason
+
+_UsageError: Any = typer.BadParameter.__base__  # typer has it from click, or as its own
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+def build(arguments: Sequence[str] | None = None) -> typer.Typer:
+    """The command with all subcommands that the installed packages offer.
+
+    If its `arguments` are given, those that they do not ask for are only named.
+    """
+    app = typer.Typer(
+        name="domesim",
+        help="Simulate and compensate light pollution in dome theatres and 3D cinema.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+    entries = sorted(entry_points(group="domesim.commands"), key=lambda entry: entry.name)
+    first = arguments[0] if arguments else "--help"
+    known = first == "--help" or any(entry.name == first for entry in entries)
+    for entry in entries:
+        if arguments is not None and known and entry.name != first:
+            app.command(entry.name, help=_help_of(entry))(lambda: None)
+            continue
+        found = entry.load()
+        if isinstance(found, typer.Typer):  # a command with subcommands of its own
+            app.add_typer(found, name=entry.name)
+        else:
+            app.command(entry.name)(found)
+    # With one command alone typer would drop its name.
+    app.callback()(lambda: None)
+    return app
+
+
+def _help_of(entry: EntryPoint) -> str | None:
+    """What a subcommand's docstring says, or the ``help`` of an app; its module is not run."""
+    place = find_spec(entry.module)
+    if place is None or place.origin is None:
+        return None
+    for node in ast.parse(Path(place.origin).read_bytes()).body:
+        if isinstance(node, ast.FunctionDef) and node.name == entry.attr:
+            return ast.get_docstring(node)
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == entry.attr:
+            call = node.value
+            given = {each.arg: each.value for each in getattr(call, "keywords", ())}
+            return ast.literal_eval(given["help"]) if "help" in given else None
+    return None
+
+
+def run() -> None:
+    """Run the command; the process's exit code says whether all went well."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A name that the terminal cannot show is no reason to stop.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    with guarded():
+        command = build(sys.argv[1:])
+        gc.enable()
+        try:
+            sys.exit(command(standalone_mode=False))
+        except _UsageError as error:
+            told = io.StringIO()
+            error.show(told)
+            print(*map(shown, told.getvalue().splitlines()), sep="\n", file=sys.stderr)
+            sys.exit(error.exit_code)
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Mistakes, and Ctrl-C and the like, end the process with one line and an exit code."""
+    try:
+        with alike():
+            yield
+    except InputError as error:
+        complain(error)
+        sys.exit(BAD_INPUT)
+    except MemoryError:
+        complain("not enough memory for frames of this size")
+        sys.exit(BAD_INPUT)
+    except OSError as error:  # that no part of the program expects
+        complain(f"{error.filename or 'the system'}: got '{reason(error)}'. Mend it, and try again")
+        sys.exit(BAD_INPUT)
+    except (KeyboardInterrupt, SystemExit) as end:
+        # typer turns Ctrl-C into an exit, and says nothing.
+        if isinstance(end, SystemExit) and end.code != INTERRUPTED:
+            if not end.code and output_is_lost():
+                sys.exit(BAD_INPUT)
+            raise
+        complain(f"{ending()}; what was written is complete")
+        sys.exit(exit_code())
