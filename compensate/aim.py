@@ -16,10 +16,10 @@ as bright as the light that is missing if B' is chosen so. Exact subtraction the
 solver and no transform is needed.
 
 *Domes.* All of the screen is polluted alike, so one number says how far it is lifted: v is `lift`
-times the light that is missing in the darkest part of the screen. The base rises to it, and far
-above it stays:
+times the light that is missing in the darkest part of the screen. Black is lifted by all of it, and
+what is bright by nothing:
 
-    B'² = B² + v²
+    B' = B + max(v - B / fade, 0)
 
 Where nothing is missing v is 0, and the aim is the master. B keeps edges (`means.guided`), so that
 what is bright has no halo. Some saturated colours still need less light of one primary than is
@@ -30,7 +30,7 @@ primary is added to the others, in places that are lifted anyhow.
 edges can, which are none of the picture's and hinder fusion (section 1): just outside a ghost g the
 aim has a *veil*, of the scales s from half of `reach` down by octaves,
 
-    V = max_s min(veil G_s g, G_s g² / G_s g),    aim = m + max(V - g, 0) / (1 + Y_V / f (Y_m + c))
+    V = max_s min(lift G_s g, G_s g² / G_s g),    aim = m + max(V - g, 0) / (1 + Y_V / f (Y_m + c))
 
 G_s is a local mean. The second term is the mean of g weighted by itself, which limits a veil to the
 ghost's own brightness. On black, a veil is seen as well as the ghost that it hides: the more it
@@ -68,10 +68,10 @@ class Aim:
     Parameters
     ----------
     lift
-        How many times the missing light a dome's dark places are lifted. 0 keeps the deepest black,
-        which is plain subtraction; 4 keeps all contrast.
-    veil
-        How strong a pair's veils are: 0 has none, 4 the softest edges.
+        How many times the missing light dark places are lifted. 0 keeps the deepest black, which is
+        plain subtraction; 4 keeps all contrast.
+    fade
+        How many times as bright as a dome's lift a place must be to keep its light as it is.
     darkest
         Share of a dome's screen whose missing light decides: its darkest part.
     reach
@@ -88,12 +88,12 @@ class Aim:
     Raises
     ------
     InputError
-        If a number is negative or not finite; `reach`, `edge`, `dark`, `faint` and `darkest` must
-        be above 0, `darkest` and `hue` at most 1.
+        If a number is negative or not finite; `fade`, `reach`, `edge`, `dark`, `faint` and
+        `darkest` must be above 0, `darkest` and `hue` at most 1.
     """
 
-    lift: float = 1.75
-    veil: float = 2.5
+    lift: float = 2.5
+    fade: float = 8.0
     darkest: float = 0.1
     reach: float = 2.0
     edge: float = 2.0
@@ -102,9 +102,10 @@ class Aim:
     faint: float = 15.0
 
     def __post_init__(self) -> None:
-        require_not_negative("the aim", lift=self.lift, veil=self.veil, hue=self.hue)
+        require_not_negative("the aim", lift=self.lift, hue=self.hue)
         require_positive(
             "the aim",
+            fade=self.fade,
             darkest=self.darkest,
             reach=self.reach,
             edge=self.edge,
@@ -210,7 +211,7 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
         sigma = aim.reach * sight.density / 2 ** (octave + 1)
         mean = smooth(ghosts, sigma)
         peak = smooth(ghosts**2, sigma) / xp.maximum(mean, xp.full_like(mean, _TINY))
-        veil = xp.maximum(veil, xp.minimum(aim.veil * mean, peak))
+        veil = xp.maximum(veil, xp.minimum(aim.lift * mean, peak))
         own = peak if octave == 0 else own
     around = smooth(sight.luminance(wanted), _NEARBY * sight.density) + aim.dark / sight.white
     stands_out = sight.luminance(xp.moveaxis(own, 1, -1)) / around
@@ -230,7 +231,8 @@ def _gain(aim: Aim, sight: Sight, wanted: Light, floor: Light) -> Array:
     missing = aim.lift * _missing(aim, sight, sight.luminance(floor) - luminance)
     radius = max(1, round(aim.reach * sight.density))
     base = xp.exp(guided(xp.log(luminance[0, ...] + dark), sight.screen, radius, aim.edge))
-    return ((1 + (missing / base) ** 2) ** 0.5)[None, ...]
+    lift = xp.maximum(missing - base / aim.fade, xp.zeros_like(base))
+    return (1 + lift / base)[None, ...]
 
 
 def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:

@@ -79,8 +79,7 @@ Lift = Annotated[
     float | None,
     typer.Option(
         help="Perceptual: from the deepest black (0, plain subtraction) to all contrast (4): how "
-        "many times the missing light dark places are lifted "
-        f"({Aim().lift:g} by default; a pair's veils {Aim().veil:g}).",
+        f"many times the missing light dark places are lifted; {Aim().lift:g} by default.",
         show_default=False,
     ),
 ]

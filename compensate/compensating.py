@@ -46,7 +46,7 @@ class Compensating(Recipe):
     eye
         "contrast" or "paper"; None for the scene's default.
     lift
-        Of contrast: a dome's lift, a pair's veil; None for their own.
+        Of contrast: how many times the missing light is lifted; None for its own.
     low_frequency_gain
         Of the paper's weighting; None for its own.
     device
@@ -137,7 +137,7 @@ class Compensating(Recipe):
                 f"--low-frequency-gain is of --weighting {PAPER}; of {CONTRAST}, use --lift"
             )
         if self.lift is not None:
-            return Aim(lift=self.lift, veil=self.lift)
+            return Aim(lift=self.lift)
         if self.low_frequency_gain is not None:
             return PerceptualWeighting(LowFrequencyFloor(self.low_frequency_gain))
         return found

@@ -53,7 +53,7 @@ def test_contrast_and_hue_are_the_masters_where_the_base_is_lifted():
     contrast, left = (
         np.std(np.log(light)) / np.std(np.log(wanted)) for light in (shown, subtracted)
     )
-    assert contrast > 0.45
+    assert contrast > 0.55
     assert left < 0.3
     blue, wanted_blue = (
         light[0][screen] / light[0][screen].sum(-1, keepdims=True) for light in (found, master)
@@ -63,7 +63,7 @@ def test_contrast_and_hue_are_the_masters_where_the_base_is_lifted():
 
 def test_without_lift_it_is_subtraction():
     for scene, light in ((dome(), dark_sky()), (stereo_at(0.05, 15.0), generated(96))):
-        posed = pose(light, scene, Aim(lift=0.0, veil=0.0, hue=0.0))
+        posed = pose(light, scene, Aim(lift=0.0, hue=0.0))
         np.testing.assert_allclose(solved(posed, "perceptual").light, posed.subtractive, atol=1e-6)
 
 
@@ -152,7 +152,6 @@ def test_any_array_library(kind):
     "settings",
     [
         {"lift": -1},
-        {"veil": -1},
         {"hue": 1.1},
         {"darkest": 0},
         {"darkest": 2},
@@ -190,7 +189,7 @@ def test_a_still_master_stands_still_and_a_slow_fade_has_no_jump():
 
 
 def test_a_flash_pumps_by_its_pollution_and_the_lift():
-    """Far from the flash, what is seen rises by little more than what is untouched does."""
+    """Far from the flash, what is seen rises by no more than `lift` times the untouched rise."""
     scene = dome()
     rows, cols = np.mgrid[:SIZE, :SIZE]
     far = scene.screen(SIZE, SIZE) & (np.hypot(rows - 70, cols - 48) > 30)
@@ -202,4 +201,4 @@ def test_a_flash_pumps_by_its_pollution_and_the_lift():
             lambda light: (pose(light, scene).seen(light)[0] @ WEIGHTS)[far],
         )
     ]
-    assert 0 < rise[0] < 1.5 * rise[1]
+    assert 0 < rise[0] < Aim().lift * rise[1]

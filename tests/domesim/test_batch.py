@@ -627,6 +627,7 @@ def records(folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_mtime_ns for path in (folder / "out/job").glob("in.*.json")}
 
 
+@pytest.mark.usefixtures("hangup")
 @pytest.mark.parametrize("end", ["SIGKILL", "SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_run_that_was_ended_goes_on(end: str, tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 6)

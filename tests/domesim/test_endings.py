@@ -34,6 +34,7 @@ def results(folder: Path) -> list[Path]:
     return list((folder / "out").glob("*.exr"))
 
 
+@pytest.mark.usefixtures("hangup")
 def test_a_terminal_that_is_closed_ends_the_job_in_order(tmp_path: Path) -> None:
     """Progress bars and messages have nowhere to go then."""
     make_show(tmp_path / "in", 200, (64, 64))

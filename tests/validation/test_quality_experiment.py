@@ -105,6 +105,7 @@ def cell(jod: float, contour: float | None = None, kept: float = 1.0, lit: float
 def case(ours: Cell, nothing: float = 8.0, subtraction: float = 8.5) -> dict[str, Cell]:
     found = {name: cell(7.0, 0.9) for name in WAYS}
     return found | {
+        measuring.LOWER: cell(8.9),
         measuring.NOTHING: cell(nothing, 1.0),
         measuring.SUBTRACTION: cell(subtraction, 0.8),
         measuring.DEFAULT: ours,

@@ -25,6 +25,8 @@ from validation.judges import luminance
 
 DEFAULT, NOTHING, SUBTRACTION, PAPER = "contrast", "nothing", "subtraction", "paper's weighting"
 """Names of ways; the first is the product's default."""
+LOWER = "lift 1"
+"""The setting of the knob that judges of structure prefer in domes."""
 WAYS: Mapping[str, tuple[str, Eye]] = {
     NOTHING: ("none", Aim()),
     SUBTRACTION: ("subtractive", Aim()),
@@ -34,8 +36,8 @@ WAYS: Mapping[str, tuple[str, Eye]] = {
 }
 """Method of `compensate.methods`, and what pictures are made for."""
 KNOB: Mapping[str, tuple[str, Eye]] = {
-    "lift 1": ("perceptual", Aim(lift=1.0, veil=1.0)),
-    "lift 4": ("perceptual", Aim(lift=4.0, veil=4.0)),
+    LOWER: ("perceptual", Aim(lift=1.0)),
+    "lift 4": ("perceptual", Aim(lift=4.0)),
 }
 """Other settings of the default's one knob."""
 
