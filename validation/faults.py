@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -16,7 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,8 @@ from domesim.endings import ENDINGS
 from domesim.frames import ColourTag, Frame, write_frame
 
 FRAMES, SIZE = 12, 64
+_OTHER = {"dome_planetarium": "dome_hemisphere", "stereo_cinema_silver": "stereo_polarised_paper"}
+"""Scenes, and others for the same kind of master."""
 _PATIENCE = 60.0  # s
 _TAG = ColourTag("linear", "BT.709", "made up")
 
@@ -48,8 +51,10 @@ class Show:
     folder: Path
     arguments: tuple[str, ...]
 
-    def start(self, out: Path, *more: str) -> subprocess.Popen[str]:
-        """The command, in a session of its own."""
+    def start(
+        self, out: Path, *more: str, limit: Callable[[], None] | None = None
+    ) -> subprocess.Popen[str]:
+        """The command, in a session of its own, in which `limit` is called first."""
         command = [sys.executable, "-m", "domesim", *self.arguments, "--out", str(out), *more]
         log = (self.folder / "log").open("a")
         return subprocess.Popen(
@@ -59,6 +64,7 @@ class Show:
             text=True,
             start_new_session=True,
             env={**os.environ, "PYTHONFAULTHANDLER": "1"},
+            preexec_fn=limit,  # noqa: PLW1509 - there are no threads here
         )
 
 
@@ -74,15 +80,21 @@ class Fault:
         Does it, to the running command and its folder of results.
     more
         Arguments of the command besides.
+    limit
+        Of the system, for the first run.
+    only_first
+        Arguments that the first run has in addition.
     """
 
     name: str
     harm: Callable[[subprocess.Popen[str], Path], None]
     more: tuple[str, ...] = ("--workers", "2")
+    limit: Callable[[], None] | None = None
+    only_first: tuple[str, ...] = ()
 
 
-def faults() -> list[Fault]:
-    """All that are tried."""
+def faults(show: Show) -> list[Fault]:
+    """All that are tried of a show."""
     found = [
         Fault(f"{number.name} to the command and its workers", _send(number))
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -106,6 +118,16 @@ def faults() -> list[Fault]:
         Fault("results cut in half", _each("[!.]*.exr", lambda path: os.truncate(path, 300))),
         Fault("a flipped bit in the settings", _each("job/settings.json", _flip), alone),
         Fault("a table in whose place is a folder", _block),
+        Fault(
+            "other masters of its names, and another scene, into its folder: refused",
+            _intrude(show),
+        ),
+        Fault("14 file handles", _wait, limit=_at_most(resource.RLIMIT_NOFILE, 14)),
+        Fault("1 GB of address space", _wait, limit=_at_most(resource.RLIMIT_AS, 1000 << 20)),
+        Fault(
+            "a disk that takes 4 kB of a file", _wait, limit=_at_most(resource.RLIMIT_FSIZE, 4096)
+        ),
+        Fault("a scheduler that is none", _wait, only_first=("--scheduler", "tcp://127.0.0.1:9")),
     ]
 
 
@@ -119,7 +141,7 @@ def try_all(folder: Path) -> list[tuple[str, ...]]:
         if _ended(show.start(whole)) != 0:
             raise RuntimeError((show.folder / "log").read_text())
         wanted = _results(whole)
-        for number, fault in enumerate(faults()):
+        for number, fault in enumerate(faults(show)):
             out = show.folder / str(number)
             (show.folder / "log").unlink()
             rows.append((show.name, fault.name, *_tried(show, fault, out, wanted)))
@@ -130,7 +152,7 @@ def try_all(folder: Path) -> list[tuple[str, ...]]:
 
 def _tried(show: Show, fault: Fault, out: Path, wanted: dict[str, str]) -> tuple[str, str, str]:
     """How the command ended, what was lost, and the seconds until it went on and was done."""
-    run = show.start(out, *fault.more)
+    run = show.start(out, *fault.more, *fault.only_first, limit=fault.limit)
     _until(lambda: len(_records(out)) >= 2 or run.poll() is not None)
     before = {path.name: path.read_bytes() for path in _records(out)}
     fault.harm(run, out)
@@ -179,9 +201,12 @@ def _masters(stem: Path, seed: int) -> None:
     noise = np.random.default_rng(seed)
     stem.parent.mkdir(parents=True, exist_ok=True)
     for number in range(1, FRAMES + 1):
-        path = stem.with_name(f"{stem.name}.{number:04d}.exr")
-        pixels = noise.random((SIZE, SIZE, 3), np.float32)
-        write_frame(Frame(pixels, path, _TAG, 16, floating=True), path)
+        _write(stem.with_name(f"{stem.name}.{number:04d}.exr"), noise)
+
+
+def _write(path: Path, noise: np.random.Generator) -> None:
+    pixels = noise.random((SIZE, SIZE, 3), np.float32)
+    write_frame(Frame(pixels, path, _TAG, 16, floating=True), path)
 
 
 def _send(number: signal.Signals) -> Callable[[subprocess.Popen[str], Path], None]:
@@ -202,6 +227,32 @@ def _each(
         _ended(run)
         for path in out.glob(pattern):
             harm(path)
+
+    return do
+
+
+def _wait(run: subprocess.Popen[str], out: Path) -> None:
+    """Nothing more: the harm was done before it began."""
+    _ended(run)
+
+
+def _at_most(what: int, most: int) -> Callable[[], None]:
+    return lambda: resource.setrlimit(what, (most, most))
+
+
+def _intrude(show: Show) -> Callable[[subprocess.Popen[str], Path], None]:
+    """Other masters of the same names, and another scene, into its folder: both are refused."""
+
+    def do(run: subprocess.Popen[str], out: Path) -> None:
+        _ended(run)
+        shutil.copytree(show.folder / "in", show.folder / "other", dirs_exist_ok=True)
+        noise = np.random.default_rng(9)
+        for path in (show.folder / "other").iterdir():
+            _write(path, noise)
+        for old, new in (("/in/", "/other/"), (show.arguments[-1], _OTHER[show.arguments[-1]])):
+            arguments = tuple(each.replace(old, new) for each in show.arguments)
+            if (code := _ended(replace(show, arguments=arguments).start(out))) != 2:
+                raise RuntimeError(f"{arguments} into a folder of others: exit {code}")
 
     return do
 
