@@ -21,10 +21,12 @@ what is bright by nothing:
 
     B' = B + max(v - B / fade, 0)
 
-Where nothing is missing v is 0, and the aim is the master. B keeps edges (`means.guided`), so that
-what is bright has no halo. Some saturated colours still need less light of one primary than is
-there. Exact clipping would turn a blue sky purple. So a share of what is missing in the worst
-primary is added to the others, in places that are lifted anyhow.
+Where nothing is missing v is 0, and the aim is the master. B keeps edges (`means.guided`). Dark
+places take the mean in which a pixel counts by its darkness, so that nothing bright nearby raises
+their base and leaves a dark rim; what stands out from that by `edge` takes the plain one. Some
+saturated colours still need less light of one primary than is there. Exact clipping would turn a
+blue sky purple. So a share of what is missing in the worst primary is added to the others, in
+places that are lifted anyhow.
 
 *Pairs.* A ghost is missing light in one place of one eye. Its own light cannot be hidden, but its
 edges can, which are none of the picture's and hinder fusion (section 1): just outside a ghost g the
@@ -230,9 +232,20 @@ def _gain(aim: Aim, sight: Sight, wanted: Light, floor: Light) -> Array:
     luminance, dark = sight.luminance(wanted), aim.dark / sight.white
     missing = aim.lift * _missing(aim, sight, sight.luminance(floor) - luminance)
     radius = max(1, round(aim.reach * sight.density))
-    base = xp.exp(guided(xp.log(luminance[0, ...] + dark), sight.screen, radius, aim.edge))
+    base = _base(luminance[0, ...] + dark, sight.screen, radius, aim.edge)
     lift = xp.maximum(missing - base / aim.fade, xp.zeros_like(base))
     return (1 + lift / base)[None, ...]
+
+
+def _base(plane: Array, screen: Array, radius: int, edge: float) -> Array:
+    """What the eye is adapted to, of (row, col) luminance above 0."""
+    xp = namespace(plane)
+    logs = xp.log(plane)
+    of_all = guided(logs, screen, radius, edge)
+    of_dark = guided(logs, screen, radius, edge, xp.min(plane) / plane)
+    beyond = (logs - of_dark) / edge
+    share = xp.minimum(xp.maximum(beyond, xp.zeros_like(beyond)), xp.ones_like(beyond))
+    return xp.exp(of_dark + (of_all - of_dark) * share)
 
 
 def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:

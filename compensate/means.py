@@ -9,7 +9,7 @@ picture as its own guide.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -55,7 +55,9 @@ def smooth(planes: Array, sigma: float) -> Array:
     return _boxes(planes, [small + 1] * large + [small] * (_BOXES - large), means=True)
 
 
-def guided(plane: Array, screen: Array, radius: int, edge: float) -> Array:
+def guided(
+    plane: Array, screen: Array, radius: int, edge: float, importance: Array | None = None
+) -> Array:
     """Edge-preserving mean: the guided filter of He et al., with itself as guide.
 
     Parameters
@@ -68,18 +70,25 @@ def guided(plane: Array, screen: Array, radius: int, edge: float) -> Array:
         Of the boxes, pixels.
     edge
         Standard deviation within a box at which half of it is kept: the root of their epsilon.
+    importance
+        (row, col) above 0: how much a pixel counts within a box; all alike if None.
     """
     xp = namespace(plane)
     on = xp.astype(screen, plane.dtype)
-    count = xp.maximum(box_sum(on, radius), xp.asarray(1, dtype=plane.dtype))
-
-    def mean(values: Array) -> Array:
-        return box_mean(values * on, radius, count)
-
-    middle = mean(plane)
-    variance = xp.maximum(mean((plane - middle) ** 2), xp.zeros_like(plane))
+    mean = _mean_of(on, radius)
+    within = mean if importance is None else _mean_of(on * importance, radius)
+    middle = within(plane)
+    variance = xp.maximum(within((plane - middle) ** 2), xp.zeros_like(plane))
     slope = variance / (variance + edge**2)
     return mean(slope) * plane + mean((1 - slope) * middle)
+
+
+def _mean_of(weights: Array, radius: int) -> Callable[[Array], Array]:
+    """Weighted means over boxes; 0 where nothing counts."""
+    xp = namespace(weights)
+    count = box_sum(weights, radius)
+    count = xp.where(count > 0, count, xp.ones_like(count))
+    return lambda values: box_mean(values * weights, radius, count)
 
 
 def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:

@@ -92,6 +92,20 @@ def test_what_is_bright_keeps_its_light_and_has_no_halo():
     assert beside > 0.75 * around  # a plain mean as base: 0.27
 
 
+def test_a_moon_has_no_dark_rim():
+    rows, cols = np.mgrid[:80, :80]
+    far = np.hypot(rows - 40, cols - 40)
+    master = np.where(far < 10, 0.9, 0.003)[None, ..., None] * np.ones(3)
+    sight = Sight(np.ones((80, 80), bool), WEIGHTS, 15.0, 4.0)
+    aimed = lifted(Aim(), sight, master, np.full_like(master, 0.01), np.ones_like(master))[
+        0, ..., 1
+    ]
+    beside, around = aimed[(far > 11) & (far < 13)], aimed[far > 30]
+    assert around.min() > 2 * 0.003
+    assert beside.min() > 0.98 * around.min()  # a plain guided filter as base: 0.51
+    assert aimed[far < 9] == pytest.approx(0.9, rel=0.05)
+
+
 def test_more_lift_is_more_contrast_and_less_black():
     scene, master = dome(), dark_sky()
     screen = scene.screen(SIZE, SIZE)
