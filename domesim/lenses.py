@@ -21,7 +21,7 @@ from domesim.theatre import Lens, Lobe, Point, Theatre
 
 Floats = NDArray[np.float64]
 
-_DARK = 1e-3
+DARK = 1e-3
 """Share of the dome's picture that may stay dark before it is a mistake (rim pixels)."""
 
 
@@ -48,7 +48,7 @@ def lens_gains(theatre: Theatre, rows: int, cols: int) -> Floats:
             weight[strip] = field_weight(lens, points)
     total = weights.sum(0)
     dark = screen & (total <= 0)
-    if dark.sum() > _DARK * screen.sum():
+    if dark.sum() > DARK * screen.sum():
         raise InputError(
             f"projectors leave {dark.sum() / screen.sum():.1%} of the screen dark; widen their "
             f"fields, aim them elsewhere or add projectors"

@@ -24,6 +24,7 @@ from domesim.scene.base import Scene
 from domesim.scene.dome_file import DomeFile, LampSection, MeasuredSection, ProjectorSection
 from domesim.scene.fields import three
 from domesim.scene.measured_dome import albedo_steps, whole_transport
+from domesim.scene.mistakes import Mistakes
 from domesim.theatre import (
     Cavity,
     Floor,
@@ -245,10 +246,13 @@ _SHADOWED = 2e-3
 
 def built(file: DomeFile, folder: Path) -> DomeScene:
     """The theatre that a file in `folder` describes."""
-    theatre = _theatre(file, folder)
-    for rho in theatre.screen_albedo:
-        # Refuses what no frame can change: a sphere that keeps all its light.
-        bare_gain(rho, theatre.dome)
+    mistakes = Mistakes()
+    theatre = _theatre(file, folder, mistakes)
+    with mistakes.noted():
+        for rho in theatre.screen_albedo:
+            # Refuses what no frame can change: a sphere that keeps all its light.
+            bare_gain(rho, theatre.dome)
+    mistakes.refuse()
     lit = file.projector
     white = lit.white_cd_m2
     if white is None:
@@ -291,11 +295,11 @@ def _with_meshes(file: DomeFile, theatre: Theatre) -> str:
     return digest.hexdigest()
 
 
-def _theatre(file: DomeFile, folder: Path) -> Theatre:
+def _theatre(file: DomeFile, folder: Path, mistakes: Mistakes) -> Theatre:
     dome, screen = file.dome.shape(), file.screen
     cavity, lobe = screen.cavity, screen.lobe
     floor, wall = _floor_and_wall(file, dome)
-    solids, viewpoints = _furniture(file, floor, dome, folder)
+    solids, viewpoints = _furniture(file, floor, dome, folder, mistakes)
     return Theatre(
         dome=dome,
         albedo=three(screen.albedo),
@@ -329,36 +333,36 @@ def _floor_and_wall(file: DomeFile, dome: Dome) -> tuple[Floor | None, Wall | No
 
 
 def _furniture(
-    file: DomeFile, floor: Floor | None, dome: Dome, folder: Path
+    file: DomeFile, floor: Floor | None, dome: Dome, folder: Path, mistakes: Mistakes
 ) -> tuple[tuple[Solid, ...], dict[str, Viewpoint]]:
     solids: list[Solid] = []
     viewpoints: dict[str, Viewpoint] = {}
     front = dome.surface(np.array(dome.half_angle / 2), np.array(np.pi / 2)) @ dome.to_room.T
     if file.seating is not None and floor is not None:
         seats = file.seating
-        rows, viewpoints = furniture.seating(
-            floor_height=floor.height,
-            rows=seats.rows,
-            seats_per_row=seats.seats_per_row,
-            first_row=seats.first_row_m,
-            row_spacing=seats.row_spacing_m,
-            seat_spacing=seats.seat_spacing_m,
-            rise=seats.rise_m,
-            within=floor.radius,
-            albedo=three(seats.albedo),
-            occupied=seats.occupied,
-            audience_albedo=three(seats.audience_albedo),
-            seed=seats.seed,
-            look_at=(float(front[0]), float(front[1]), float(front[2])),
-        )
-        solids += rows
+        with mistakes.noted():
+            rows, viewpoints = furniture.seating(
+                floor_height=floor.height,
+                rows=seats.rows,
+                seats_per_row=seats.seats_per_row,
+                first_row=seats.first_row_m,
+                row_spacing=seats.row_spacing_m,
+                seat_spacing=seats.seat_spacing_m,
+                rise=seats.rise_m,
+                within=floor.radius,
+                albedo=three(seats.albedo),
+                occupied=seats.occupied,
+                audience_albedo=three(seats.audience_albedo),
+                seed=seats.seed,
+                look_at=(float(front[0]), float(front[1]), float(front[2])),
+            )
+            solids += rows
     solids += [
         furniture.box(box.name, box.low_m, box.high_m, three(box.albedo)) for box in file.boxes
     ]
-    solids += [
-        furniture.from_file(folder / mesh.file, mesh.name, three(mesh.albedo))
-        for mesh in file.meshes
-    ]
+    for mesh in file.meshes:
+        with mistakes.noted():
+            solids.append(furniture.from_file(folder / mesh.file, mesh.name, three(mesh.albedo)))
     for name, view in file.viewpoints.items():
         viewpoints[name] = Viewpoint(view.position_m, view.look_at_m, np.radians(view.field_deg))
     return tuple(solids), viewpoints

@@ -65,7 +65,8 @@ def scene_of_text(text: str, where: str, folder: Path) -> Scene:
     except InputError as error:
         if str(error).startswith(where):
             raise
-        raise InputError(f"{where}: {error}") from None
+        between = " " if str(error).startswith("has ") else ": "
+        raise InputError(f"{where}{between}{error}") from None
 
 
 def load_dome(name_or_path: str | Path) -> DomeScene:

@@ -554,6 +554,16 @@ def test_all_mistakes_are_listed_in_one_go(tmp_path: Path) -> None:
     )
 
 
+def test_all_that_can_not_be_built_is_listed_in_one_go(tmp_path: Path) -> None:
+    text = with_sections("floor", "seating", "mesh", "mesh").replace("= 1.0\nalb", "= 90.0\nalb")
+    with pytest.raises(InputError) as error:
+        load(tmp_path, text.replace("ball.stl", "cube.stl"))
+    head, *lines = str(error.value).splitlines()
+    assert head == f"{tmp_path / 'mine.toml'} has 3 mistakes:"
+    assert "room for a seat" in lines[0]
+    assert ["cube.stl: wanted the mesh" in line for line in lines[1:]] == [True, True]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
