@@ -13,6 +13,7 @@ from importlib import resources
 import numpy as np
 
 from compensate.master import pose
+from compensate.methods import Solver
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
@@ -27,7 +28,7 @@ nearest = np.linspace(0, night.shape[1] - 1, size).round().astype(int)
 posed = pose(night[:, nearest][:, :, nearest], scene, PerceptualWeighting())
 
 print(f"{'solver':24} {'cost':>12} {'FFTs':>6} {'seconds':>8}  certified within")
-solvers = {
+solvers: dict[str, Solver] = {
     "ADMM": ADMM(),
     "GPCG": GPCG(),
     "GPCG, frozen (the paper)": GPCG(frozen=True),

@@ -15,6 +15,7 @@ from importlib import resources
 import numpy as np
 
 from compensate.master import pose
+from compensate.methods import Solver
 from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
 from compensate.weighting import PerceptualWeighting
@@ -34,11 +35,12 @@ for size in sizes:
         print(f"{size:5} {'the paper':28} {ffts:6} {iterations:10} {seconds:9.2f}")
     nearest = np.linspace(0, night.shape[1] - 1, size).round().astype(int)
     posed = pose(night[:, nearest][:, :, nearest], scene, PerceptualWeighting())
-    for name, solver in {
+    solvers: dict[str, Solver] = {
         "GPCG, frozen pollution": GPCG(frozen=True),
         "GPCG, exact pollution": GPCG(),
         "ADMM, by its certificate": ADMM(),
-    }.items():
+    }
+    for name, solver in solvers.items():
         begin = time.perf_counter()
         result = solver(posed.problem, posed.subtractive)
         seconds = time.perf_counter() - begin

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import final
 
@@ -64,6 +64,9 @@ class DomeScene(Scene):
         Its light transport, tabulated or measured; None for the closed form.
     measured
         What of it was measured, and how sure that is; None if nothing was.
+    file
+        What commands call it: its file's path, or the name of a bundled one; "" if it was made
+        otherwise.
     """
 
     name: str
@@ -76,6 +79,7 @@ class DomeScene(Scene):
     digest: str
     transport: Transport | None = None
     measured: MeasuredSection | None = None
+    file: str = field(default="", compare=False)
 
     @property
     def views(self) -> int:
@@ -219,7 +223,8 @@ class DomeScene(Scene):
             return None
         return (
             f"approximate: the closed form knows the bare screen only, but {'; '.join(reasons)}. "
-            f"For the whole theatre: domesim tabulate {self.name} --out FILE.npz, then --transport"
+            f"For the whole theatre: domesim tabulate {self.argument} --out FILE.npz, then "
+            f"--transport"
         )
 
     def with_transport(self, transport: Transport) -> DomeScene:
@@ -235,7 +240,7 @@ class DomeScene(Scene):
             known = transport.provenance.get("scene", "another theatre")
             raise InputError(
                 f"the stored transport is of {known!r}, or of {self.name!r} before it was changed; "
-                f"run domesim tabulate {self.name} again"
+                f"run domesim tabulate {self.argument} again"
             )
         return replace(self, transport=transport)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -119,11 +120,11 @@ def _described(content: dict[str, Any], where: str, folder: Path) -> Scene:
     """The scene of a file that says which kind it is."""
     if _is_stereo(content):
         try:
-            return stereo.built(StereoFile.model_validate(content), folder)
+            return replace(stereo.built(StereoFile.model_validate(content), folder), file=where)
         except ValidationError as error:
             raise InputError(all_mistakes(error, where, StereoFile)) from None
     try:
-        return dome.built(DomeFile.model_validate(content), folder)
+        return replace(dome.built(DomeFile.model_validate(content), folder), file=where)
     except ValidationError as error:
         raise InputError(all_mistakes(error, where, DomeFile)) from None
 
