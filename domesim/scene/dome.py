@@ -287,7 +287,9 @@ def _mean_gain(theatre: Theatre, size: int = 128) -> float:
     if theatre.corrected:
         return 1.0
     areas = theatre.dome.screen_areas(size, size)
-    return float(np.sum(areas * lens_gains(theatre, size, size).sum(0)) / areas.sum())
+    # A file with holes loads, so that they can be shown (`domesim.coverage`)
+    gains = lens_gains(theatre, size, size, holes=True)
+    return float(np.sum(areas * gains.sum(0)) / areas.sum())
 
 
 def _with_meshes(file: DomeFile, theatre: Theatre) -> str:

@@ -80,6 +80,13 @@ def test_the_check_draws_holes_and_fails(run, mine, tmp_path):
     assert orange.mean() == pytest.approx(np.pi / 4 * 5 / 9, abs=0.01)
 
 
+def test_holes_are_drawn_where_brightness_depends_on_the_lenses(run, mine, tmp_path):
+    uneven = "lumens = 900.0\n[projector.lens]\ncorrected = false"
+    mine.write_text(THEATRE.replace("white_cd_m2 = 10.0", uneven))
+    run("scene", "check", mine, "--out", tmp_path / "holes.png").is_refused("55", "holes.png")
+    assert (tmp_path / "holes.png").is_file()
+
+
 def test_a_scene_without_mistakes(run, mine, tmp_path):
     mine.write_text(THEATRE.replace("120.0", "360.0"))
     figures = run("scene", "check", mine, "--json").figures()
