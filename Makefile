@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 SIDE_BY_SIDE := -n auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test long faults lint validate readme schema bench masters gallery requirements clean
+.PHONY: help demo test long faults lint validate readme schema keys bench masters gallery requirements clean
 
 help: ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -48,6 +48,9 @@ readme: $(READY) ## Write the README's figures anew, from out/full (domesim vali
 
 schema: $(READY) ## Write the schema of results.json anew
 	@$(BIN)/python -m validation.report > validation/results.schema.json
+
+keys: $(READY) ## Write docs/scene-keys.md anew
+	@$(BIN)/python -m domesim.scene.reference > docs/scene-keys.md
 
 bench: $(READY) ## Cost of the solvers: FFTs, iterations, certified gaps
 	@$(BIN)/domesim bench --out out/bench

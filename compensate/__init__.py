@@ -1,1 +1,23 @@
-"""What to project, so that what the audience sees is as close as can be to the master."""
+"""What to project, so that what the audience sees is as close as can be to the master.
+
+The name below loads its module when it is first used: ``import compensate`` loads nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from compensate.master import compensate
+
+__all__ = ["compensate"]
+
+if not TYPE_CHECKING:  # mypy would take any name for it
+
+    def __getattr__(name):
+        """Load what has that name."""
+        from importlib import import_module  # noqa: PLC0415
+
+        if name not in __all__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return import_module("compensate.master").compensate

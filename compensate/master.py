@@ -22,9 +22,11 @@ from compensate.aim import Aim, Eye, Sight, lifted, veiled, with_hue
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy
 from compensate.methods import Solver, require_method
+from compensate.own import own_problem
 from compensate.problem import Problem
 from compensate.ruler import Ruler
 from compensate.solver import baselines, deghosting
+from compensate.solver.fitting import fitting
 from compensate.solver.result import Result, Status
 from compensate.solver.worst_seat import seat_importance
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
@@ -357,7 +359,8 @@ def compensate(
     scene: Scene,
     *,
     solver: Solver | None = None,
-    weighting: Eye | None = None,
+    weighting: Eye | Weighting | None = None,
+    observation: AdjointObservation | None = None,
 ) -> Result:
     """The light to project so that what the audience sees is as close as can be to `desired`.
 
@@ -371,13 +374,33 @@ def compensate(
     solver
         Any of `compensate.solver`; the product's by default.
     weighting
-        Settings of the vision model.
+        Settings of the vision model; or how much a residual matters, by a weighting of one's own,
+        such as `compensate.own.LinearWeighting`.
+    observation
+        What is seen, if not by the scene's own: such as
+        `domesim.observation.linear.LinearObservation`. The weighting is the paper's then; by
+        default the solver is that of `compensate.solver.fitting`.
 
     Raises
     ------
     InputError
-        If the master leaves 0..1 on the screen (see `domesim.screening.within_range`).
+        If the master leaves 0..1 on the screen (see `domesim.screening.within_range`), or an aim
+        is asked for with an observation of one's own.
     """
+    if observation is not None or isinstance(weighting, Weighting):
+        if isinstance(weighting, Aim):
+            raise InputError(
+                "an aim needs exact subtraction, which an observation of your own has not; leave "
+                "the weighting out, or give PerceptualWeighting()"
+            )
+        require_light(desired, who="compensate")
+        screen = scene.screen(*desired.shape[1:3])
+        _require_within_range(desired, screen)
+        problem = own_problem(desired, scene, observation, weighting)
+        chosen = solver or fitting(problem).solver
+        assert problem.anchor is not None
+        found = chosen(problem, problem.anchor)
+        return replace(found, light=np.where(screen[None, :, :, None], found.light, desired))
     if weighting is None and solver is not None:
         weighting = PerceptualWeighting()
     posed = pose(desired, scene, weighting)

@@ -122,7 +122,7 @@ def _parts(value: Any) -> Iterator[bytes]:
     elif value is None or isinstance(value, str | int | float | complex | bytes | Enum | Path):
         yield repr(value).encode()
     elif is_dataclass(value):
-        for each in fields(value):
+        for each in filter(lambda each: each.compare, fields(value)):
             yield from _parts(getattr(value, each.name))
     else:
         yield from _parts(vars(value))

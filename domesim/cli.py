@@ -14,12 +14,13 @@ from domesim.batch.work import Recipe, Writing
 from domesim.choice import SceneChoice
 from domesim.commands import BAD_INPUT
 from domesim.console import Console
+from domesim.coverage import require_covered
 from domesim.errors import InputError
 from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES
 from domesim.observing import Observing
-from domesim.scene import Scene, StereoScene
+from domesim.scene import DomeScene, Scene, StereoScene
 from domesim.shows import PACKINGS, Show, find_show
 
 MasterName = Annotated[
@@ -311,9 +312,11 @@ def scene_of(choice: SceneChoice, console: Console) -> Scene:
     Raises
     ------
     InputError
-        As for `SceneChoice.load`.
+        As for `SceneChoice.load`, and if projectors leave a part of a dome's screen dark.
     """
     scene = choice.load()
+    if isinstance(scene, DomeScene):
+        require_covered(scene, choice.name)
     if isinstance(scene, StereoScene):
         console.say(f"{scene.name}: crosstalk {scene.facts()['Crosstalk']}")
     if scene.approximation is not None:

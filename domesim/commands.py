@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import gc
+import inspect
 import io
 import sys
 from collections.abc import Iterator, Sequence
@@ -17,10 +18,11 @@ from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
+import domesim
 from domesim.console import complain, output_is_lost, shown
 from domesim.endings import alike, exit_code
 from domesim.endings import name as ending
@@ -47,19 +49,44 @@ def build(arguments: Sequence[str] | None = None) -> typer.Typer:
     )
     entries = sorted(entry_points(group="domesim.commands"), key=lambda entry: entry.name)
     first = arguments[0] if arguments else "--help"
-    known = first == "--help" or any(entry.name == first for entry in entries)
+    known = first in ("--help", "--version") or any(entry.name == first for entry in entries)
     for entry in entries:
         if arguments is not None and known and entry.name != first:
-            app.command(entry.name, help=_help_of(entry))(lambda: None)
+            told = _help_of(entry)
+            app.command(entry.name, help=told, short_help=_first(told))(lambda: None)
             continue
         found = entry.load()
         if isinstance(found, typer.Typer):  # a command with subcommands of its own
-            app.add_typer(found, name=entry.name)
+            for each in found.registered_commands:
+                each.short_help = _first(inspect.getdoc(each.callback))
+            app.add_typer(found, name=entry.name, short_help=_first(_help_of(entry)))
         else:
-            app.command(entry.name)(found)
-    # With one command alone typer would drop its name.
-    app.callback()(lambda: None)
+            app.command(entry.name, short_help=_first(found.__doc__))(found)
+    app.callback(help=app.info.help)(_common)
     return app
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        print("domesim", domesim.__version__)
+        raise typer.Exit
+
+
+_Version = Annotated[
+    bool,
+    typer.Option(
+        "--version", callback=_tell_version, is_eager=True, help="Print the version and exit."
+    ),
+]
+
+
+def _common(version: _Version = False) -> None:
+    """Take the options of the command itself; with one subcommand alone typer drops its name."""
+
+
+def _first(told: str | None) -> str | None:
+    """The first paragraph of a help text, which typer would cut off in a list of commands."""
+    return None if told is None else " ".join(told.split("\n\n")[0].split())
 
 
 def _help_of(entry: EntryPoint) -> str | None:

@@ -21,15 +21,17 @@ from domesim.theatre import Lens, Lobe, Point, Theatre
 
 Floats = NDArray[np.float64]
 
-_DARK = 1e-3
+DARK = 1e-3
 """Share of the dome's picture that may stay dark before it is a mistake (rim pixels)."""
 
 
-def lens_gains(theatre: Theatre, rows: int, cols: int) -> Floats:
+def lens_gains(theatre: Theatre, rows: int, cols: int, *, holes: bool = False) -> Floats:
     """(lens, row, col): irradiance of the screen by each projector, for a white picture.
 
     1 is that of the one ideal projector in the sphere's centre. Where the projection system evens
     out falloff they sum to 1; off the screen they are 0, or 1 for the first.
+
+    With `holes`, what the projectors leave dark is shared by them all, and no mistake.
 
     Raises
     ------
@@ -48,7 +50,7 @@ def lens_gains(theatre: Theatre, rows: int, cols: int) -> Floats:
             weight[strip] = field_weight(lens, points)
     total = weights.sum(0)
     dark = screen & (total <= 0)
-    if dark.sum() > _DARK * screen.sum():
+    if not holes and dark.sum() > DARK * screen.sum():
         raise InputError(
             f"projectors leave {dark.sum() / screen.sum():.1%} of the screen dark; widen their "
             f"fields, aim them elsewhere or add projectors"

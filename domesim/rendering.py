@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from domesim.cli import Json, Quiet, Repair, finish
 from domesim.commands import INTERRUPTED
 from domesim.console import Console, about, prepare_file
+from domesim.coverage import require_covered
 from domesim.errors import InputError
 from domesim.frames import read_master
 from domesim.scene import DomeScene, StereoScene, load_dome, load_scene
@@ -86,6 +87,8 @@ def render(
     """Path-trace what is seen in a theatre: layers of direct and reflected light in cd/m²."""
     console = Console(quiet=quiet, json=json)
     theatre = load_dome(scene)
+    if view != "cutaway":
+        require_covered(theatre, scene)
     if size is not None and not 2 <= size <= 16384:
         raise InputError(f"--size must lie in 2..16384, got {size}")
     if samples < 2:
@@ -151,6 +154,7 @@ def tabulate(
         _tabulate_crosstalk(theatre, scene, out, seed, console)
         return
     assert isinstance(theatre, DomeScene)
+    require_covered(theatre, scene)
     from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
     from domesim.pathtrace.tracer import Status  # noqa: PLC0415
 

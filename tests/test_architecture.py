@@ -22,6 +22,12 @@ def test_the_engine_does_not_load_mitsuba(module):
     assert loaded_by(f"import {module}", "mitsuba", "drjit") == set()
 
 
+def test_the_tops_of_the_packages_load_nothing():
+    modules = ("numpy", "domesim.scene", "compensate.master", "importlib.metadata")
+    assert loaded_by("import domesim, compensate", *modules) == set()
+    assert loaded_by("from domesim import observe", "domesim.scene") == {"domesim.scene"}
+
+
 def test_slow_imports_wait_until_they_are_needed():
     modules = ("colour", "torch", "matplotlib", "mitsuba", "cupy")
     assert loaded_by("from domesim.commands import build; build()", *modules) == set()

@@ -10,10 +10,9 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import jsonschema
-import numpy as np
 import pytest
 from command_line import exit_code
 from pydantic import BaseModel
@@ -175,10 +174,14 @@ def test_results_of_some_experiments_replace_those():
         brought_up_to_date(kept, {**new, "machine": {}, "experiments": [one]})
 
 
-def test_python():
-    names = {"desired": np.full((1, 32, 32, 3), 0.3, np.float32)}
-    exec(blocks("python")[0], names)
-    assert names["seen"].shape == (1, 32, 32, 3)
+def test_python(small_folder, monkeypatch):
+    """As it is printed."""
+    monkeypatch.chdir(small_folder)
+    names: dict[str, Any] = {}
+    for block in blocks("python"):
+        exec(block, names)
+    assert names["seen"].shape == (1, 256, 256, 3)
+    assert Path("project.exr").is_file()
 
 
 def test_the_keys_of_theatres_exist():

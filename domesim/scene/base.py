@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
@@ -27,6 +28,8 @@ class Scene(ABC):
         Its audience.
     sources
         For each figure of the scene file where it is from.
+    file
+        What commands call it.
     """
 
     name: str
@@ -34,6 +37,12 @@ class Scene(ABC):
     projector: Projector
     viewing: Viewing
     sources: Mapping[str, str]
+    file: str
+
+    @property
+    def argument(self) -> str:
+        """What a shell's command line calls it."""
+        return shlex.quote(self.file or self.name)
 
     @property
     @abstractmethod

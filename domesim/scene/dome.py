@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import final
 
@@ -24,6 +24,7 @@ from domesim.scene.base import Scene
 from domesim.scene.dome_file import DomeFile, LampSection, MeasuredSection, ProjectorSection
 from domesim.scene.fields import three
 from domesim.scene.measured_dome import albedo_steps, whole_transport
+from domesim.scene.mistakes import Mistakes
 from domesim.theatre import (
     Cavity,
     Floor,
@@ -63,6 +64,9 @@ class DomeScene(Scene):
         Its light transport, tabulated or measured; None for the closed form.
     measured
         What of it was measured, and how sure that is; None if nothing was.
+    file
+        What commands call it: its file's path, or the name of a bundled one; "" if it was made
+        otherwise.
     """
 
     name: str
@@ -75,6 +79,7 @@ class DomeScene(Scene):
     digest: str
     transport: Transport | None = None
     measured: MeasuredSection | None = None
+    file: str = field(default="", compare=False)
 
     @property
     def views(self) -> int:
@@ -218,7 +223,8 @@ class DomeScene(Scene):
             return None
         return (
             f"approximate: the closed form knows the bare screen only, but {'; '.join(reasons)}. "
-            f"For the whole theatre: domesim tabulate {self.name} --out FILE.npz, then --transport"
+            f"For the whole theatre: domesim tabulate {self.argument} --out FILE.npz, then "
+            f"--transport"
         )
 
     def with_transport(self, transport: Transport) -> DomeScene:
@@ -234,7 +240,7 @@ class DomeScene(Scene):
             known = transport.provenance.get("scene", "another theatre")
             raise InputError(
                 f"the stored transport is of {known!r}, or of {self.name!r} before it was changed; "
-                f"run domesim tabulate {self.name} again"
+                f"run domesim tabulate {self.argument} again"
             )
         return replace(self, transport=transport)
 
@@ -245,10 +251,13 @@ _SHADOWED = 2e-3
 
 def built(file: DomeFile, folder: Path) -> DomeScene:
     """The theatre that a file in `folder` describes."""
-    theatre = _theatre(file, folder)
-    for rho in theatre.screen_albedo:
-        # Refuses what no frame can change: a sphere that keeps all its light.
-        bare_gain(rho, theatre.dome)
+    mistakes = Mistakes()
+    theatre = _theatre(file, folder, mistakes)
+    with mistakes.noted():
+        for rho in theatre.screen_albedo:
+            # Refuses what no frame can change: a sphere that keeps all its light.
+            bare_gain(rho, theatre.dome)
+    mistakes.refuse()
     lit = file.projector
     white = lit.white_cd_m2
     if white is None:
@@ -278,7 +287,9 @@ def _mean_gain(theatre: Theatre, size: int = 128) -> float:
     if theatre.corrected:
         return 1.0
     areas = theatre.dome.screen_areas(size, size)
-    return float(np.sum(areas * lens_gains(theatre, size, size).sum(0)) / areas.sum())
+    # A file with holes loads, so that they can be shown (`domesim.coverage`)
+    gains = lens_gains(theatre, size, size, holes=True)
+    return float(np.sum(areas * gains.sum(0)) / areas.sum())
 
 
 def _with_meshes(file: DomeFile, theatre: Theatre) -> str:
@@ -291,11 +302,11 @@ def _with_meshes(file: DomeFile, theatre: Theatre) -> str:
     return digest.hexdigest()
 
 
-def _theatre(file: DomeFile, folder: Path) -> Theatre:
+def _theatre(file: DomeFile, folder: Path, mistakes: Mistakes) -> Theatre:
     dome, screen = file.dome.shape(), file.screen
     cavity, lobe = screen.cavity, screen.lobe
     floor, wall = _floor_and_wall(file, dome)
-    solids, viewpoints = _furniture(file, floor, dome, folder)
+    solids, viewpoints = _furniture(file, floor, dome, folder, mistakes)
     return Theatre(
         dome=dome,
         albedo=three(screen.albedo),
@@ -329,36 +340,36 @@ def _floor_and_wall(file: DomeFile, dome: Dome) -> tuple[Floor | None, Wall | No
 
 
 def _furniture(
-    file: DomeFile, floor: Floor | None, dome: Dome, folder: Path
+    file: DomeFile, floor: Floor | None, dome: Dome, folder: Path, mistakes: Mistakes
 ) -> tuple[tuple[Solid, ...], dict[str, Viewpoint]]:
     solids: list[Solid] = []
     viewpoints: dict[str, Viewpoint] = {}
     front = dome.surface(np.array(dome.half_angle / 2), np.array(np.pi / 2)) @ dome.to_room.T
     if file.seating is not None and floor is not None:
         seats = file.seating
-        rows, viewpoints = furniture.seating(
-            floor_height=floor.height,
-            rows=seats.rows,
-            seats_per_row=seats.seats_per_row,
-            first_row=seats.first_row_m,
-            row_spacing=seats.row_spacing_m,
-            seat_spacing=seats.seat_spacing_m,
-            rise=seats.rise_m,
-            within=floor.radius,
-            albedo=three(seats.albedo),
-            occupied=seats.occupied,
-            audience_albedo=three(seats.audience_albedo),
-            seed=seats.seed,
-            look_at=(float(front[0]), float(front[1]), float(front[2])),
-        )
-        solids += rows
+        with mistakes.noted():
+            rows, viewpoints = furniture.seating(
+                floor_height=floor.height,
+                rows=seats.rows,
+                seats_per_row=seats.seats_per_row,
+                first_row=seats.first_row_m,
+                row_spacing=seats.row_spacing_m,
+                seat_spacing=seats.seat_spacing_m,
+                rise=seats.rise_m,
+                within=floor.radius,
+                albedo=three(seats.albedo),
+                occupied=seats.occupied,
+                audience_albedo=three(seats.audience_albedo),
+                seed=seats.seed,
+                look_at=(float(front[0]), float(front[1]), float(front[2])),
+            )
+            solids += rows
     solids += [
         furniture.box(box.name, box.low_m, box.high_m, three(box.albedo)) for box in file.boxes
     ]
-    solids += [
-        furniture.from_file(folder / mesh.file, mesh.name, three(mesh.albedo))
-        for mesh in file.meshes
-    ]
+    for mesh in file.meshes:
+        with mistakes.noted():
+            solids.append(furniture.from_file(folder / mesh.file, mesh.name, three(mesh.albedo)))
     for name, view in file.viewpoints.items():
         viewpoints[name] = Viewpoint(view.position_m, view.look_at_m, np.radians(view.field_deg))
     return tuple(solids), viewpoints

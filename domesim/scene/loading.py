@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -65,7 +66,8 @@ def scene_of_text(text: str, where: str, folder: Path) -> Scene:
     except InputError as error:
         if str(error).startswith(where):
             raise
-        raise InputError(f"{where}: {error}") from None
+        between = " " if str(error).startswith("has ") else ": "
+        raise InputError(f"{where}{between}{error}") from None
 
 
 def load_dome(name_or_path: str | Path) -> DomeScene:
@@ -118,11 +120,11 @@ def _described(content: dict[str, Any], where: str, folder: Path) -> Scene:
     """The scene of a file that says which kind it is."""
     if _is_stereo(content):
         try:
-            return stereo.built(StereoFile.model_validate(content), folder)
+            return replace(stereo.built(StereoFile.model_validate(content), folder), file=where)
         except ValidationError as error:
             raise InputError(all_mistakes(error, where, StereoFile)) from None
     try:
-        return dome.built(DomeFile.model_validate(content), folder)
+        return replace(dome.built(DomeFile.model_validate(content), folder), file=where)
     except ValidationError as error:
         raise InputError(all_mistakes(error, where, DomeFile)) from None
 

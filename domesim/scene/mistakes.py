@@ -6,11 +6,13 @@ import difflib
 import json
 import re
 import reprlib
-from collections.abc import Iterable
-from typing import Any, get_args
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, final, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from domesim.errors import InputError
 from domesim.scene.fields import TAGS
 
 
@@ -20,6 +22,35 @@ def all_mistakes(error: ValidationError, where: str, model: type[BaseModel]) -> 
     if len(mistakes) == 1:
         return f"{where}: {mistakes[0]}"
     return "\n  ".join([f"{where} has {len(mistakes)} mistakes:", *mistakes])
+
+
+@final
+class Mistakes:
+    """Collects what is wrong with a scene file, so that all of it can be told at once."""
+
+    def __init__(self) -> None:
+        self._found: list[str] = []
+
+    @contextmanager
+    def noted(self) -> Iterator[None]:
+        """Note a mistake that is raised inside, and go on."""
+        try:
+            yield
+        except InputError as error:
+            self._found.append(str(error))
+
+    def refuse(self) -> None:
+        """Raise all that were noted.
+
+        Raises
+        ------
+        InputError
+            If there are any.
+        """
+        if len(self._found) == 1:
+            raise InputError(self._found[0])
+        if self._found:
+            raise InputError("\n  ".join([f"has {len(self._found)} mistakes:", *self._found]))
 
 
 def _mistake(item: Any, model: type[BaseModel]) -> str:

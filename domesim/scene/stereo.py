@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import final
 
@@ -109,6 +109,9 @@ class StereoScene(Scene):
         SHA-256 of what its crosstalk depends on.
     model
         How crosstalk is known, in one phrase.
+    file
+        What commands call it: its file's path, or the name of a bundled one; "" if it was made
+        otherwise.
     """
 
     name: str
@@ -124,6 +127,7 @@ class StereoScene(Scene):
     theatre: StereoTheatre | None = None
     digest: str = ""
     model: str = ""
+    file: str = field(default="", compare=False)
 
     @property
     def views(self) -> int:
@@ -177,7 +181,7 @@ class StereoScene(Scene):
             )
         known = maps.provenance.get("scene", "another system")
         if set(maps.seats) != set(self.seats) or maps.provenance.get("digest") != self.digest:
-            way = "measure" if measured else f"run domesim tabulate {self.name}"
+            way = "measure" if measured else f"run domesim tabulate {self.argument}"
             raise InputError(
                 f"the stored crosstalk maps are of {known!r}, or of {self.name!r} before it was "
                 f"changed; {way} again"

@@ -5,6 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from importlib.metadata import version
+
+import pytest
+from command_line import exit_code
+
+import domesim
 
 PRINTING = """
 import atexit, gc, os
@@ -41,3 +47,23 @@ def test_too_little_address_space_is_told_before_a_library_crashes() -> None:
     assert done.returncode == 2
     assert "wanted an address space of 1048576 kB at least, got 400000" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_code("--version") == 0
+    assert capsys.readouterr().out == f"domesim {version('domesim')}\n"
+    assert domesim.__version__ == version("domesim")
+
+
+@pytest.mark.parametrize("command", [(), ("measure",)])
+def test_no_line_of_help_is_cut_off(
+    command: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert exit_code(*command, "--help") == 0
+    told = capsys.readouterr().out
+    assert "..." not in told.replace("[ARGS]...", "")
+    assert max(map(len, told.splitlines())) <= 80
+    entries = told.partition("Commands:\n")[2].split("\n  ")
+    assert len(entries) > 4
+    assert told.rstrip().endswith(".")

@@ -554,6 +554,16 @@ def test_all_mistakes_are_listed_in_one_go(tmp_path: Path) -> None:
     )
 
 
+def test_all_that_can_not_be_built_is_listed_in_one_go(tmp_path: Path) -> None:
+    text = with_sections("floor", "seating", "mesh", "mesh").replace("= 1.0\nalb", "= 90.0\nalb")
+    with pytest.raises(InputError) as error:
+        load(tmp_path, text.replace("ball.stl", "cube.stl"))
+    head, *lines = str(error.value).splitlines()
+    assert head == f"{tmp_path / 'mine.toml'} has 3 mistakes:"
+    assert "room for a seat" in lines[0]
+    assert ["cube.stl: wanted the mesh" in line for line in lines[1:]] == [True, True]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -654,7 +664,8 @@ def test_the_full_theatre_departs_in_every_way(full: Scene) -> None:
     for reason in reasons:
         assert reason in str(full.approximation)
     assert "\n" not in str(full.approximation)
-    assert "domesim tabulate full" in str(full.approximation)
+    assert f"domesim tabulate {full.file} --out" in str(full.approximation)
+    assert full.file.endswith("mine.toml")
 
 
 def stored_for(dome: Dome, **provenance: Any) -> Transport:
@@ -718,7 +729,8 @@ def test_another_domes_transport_is_refused(
 ) -> None:
     other = load(tmp_path, changed(FULL, change))
     for provenance in ({}, {"scene": "full", "digest": other.digest}):
-        with pytest.raises(InputError, match="run domesim tabulate full again"):
+        again = f"run domesim tabulate {re.escape(other.file)} again"
+        with pytest.raises(InputError, match=again):
             other.with_transport(stored_for(full.dome, **provenance))
 
 

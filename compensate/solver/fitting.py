@@ -1,0 +1,47 @@
+"""Which solver fits a problem, and why: the fastest that can solve it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from compensate.problem import Problem
+from compensate.solver.accelerated import Accelerated
+from compensate.solver.admm import ADMM
+from compensate.solver.split import require_certifiable
+from compensate.weighting import Masked
+from domesim.observation.lowrank import LowRankObservation
+from domesim.observation.stereo import StereoObservation
+
+
+class Fitting(NamedTuple):
+    """A solver, and why it is the one."""
+
+    solver: ADMM | Accelerated
+    why: str
+
+
+def fitting(problem: Problem) -> Fitting:
+    """The fastest solver of `problem`: `ADMM`, which certifies its answer, or `Accelerated`.
+
+    ADMM takes what Fourier nearly diagonalises: a weighting by spatial frequency, of a dome whose
+    pollution is of low rank, or of a pair whose views mix pixelwise. Accelerated takes any linear
+    observation and weighting, and stops by the KKT residual.
+    """
+    observation = type(problem.observation).__name__
+    if not isinstance(problem.observation, LowRankObservation | StereoObservation):
+        return Fitting(
+            Accelerated(),
+            f"Accelerated, as ADMM takes domes of low rank and pairs, got {observation}",
+        )
+    plain = problem
+    if isinstance(problem.weighting, Masked) and problem.contrast is None:
+        plain = problem.weighted_by(problem.weighting.inner)
+    try:
+        require_certifiable(plain)
+    except ValueError as refusal:
+        return Fitting(Accelerated(), f"Accelerated, as {refusal}")
+    return Fitting(
+        ADMM(),
+        f"ADMM, as Fourier nearly diagonalises {type(problem.weighting).__name__} of what "
+        f"{observation} shows",
+    )

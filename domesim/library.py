@@ -1,0 +1,123 @@
+"""What a program of one's own needs: a master's light, what is seen of it, and a file of that.
+
+load_master -> Light -> compensate.compensate -> Light -> observe -> Light -> save
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from domesim.frames import ColourTag, Frame, Master, read_master, write_master
+from domesim.frames.encodings import encoding_named
+from domesim.frames.views import made_for
+from domesim.light import Light, require_light
+from domesim.scene import Scene
+from domesim.screening import decoded, encoded
+
+Files: TypeAlias = str | Path | Sequence[str | Path]
+"""One file; or two, left and right."""
+
+
+def load_master(path: Files, scene: Scene, encoding: str | None = None) -> tuple[Light, Master]:
+    """Read a master as light on the screen of a scene.
+
+    Parameters
+    ----------
+    path
+        An EXR, PNG, TIFF, DPX, JPEG or JPEG 2000 file; or two files, left and right.
+    scene
+        Where it is shown: light is in units of its projector's white and in its primaries.
+    encoding
+        What the code values mean, such as "srgb" or "st2084:p3-d65" (`domesim.frames.encodings`);
+        None to go by the file.
+
+    Returns
+    -------
+    light
+        (view, row, col, primary) float32. Highlights may be above 1
+        (`domesim.screening.within_range` clips them).
+    master
+        What else the files hold: ``master.colour``, ``master.described()``; `save` takes it.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or has other views than the scene.
+    """
+    colour = None if encoding is None else encoding_named(encoding, "encoding")
+    master = read_master(_listed(path), colour=colour)
+    return decoded(master, scene), master
+
+
+def observe(light: Light, scene: Scene) -> Light:
+    """What the audience sees of projected light.
+
+    Parameters
+    ----------
+    light
+        (view, row, col, primary), 1.0 = projector white.
+    scene
+        The theatre, or stereo system.
+
+    Returns
+    -------
+    seen
+        The same axes; of several seats, their views one after the other.
+    """
+    require_light(light, who="observe")
+    return scene.observation(*light.shape[1:3]).observe(light)
+
+
+def save(light: Light, path: Files, scene: Scene, like: Master | None = None) -> float:
+    """Write light as a picture.
+
+    Parameters
+    ----------
+    light
+        (view, row, col, primary), 1.0 = projector white.
+    path
+        One file; or two, left and right. The suffix names the format.
+    scene
+        Whose projector the light is of.
+    like
+        A master that `load_master` gave: the file gets its encoding, metadata and, off the screen,
+        its picture. Without one it is linear, an EXR.
+
+    Returns
+    -------
+    clipped
+        Share of the screen's pixels whose colour the file cannot hold.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be written.
+    ValueError
+        If the light has another size than `like`, or there are not as many files as views.
+    """
+    require_light(light, who="save")
+    paths = _listed(path)
+    screen = scene.screen(*light.shape[1:3])
+    if like is None:
+        like, screen = _linear(light, scene), np.ones_like(screen)
+    result, clipped = encoded(made_for(like, paths), light, scene, screen)
+    write_master(result, paths)
+    return clipped
+
+
+def _listed(path: Files) -> list[Path]:
+    return [Path(path)] if isinstance(path, str | Path) else [Path(each) for each in path]
+
+
+def _linear(light: Light, scene: Scene) -> Master:
+    """A master that holds any light, if its projector's primaries have a name."""
+    projector = scene.projector
+    primaries = projector.primaries if projector.measured is None else "BT.2020"
+    colour = ColourTag("linear", primaries, "domesim")
+    pixels = np.zeros(light.shape[1:], np.float32)
+    frame = Frame(pixels, Path("light.exr"), colour, 32, floating=True)
+    return Master((frame,) * len(light), "single" if len(light) == 1 else "files")

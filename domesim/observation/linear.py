@@ -1,0 +1,123 @@
+"""An observation of one's own: any linear map from projected to seen light, and a constant.
+
+    psi(x) = A x + ambient
+
+A is told by a function and its adjoint, or by a matrix. What is desired is seen by D x = x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Self, final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from domesim.light import Light, dot, namespace
+from domesim.observation.base import AdjointObservation
+
+_ROUNDING = 1e-4  # a map may compute in float32
+
+
+@final
+class LinearObservation(AdjointObservation):
+    """A x + ambient.
+
+    Parameters
+    ----------
+    shape
+        (view, row, col, primary) of the light, projected and seen.
+    apply
+        x -> A x: direct light and all pollution.
+    adjoint
+        y -> A' y, with <A x, y> = <x, A' y>. It is tried on noise.
+    ambient
+        What is seen without a picture; broadcasts with light.
+
+    Raises
+    ------
+    ValueError
+        If `apply` is not linear, or `adjoint` does not belong to it.
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, int, int, int],
+        apply: Callable[[Light], Light],
+        adjoint: Callable[[Light], Light],
+        ambient: ArrayLike = 0.0,
+    ) -> None:
+        self._shape, self._apply, self._apply_adjoint = shape, apply, adjoint
+        self._ambient = np.asarray(ambient)
+        require_linear("LinearObservation", shape, apply, adjoint)
+
+    @classmethod
+    def of_matrix(
+        cls, shape: tuple[int, int, int, int], matrix: ArrayLike, ambient: ArrayLike = 0.0
+    ) -> Self:
+        """The observation of a matrix (seen, projected) over all values of the light, flattened.
+
+        A sparse one of SciPy will do.
+        """
+
+        def product(by: ArrayLike, light: Light) -> Light:
+            return np.reshape(by @ np.ravel(light), shape).astype(light.dtype)
+
+        rows = matrix if hasattr(matrix, "T") else np.asarray(matrix)
+        return cls(
+            shape, lambda light: product(rows, light), lambda light: product(rows.T, light), ambient
+        )
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """(view, row, col, primary)."""
+        return self._shape
+
+    def _observe(self, light: Light) -> Light:
+        ambient = namespace(light).asarray(self._ambient, dtype=light.dtype, device=light.device)
+        return self._apply(light) + ambient
+
+    def _linear(self, light: Light) -> Light:
+        return self._apply(light)
+
+    def _adjoint(self, light: Light) -> Light:
+        return self._apply_adjoint(light)
+
+    def _direct(self, light: Light) -> Light:
+        return light
+
+    def _direct_adjoint(self, light: Light) -> Light:
+        return light
+
+
+def require_linear(
+    who: str,
+    shape: tuple[int, ...],
+    apply: Callable[[Light], Light],
+    adjoint: Callable[[Light], Light],
+) -> None:
+    """See that a map of light is linear and has that adjoint, on noise.
+
+    Raises
+    ------
+    ValueError
+        If not.
+    """
+    random = np.random.default_rng(0)
+    x = random.standard_normal(shape)
+    seen = apply(x)
+    if np.linalg.norm(apply(-2 * x) + 2 * seen) > _ROUNDING * np.linalg.norm(seen):
+        raise ValueError(
+            f"{who} takes a linear apply, got one with apply(-2 x) other than -2 apply(x); a "
+            f"constant is no part of it"
+        )
+    y = random.standard_normal(seen.shape)
+    back = adjoint(y)
+    if back.shape != shape:
+        raise ValueError(f"{who} takes an adjoint that returns {shape}, got {back.shape}")
+    there, here = dot(seen, y), dot(x, back)
+    if abs(there - here) > _ROUNDING * float(np.linalg.norm(seen) * np.linalg.norm(y)):
+        raise ValueError(
+            f"{who} takes the adjoint of apply, got <A x, y> = {there:.6g} and <x, A' y> = "
+            f"{here:.6g} for noise x and y"
+        )

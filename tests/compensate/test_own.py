@@ -1,0 +1,106 @@
+"""Observations and weightings of one's own, against the project's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+from compensate import compensate
+from compensate.aim import Aim
+from compensate.own import LinearWeighting, own_problem
+from compensate.solver.accelerated import Accelerated
+from compensate.solver.admm import ADMM
+from compensate.solver.fitting import fitting
+from compensate.solver.result import Status
+from compensate.weighting import Masked, PerceptualWeighting
+from domesim import load_scene
+from domesim.errors import InputError
+from domesim.observation.linear import LinearObservation
+
+SIZE = 20
+SHAPE = (1, SIZE, SIZE, 3)
+DOME = load_scene("dome_imax")
+
+
+@pytest.fixture
+def desired() -> np.ndarray:
+    """Mostly dark, so that subtraction clips."""
+    random = np.random.default_rng(2)
+    light = random.random(SHAPE) ** 6
+    return light * DOME.screen(SIZE, SIZE)[None, :, :, None]
+
+
+def by_functions() -> LinearObservation:
+    """The giant dome's closed form."""
+    dome = DOME.observation(SIZE, SIZE)
+    ambient = dome.observe(np.zeros(SHAPE))
+    return LinearObservation(SHAPE, dome.linear, dome.adjoint, ambient)
+
+
+def by_matrix() -> LinearObservation:
+    """The same."""
+    dome = DOME.observation(SIZE, SIZE)
+    unit = np.eye(np.prod(SHAPE)).reshape(-1, *SHAPE)
+    matrix = np.stack([dome.linear(each).ravel() for each in unit], axis=1)
+    ambient = dome.observe(np.zeros(SHAPE))
+    return LinearObservation.of_matrix(SHAPE, scipy.sparse.csr_array(matrix), ambient)
+
+
+@pytest.mark.parametrize("make", [by_functions, by_matrix])
+def test_the_projects_own_dome_told_anew_has_the_same_answer(make, desired):
+    observation = make()
+    light = np.random.default_rng(3).random(SHAPE)
+    assert observation.observe(light) == pytest.approx(DOME.observation(SIZE, SIZE).observe(light))
+    ours = compensate(desired, DOME, solver=ADMM(1e-6, stop_when_invisible=False))
+    own = compensate(desired, DOME, solver=Accelerated(1e-7), observation=observation)
+    problem = own_problem(desired, DOME, observation)
+    inside = DOME.screen(SIZE, SIZE)[None, :, :, None]
+    costs = [problem.cost(result.light * inside) for result in (ours, own)]
+    # Anchors differ a little, where nothing is seen
+    assert costs[1] == pytest.approx(costs[0], rel=2e-3)
+    assert own.status is Status.CONVERGED
+
+
+def test_the_solver_that_fits_says_why(desired):
+    dome = own_problem(desired, DOME)
+    assert isinstance(fitting(dome).solver, ADMM)
+    assert "ClosedFormDome" in fitting(dome).why
+    pair = np.full((2, SIZE, SIZE, 3), 0.2)
+    assert isinstance(fitting(own_problem(pair, load_scene("stereo_cinema_silver"))).solver, ADMM)
+    own = own_problem(desired, DOME, by_functions())
+    assert isinstance(fitting(own).solver, Accelerated)
+    assert "got LinearObservation" in fitting(own).why
+    masked = dome.weighted_by(Masked(np.ones((SIZE, SIZE)), dome.weighting))
+    assert isinstance(fitting(masked).solver, ADMM)
+    assert fitting(masked).solver(masked, masked.anchor).status is not Status.EXHAUSTED
+
+
+def test_a_weighting_of_ones_own(desired):
+    """Twice a weighting, told by functions: the same optimum."""
+    csf = PerceptualWeighting().of(DOME.viewing, DOME.projector, DOME.screen(SIZE, SIZE), 1)
+    own = LinearWeighting(SHAPE, csf.apply, csf.adjoint)
+    found = compensate(desired, DOME, weighting=own, solver=Accelerated(1e-7))
+    problem = own_problem(desired, DOME)
+    wanted = ADMM(1e-6, stop_when_invisible=False)(problem, problem.anchor)
+    assert problem.cost(found.light) == pytest.approx(wanted.cost, rel=1e-4)
+
+
+def test_maps_that_are_not_what_they_should_be():
+    with pytest.raises(ValueError, match="takes a linear apply"):
+        LinearObservation(SHAPE, lambda x: x + 1, lambda y: y)
+    with pytest.raises(ValueError, match="takes the adjoint of apply"):
+        LinearObservation(SHAPE, lambda x: np.roll(x, 1, 2), lambda y: np.roll(y, 1, 2))
+    with pytest.raises(ValueError, match=r"returns \(1, 20, 20, 3\), got \(1, 20, 20, 1\)"):
+        LinearWeighting(SHAPE, lambda x: x[..., :1], lambda w: w)
+    with pytest.raises(ValueError, match="no padding"):
+        LinearWeighting(SHAPE, lambda x: x, lambda w: w).quadratic(np.zeros(SHAPE), whole=True)
+
+
+def test_what_does_not_fit_is_refused(desired):
+    with pytest.raises(InputError, match="an aim needs exact subtraction"):
+        compensate(desired, DOME, weighting=Aim(), observation=by_functions())
+    with pytest.raises(InputError, match=r"must lie in 0\.\.1"):
+        compensate(desired * 9, DOME, observation=by_functions())
+    with pytest.raises(InputError, match="adjoint, got GreyToGrey"):
+        own_problem(np.full((2, 8, 8, 3), 0.2), load_scene("stereo_shutter"))

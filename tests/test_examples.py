@@ -1,0 +1,33 @@
+"""The programs of docs/examples run, and say what their docstrings promise."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[1] / "docs" / "examples"
+SAYS = {
+    "compare_solvers": r"ADMM +\S+ +\d+ +\S+  \d\.\de-",
+    "own_observation": r"^Accelerated, as .* got LinearObservation\n(.|\n)*requested accuracy",
+    "own_weighting": r"^Accelerated, as .* got LinearWeighting\n(.|\n)*requested accuracy",
+    "paper_table1": r"48 GPCG, frozen pollution",
+}
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
+def test_an_example(path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [str(path), "48"])
+    runpy.run_path(str(path), run_name="__main__")
+    assert re.search(SAYS[path.stem], capsys.readouterr().out)
+
+
+def test_errors_fall_where_they_count(monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["", "48"])
+    names = runpy.run_path(str(FOLDER / "own_weighting.py"))
+    assert names["error"][:, 24:].mean() < names["error"][:, :24].mean()
+    names = runpy.run_path(str(FOLDER / "own_observation.py"))
+    assert names["result"].light.max() <= 1
