@@ -201,6 +201,20 @@ def test_rounding_is_admitted():
     assert result.gap < 1e-4
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_certificates_in_single_precision_hold_in_double(seed):
+    """But for what `Result.gap` says of rounding."""
+    settings = {"seed": seed, "gain": (0.0, 0.1, 0.3, 1.0)[seed]}
+    double, double_start = problem(24, **settings)
+    least = ADMM(tolerance=1e-10, max_iterations=8000)(double, double_start).cost
+    single, start = problem(24, dtype=np.float32, **settings)
+    for tolerance in (1e-3, 1e-4, 1e-5):
+        result = ADMM(tolerance=tolerance, max_iterations=2000)(single, start)
+        true_gap = double.cost(result.light.astype(np.float64)) / least - 1
+        assert result.gap >= true_gap - 4e-6
+        assert result.cost == pytest.approx(least * (1 + true_gap), rel=1e-6)
+
+
 def chessboard(size: int, dtype: type) -> tuple[Problem, np.ndarray]:
     """Of single pixels, on nearly all of a sphere that keeps 97 % of its light."""
     scene = load_dome("dome_hemisphere")
