@@ -22,7 +22,8 @@ As s is relative to the clipped subtraction, it is enlarged without blurring the
 Omega² at first, a quarter of it then, and 0.01 at least; u is rescaled with it. Where most is seen
 it is 0.1 throughout.
 
-*Anderson acceleration* (`anderson`), begun anew when rho changes.
+*Anderson acceleration* (`anderson`), begun anew when rho changes, and given up where nothing is won
+any more: a run has stalled if the plain iteration wins nothing either.
 
 *Few certificates*, of two FFTs a plane: the x-step's w has f's gradient rho P (z - u - w) without
 any, and serves for the lower bound. One is due when the gap is likely to be small enough: it goes
@@ -201,6 +202,7 @@ class _Run:
             _SHARE if self._varying is None else _SHARE_VARYING,
         )
         self._checked_at = 0
+        self._plain = False
         self._found = split.base
         self._optimality = math.nan
 
@@ -285,6 +287,8 @@ class _Run:
             due |= iteration == settings.max_iterations
             if due:
                 anderson.clear()  # a certificate needs as much memory
+            if self._plain:
+                anderson.give_up()
             if self._varying:
                 w, status = self._varying_step(s, weights, iteration, due=due)
                 if status:
@@ -411,6 +415,10 @@ class _Run:
         bounds, settings = self._bounds, self._settings
         status = bounds.verdict(cost, iteration)
         self._checked_at = iteration
+        if status is Status.STALLED and not self._plain:
+            # It may have been the acceleration, and not rounding.
+            self._plain, status = True, None
+            bounds.wait(iteration)
         if settings.progress:
             settings.progress(iteration, bounds.gap)
         return status
@@ -513,6 +521,10 @@ class _Bounds:
         if iteration - self._progress_at >= _PATIENCE and math.isfinite(gap):
             return Status.STALLED
         return None
+
+    def wait(self, iteration: int) -> None:
+        """Be patient anew."""
+        self._least, self._progress_at = self.gap, iteration
 
     def likely(self, sign: float, iteration: int) -> bool:
         """Whether the gap is likely to be small enough.

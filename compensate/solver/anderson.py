@@ -6,10 +6,12 @@ on Numerical Analysis* 49, 1715-1735, eq. 2.2):
 
     s <- sum alpha_i t_i,     alpha = argmin ||sum alpha_i r_i||,  sum alpha_i = 1
 
-Only the inner products of residuals are needed, and the combination is not delicate: they are taken
-on every fourth pixel and row, so that old residuals cost little memory. Of old points, their
-differences d_i from the newest are kept, in 16 bits a pixel instead of 32, which costs no iteration
-(``validation/notes/0006``). With s = t + sum alpha_i d_i and the next residual r, they become
+Only the inner products of residuals are needed. Of large planes they are taken on every fourth
+pixel and row, so that old residuals cost little memory; of small ones on all, for a few pixels of a
+small pattern may all be alike, and what is least on them may be large elsewhere. Of old points,
+their differences d_i from the newest are kept, in 16 bits a pixel instead of 32, which costs no
+iteration (``validation/notes/0006``). With s = t + sum alpha_i d_i and the next residual r, they
+become
 
     d_1 <- -(r + sum alpha_i d_i),     d_i <- d_(i - 1) + d_1
 """
@@ -28,7 +30,8 @@ from compensate.solver.level import Planes
 from domesim.light import Array, namespace, total
 
 _GROWN = 2.0  # times the last residual: the acceleration is given up and begins anew
-_STRIDE = 4  # between the pixels that are looked at
+_STRIDE = 4  # between the pixels of large planes that are looked at
+_SMALL = 1 << 16  # pixels of a plane that is looked at as a whole
 _DAMPING = 1e-8  # of the inner products' trace
 LARGEST, TINY = np.float32(32767), np.float32(1e-37)
 """What 16 bits hold, and the least that counts as light."""
@@ -64,6 +67,11 @@ class Anderson:
         self._residuals: list[Planes] = []
         self._products = np.zeros((0, 0))
 
+    def give_up(self) -> None:
+        """Accelerate no more: the plain iteration always gets nearer."""
+        self._memory = 0
+        self.clear()
+
     def reweigh(self, weights: Sequence[float]) -> None:
         """Begin anew with other weights, all by the same factor."""
         self._weights = weights
@@ -73,7 +81,7 @@ class Anderson:
         """The next s, of t = s + r and r, in t's place; r's planes are left as they are."""
         sampled = [_sampled(plane) for plane in residual]
         products = np.array([self._dot(sampled, other) for other in [sampled, *self._residuals]])
-        self.energy = _STRIDE**2 * float(products[0])
+        self.energy = _stride(residual[0]) ** 2 * float(products[0])
         if not self._memory:
             return point
         if len(products) > 1 and products[0] > _GROWN**2 * self._products[0, 0]:
@@ -186,4 +194,9 @@ def _least(gram: Any) -> Any:
 
 
 def _sampled(plane: Array) -> Array:
-    return namespace(plane).asarray(plane[::_STRIDE, ::_STRIDE], copy=True)
+    stride = _stride(plane)
+    return namespace(plane).asarray(plane[::stride, ::stride], copy=True)
+
+
+def _stride(plane: Array) -> int:
+    return 1 if plane.shape[0] * plane.shape[1] <= _SMALL else _STRIDE

@@ -49,7 +49,10 @@ class Result:
     ffts
         FFTs of planes done.
     gap
-        Certified upper bound of (cost - minimum) / minimum; None where nothing is certified.
+        Certified upper bound of (cost - minimum) / minimum; None where nothing is certified. It is
+        proven for exact sums. For their rounding, 16 eps of the start's cost is added, which has
+        sufficed in double precision; in single precision an independent check found a bound to be
+        too small by up to 4e-6 (1.15e-4 said, 1.19e-4 true).
     """
 
     light: Light

@@ -22,9 +22,9 @@ github.com/sergeyk/vislab. What differs from it:
 - |M_i - M_j| is the code's dissimilarity, and here the only one; the paper's |log(M_i / M_j)| has
   no meaning for opponent colours, which have a sign, and none at 0.
 - The concentration is the paper's; the code has replaced it by A^1.5, as faster.
-- The code is given encoded pictures. Here intensity and orientation take light encoded by the power
-  1/2.2 of the peak; the opponent colours are `castle`'s for BT.709 primaries, where the code has
-  those of one monitor.
+- The code is given pictures as files hold them. Here light, in shares of its peak, is encoded as
+  sRGB first, for all features. The opponent colours are `castle`'s for BT.709 primaries, where the
+  code has those of one monitor.
 - Scales are tied to the grid and not to the pixels, so that a picture's saliency hardly depends on
   its resolution. Only orientation is sought in each; colour and intensity, averaged onto the grid,
   are (nearly) the same in all, and counted as often.
@@ -140,31 +140,33 @@ def _kernel(grid: tuple[int, int], spread: float) -> Floats:
 
 
 def _features(light: NDArray[Any], grid: tuple[int, int]) -> list[tuple[Floats, float]]:
-    """Feature maps on the grid, from a picture of peak 1, each with its weight.
+    """Feature maps on the grid, from linear light, each with its weight.
 
     Three opponent colours, intensity, four orientations in three scales: the code's channels "DIO".
     """
     shape = light.shape[0], light.shape[1]
-    pictures = [light]
-    for scale in SCALES:
-        pictures.append(_average(pictures[-1], _shape(shape, scale * GRID)))
-    peak = pictures[1].max()
+    peak = _average(light, _shape(shape, SCALES[0] * GRID)).max()
     if peak == 0:
         return []
-    finest, coarsest = pictures[1] / peak, _average(pictures[-1], grid) / peak
+    pictures = [_encoded(light / peak)]
+    for scale in SCALES:
+        pictures.append(_average(pictures[-1], _shape(shape, scale * GRID)))
+    coarsest = _average(pictures[-1], grid)
     opponent = coarsest @ (DKL_FROM_XYZ @ XYZ_FROM_RGB).T
     same = float(len(SCALES))
-    maps = [(opponent[..., k], same) for k in range(3)]
-    maps.append((_average(_encoded(finest), grid), same))
+    maps: list[tuple[Floats, float]] = [(opponent[..., k], same) for k in range(3)]
+    maps.append((coarsest.mean(axis=-1), same))
     for picture in pictures[1:]:
-        intensity = _encoded(picture / peak)
-        maps += [(_average(_energy(intensity, angle), grid), 1.0) for angle in GABOR_ANGLES]
+        # Intensity as the code takes it: the mean of the three primaries
+        energies = (_energy(picture.mean(axis=-1), angle) for angle in GABOR_ANGLES)
+        maps += [(_average(energy, grid), 1.0) for energy in energies]
     return maps
 
 
-def _encoded(picture: Floats) -> Floats:
-    """Intensity as the code takes it: the mean of the three encoded primaries."""
-    return np.asarray((picture ** (1 / 2.2)).mean(axis=-1))
+def _encoded(light: Floats) -> Floats:
+    """Light in shares of the peak as sRGB's code values (IEC 61966-2-1); finer peaks exceed 1."""
+    bright = 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055
+    return np.asarray(np.where(light <= 0.0031308, 12.92 * light, bright))
 
 
 def _energy(intensity: Floats, angle: float) -> Floats:

@@ -69,7 +69,8 @@ def radiosity(
     Parameters
     ----------
     theatre
-        The theatre; its lenses do not matter (`Transport.observation` takes their gain).
+        The theatre; its lenses do not matter (`Transport.observation` takes their gain). All of the
+        screen is taken to be lit: what floor and wall stop on its way there, `tabulate` adds.
     resolution
         Rings of the floor. Time grows with its fourth to sixth power.
     nodes

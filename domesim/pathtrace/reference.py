@@ -2,8 +2,8 @@
 
 Nothing of the loop's is used but the lobe's BSDF: Mitsuba's sphere, disk, cylinder and meshes, its
 BSDFs with an opacity mask where the sphere is no screen, its integrator with emitter sampling, a
-projector and a domemaster camera from `domesim.pathtrace.plugins`. Only which directions of the
-projector meet the screen first is found by the room's own geometry, for the picture that it throws.
+projector and a domemaster camera from `domesim.pathtrace.plugins`. Only where the projector's
+directions meet the screen is found by the room's own geometry, for the picture that it throws.
 Slow, and meant for validation. Lengths are in units of the dome's radius.
 """
 
@@ -181,7 +181,7 @@ def _thrown(
 ) -> NDArray[np.float32]:
     """(row, col, primary) what the projector throws so that the domemaster lands where it should.
 
-    Nothing goes where something else than the screen would be met first.
+    What stands before the screen is lit as the screen would be.
     """
     dome = theatre.dome
     room = Room(theatre, NumPy())
@@ -191,7 +191,7 @@ def _thrown(
     start = tuple(np.ascontiguousarray(origin[:, k]) for k in range(3))
     leaving = np.full(len(directions), NOTHING)
     with np.errstate(all="ignore"):
-        hit = room.hit(start, ray, leaving, leaving == NOTHING)  # type: ignore[arg-type]
+        hit = room.screen_along(start, ray, leaving)  # type: ignore[arg-type]
     on = np.asarray(hit.surface == SCREEN)
     points = np.where(on[:, None], np.stack(hit.position, -1), dome.to_room[:, 2])
     row, col = dome.pixel_of(dome.toward(points), light.shape[0])

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.pathtrace.loop import Aim, Colour, Scatter, Source, difference
 from domesim.pathtrace.machine import DrJit, Lanes, Machine, Vector
-from domesim.pathtrace.room import NOTHING, SCREEN, SHELL, Hit, Room, along, dot, scaled
-from domesim.theatre import Lobe
+from domesim.pathtrace.room import BACK, NOTHING, SCREEN, SHELL, Hit, Room, along, dot, scaled
+from domesim.theatre import Albedo, Lobe
 
 _TRUST = 8.0
 """Noise of one walk with 1, 4, 8, 16: 0.40, 0.26, 0.21, 0.19 of the mean (night, dome_imax)."""
@@ -20,19 +20,35 @@ _TRUST = 8.0
 
 @final
 class Throw:
-    """How the projectors' light gets from the screen to the eye: directly, and through holes.
+    """How the projectors' light gets to the eye: from the screen, from what stands before it.
+
+    Light on its way to a point of the screen may meet floor, wall or solids first, and lights them
+    instead; of what reaches a perforated screen a part goes on to the shell behind.
 
     Parameters
     ----------
     room
         The theatre.
-    gains
-        (lens, row, col) what each lens gives the screen, of a square domemaster.
+    thrown
+        (lens, row, col) what each lens sends towards the screen, of a square domemaster.
+    reaching
+        (lens, row, col) the part of `thrown` that nothing stops.
     lobe
         The screen's lobe, or None.
+
+    Raises
+    ------
+    InputError
+        If the screen is black, whose white is the unit of all light, and other things are lit.
     """
 
-    def __init__(self, room: Room, gains: NDArray[Any], lobe: GainLobe | None) -> None:
+    def __init__(
+        self,
+        room: Room,
+        thrown: NDArray[Any],
+        reaching: NDArray[Any],
+        lobe: GainLobe | None,
+    ) -> None:
         m, theatre = room.machine, room.theatre
         positions = [lens.position for lens in theatre.lenses] or [(0.0, 0.0, 0.0)]
         self._lenses = [
@@ -40,29 +56,44 @@ class Throw:
             for p in positions
         ]
         self._lobe = lobe
-        self._size = gains.shape[-1]
-        total = gains.sum(0)
-        shares = np.divide(gains, total, out=np.zeros_like(gains), where=total > 0)
+        self._size = thrown.shape[-1]
+        total = thrown.sum(0)
+        sent, shares = (
+            np.divide(part, total, out=np.zeros_like(thrown), where=total > 0)
+            for part in (thrown, reaching)
+        )
+        stopped = [bool(np.any(part < whole)) for part, whole in zip(shares, sent, strict=True)]
+        self.lit: NDArray[Any] | None = shares.sum(0) if any(stopped) else None
+        self._lit = None if self.lit is None else m.lanes(self.lit.ravel())
         self._shares: list[Lanes] = []
         if lobe is not None or room.has_cavity:
             self._shares = [m.lanes(share.ravel()) for share in shares]
+        self._stopped = [
+            (lens, m.lanes(share.ravel()))
+            for lens, share, some in zip(self._lenses, sent, stopped, strict=True)
+            if some
+        ]
+        self._before = _over_white(room)
+        if not self._before:
+            self._stopped = []
         self._through = (1.0, 1.0, 1.0)
         if room.has_cavity and theatre.cavity is not None:
-            if min(theatre.screen_albedo) <= 0:
-                raise InputError(
-                    "a perforated screen with a cavity needs an albedo above 0 (its white is the "
-                    "unit of all light)"
-                )
+            _require_white(room)
             x, y, z = (
                 theatre.perforation * shell / screen
                 for shell, screen in zip(theatre.cavity.albedo, theatre.screen_albedo, strict=True)
             )
             self._through = (x, y, z)
+        if self._stopped:
+            _require_white(room)
 
     def arrivals(
         self, room: Room, hit: Hit, to_eye: Vector, active: Lanes
     ) -> Iterator[tuple[Vector, Lanes, Colour]]:
-        """Where on the screen the light passed that shows at `hit`, in which lanes, by how much."""
+        """Where on the screen the light belongs that shows at `hit`, which lanes, how much.
+
+        How much is relative to the picture there times the sum of `thrown`.
+        """
         m = room.machine
         on_screen = active & (hit.surface == SCREEN)
         gain: Any = hit.position[0] * 0 + 1
@@ -73,24 +104,61 @@ class Throw:
                 to_lens = _towards(m, hit.position, lens)
                 pattern = self._lobe.gain(hit.normal, to_eye, to_lens, on_screen)
                 gain = gain + m.gather(share, pixel, on_screen) * pattern
+        elif self._lit is not None:
+            gain = self.lit_at(room, hit.position, on_screen)
         yield hit.position, on_screen, (gain, gain, gain)
+        for lens, share in self._stopped:
+            yield self._on_things(room, hit, lens, share, active)
         if room.has_cavity:
             for lens, share in zip(self._lenses, self._shares, strict=True):
                 yield self._on_shell(room, hit, lens, share, active & (hit.surface == SHELL))
+
+    def lit_at(self, room: Room, position: Vector, active: Lanes) -> Lanes:
+        """Share of the light for points of the screen that reaches them."""
+        if self._lit is None:
+            return position[0] * 0 + 1
+        return room.machine.gather(self._lit, pixel_of(room, position, self._size), active)
+
+    def _on_things(
+        self, room: Room, hit: Hit, lens: tuple[float, float, float], share: Lanes, active: Lanes
+    ) -> tuple[Vector, Lanes, Colour]:
+        """Light from a lens that lands on floor, wall or solids on its way to the screen."""
+        m = room.machine
+        known: Any = False
+        factors: list[Any] = [hit.position[0] * 0] * 3
+        for surface, over_white in self._before.items():
+            here = hit.surface == surface
+            known = known | here
+            factors = [
+                m.where(here, part, factor)
+                for part, factor in zip(over_white, factors, strict=True)
+            ]
+        origin, direction, distance = _from_lens(m, hit.position, lens)
+        meant = room.screen_along(origin, direction, m.where(active, NOTHING, NOTHING))
+        gap = difference(meant.position, origin)
+        far = dot(gap, gap)
+        arriving = m.maximum(-dot(hit.normal, direction), 0.0)
+        lands = active & known & (meant.surface == SCREEN)
+        lands = lands & (arriving > 0) & (distance * distance < far)
+        start = along(hit.position, hit.normal, 1e-5)
+        hidden = room.shadowed(start, lens, hit.surface, lands, screen_hides=False)
+        lands = lands & ~hidden
+        leaving = m.maximum(-dot(meant.normal, direction), 1e-3)
+        spread = far / (distance * distance) * arriving / leaving
+        spread = spread * m.gather(share, pixel_of(room, meant.position, self._size), lands)
+        x, y, z = (spread * factor for factor in factors)
+        return meant.position, lands, (x, y, z)
 
     def _on_shell(
         self, room: Room, hit: Hit, lens: tuple[float, float, float], share: Lanes, active: Lanes
     ) -> tuple[Vector, Lanes, Colour]:
         """Light that has come from a lens through a hole: with the square of the distance."""
         m = room.machine
-        away = (hit.position[0] - lens[0], hit.position[1] - lens[1], hit.position[2] - lens[2])
-        distance = m.sqrt(m.maximum(dot(away, away), 1e-12))
-        direction = scaled(away, 1 / distance)
-        origin = (away[0] * 0 + lens[0], away[0] * 0 + lens[1], away[0] * 0 + lens[2])
+        origin, direction, distance = _from_lens(m, hit.position, lens)
         hole = room.screen_along(origin, direction, m.where(active, NOTHING, NOTHING))
         passed = active & (hole.surface == SCREEN)
-        gap = tuple(p - o for p, o in zip(hole.position, origin, strict=True))
-        near = dot((gap[0], gap[1], gap[2]), (gap[0], gap[1], gap[2]))
+        gap = difference(hole.position, origin)
+        near = dot(gap, gap)
         arriving = m.maximum(-dot(hit.normal, direction), 0.0)
         leaving = m.maximum(-dot(hole.normal, direction), 1e-3)
         spread = near / (distance * distance) * arriving / leaving
@@ -112,22 +180,28 @@ class Picture(Aim):
 
     Parameters
     ----------
-    room, gains, lobe
+    room, thrown, reaching, lobe
         As of `Throw`.
     values
-        (row, col, primary) light that projectors put on the screen: picture times total gain.
+        (row, col, primary) light that projectors send to the screen: picture times total gain.
     """
 
     def __init__(
-        self, room: Room, values: NDArray[Any], gains: NDArray[Any], lobe: GainLobe | None
+        self,
+        room: Room,
+        values: NDArray[Any],
+        thrown: NDArray[Any],
+        reaching: NDArray[Any],
+        lobe: GainLobe | None,
     ) -> None:
         m, dome = room.machine, room.theatre.dome
         self._size = values.shape[0]
-        self._throw = Throw(room, gains, lobe)
-        self.can_aim = lobe is None and dome.height_ratio == 1 and bool(np.any(values > 0))
+        self._throw = Throw(room, thrown, reaching, lobe)
+        lit = values if self._throw.lit is None else values * self._throw.lit[..., None]
+        self.can_aim = lobe is None and dome.height_ratio == 1 and bool(np.any(lit > 0))
         draws = np.zeros(self._size**2, np.int64)
         if self.can_aim:
-            draws = _draws(values, dome.pixel_areas(self._size, self._size))
+            draws = _draws(lit, dome.pixel_areas(self._size, self._size))
             self._drawn = m.lanes(np.repeat(np.arange(len(draws)), draws))
         self._count = int(draws.sum())
         # Draws a unit of the disc's (u, v)
@@ -181,7 +255,8 @@ class Picture(Aim):
         lit = lit & ~room.shadowed(here.position, position, here.surface, lit, screen_hides=False)
         colour, density = m.colour_at(self._table, pixel, lit)
         aimed = _TRUST * density / self._stretch(room, u, v)
-        share = m.where(lit, _TRUST * found / (found + aimed), 0.0)
+        reaching = self._throw.lit_at(room, position, lit)
+        share = m.where(lit, reaching * _TRUST * found / (found + aimed), 0.0)
         return colour[0] * share, colour[1] * share, colour[2] * share
 
     def _stretch(self, room: Room, u: Lanes, v: Lanes) -> Lanes:
@@ -348,3 +423,33 @@ def pixel_of(room: Room, position: Vector, size: int) -> Lanes:
 def _towards(m: Machine, position: Vector, place: tuple[float, float, float]) -> Vector:
     away = (place[0] - position[0], place[1] - position[1], place[2] - position[2])
     return scaled(away, 1 / m.sqrt(m.maximum(dot(away, away), 1e-12)))
+
+
+def _from_lens(
+    m: Machine, position: Vector, lens: tuple[float, float, float]
+) -> tuple[Vector, Vector, Lanes]:
+    """Rays from a lens to points: origins, unit directions and lengths."""
+    away = (position[0] - lens[0], position[1] - lens[1], position[2] - lens[2])
+    distance = m.sqrt(m.maximum(dot(away, away), 1e-12))
+    zero = position[0] * 0
+    origin = (zero + lens[0], zero + lens[1], zero + lens[2])
+    return origin, scaled(away, 1 / distance), distance
+
+
+def _over_white(room: Room) -> dict[int, Albedo]:
+    """What reflects before the screen -> its albedo over the screen's, for that is white's."""
+    screen = room.theatre.screen_albedo
+    found = {}
+    for surface, albedo in room.albedos.items():
+        if surface not in (SCREEN, BACK, SHELL) and max(albedo) > 0:
+            x, y, z = (a / s if s > 0 else 0.0 for a, s in zip(albedo, screen, strict=True))
+            found[surface] = (x, y, z)
+    return found
+
+
+def _require_white(room: Room) -> None:
+    if min(room.theatre.screen_albedo) <= 0:
+        raise InputError(
+            "a screen that shares the projectors' light with other things, behind its holes or "
+            "before it, needs an albedo above 0 (its white is the unit of all light)"
+        )

@@ -46,6 +46,7 @@ from domesim.observation.transport import MARGIN, NODES, Transport, node_places
 from domesim.pathtrace.loop import Colour, bounce_limit, eye_directions, roulette, scattered
 from domesim.pathtrace.machine import Lanes, Machine
 from domesim.pathtrace.room import BLACK, NOTHING, SCREEN, Hit, chosen, scaled
+from domesim.pathtrace.sources import Throw
 from domesim.pathtrace.tracer import (
     CENTRE,
     Progress,
@@ -61,6 +62,8 @@ from domesim.theatre import Theatre
 Floats = NDArray[np.float64]
 
 LANES = 1 << 16
+_DETAIL = 256
+"""Pixels a side at which it is known what of the projectors' light gets to the screen."""
 BATCHES = 24
 """Fewest batches: their spread is the uncertainty."""
 
@@ -139,7 +142,9 @@ def tabulate(
     tracer = Tracer(theatre) if tracer is None else tracer
     explicit = theatre.floor_meets_screen if explicit is None else explicit
     nodes = radiosity(theatre.enclosure) if explicit else None
-    rest = bool(replace(theatre, lamps=()).beyond_enclosure)
+    rest = (
+        bool(replace(theatre, lamps=()).beyond_enclosure) or tracer.throw(_DETAIL).lit is not None
+    )
     if nodes is not None and not rest:
         method, walks, transport = "radiosity", 0, nodes
         reached = transport.relative_error() <= error
@@ -208,12 +213,15 @@ class _Estimate:
         self._dome, self._nodes = theatre.dome, nodes
         basis = ScreenBasis(theatre.dome, degree)
         self._modes = basis.at(*np.meshgrid(node_places(NODES), node_places(NODES)))
-        self._walker = _Walker(tracer, basis, eye)
+        self._walker = _Walker(tracer, basis, eye, tracer.throw(_DETAIL))
         self._known = self._walker.left_out
         self._base: _Walker | None = None
         self._scale: Floats | float = 0.0
         if nodes is not None:
-            self._base = _Walker(Tracer(theatre.enclosure), basis, eye)
+            # The nodes' light comes from all of the screen, whatever stands before it.
+            bare = Tracer(theatre.enclosure)
+            self._base = _Walker(bare, basis, eye, bare.throw(_DETAIL, unhindered=True))
+            self._base.reciprocal = self._walker.reciprocal
             self._known = self._known - self._base.left_out
             self._scale = nodes.mean_gain()
         self.walks = 0
@@ -266,7 +274,9 @@ class _Walker:
     count = 16
     """Walks from each point."""
 
-    def __init__(self, tracer: Tracer, basis: ScreenBasis, eye: tuple[float, float, float]) -> None:
+    def __init__(
+        self, tracer: Tracer, basis: ScreenBasis, eye: tuple[float, float, float], throw: Throw
+    ) -> None:
         theatre = tracer.theatre
         self._tracer, self._basis = tracer, basis
         self._eye = over(eye, theatre.dome.radius)
@@ -275,9 +285,10 @@ class _Walker:
         self._lanes = LANES // self.count
         self.walks = self._lanes * self.count
         self.twinned = theatre.lambertian and theatre.dome.height_ratio == 1
-        # Light goes both ways alike, but through a hole it is seen in one direction.
-        self._reciprocal = theatre.lambertian and not tracer.room.has_cavity
-        self._throw = tracer.throw(256)
+        self._throw = throw
+        # Light goes both ways alike, but through a hole it is seen in one direction, and what
+        # stops a projector's light need not be where reflected light would pass.
+        self.reciprocal = theatre.lambertian and not tracer.room.has_cavity and throw.lit is None
         u, v, weight = disc_quadrature(theatre.dome, 48)
         self._means = (basis.at_products(u, v) @ weight) / weight.sum()
 
@@ -289,7 +300,7 @@ class _Walker:
         left = basis.at_products(u, v) * (weight / len(u) / self.count)
         raw = np.stack([left @ channel.T for channel in sums])
         core = basis.mixing @ raw @ basis.mixing.T
-        if self._reciprocal:
+        if self.reciprocal:
             core = (core + core.transpose(0, 2, 1)) / 2
         return np.broadcast_to(core, (3, len(basis), len(basis)))
 
@@ -347,11 +358,18 @@ class _Walker:
             shared = (state["shared"] == 1) & (leaving == surface)
             alive = active & (found.surface != NOTHING)
             parts = shared & (found.surface != SCREEN) & active
-            counts = alive & ~shared & (found.surface != BLACK)
+            counts = alive & ~(shared & (found.surface == SCREEN)) & (found.surface != BLACK)
             sums = state["sums"]
             back = scaled(direction, -1)
             for where, arrived, factor in self._throw.arrivals(room, found, back, counts):
                 sums = self._added(m, sums, room.disc(where), arrived, weight, factor)
+            if self.twinned and self._throw.lit is not None:
+                # The twin's screen is lit everywhere.
+                same = shared & (found.surface == SCREEN) & active
+                lack = self._throw.lit_at(room, found.position, same) - 1
+                sums = self._added(
+                    m, sums, room.disc(found.position), same, weight, (lack, lack, lack)
+                )
             if self.twinned:
                 beyond = room.screen_along(here.position, direction, leaving)
                 lost = parts & (beyond.surface == SCREEN)

@@ -40,6 +40,8 @@ Image = NDArray[np.float32]
 CENTRE = (0.0, 0.0, 0.0)
 LARGEST_SOURCE = 2048
 """Pixels a side of a picture as a source; finer detail does not show in reflected light."""
+_SHADOW_SIZE = 512
+"""Least size a side at which shadows on the screen are looked for."""
 WALKS_A_PASS = 1 << 24
 """Most walks of a pass over a small picture, after which the accuracy is looked at."""
 
@@ -170,11 +172,7 @@ class Tracer:
 
     def gains(self, rows: int, cols: int) -> NDArray[np.float64]:
         """(lens, row, col): what each projector gives the screen, with the room's shadows."""
-        gains = lens_gains(self.theatre, rows, cols)
-        if self.room.shadows:
-            lit = np.stack([self._lit(position, rows, cols) for position in self._lens_places()])
-            gains = gains * lit
-        return gains
+        return self._thrown(rows, cols)[1]
 
     def seen_gain(self, rows: int, cols: int, eye: Point) -> NDArray[Any]:
         """(row, col): direct light as the eye sees it, shadows and all; 1 off the screen."""
@@ -187,15 +185,27 @@ class Tracer:
         """
         light = _coarse(light, self.theatre.dome.inside(*light.shape[:2]))
         rows, cols = light.shape[:2]
-        gains = self.gains(rows, cols)
+        thrown, reaching = self._thrown(rows, cols)
         off = ~self.theatre.dome.inside(rows, cols)
         row, col = distance_transform_edt(off, return_distances=False, return_indices=True)
-        values = (light * gains.sum(0)[..., None])[row, col]
-        return Picture(self.room, values, gains[:, row, col], self.lobe)
+        values = (light * thrown.sum(0)[..., None])[row, col]
+        return Picture(self.room, values, thrown[:, row, col], reaching[:, row, col], self.lobe)
 
-    def throw(self, size: int) -> Throw:
-        """How the projectors' light gets to the eye, from a domemaster of that size."""
-        return Throw(self.room, self.gains(size, size), self.lobe)
+    def throw(self, size: int, *, unhindered: bool = False) -> Throw:
+        """How the projectors' light gets to the eye, from a domemaster of that size.
+
+        `unhindered`, nothing stops it on its way to the screen.
+        """
+        thrown, reaching = self._thrown(size, size)
+        return Throw(self.room, thrown, thrown if unhindered else reaching, self.lobe)
+
+    def _thrown(self, rows: int, cols: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(lens, row, col): what projectors send towards the screen, and what of it gets there."""
+        thrown = lens_gains(self.theatre, rows, cols)
+        if not self.room.shadows:
+            return thrown, thrown
+        lit = np.stack([self._lit(position, rows, cols) for position in self._lens_places()])
+        return thrown, thrown * lit
 
     def lamps(self) -> Lamps:
         """The theatre's lamps as a source."""
@@ -490,12 +500,16 @@ class Tracer:
         return [lens.position for lens in self.theatre.lenses] or [CENTRE]
 
     def _lit(self, place: tuple[float, float, float], rows: int, cols: int) -> NDArray[np.float64]:
-        """(row, col): whether a projector's light reaches the screen past seats and booth."""
+        """(row, col): share of a pixel that a projector's light reaches past seats and booth."""
         m, dome = self.machine, self.theatre.dome
         x, y, z = over(place, dome.radius)
+        finer = max(1, -(-_SHADOW_SIZE // max(rows, cols)))
+        inside = dome.inside(rows * finer, cols * finer)
         lit = np.ones((rows, cols))
-        for strip in strips(rows, cols):
-            target = self._vector(dome.points(rows, cols, strip).reshape(-1, 3) / dome.radius)
+        for strip in strips(rows, cols * finer**2):
+            inner = slice(strip.start * finer, strip.stop * finer)
+            points = dome.points(rows * finer, cols * finer, inner)
+            target = self._vector(points.reshape(-1, 3) / dome.radius)
             zero = target[0] * 0
             # From the screen to the lens: a projector's own body may hold the lens.
             active = zero < 1
@@ -503,7 +517,12 @@ class Tracer:
             with np.errstate(all="ignore"):  # of rays that meet nothing
                 leaving = m.where(active, SCREEN, NOTHING)
                 hidden = self.room.shadowed(target, lens, leaving, active)
-            lit[strip] = 1 - m.array(m.where(hidden, zero + 1.0, zero)).reshape(-1, cols)
+            open_ = 1 - m.array(m.where(hidden, zero + 1.0, zero)).reshape(points.shape[:2])
+            on = inside[strip.start * finer : strip.stop * finer]
+            cells = (strip.stop - strip.start, finer, cols, finer)
+            count = on.reshape(cells).sum((1, 3))
+            seen = (open_ * on).reshape(cells).sum((1, 3))
+            lit[strip] = np.where(count > 0, seen / np.maximum(count, 1), 1.0)
         return lit
 
     def _vector(self, points: NDArray[np.float64]) -> Vector:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from compensate.vision.saliency import _activation, _concentration, _kernel, gbvs
+from compensate.vision.saliency import (
+    _activation,
+    _concentration,
+    _encoded,
+    _features,
+    _kernel,
+    gbvs,
+)
 from domesim.errors import InputError
 
 RNG = np.random.default_rng(7)
@@ -177,6 +184,16 @@ def test_light_is_seen_encoded():
     picture[46:62, 144:164] = 0.55
     saliency = gbvs(picture)
     assert saliency[54, 50] > 1.1 * saliency[54, 153]
+
+
+def test_all_features_are_of_code_values():
+    """Colour, too: the author's program is given pictures as files hold them."""
+    np.testing.assert_allclose(  # IEC 61966-2-1
+        _encoded(np.array([0.0, 0.002, 0.2140411, 1.0])), [0, 0.02584, 0.5, 1], atol=1e-6
+    )
+    picture = np.kron([[0.2140411, 1.0]], np.ones((40, 20)))[..., None] * [1.0, 0.0, 0.0]
+    for feature, _ in _features(picture, (4, 4))[:4]:
+        assert feature[0, 0] / feature[0, 3] == pytest.approx(0.5)
 
 
 def test_a_picture_of_black_and_white():

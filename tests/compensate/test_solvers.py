@@ -7,6 +7,7 @@ against the true gap; KKT conditions, not only answers.
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -18,13 +19,17 @@ from theatres import closed_form, picture, problem, unequal_weighting, weighting
 from compensate.fourier import LIBRARIES, Fourier
 from compensate.master import pose
 from compensate.problem import Problem
+from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
 from compensate.solver.dome_split import hessian_of
 from compensate.solver.gpcg import GPCG
 from compensate.solver.level import by_enlarged_rows, enlarged
 from compensate.solver.result import Status
+from compensate.weighting import PerceptualWeighting
+from domesim.dome import Dome
 from domesim.scene import load_dome
+from domesim.theatre import Theatre
 from validation.benchmarks import problems
 from validation.experiments.convergence import dense
 from validation.masters import night
@@ -194,6 +199,45 @@ def test_rounding_is_admitted():
     least = ADMM(tolerance=1e-9, max_iterations=4000)(double, exact_start).cost
     assert result.gap >= double.cost(result.light.astype(np.float64)) / least - 1
     assert result.gap < 1e-4
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_certificates_in_single_precision_hold_in_double(seed):
+    """But for what `Result.gap` says of rounding."""
+    settings = {"seed": seed, "gain": (0.0, 0.1, 0.3, 1.0)[seed]}
+    double, double_start = problem(24, **settings)
+    least = ADMM(tolerance=1e-10, max_iterations=8000)(double, double_start).cost
+    single, start = problem(24, dtype=np.float32, **settings)
+    for tolerance in (1e-3, 1e-4, 1e-5):
+        result = ADMM(tolerance=tolerance, max_iterations=2000)(single, start)
+        true_gap = double.cost(result.light.astype(np.float64)) / least - 1
+        assert result.gap >= true_gap - 4e-6
+        assert result.cost == pytest.approx(least * (1 + true_gap), rel=1e-6)
+
+
+def chessboard(size: int, dtype: type) -> tuple[Problem, np.ndarray]:
+    """Of single pixels, on nearly all of a sphere that keeps 97 % of its light."""
+    scene = load_dome("dome_hemisphere")
+    sphere = Dome(scene.dome.radius, np.pi)
+    scene = replace(scene, theatre=Theatre(sphere, (0.97, 0.97, 0.97)))
+    board = (np.indices((size, size)).sum(0) % 2) * scene.screen(size, size)
+    light = np.repeat(board[None, :, :, None], 3, axis=-1).astype(dtype)
+    posed = pose(light, scene, PerceptualWeighting())
+    return posed.problem, posed.subtractive
+
+
+@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize(("size", "dtype"), [(16, np.float64), (24, np.float32)])
+def test_acceleration_stalls_no_run(size, dtype, whole, monkeypatch):
+    """A few sampled pixels of a chessboard are all alike, and tell nothing of the others."""
+    if not whole:
+        monkeypatch.setattr("compensate.solver.anderson._SMALL", 0)
+    posed, start = chessboard(size, dtype)
+    result = ADMM()(posed, start)
+    assert result.status is Status.CONVERGED
+    assert result.iterations < (250 if whole else 400)
+    other = Accelerated(max_iterations=5000, tolerance=1e-4)(posed, start)
+    assert result.cost <= other.cost * (1 + 1.1e-3)
 
 
 def test_the_default_stops_at_a_thousandth():

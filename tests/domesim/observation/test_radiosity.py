@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from rooms import HEMISPHERE, ROOMS, SCREEN
 
 from domesim.dome import Dome
 from domesim.errors import InputError
@@ -21,43 +22,6 @@ from domesim.observation.transport import Transport, sample_nodes
 from domesim.theatre import Cavity, Floor, Lamp, Lobe, Theatre, Wall
 
 Floats = NDArray[np.float64]
-
-HEMISPHERE = Dome(3.0, np.pi / 2)
-SCREEN = (0.5, 0.3, 0.7)
-ROOMS = {
-    # The primaries: grey, white and black surroundings
-    "recessed": Theatre(
-        HEMISPHERE,
-        SCREEN,
-        floor=Floor(-1.0, 3.0, (0.2, 1.0, 0.0)),
-        wall=Wall(3.0, -1.0, 0.0, (0.3, 1.0, 0.0)),
-    ),
-    "at the spring line": Theatre(HEMISPHERE, SCREEN, floor=Floor(0.0, 3.0, (0.2, 1.0, 0.0))),
-    "below it": Theatre(
-        Dome(3.0, np.radians(125), 0.2, truncated_below=-0.6),
-        SCREEN,
-        floor=Floor(-0.6, np.sqrt(9 - 0.36), (0.2, 1.0, 0.0)),
-    ),
-    "leaning": Theatre(
-        Dome(3.0, np.radians(95), 0.25),
-        SCREEN,
-        floor=Floor(-1.5, 2.6, (0.4, 0.1, 0.8)),
-        wall=Wall(3.1, -1.5, -0.9, (0.5, 0.6, 0.2)),
-    ),
-    # A stage with a parapet: both hide parts of the screen from each other, and their backs absorb.
-    "hiding": Theatre(
-        Dome(3.0, np.radians(120), 0.1),
-        SCREEN,
-        floor=Floor(0.2, 1.8, (0.6, 0.1, 0.8)),
-        wall=Wall(2.4, -0.5, 0.9, (0.5, 0.2, 0.1)),
-    ),
-    "very flat": Theatre(
-        Dome(3.0, np.pi / 2, height_ratio=0.5), SCREEN, floor=Floor(-1.5, 2.5, (0.6, 0.2, 0.9))
-    ),
-    "flat": Theatre(
-        Dome(3.0, np.pi / 2, 0.1, 0.7), SCREEN, floor=Floor(-0.9, 2.0, (0.6, 0.2, 0.9))
-    ),
-}
 
 
 OPEN = [name for name in ROOMS if name not in ("hiding", "very flat")]

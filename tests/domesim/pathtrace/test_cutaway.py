@@ -8,69 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from rooms import BARE, GREY, THEATRES
 
 from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.frames import read_frame
-from domesim.furniture import box, seating
 from domesim.pathtrace import cutaway as module
 from domesim.pathtrace.cutaway import cutaway, graticule, to_png
 from domesim.pathtrace.llvm import load_mitsuba
-from domesim.theatre import Cavity, Floor, Lamp, Lens, Theatre, Wall
+from domesim.theatre import Lamp, Lens, Theatre
 
-GREY = (0.4, 0.4, 0.4)
 RED, GREEN, BLUE = np.eye(3)
 SMALL = {"width": 64, "height": 48, "samples": 4}
-
-
-def furnished() -> Theatre:
-    solids, viewpoints = seating(
-        floor_height=-2.3,
-        rows=4,
-        seats_per_row=8,
-        first_row=2.5,
-        row_spacing=1.1,
-        seat_spacing=0.6,
-        rise=0.1,
-        within=6.8,
-        albedo=GREY,
-        occupied=0.5,
-        audience_albedo=GREY,
-        seed=1,
-        look_at=(0.0, 6.0, 3.0),
-    )
-    booth = box("booth", (-1.6, -7.0, -2.3), (1.6, -6.0, -0.9), GREY)
-    return Theatre(
-        Dome(7.5, np.pi / 2, np.radians(15)),
-        GREY,
-        floor=Floor(-2.3, 7.8, GREY),
-        wall=Wall(7.8, -2.3, 0.0, GREY),
-        solids=(*solids, booth),
-        lenses=(
-            Lens("left", (-7.0, 0.0, -0.5), (5.0, 0.0, 4.0), kind="perspective", field=1.4),
-            Lens("right", (7.0, 0.0, -0.5), (-5.0, 0.0, 4.0), 0.3, "perspective", field=1.4),
-        ),
-        viewpoints=viewpoints,
-    )
-
-
-BARE = Theatre(Dome(10.0, np.pi / 2), GREY)
-THEATRES = {
-    "bare hemisphere": BARE,
-    "nearly a sphere": Theatre(Dome(8.0, np.radians(170)), GREY, floor=Floor(-4.0, 6.5, GREY)),
-    "tilted and truncated": Theatre(
-        Dome(8.0, np.radians(100), np.radians(20), truncated_below=-1.5), GREY
-    ),
-    "ellipsoid": Theatre(Dome(8.0, np.pi / 2, 0.2, height_ratio=0.7), GREY),
-    "furnished": furnished(),
-    "cavity": replace(BARE, perforation=0.2, cavity=Cavity(1.0, GREY, GREY)),
-    "lens below the rim": replace(BARE, lenses=(Lens("p", (0.0, -2.0, -3.0), (0.0, 5.0, 5.0)),)),
-    "lens outside": replace(BARE, lenses=(Lens("p", (0.0, -12.0, 1.0), (0.0, 0.0, 5.0)),)),
-    "nothing to see": replace(
-        BARE, wall=Wall(10.0, 0.0, 0.0, GREY), cavity=Cavity(0.0, GREY, GREY)
-    ),
-    "tiny": Theatre(Dome(1.5, np.pi / 2), GREY),
-}
 
 
 def master(size: int = 32) -> NDArray[np.float32]:

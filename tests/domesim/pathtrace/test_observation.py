@@ -9,38 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from rooms import ALBEDO, room
 
 from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.furniture import box
 from domesim.observation.spherical import ClosedFormDome
 from domesim.pathtrace.machine import NumPy
 from domesim.pathtrace.observation import Observed, PathTracedDome
 from domesim.pathtrace.room import FLOOR, NOTHING, SCREEN, Room
 from domesim.pathtrace.tracer import Settings, Status, Traced, Tracer
-from domesim.theatre import Floor, Lamp, Lens, Theatre, Wall
+from domesim.theatre import Floor, Lamp, Theatre
 
 SIZE = 24
-ALBEDO = (0.7, 0.5, 0.2)
 Floats = NDArray[np.float64]
 
 
 def bare(half_angle_deg: float = 90.0) -> Theatre:
     return Theatre(Dome(5.0, np.radians(half_angle_deg), np.radians(20)), ALBEDO)
-
-
-def room(**more: Any) -> Theatre:
-    """Floor and wall, a box, and a lens off the centre whose falloff shows."""
-    dome = Dome(5.0, np.pi / 2)
-    return Theatre(
-        dome,
-        ALBEDO,
-        floor=Floor(-1.5, 5.0, (0.3, 0.2, 0.1)),
-        wall=Wall(5.0, -1.5, 0.0, (0.2, 0.2, 0.2)),
-        solids=(box("booth", (-1, -3, -1.5), (1, -2, -0.5), (0.4, 0.4, 0.4)),),
-        lenses=(Lens("lens", (0.0, 0.0, 0.6), (0.0, 0.0, 5.0), field=2 * np.pi),),
-        **{"corrected": False, **more},
-    )
 
 
 LAMP = Lamp("exit", (0.0, 4.5, -0.8), (0.4, 0.0, 0.0), (0.0, 0.0, 0.2), (100.0, 200.0, 50.0))

@@ -7,8 +7,10 @@ from functools import partial
 
 import numpy as np
 import pytest
+from rooms import BEFORE
 
 from domesim.dome import Dome
+from domesim.lenses import lens_gains
 from domesim.observation.radiosity import radiosity
 from domesim.pathtrace import tabulate as tabulate_module
 from domesim.pathtrace.loop import bounce_limit
@@ -135,3 +137,36 @@ def test_a_tall_dome_is_tabulated():
     theatre = Theatre(Dome(3.0, np.pi / 2, height_ratio=4.0), GREY)
     found = tabulate(theatre, error=0.01, degree=2).transport.mean_gain()
     np.testing.assert_allclose(found, radiosity(theatre, resolution=12).mean_gain(), rtol=0.03)
+
+
+@pytest.mark.usefixtures("_few_nodes")
+@pytest.mark.parametrize(
+    ("name", "explicit"),
+    [
+        ("box in the beam", False),
+        ("floor in the beam", True),
+        *(
+            pytest.param(name, explicit, marks=pytest.mark.long)
+            for name in BEFORE
+            for explicit in (False, True)
+        ),
+    ],
+)
+def test_a_tabulated_theatre_keeps_light_that_is_stopped_before_the_screen(name, explicit):
+    """Against walks from the screen's pixels, which the laws of energy test."""
+    theatre = BEFORE[name]
+    tracer = Tracer(theatre)
+    size = 128
+    white = tracer.picture(np.ones((size, size, 3), np.float32))
+    seen = tracer.screen(white, size, size, Settings(error=0.05, least=64))
+    areas = theatre.dome.screen_areas(size, size)
+    wanted, error = seen.pooled_error(areas)
+    tabulated = tabulate(theatre, error=4e-3, explicit=explicit, degree=3, tracer=tracer)
+    gains = lens_gains(theatre, size, size).sum(0)
+    observation = tabulated.transport.observation(size, size, lens_gain=gains)
+    light = np.ones((1, size, size, 3))
+    found = (observation.observe(light) - observation.direct(light))[0]
+    mean = np.einsum("ij,ijp->", areas, found) / areas.sum() / 3
+    spread = np.hypot(error, tabulated.transport.relative_error() * wanted)
+    assert abs(mean - wanted) < 3.5 * spread + 2e-3 * wanted
+    assert spread < 0.02 * wanted
