@@ -96,7 +96,8 @@ def test_results_are_the_same(name, compiled):
         found[on] = ADMM(tolerance=1e-4, stop_when_invisible=False)(problem, start)
     assert found[True].iterations == found[False].iterations
     assert found[True].ffts == found[False].ffts
-    assert found[True].gap == pytest.approx(found[False].gap, rel=0.02)
+    # A gap of 1e-5 of the cost has some hundred roundings of it
+    assert found[True].gap == pytest.approx(found[False].gap, rel=0.05)
     assert np.abs(found[True].light - found[False].light).max() <= 3e-4
     assert found[True].light.dtype == np.float32
 
