@@ -39,7 +39,7 @@ from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.seats import SeveralSeats
 from domesim.observation.uncertain import Uncertain
-from domesim.scene import DomeScene, Scene, StereoScene
+from domesim.scene import Scene, StereoScene
 from domesim.screening import decoded, encoded, mean_luminance, within_range
 from domesim.strips import all_within, in_strips
 
@@ -566,8 +566,7 @@ def preferred(scene: Scene) -> Eye:
 
 
 def _shared(scene: Scene, settings: Eye, rows: int, cols: int) -> _Shared:
-    look = scene.solvable if isinstance(scene, DomeScene) else scene.observation
-    single = observation = look(rows, cols)
+    single = observation = scene.solvable(rows, cols)
     if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
         single = scene.mean_seat(rows, cols)
     screen = scene.screen(rows, cols)

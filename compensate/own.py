@@ -16,7 +16,7 @@ from domesim.errors import InputError
 from domesim.light import Array, Light
 from domesim.observation.base import AdjointObservation
 from domesim.observation.linear import require_linear
-from domesim.scene import DomeScene, Scene
+from domesim.scene import Scene
 
 
 @final
@@ -104,8 +104,7 @@ def own_problem(
     rows, cols = desired.shape[1:3]
     screen = scene.screen(rows, cols)
     if observation is None:
-        look = scene.solvable if isinstance(scene, DomeScene) else scene.observation
-        found = look(rows, cols)
+        found = scene.solvable(rows, cols)
         if not isinstance(found, AdjointObservation):
             raise InputError(
                 f"{scene.name}: wanted an observation with an adjoint, got "

@@ -50,8 +50,7 @@ class Ruler:
             (view, row, col, primary).
         """
         lost = self.lost_map(seen)
-        share = _reduced(np.ones((1, *self._screen.shape, 1), np.float32), self._screen)[..., 0]
-        return float(np.sum(lost * share) / (share.sum() * len(lost)))
+        return float(np.sum(lost * self._share) / (self._share.sum() * len(lost)))
 
     def lost_map(self, seen: Light) -> NDArray[np.floating[Any]]:
         """(view, row, col) JOD that are lost if all of the picture looks like that place.
@@ -61,6 +60,12 @@ class Ruler:
         wanted, found = self._averaged_master, self._averaged(seen)
         per_degree = self._scene.viewing.pixels_per_degree(*wanted.shape[1:3])
         return visible_difference(wanted, found, per_degree)
+
+    @cached_property
+    def _share(self) -> NDArray[np.float32]:
+        """(1, row, col) of the averaged picture: how much of a pixel is screen."""
+        ones = np.ones((1, *self._screen.shape, 1), np.float32)
+        return np.asarray(_reduced(ones, self._screen)[..., 0])
 
     @cached_property
     def _averaged_master(self) -> NDArray[np.float32]:

@@ -245,10 +245,10 @@ def _intrude(show: Show) -> Callable[[subprocess.Popen[str], Path], None]:
 
     def do(run: subprocess.Popen[str], out: Path) -> None:
         _ended(run)
-        shutil.copytree(show.folder / "in", show.folder / "other", dirs_exist_ok=True)
-        noise = np.random.default_rng(9)
-        for path in (show.folder / "other").iterdir():
-            _write(path, noise)
+        other, noise = show.folder / "other", np.random.default_rng(9)
+        other.mkdir()
+        for path in (show.folder / "in").iterdir():
+            _write(other / path.name, noise)
         for old, new in (("/in/", "/other/"), (show.arguments[-1], _OTHER[show.arguments[-1]])):
             arguments = tuple(each.replace(old, new) for each in show.arguments)
             if (code := _ended(replace(show, arguments=arguments).start(out))) != 2:

@@ -42,6 +42,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from compensate.vision.castle import DKL_FROM_XYZ
 from domesim.errors import InputError
+from domesim.transfer import SRGB
 
 Floats = NDArray[np.floating[Any]]
 
@@ -148,7 +149,7 @@ def _features(light: NDArray[Any], grid: tuple[int, int]) -> list[tuple[Floats, 
     peak = _average(light, _shape(shape, SCALES[0] * GRID)).max()
     if peak == 0:
         return []
-    pictures = [_encoded(light / peak)]
+    pictures = [SRGB().encode(light / peak)]  # finer peaks exceed 1
     for scale in SCALES:
         pictures.append(_average(pictures[-1], _shape(shape, scale * GRID)))
     coarsest = _average(pictures[-1], grid)
@@ -161,12 +162,6 @@ def _features(light: NDArray[Any], grid: tuple[int, int]) -> list[tuple[Floats, 
         energies = (_energy(picture.mean(axis=-1), angle) for angle in GABOR_ANGLES)
         maps += [(_average(energy, grid), 1.0) for energy in energies]
     return maps
-
-
-def _encoded(light: Floats) -> Floats:
-    """Light in shares of the peak as sRGB's code values (IEC 61966-2-1); finer peaks exceed 1."""
-    bright = 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055
-    return np.asarray(np.where(light <= 0.0031308, 12.92 * light, bright))
 
 
 def _energy(intensity: Floats, angle: float) -> Floats:

@@ -69,6 +69,10 @@ class Scene(ABC):
             If frames of that size cannot be shown.
         """
 
+    def solvable(self, rows: int, cols: int) -> Observation:
+        """`observation` in the form that solvers need."""
+        return self.observation(rows, cols)
+
     @abstractmethod
     def uncertain(self, rows: int, cols: int) -> Uncertain | None:
         """What they see of such frames, and how sure that is; None if nothing was measured."""

@@ -8,12 +8,12 @@ import pytest
 from compensate.vision.saliency import (
     _activation,
     _concentration,
-    _encoded,
     _features,
     _kernel,
     gbvs,
 )
 from domesim.errors import InputError
+from domesim.transfer import SRGB
 
 RNG = np.random.default_rng(7)
 GRID = (5, 7)
@@ -189,7 +189,7 @@ def test_light_is_seen_encoded():
 def test_all_features_are_of_code_values():
     """Colour, too: the author's program is given pictures as files hold them."""
     np.testing.assert_allclose(  # IEC 61966-2-1
-        _encoded(np.array([0.0, 0.002, 0.2140411, 1.0])), [0, 0.02584, 0.5, 1], atol=1e-6
+        SRGB().encode(np.array([0.0, 0.002, 0.2140411, 1.0])), [0, 0.02584, 0.5, 1], atol=1e-6
     )
     picture = np.kron([[0.2140411, 1.0]], np.ones((40, 20)))[..., None] * [1.0, 0.0, 0.0]
     for feature, _ in _features(picture, (4, 4))[:4]:
