@@ -31,7 +31,7 @@ test: $(READY) ## Set up and run the tests, but for long ones
 long: $(READY) ## The long tests: as thorough as a change deserves before it lands
 	@$(BIN)/python -m pytest $(SIDE_BY_SIDE) -m long
 
-faults: $(READY) ## Harm running shows in every way, and tell what is lost (ten minutes)
+faults: $(READY) ## Harm running shows in every way, and tell what is lost (five to ten minutes)
 	@$(BIN)/python -m validation.faults
 
 lint: $(READY) ## Style, types and import contracts
