@@ -8,8 +8,8 @@ with z_k independent standard normal numbers (`domesim.observation.uncertain`). 
 is a quadratic form in z, whose coefficients are the means of r², r c_k and c_k c_l. Its
 distribution is taken from draws of z, which cost nothing; they are the same ones for each frame.
 What is visible of r is likewise a quadratic form: of weighted r and c_k. There, only a few
-uncorrelated combinations of the c_k are weighted, those of the most light; of the light of the
-others the same share is taken to be seen.
+uncorrelated combinations of the c_k are weighted, those of the most light, and one sum of the
+others with random signs: of the light of each of these, its share is taken to be seen.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ Floats = NDArray[np.float64]
 
 LEVEL = 0.95
 _DRAWS = 4000
-_NOTHING = 1e-300
 _MOST, _LEAST = 4, 0.003
 """Combinations that are weighted: how many, and with what share of the strongest one's light."""
 
@@ -89,8 +88,13 @@ def foreseen(residual: Light, changes: Changes, weigh: Callable[[Light], Array])
     seen = [weigh(residual), *(weigh(changes.seen(vectors[:, k])) for k in strong)]
     products = np.array([[dot(one, other) for other in seen] for one in seen])
     turned = z @ vectors
-    rest = np.delete(turned, strong, 1) ** 2 @ np.delete(values, strong)
-    share = np.trace(products[1:, 1:]) / max(values[strong].sum(), _NOTHING)
+    weak = np.setdiff1d(np.flatnonzero(values > 0), strong)
+    rest = turned[:, weak] ** 2 @ values[weak]
+    share = 0.0
+    if len(weak):
+        signs = np.random.default_rng(1).choice([-1.0, 1.0], len(weak))
+        one = weigh(changes.seen(vectors[:, weak] @ signs))
+        share = dot(one, one) / values[weak].sum()
     weighted = _roots(
         products[0, 0] + share * rest, products[0, 1:], products[1:, 1:], turned[:, strong]
     )

@@ -29,8 +29,9 @@ from domesim.theatre import Theatre
 
 Floats = NDArray[np.float64]
 
-LANES = 1 << 16
-MOST = 200
+LANES = 1 << 13
+LEAST, MOST = 64, 1600
+"""Batches. Of a few, a standard error that happens to be small would end the run."""
 SIZE = 256
 
 
@@ -254,7 +255,7 @@ def imbalance(theatre: Theatre, error: float) -> tuple[Floats, Floats]:
     found: list[Floats] = []
     while len(found) < MOST:
         found.append(once(tracer, source, len(found)))
-        spread = np.std(found, axis=0, ddof=1) if len(found) > 7 else np.full(3, np.inf)
+        spread = np.std(found, axis=0, ddof=1) if len(found) >= LEAST else np.full(3, np.inf)
         if spread.max() / np.sqrt(len(found)) < error:
             break
     return np.mean(found, axis=0), spread / np.sqrt(len(found))
