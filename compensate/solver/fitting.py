@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 from compensate.problem import Problem
 from compensate.solver.accelerated import Accelerated
-from compensate.solver.admm import ADMM
-from compensate.solver.split import require_certifiable
-from compensate.weighting import Masked
+from compensate.solver.admm import ADMM, require_certifiable
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.stereo import StereoObservation
 
@@ -23,7 +21,7 @@ class Fitting(NamedTuple):
 def fitting(problem: Problem) -> Fitting:
     """The fastest solver of `problem`: `ADMM`, which certifies its answer, or `Accelerated`.
 
-    ADMM takes what Fourier nearly diagonalises: a weighting by spatial frequency, of a dome whose
+    ADMM takes what Fourier diagonalises: a weighting by spatial frequency, of a dome whose
     pollution is of low rank, or of a pair whose views mix pixelwise. Accelerated takes any linear
     observation and weighting, and stops by the KKT residual.
     """
@@ -33,15 +31,12 @@ def fitting(problem: Problem) -> Fitting:
             Accelerated(),
             f"Accelerated, as ADMM takes domes of low rank and pairs, got {observation}",
         )
-    plain = problem
-    if isinstance(problem.weighting, Masked) and problem.contrast is None:
-        plain = problem.weighted_by(problem.weighting.inner)
     try:
-        require_certifiable(plain)
+        require_certifiable(problem)
     except ValueError as refusal:
         return Fitting(Accelerated(), f"Accelerated, as {refusal}")
     return Fitting(
         ADMM(),
-        f"ADMM, as Fourier nearly diagonalises {type(problem.weighting).__name__} of what "
+        f"ADMM, as Fourier diagonalises {type(problem.weighting).__name__} of what "
         f"{observation} shows",
     )

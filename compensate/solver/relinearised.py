@@ -73,7 +73,7 @@ class Relinearised:
 
 def true_cost(problem: Problem, exact: GreyToGrey, light: Light) -> float:
     """The objective with the table as it is."""
-    energy = problem.weighting.energy(problem.contrasted(exact.observe(light) - problem.aim))
+    energy = problem.weighting.energy(exact.observe(light) - problem.desired)
     return 0.5 * energy + problem.penalty(light)
 
 

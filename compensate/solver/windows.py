@@ -23,8 +23,8 @@ from scipy.ndimage import map_coordinates
 
 from compensate.fourier import padded_size
 from compensate.problem import Problem
+from compensate.solver.admm import require_certifiable
 from compensate.solver.result import Result, Status
-from compensate.solver.split import require_certifiable
 from compensate.weighting import CsfWeighting
 from domesim.light import Light
 from domesim.observation.base import AdjointObservation
@@ -161,11 +161,8 @@ def _window(
         problem.desired[place],
         (bounds[0], bounds[1]),
         anchor=None if problem.anchor is None else problem.anchor[place],
-        regularisation=problem.damping,
+        regularisation=problem.regularisation,
         negligible=problem.negligible,
-        contrast=None if problem.contrast is None else problem.contrast[place],
-        aim=problem.aim[place],
-        stiffness=None if problem.stiffness is None else problem.stiffness[place],
     )
 
 

@@ -7,7 +7,7 @@ import importlib
 import numpy as np
 import pytest
 
-from compensate.solver.anderson import Anderson, Short
+from compensate.solver.admm.anderson import Anderson, Short
 
 RATES = (0.5, 0.1, 0.02)
 
@@ -17,8 +17,8 @@ def loops(request, monkeypatch):
     module = None
     if request.param == "compiled":
         pytest.importorskip("numba")
-        module = importlib.import_module("compensate.solver.compiled")
-    monkeypatch.setattr("compensate.solver.anderson.loops", lambda *planes: module)
+        module = importlib.import_module("compensate.solver.admm.loops")
+    monkeypatch.setattr("compensate.solver.admm.anderson.loops", lambda *planes: module)
 
 
 def distances(dtype, memory: int, steps: int) -> list[float]:

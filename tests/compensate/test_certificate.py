@@ -20,9 +20,8 @@ from theatres import BT709, closed_form, picture, unequal_weighting, viewing, we
 
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
-from compensate.solver.result import Status
 from compensate.vision.csf import LowFrequencyFloor
-from compensate.weighting import CsfWeighting, Masked, PerceptualWeighting, Weighting
+from compensate.weighting import CsfWeighting, PerceptualWeighting, Weighting
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.seats import SeveralSeats
@@ -94,32 +93,16 @@ def seats(setting: Setting) -> Theatre:
     return observation, each.with_importance(np.array([1.0, 0.8, 0.4, 0.5]))
 
 
-def masked(made: Callable[[Setting], Theatre]) -> Callable[[Setting], Theatre]:
-    def with_mask(setting: Setting) -> Theatre:
-        observation, inner = made(setting)
-        random = np.random.default_rng(setting.size)
-        return observation, Masked(0.2 + random.random(inner.shape[1:3]), inner)
-
-    return with_mask
-
-
 CLASSES = {
     "dome, one primary": dome(1),
     "dome, colour": dome(3),
     "dome, corrected lens": dome(3, falloff=False),
     "dome, rank two": rank_two,
     "dome, a sensitivity for each channel": unequal,
-    "dome, masked": masked(dome(3)),
     "pair, sum and difference": stereo(leak_matrices(0.05)),
     "pair, unequal matrices": stereo(COLOURED),
     "pair, map": stereo(COLOURED, mapped=True),
     "pair, several seats": seats,
-    "pair, masked": masked(stereo(COLOURED)),
-    "dome, contrast": dome(3),
-    "dome, rank two, contrast": rank_two,
-    "pair, contrast": stereo(leak_matrices(0.05)),
-    "pair, unequal matrices, contrast": stereo(COLOURED),
-    "pair, map, contrast": stereo(COLOURED, mapped=True),
 }
 
 
@@ -137,7 +120,6 @@ def theatre(name: str, setting: Setting) -> tuple[AdjointObservation, Weighting,
         np.zeros(observation.seen_shape),
         anchor=np.zeros(observation.shape),
         regularisation=setting.mu,
-        contrast=contrast(name, observation),
     )
     columns = []
     for index in np.argwhere(free(observation)):
@@ -147,15 +129,6 @@ def theatre(name: str, setting: Setting) -> tuple[AdjointObservation, Weighting,
     hessian = np.array(columns)
     assert np.abs(hessian - hessian.T).max() <= 1e-12
     return observation, lambda_, cholesky(hessian)
-
-
-def contrast(name: str, observation: AdjointObservation) -> np.ndarray | None:
-    """K of a class that has one: a hundredfold range, as between black and white."""
-    if "contrast" not in name:
-        return None
-    random = np.random.default_rng(observation.seen_shape[1:3])
-    factors = 0.1 * 100 ** random.random((*observation.seen_shape[:3], 1))
-    return factors.astype(np.float32).astype(np.float64)
 
 
 def free(observation: AdjointObservation) -> np.ndarray:
@@ -178,8 +151,6 @@ def posed(name: str, setting: Setting, seed: int) -> Problem:
         lower = np.where(on, 0.01 * random.random(master.shape), master)
         upper = np.where(on, 0.6 + 0.4 * random.random(master.shape), master)
     anchor = np.clip(master - 0.05 * random.random(master.shape), lower, upper)
-    if seed % 5 == 0:  # out of the bounds
-        anchor = np.where(on, anchor - 0.05, anchor)
     return Problem(
         observation,
         lambda_,
@@ -187,7 +158,6 @@ def posed(name: str, setting: Setting, seed: int) -> Problem:
         (lower, upper),
         anchor=anchor,
         regularisation=setting.mu,
-        contrast=contrast(name, observation),
     )
 
 
@@ -205,16 +175,11 @@ def least(name: str, setting: Setting, problem: Problem) -> float:
     return problem.cost(light)
 
 
-MIXED = ("pair, unequal matrices, contrast", "pair, map, contrast")
-
-
 def cases():
     """Classes, precisions, and how many problems of each; the long ones are more than 1000."""
     for name in CLASSES:
         for precision, few, many in ((np.float64, 8, 91), (np.float32, 2, 15)):
-            # Leaks into other primaries settle late in single precision: seconds a problem
-            late = name in MIXED and precision is np.float32
-            yield pytest.param(name, precision, few, marks=[pytest.mark.long] if late else [])
+            yield pytest.param(name, precision, few)
             yield pytest.param(name, precision, many, marks=pytest.mark.long)
 
 
@@ -263,28 +228,16 @@ def test_it_is_sharp_without_bounds_and_padding(name):
             (np.where(on, -9.0, problem.lower), np.where(on, 9.0, problem.upper)),
             anchor=problem.anchor,
             regularisation=setting.mu,
-            contrast=problem.contrast,
         )
         steps = 4 + seed
         early = ADMM(tolerance=1e-13, max_iterations=steps, first_check=2)(problem, problem.anchor)
         true_gap = problem.cost(early.light) / least(name, setting, problem) - 1
         assert true_gap > 1e-5
         if name in EXACT_PAIRS:  # nothing is off the screen
-            assert true_gap * (1 - 1e-9) <= early.gap <= true_gap * (1 + 1e-6)
+            assert true_gap * (1 - 1e-9) <= early.gap <= true_gap * (1 + 1e-4)
         elif early.gap is not None:
             # Where primaries mix, what is seen is that of the light to 1e-9
             assert early.gap >= true_gap - 1e-9
-
-
-@pytest.mark.parametrize("name", CLASSES)
-def test_it_holds_to_the_end_from_an_anchor_out_of_bounds(name):
-    for seed in (5, 20):
-        setting = SETTINGS[seed % len(SETTINGS)]
-        problem = posed(name, setting, seed)
-        assert (problem.anchor < problem.lower).any()
-        found = ADMM(tolerance=1e-5, max_iterations=3000)(problem, problem.anchor)
-        assert found.status is Status.CONVERGED
-        assert found.gap >= problem.cost(found.light) / least(name, setting, problem) - 1 - 1e-9
 
 
 def of_type(problem: Problem, dtype: type) -> Problem:
@@ -296,7 +249,6 @@ def of_type(problem: Problem, dtype: type) -> Problem:
         (problem.lower.astype(dtype), problem.upper.astype(dtype)),
         anchor=problem.anchor.astype(dtype),
         regularisation=problem.regularisation,
-        contrast=None if problem.contrast is None else problem.contrast.astype(dtype),
     )
 
 

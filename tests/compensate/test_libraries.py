@@ -23,7 +23,6 @@ from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.relinearised import Relinearised
 from compensate.solver.result import Status
 from compensate.solver.worst_seat import WorstSeat
-from compensate.weighting import Masked
 from domesim.errors import InputError
 from domesim.light import on_host
 
@@ -51,58 +50,18 @@ def low_rank() -> Posed:
     return Problem(observation, lambda_, seen, bounds, anchor=start, regularisation=1e-3), start
 
 
-def masked(posed: Problem, start: np.ndarray) -> Posed:
-    mask = 0.3 + np.random.default_rng(3).random(posed.desired.shape[1:3])
-    return posed.weighted_by(Masked(mask, posed.weighting)), start
-
-
-def beyond(posed: Problem, start: np.ndarray) -> Posed:
-    """With an anchor out of the bounds."""
-    anchor = start - 0.02
-    return Problem(
-        posed.observation, posed.weighting, posed.desired, anchor=anchor, regularisation=1e-3
-    ), anchor
-
-
-def contrasted(posed: Problem, start: np.ndarray) -> Posed:
-    """With a contrast from 0.1 to 10, and some changes held back more than others."""
-    random = np.random.default_rng(5)
-    shape = (*posed.desired.shape[:3], 1)
-    k, mu = 0.1 * 100 ** random.random(shape), posed.regularisation
-    return Problem(
-        posed.observation,
-        posed.weighting,
-        posed.desired,
-        anchor=start,
-        regularisation=[mu, 20 * mu, 5 * mu],
-        contrast=k,
-        stiffness=1 + 4 * random.random((1, *shape[1:])),
-    ), start
-
-
 PROBLEMS = {
     "dome": lambda: problem(9),
     "dome, one primary": lambda: problem(9, 1),
     "dome, corrected lens": lambda: problem(9, falloff=False),
     "dome, rank two": low_rank,
-    "dome, masked": lambda: masked(*problem(5)),
     "dome, with coarse planes": lambda: problem(60, 1),
     "pair, with coarse planes": lambda: pair_problem(OBSERVATIONS["constant"](60, 59)),
-    "pair, masked": lambda: masked(*pair_problem(OBSERVATIONS["by direction"](4, 5))),
-    "pair, anchor out of bounds": lambda: beyond(*pair_problem(OBSERVATIONS["3x3"](6, 7))),
     **{
         f"pair, {name}": lambda name=name: pair_problem(OBSERVATIONS[name](4, 5))
         for name in ("constant", "3x3", "map of 3x3", "linearised table", "several seats")
     },
-    **{
-        f"pair, {name}, contrast": lambda name=name: contrasted(
-            *pair_problem(OBSERVATIONS[name](4, 5))
-        )
-        for name in ("constant", "map of 3x3", "linearised table")
-    },
-    "pair, contrast, with coarse planes": lambda: contrasted(
-        *pair_problem(OBSERVATIONS["map of 3x3"](60, 59))
-    ),
+    "pair, map, with coarse planes": lambda: pair_problem(OBSERVATIONS["map of 3x3"](60, 59)),
 }
 
 

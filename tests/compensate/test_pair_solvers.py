@@ -10,18 +10,15 @@ from pairs import OBSERVATIONS, grey, pair, pair_problem, two_views
 from scipy.ndimage import gaussian_filter
 from scipy.optimize import lsq_linear, minimize
 from theatres import BT709, viewing
-from theatres import problem as dome_problem
 
 from compensate.problem import Problem
-from compensate.solver import varying
 from compensate.solver.admm import ADMM
 from compensate.solver.deghosting import clipped_subtraction
 from compensate.solver.gpcg import GPCG
-from compensate.solver.pair_split import PairSplit
 from compensate.solver.relinearised import Relinearised, true_cost
 from compensate.solver.result import Status
 from compensate.solver.worst_seat import WorstSeat, seat_importance
-from compensate.weighting import Masked, PerceptualWeighting
+from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -70,27 +67,6 @@ def test_the_certificate_bounds_the_true_gap(name, seed):
             assert early.gap >= (early.cost / least - 1) * (1 - 1e-9) - 1e-9
     assert certified
     assert certified[-1] < 0.1
-
-
-@pytest.mark.parametrize("steps", [1, 2, 4, 12])
-@pytest.mark.parametrize("name", ["constant", "map of 3x3", "linearised table", "several seats"])
-def test_the_dual_energy_is_bounded_from_above(name, steps, monkeypatch):
-    """g' H^-1 g by a dense solution, however few conjugate gradient steps there are."""
-    monkeypatch.setattr(varying, "_STEPS", steps)
-    posed, _ = pair_problem(OBSERVATIONS[name](4, 5), mu=1e-3)
-    plain = PairSplit(posed)
-    plain.prepare(coarser=False)
-    split = varying.Varying(posed, plain, 0.02)
-    shape = (6, 4, 5)
-    units = np.eye(int(np.prod(shape))).reshape(-1, *shape)
-    hessian = np.stack([np.ravel(split._curved(list(unit))) for unit in units])
-    assert np.abs(hessian - hessian.T).max() <= 1e-12
-    free = np.random.default_rng(1).standard_normal(shape)
-    exact = free.ravel() @ np.linalg.solve(hessian, free.ravel())
-    bound = split._dual_energy(list(free))
-    assert bound >= exact * (1 - 1e-9)
-    if steps == 12:
-        assert bound <= 1.1 * exact
 
 
 @pytest.mark.parametrize("name", OBSERVATIONS)
@@ -166,46 +142,8 @@ def test_a_grey_to_grey_table_is_minimised_as_it_is():
     assert found.cost <= scipy.fun * 1.001
 
 
-def stepped(posed: Problem, start: np.ndarray, steps: int) -> np.ndarray:
-    solver = ADMM(tolerance=1e-12, max_iterations=steps, coarse=(0, 0), memory=0)
-    light = solver(posed, start).light
-    assert np.abs(light - start).max() > 0.01
-    return light
-
-
-@pytest.mark.parametrize("name", ["constant", "by direction", "3x3"])
-def test_crosstalk_that_hardly_varies_is_solved_as_if_it_did_not(name):
-    """Step by step, on the padding as well: a picture's dual is not 0 there."""
-    plain = OBSERVATIONS[name](24, 31)
-    hardly = 1 + 1e-12 * np.random.default_rng(0).random((2, 24, 31))
-    varies = Crosstalk(24, 31, plain.matrices, share=hardly, black=plain.black)
-    assert plain.uniform
-    assert not varies.uniform
-    posed, start = pair_problem(plain)
-    wanted = stepped(posed, start, 8)
-    # It is known before a step what light it is from
-    found = stepped(pair_problem(varies)[0], start, 9)
-    assert found == pytest.approx(wanted, abs=1e-9)
-
-
-@pytest.mark.parametrize("views", [1, 2])
-def test_a_mask_of_ones_is_none(views):
-    """As above; off a dome's screen as well.
-
-    Of one primary: where there are three, a dome without a mask is solved in opponent channels.
-    """
-    if views == 1:
-        posed, start = dome_problem(24, primaries=1)
-    else:
-        posed, start = pair_problem(OBSERVATIONS["3x3"](24, 31))
-    masked = Masked(np.ones(posed.weighting.shape[1:3]), posed.weighting)
-    found = stepped(posed.weighted_by(masked), start, 9)
-    assert found == pytest.approx(stepped(posed, start, 8), abs=1e-9)
-
-
 @pytest.mark.parametrize("peak", [0.4, 0.6])
 def test_crosstalk_that_varies_wildly_is_solved_all_the_same(peak):
-    """The x-step's Hessian is then far from the true one."""
     share = np.full((2, 24, 31), 0.02)
     share[:, 8:14, 10:18] = peak
     observation = Crosstalk(24, 31, leak_matrices(1.0), share=share)
@@ -301,7 +239,7 @@ class _Plain:
 
 @pytest.mark.parametrize("gain", [0.1, 1.0])
 def test_a_black_pair_that_cannot_be_black_is_solved(gain):
-    """Everything is at a bound: nothing is left for the certificate's conjugate gradients."""
+    """Everything is at a bound."""
     plain = OBSERVATIONS["map"](12, 16)
     observation = Crosstalk(12, 16, plain.matrices, share=plain.share, black=0.01)
     master = np.zeros((2, 12, 16, 3))
@@ -310,4 +248,4 @@ def test_a_black_pair_that_cannot_be_black_is_solved(gain):
     )
     found = ADMM()(posed, master)
     assert found.status is Status.CONVERGED
-    assert found.cost <= posed.cost(master)
+    assert found.cost <= posed.cost(master) * (1 + 1e-12)

@@ -7,7 +7,6 @@ import pytest
 from theatres import closed_form, picture, problem, weighting
 
 from compensate.problem import Problem
-from compensate.solver.admm import ADMM
 from validation.experiments.convergence import dense
 
 
@@ -56,19 +55,3 @@ def test_mistakes_are_refused():
         Problem(observation, lambda_, light, (0.6, 0.5))
     with pytest.raises(ValueError, match="anchor"):
         Problem(observation, lambda_, light, regularisation=0.1)
-    k = np.ones((*observation.seen_shape[:3], 1))
-    with pytest.raises(ValueError, match="one mu each, got 2"):
-        Problem(observation, lambda_, light, anchor=light, regularisation=(1, 2), contrast=k)
-    with pytest.raises(ValueError, match="stiffness takes a contrast"):
-        Problem(observation, lambda_, light, stiffness=k)
-    with pytest.raises(ValueError, match="stiffness takes a contrast"):
-        Problem(observation, lambda_, light, contrast=k, stiffness=k[:, 1:])
-    with pytest.raises(ValueError, match="stiffness takes a contrast"):
-        Problem(observation, lambda_, light, contrast=k, stiffness=np.concatenate([k, k]))
-    with pytest.raises(ValueError, match="at least 1"):
-        Problem(observation, lambda_, light, contrast=k, stiffness=0.9 * k)
-    held = Problem(
-        observation, lambda_, light, anchor=light, regularisation=0.1, contrast=k, stiffness=2 * k
-    )
-    with pytest.raises(ValueError, match="without a stiffness"):
-        ADMM()(held, light)

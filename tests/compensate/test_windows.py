@@ -36,7 +36,6 @@ BOX = (slice(40, 72), slice(60, 110))
 SOLVER = ADMM(tolerance=1e-6, stop_when_invisible=False)
 OBSERVATIONS = {
     "flat": lambda: Crosstalk(ROWS, COLS, leak_matrices(0.05), black=0.002),
-    "contrast": lambda: Crosstalk(ROWS, COLS, leak_matrices(0.05), black=0.002),
     "3x3": lambda: Crosstalk(ROWS, COLS, COLOURED),
     "map": lambda: Crosstalk(ROWS, COLS, leak_matrices(0.05), share=share(ROWS, COLS)),
     "dome": lambda: ClosedFormDome(
@@ -71,22 +70,13 @@ def posed(case: str) -> tuple[Problem, np.ndarray]:
     bounds = (np.where(on, 0, desired), np.where(on, 1, desired))
     plain = Problem(observation, weighting, observation.direct(desired), bounds)
     start, _ = (baselines if case == "dome" else deghosting).clipped_subtraction(plain)
-    damping: float | list[float] = 1e-4
-    contrast = stiffness = None
-    if case == "contrast":
-        damping = [0.1, 0.3, 0.05]
-        contrast = 0.2 / (0.1 + plain.desired.mean(axis=-1, keepdims=True))
-        stiffness = 1.0 + (col % 40)[None, :, :, None]
     problem = Problem(
         observation,
         weighting,
         plain.desired,
         bounds,
         anchor=start,
-        regularisation=damping,
-        aim=1.3 * plain.desired,
-        contrast=contrast,
-        stiffness=stiffness,
+        regularisation=1e-4,
     )
     return problem, start
 
@@ -103,10 +93,7 @@ def pinned(problem: Problem, start: np.ndarray) -> Problem:
         problem.desired,
         bounds,
         anchor=problem.anchor,
-        regularisation=problem.damping,
-        aim=problem.aim,
-        contrast=problem.contrast,
-        stiffness=problem.stiffness,
+        regularisation=problem.regularisation,
     )
 
 

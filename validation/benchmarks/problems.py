@@ -23,7 +23,7 @@ from typing import final
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
-from scipy.ndimage import gaussian_filter, zoom
+from scipy.ndimage import zoom
 
 from compensate.aim import Eye
 from compensate.fourier import padded_size
@@ -33,7 +33,6 @@ from compensate.solver import baselines, deghosting
 from compensate.weighting import (
     REGULARISATION,
     CsfWeighting,
-    Masked,
     PerceptualWeighting,
     Weighting,
     csf_gains,
@@ -186,14 +185,6 @@ def _map(size: int) -> Case:
     return _grey_pair("map", size, _drawing(size), observation)
 
 
-def _spatial(size: int) -> Case:
-    rows, cols = _shape(size)
-    noise = np.random.default_rng(0).standard_normal((rows, cols))
-    smooth = gaussian_filter(noise, size / 20, mode="wrap")
-    mask = 0.3 + 0.7 * (smooth - smooth.min()) / np.ptp(smooth)
-    return _grey_pair("spatial", size, _drawing(size), mask=mask)
-
-
 PROBLEMS: Mapping[str, tuple[str, Callable[[int], Case]]] = {
     "dome": ("dome, k 0.3, one channel", _dome),
     "dome-rgb": ("dome_imax, RGB disc", _dome_rgb),
@@ -203,7 +194,6 @@ PROBLEMS: Mapping[str, tuple[str, Callable[[int], Case]]] = {
     "photo-rgb-wide": ("photographed pair, 5 %, RGB, 43 pixels a degree", _photo_rgb_wide),
     "synthetic-rgb": ("generated pair, 5 %, RGB", _synthetic_rgb),
     "map": ("generated pair, 1 to 2 % from place to place", _map),
-    "spatial": ("generated pair, 5 %, spatial A_n", _spatial),
 }
 """Name -> title, and the problem of a size."""
 
@@ -270,15 +260,13 @@ def _grey_pair(
     size: int,
     pair: Light,
     observation: Crosstalk | None = None,
-    mask: NDArray[np.float64] | None = None,
 ) -> Case:
     scene = load_scene(STEREO)
     rows, cols = pair.shape[1:3]
     seen = observation or Crosstalk(rows, cols, leak_matrices(CROSSTALK, 1))
 
     def task(light: Light) -> Task:
-        weighting: Weighting = _one_channel(scene, rows, cols, 2)
-        return _posed(seen, weighting if mask is None else Masked(mask, weighting), light)
+        return _posed(seen, _one_channel(scene, rows, cols, 2), light)
 
     return Case(name, size, task, _grey(pair, scene))
 

@@ -163,16 +163,18 @@ def dense(problem: Problem) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     shape = problem.observation.shape
     free = np.broadcast_to(problem.lower < problem.upper, shape)
     fixed = np.where(free, 0, np.broadcast_to(problem.lower, shape))
-    columns = []
+    columns, local = [], []
+    root = np.sqrt(problem.regularisation)
     for index in np.argwhere(free):
         unit = np.zeros(shape)
         unit[tuple(index)] = 1
         columns.append(problem.weighting.apply(problem.observation.linear(unit)).ravel())
-    root = np.sqrt(problem.regularisation)
-    matrix = np.vstack([np.array(columns).T, root * np.eye(len(columns))])
+        local.append(root * problem.observation.local(unit).ravel())
+    matrix = np.vstack([np.array(columns).T, np.array(local).T])
     offset = -problem.weighting.apply(problem.residual(fixed)).ravel()
     anchor = np.zeros(shape) if problem.anchor is None else np.asarray(problem.anchor)
-    return matrix, np.concatenate([offset, root * anchor[free]]), free
+    held = root * problem.observation.local(anchor - fixed).ravel()
+    return matrix, np.concatenate([offset, held]), free
 
 
 def _gradient_error(problem: Problem, seed: int) -> float:

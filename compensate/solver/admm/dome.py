@@ -1,8 +1,9 @@
-"""The Hessian of a dome's problem and its inverse, exact in Fourier.
+"""A dome's problem for ADMM: its Hessian and that one's inverse, exact in Fourier.
 
-On the padded plane without bounds the objective in w = D x (the light that the projector puts on
-the screen) is ``1/2 ||A (C w - t)||²``, where A = lambda is diagonal in Fourier but for the mixing
-of primaries, W(f) = A'A = T' Omega(f)² T, and C = I + U V' holds the low-rank pollution. So
+The variable is w = D x, the light that the projector puts on the screen: a `Level` of planes that
+are seen as they are. On the padded plane without bounds the objective is ``1/2 ||A (C w - t)||²``,
+where A = lambda is diagonal in Fourier but for the mixing of primaries, W(f) = A'A =
+T' Omega(f)² T, and C = I + U V' holds the low-rank pollution. So
 
     H = C' W C + sigma  =  B + Z M Z',     B(f) = W(f) + sigma,   sigma = diag(one a primary)
     Z = [V, W U],     M = [[U' W U, I], [I, 0]]
@@ -24,17 +25,88 @@ The paper uses the circulant structure for products [Vogel 2002]; here it gives 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, final
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from compensate.fourier import Fourier
-from compensate.solver.blocks import Blocks, Spectra, each_strip
-from compensate.solver.fused import loops, parts, parts_or_zero
-from compensate.solver.hessian import Hessian, adapted_metric, halved, metric_of
-from domesim.light import Array, namespace, on_host
+from compensate.problem import Problem
+from compensate.solver.admm.fused import loops, parts, parts_or_zero
+from compensate.solver.admm.hessian import (
+    Blocks,
+    Hessian,
+    Spectra,
+    each_strip,
+    metric_of,
+    outer_products,
+)
+from compensate.solver.admm.level import Apart, Level
+from compensate.solver.admm.planes import Split, planes_of, widths_of
+from compensate.solver.admm.pyramid import halved
+from compensate.weighting import CsfWeighting
+from domesim.light import Array, Light, namespace, on_host
+from domesim.observation.lowrank import LowRankObservation
+
+
+def split_dome(problem: Problem, weighting: CsfWeighting) -> Split:
+    """A dome's problem in w = D (x - x_a).
+
+    Raises
+    ------
+    ValueError
+        If the weighting has support where there is no screen.
+    """
+    observation: Any = problem.observation
+    if bool(np.any(weighting.support & ~observation.screen)):
+        raise ValueError("the weighting's support reaches outside the observation's screen")
+    base: Any = problem.anchor
+    direct, gain = observation.factors.direct_gain, None
+    if not bool(np.all(direct == 1)):
+        kept = np.where(direct == 0, 1, direct)[None, :, :, None]
+        gain = namespace(base).asarray(kept, dtype=base.dtype, device=base.device)
+    below = namespace(base).broadcast_to(problem.lower, base.shape) - base
+    level = Level(
+        hessian_of(observation, weighting, base),
+        Apart(),
+        problem.regularisation,
+        planes_of(below if gain is None else below * gain),
+        widths_of(problem, gain),
+    )
+    return Split(problem, level, gain)
+
+
+def hessian_of(
+    observation: LowRankObservation, weighting: CsfWeighting, like: Light
+) -> DomeHessian:
+    """The Hessian of w = D x of a theatre, in arrays like `like`; kept for the next frame."""
+    return _hessian(observation, weighting, namespace(like), like.dtype, like.device)
+
+
+@lru_cache(maxsize=2)
+def _hessian(
+    observation: LowRankObservation, weighting: CsfWeighting, library: Any, dtype: Any, device: Any
+) -> DomeHessian:
+    like = library.zeros((1, 1, 1, 1), dtype=dtype, device=device)
+    factors, support, fourier = observation.factors, weighting.support, weighting.fourier
+
+    def modes(planes: Any) -> Array:
+        large = np.zeros((len(planes), fourier.rows, fourier.cols))
+        large[:, : support.shape[0], : support.shape[1]] = planes * support
+        return library.asarray(large, dtype=dtype, device=device)
+
+    # In w = D x, a pixel's light has passed D already
+    gain = np.where(factors.direct_gain == 0, 1, factors.direct_gain)
+    return DomeHessian(
+        modes(factors.spread),
+        modes(factors.collect / gain),
+        factors.core,
+        weighting.opponent,
+        weighting.squares(like),
+        fourier,
+    )
 
 
 @final
@@ -46,9 +118,9 @@ class DomeHessian(Hessian):
     spread, collect
         (mode, padded row, padded col) pollution's modes in w = D x, 0 off the picture.
     core
-        (plane, plane, mode, mode) how the modes excite each other.
+        (primary, mode, mode) how the modes excite each other.
     opponent
-        (channel, plane) T.
+        (channel, primary) T.
     squares
         Omega_c² as arrays of the planes' library.
     fourier
@@ -66,10 +138,9 @@ class DomeHessian(Hessian):
     ) -> None:
         self.fourier = fourier
         self.core = core
-        self._opponent, self._squares = opponent, squares
-        self._blocks = Blocks(squares, np.stack([np.outer(row, row) for row in opponent]))
-        self.adapted = np.array_equal(opponent, np.eye(len(opponent)))
-        self.metric = adapted_metric(squares) if self.adapted else metric_of(opponent)
+        self._opponent, self.squares = opponent, squares
+        self._blocks = Blocks(squares, outer_products(opponent))
+        self.metric = metric_of(opponent)
         xp = namespace(spread)
         # V first, then the shapes of U
         self._shapes = fourier.forward(xp.concat([collect, spread]))
@@ -92,34 +163,23 @@ class DomeHessian(Hessian):
 
     def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
         """See `Hessian`."""
-        modes, compiled = self.core.shape[-1], self._fused(spectra)
-        if compiled:
-            added = parts_or_zero(plus, spectra)
-            asked, found = self._compiled_sums(compiled, spectra, added, sigma)
-        elif self.adapted:
-            asked, found = self._channels_sums(spectra, sigma, plus)
+        modes = self.core.shape[-1]
+        if compiled := self._compiled(spectra):
+            asked, found = self._compiled_sums(compiled, spectra, plus, sigma)
         else:
             asked, found = self._solve_blocks(spectra, sigma, plus)
         damping = np.asarray(sigma)[:, None]
         v, u = found[:, :modes], asked - damping * found[:, modes:]
-        known = np.stack([v, np.einsum("pqjk,pj->qk", self.core, u)])
+        known = np.stack([v, np.einsum("pjk,pj->pk", self.core, u)])
         c, e = (self._small_inverse(tuple(sigma)) @ known.ravel()).reshape(known.shape)
-        e = np.einsum("pqjk,qk->pj", self.core, e)
+        e = np.einsum("pjk,pk->pj", self.core, e)
         if compiled:
-            weights = np.stack([c, -damping * e, e])[:, :, 0].astype(
-                self._blocks.coefficients.dtype
+            weights = np.stack([c, -damping * e, e])[:, :, 0].astype(self._numbers(sigma)[0].dtype)
+            compiled.correct3(
+                *parts(spectra), *self._shapes_and_squares, *self._numbers(sigma), weights
             )
-            if self.adapted:
-                given = *self._shapes_and_squares, self._given(sigma), weights
-                compiled.channels3(*parts(spectra), added, *given)
-            else:
-                given = *self._shapes_and_squares, self._blocks.coefficients, self._given(sigma)
-                compiled.correct3(*parts(spectra), *given, weights)
             return
         asks, shows = np.concatenate([c, -damping * e], 1), np.concatenate([0 * c, e], 1)
-        if self.adapted:
-            self._solve_channels(spectra, sigma, asks, shows)
-            return
 
         def correct(rows: slice) -> None:
             correction = self._blocks.solved(rows, self._combined(rows, asks), sigma)
@@ -129,58 +189,32 @@ class DomeHessian(Hessian):
 
         each_strip(correct, spectra[0])
 
-    def _fused(self, spectra: Spectra, *, adapted: bool = False) -> Any:
-        """The compiled loops, where there are any for such a problem; if planes are channels."""
-        plain = len(spectra) == 3 and self.core.shape[-1] == 1 and len(self._blocks.squares) <= 3
-        return loops(*spectra) if plain and (self.adapted or not adapted) else None
+    def _compiled(self, spectra: Spectra) -> Any:
+        """The compiled loops, where there are any for such a problem."""
+        fits = self._blocks.compiles and self.core.shape[-1] == 1
+        return loops(*spectra) if fits else None
 
     @property
     def _shapes_and_squares(self) -> tuple[Any, ...]:
         """What the compiled loops take, of one mode."""
-        squares = self._blocks.three_squares
-        if self.adapted:
-            squares = tuple(self._squares)
-        return *parts([self._shapes[0], self._shapes[1]]), squares
+        return *parts([self._shapes[0], self._shapes[1]]), self._blocks.three_squares
 
-    def _given(self, sigma: Sequence[float]) -> Any:
-        return np.asarray(sigma, self._blocks.coefficients.dtype)
-
-    def _shares(self, columns: int) -> Any:
-        """(row, column) for the compiled loops' sums: how much the first and last column count."""
-        fourier = self.fourier
-        sums = np.zeros((fourier.rows, columns))
-        sums[:, 0], sums[:, 1] = 1, 1 if fourier.cols % 2 == 0 else 2
-        return sums
-
-    def _summed(self, sums: Any) -> Any:
-        """Inner products of planes, of the rows' sums over spectra."""
-        return sums.sum(axis=0) / (self.fourier.rows * self.fourier.cols)
-
-    def _compiled_weights(
-        self, compiled: Any, spectra: Spectra, polluted: Any, *, keep: bool = False
-    ) -> float:
-        """`multiply` of channels where `polluted` (channel, mode) is excited, and their energy."""
-        v, u, squares = self._shapes_and_squares
-        number, sums = squares[0].dtype.type, self._shares(4)
-        excited = tuple(number(weight) for weight in polluted[:, 0])
-        compiled.weigh3(*parts(spectra), u, squares, excited, keep, sums)
-        found = self._summed(sums)
-        if not keep:
-            collected = np.einsum("pqjk,pj->qk", self.core, found[:3, None])
-            compiled.add3(*parts(spectra), v, tuple(number(weight) for weight in collected[:, 0]))
-        return float(found[3])
+    def _numbers(self, sigma: Sequence[float]) -> tuple[Any, Any]:
+        coefficients = self._blocks.coefficients
+        return coefficients, np.asarray(sigma, coefficients.dtype)
 
     def _compiled_sums(
-        self, compiled: Any, spectra: Spectra, added: Any, sigma: Sequence[float]
+        self, compiled: Any, spectra: Spectra, plus: Spectra | None, sigma: Sequence[float]
     ) -> tuple[Any, Any]:
-        """`_solve_blocks`, but that planes that are channels are left as they are."""
-        sums = self._shares(9)
-        given = *parts(spectra), added, *self._shapes_and_squares
-        if self.adapted:
-            compiled.channels3_sums(*given, self._given(sigma), sums)
-        else:
-            compiled.dome3(*given, self._blocks.coefficients, self._given(sigma), sums)
-        found = self._summed(sums).reshape(3, 3)
+        """As `_solve_blocks`."""
+        fourier = self.fourier
+        # How much the first and the last column count
+        sums = np.zeros((fourier.rows, 9))
+        sums[:, 0], sums[:, 1] = 1, 1 if fourier.cols % 2 == 0 else 2
+        added = parts_or_zero(plus, spectra)
+        given = *self._shapes_and_squares, *self._numbers(sigma)
+        compiled.dome3(*parts(spectra), added, *given, sums)
+        found = (sums.sum(axis=0) / (fourier.rows * fourier.cols)).reshape(3, 3)
         return found[0][:, None], found[1:].T
 
     def _solve_blocks(
@@ -206,87 +240,23 @@ class DomeHessian(Hessian):
         each_strip(work, spectra[0])
         return asked, self._sums(spectra)
 
-    def _channels_sums(
-        self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None
-    ) -> tuple[Any, Any]:
-        """`_solve_blocks` of planes that are channels, but that nothing is solved in place yet."""
-        modes = self.core.shape[-1]
-
-        def work(rows: slice) -> Any:
-            sums = []
-            for p, plane in enumerate(spectra):
-                if plus is not None:
-                    plane[rows, :] += plus[p][rows, :]
-                part = plane[rows, :]
-                asked = self._dots(rows, [part], slice(modes, None))
-                found = self._dots(rows, [part * self._inverse(p, rows, sigma)])
-                sums.append([*asked[0], *found[0]])
-            return np.asarray(sums)
-
-        found = sum(each_strip(work, spectra[0]))
-        return found[:, :modes], found[:, modes:]
-
-    def _solve_channels(
-        self, spectra: Spectra, sigma: Sequence[float], asks: Any, shows: Any
-    ) -> None:
-        """B^-1 of (`spectra` less the modes' `asks`) less their `shows`, in place."""
-
-        def work(rows: slice) -> None:
-            for p, plane in enumerate(spectra):
-                (asked,) = self._combined(rows, asks[p : p + 1])
-                plane[rows, :] -= asked
-                plane[rows, :] *= self._inverse(p, rows, sigma)
-                (shown,) = self._combined(rows, shows[p : p + 1])
-                plane[rows, :] -= shown
-
-        each_strip(work, spectra[0])
-
-    def multiply(self, spectra: Spectra) -> None:
-        """C'WC of `spectra`, in place."""
-        modes = self.core.shape[-1]
-        polluted = self._excited(spectra)
-        if compiled := self._fused(spectra, adapted=True):
-            self._compiled_weights(compiled, spectra, polluted)
-            return
-
-        def weighted(rows: slice) -> Any:
-            strip = [plane[rows, :] for plane in spectra]
-            added = self._combined(rows, np.concatenate([0 * polluted, polluted], 1))
-            seen = [a + b for a, b in zip(strip, added, strict=True)]
-            back = self._blocks.times(rows, seen)
-            for plane, value in zip(spectra, back, strict=True):
-                plane[rows, :] = value
-            return self._dots(rows, back)[:, modes:]
-
-        shown = sum(each_strip(weighted, spectra[0]))
-        self._add_collected(spectra, np.einsum("pqjk,pj->qk", self.core, shown))
-
     def energy(self, spectra: Spectra) -> float:
         """<w, C'WC w>."""
-        polluted = self._excited(spectra)
-        if compiled := self._fused(spectra, adapted=True):
-            return self._compiled_weights(compiled, spectra, polluted, keep=True)
+        modes = self.core.shape[-1]
+        polluted = np.einsum("pjk,pk->pj", self.core, self._sums(spectra)[:, :modes])
 
         def work(rows: slice) -> float:
             seen = self._combined(rows, np.concatenate([0 * polluted, polluted], 1))
             for p, plane in enumerate(spectra):
                 seen[p] += plane[rows, :]
-            images = self._blocks.each_times(rows, seen)
+            images = self._blocks.times(rows, seen)
             return sum(self.fourier.dot(a, b) for a, b in zip(seen, images, strict=True))
 
         return sum(each_strip(work, spectra[0]))
 
-    @property
-    def squares(self) -> Sequence[Array]:
-        """See `Hessian`."""
-        return self._squares
-
     def seen(self, residual: Spectra) -> tuple[float, Spectra]:
         """||A r||² and C'W r of a residual r."""
         modes = self.core.shape[-1]
-        if compiled := self._fused(residual, adapted=True):
-            nothing = np.zeros((len(residual), 1))
-            return self._compiled_weights(compiled, residual, nothing), residual
 
         def weighted(rows: slice) -> tuple[float, Any]:
             strip = [plane[rows, :] for plane in residual]
@@ -298,23 +268,8 @@ class DomeHessian(Hessian):
 
         found = each_strip(weighted, residual[0])
         energy, shown = (sum(part[k] for part in found) for k in range(2))
-        self._add_collected(residual, np.einsum("pqjk,pj->qk", self.core, shown))
+        self._add_collected(residual, np.einsum("pjk,pj->pk", self.core, shown))
         return float(energy), residual
-
-    def _excited(self, spectra: Spectra) -> Any:
-        """(primary, mode) core V'w: how much each shape of U is seen."""
-        modes = self.core.shape[-1]
-        if compiled := self._fused(spectra, adapted=True):
-            sums = self._shares(3)
-            compiled.dots3(*parts(spectra), self._shapes_and_squares[0], sums)
-            found = self._summed(sums)[:, None]
-        else:
-            found = self._sums(spectra)[:, :modes]
-        return np.einsum("pqjk,qk->pj", self.core, found)
-
-    def _inverse(self, p: int, rows: slice, sigma: Sequence[float]) -> Array:
-        """B^-1 of a strip of a channel."""
-        return 1 / (self._squares[p][rows, :] + sigma[p])
 
     def _sums(self, spectra: Spectra) -> Any:
         """(primary, V and U mode) inner products with the modes."""
@@ -385,11 +340,6 @@ class DomeHessian(Hessian):
             count, modes = len(self.metric), self.core.shape[-1]
 
             def between(rows: slice) -> Any:
-                if self.adapted:
-                    diagonal = np.zeros((count, count, 2 * modes, 2 * modes))
-                    for p, square in enumerate(self._squares):
-                        diagonal[p, p] = self._products(rows, 1 / (square[rows, :] + sigma[p]))
-                    return diagonal
                 zero = 0 * self._blocks.squares[0][rows, :]
                 result = []
                 for q in range(count):
@@ -434,6 +384,5 @@ class DomeHessian(Hessian):
         }
 
     def _core_matrix(self) -> Any:
-        """The core as (plane mode, plane mode)."""
-        side = self.core.shape[0] * self.core.shape[-1]
-        return self.core.transpose(0, 2, 1, 3).reshape(side, side)
+        """The core as (primary mode, primary mode)."""
+        return scipy.linalg.block_diag(*self.core)

@@ -24,9 +24,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.solver.blocks import each_strip
-from compensate.solver.fused import loops
-from compensate.solver.level import Planes
+from compensate.solver.admm.fused import loops
+from compensate.solver.admm.hessian import Planes, each_strip
 from domesim.light import Array, namespace, total
 
 _GROWN = 2.0  # times the last residual: the acceleration is given up and begins anew
@@ -155,7 +154,7 @@ def _advance(plane: Array, residual: Array, kept: list[Any], was: Any, weights: 
     if short and (compiled := loops(plane)):
         numbers = (tuple(map(plane.dtype.type, each)) for each in (was, weights))
         codes = (part for each in kept for part in (each.codes, each.units))
-        compiled.advance(plane, residual, *codes, *numbers)
+        compiled.advance(plane, residual, *codes, *numbers, LARGEST, TINY)
         return
 
     def work(rows: slice) -> None:

@@ -18,7 +18,7 @@ from domesim.strips import threads
 
 
 def loops(*planes: Array) -> Any:
-    """`compensate.solver.compiled`, if it is to be had and `planes` are NumPy's; else None."""
+    """`compensate.solver.admm.loops`, if it is to be had and `planes` are NumPy's; else None."""
     return _compiled() if all(isinstance(plane, np.ndarray) for plane in planes) else None
 
 
@@ -42,6 +42,6 @@ def _compiled() -> Any:
     # Numba's own setting is for one thread of ours only
     os.environ.setdefault("NUMBA_NUM_THREADS", str(threads()))
     try:
-        return importlib.import_module("compensate.solver.compiled")
+        return importlib.import_module("compensate.solver.admm.loops")
     except ImportError:
         return None
