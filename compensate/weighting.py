@@ -373,15 +373,6 @@ class PerceptualWeighting:
         """The weighting of `views` pictures with that `support` (row, col) seen that way."""
         return self(viewing, projector.luminance_weights, support, views)
 
-    def regularisation(self, projector: Projector, views: int) -> float:
-        """Mu of the problem of `views` pictures."""
-        return REGULARISATION
-
-    def contrast(
-        self, viewing: Viewing, projector: Projector, screen: NDArray[np.bool_], views: int
-    ) -> None:
-        """None: one adaptation luminance for the whole picture, as in the paper."""
-
     def __call__(
         self,
         viewing: Viewing,
