@@ -460,7 +460,7 @@ class Stage:
             wanted,
             (single.lower, single.upper),
             anchor=subtractive,
-            regularisation=REGULARISATION,
+            regularisation=REGULARISATION * len(desired) / len(wanted),  # of seats as of one
             negligible=shared.negligible,
         )
         aiming = None

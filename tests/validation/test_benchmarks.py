@@ -100,9 +100,9 @@ def test_ours_needs_the_fewest_ffts(found):
 
 # FFTs to a certified 1e-3 and 1e-4, 256 pixels wide, and a twentieth more
 STOPS = {
-    "dome": (36, 43),
-    "dome-rgb": (70, 80),
-    "synthetic": (66, 84),
+    "dome": (37, 43),
+    "dome-rgb": (118, 159),
+    "synthetic": (65, 77),
     "synthetic-rgb": (197, 260),
 }
 

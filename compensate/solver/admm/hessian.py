@@ -33,6 +33,7 @@ Spectra: TypeAlias = list[Array]
 
 T = TypeVar("T")
 
+_LEAST_IMPORTANCE = 0.05  # of the largest one's
 _LEAST_CURVATURE, _MOST_CURVATURE = 1e-3, 0.1  # to a certificate, with weights of peak 1
 
 
@@ -137,7 +138,11 @@ class ViewsHessian(Hessian):
         self._blocks = [
             Blocks(squares, float(each) * outer_products(opponent)) for each in weighting.importance
         ]
-        self.metric = metric_of(opponent) * len(self._blocks)
+        # A penalty goes with what it is added to, but a view that does not count needs one as well
+        counts = np.maximum(weighting.importance, _LEAST_IMPORTANCE * max(weighting.importance))
+        self.metric = tuple(
+            float(count) * value for count in counts for value in metric_of(opponent)
+        )
 
     def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
         """See `Hessian`."""

@@ -240,7 +240,9 @@ class Eyes(Mixing):
 
     def compiled(self, level: Level, s: Planes, weights: Sequence[float]) -> Planes | None:
         """See `Mixing`: for one seat whose leaks stay in their primaries."""
-        compiled = None if self.mixed or len(self.own) != 2 else loops(*s)
+        half = len(weights) // 2
+        alike = len(self.own) == 2 and weights[:half] == weights[half:]
+        compiled = loops(*s) if alike and not self.mixed else None
         if not compiled:
             return None
         count, number = self.primaries, s[0].dtype.type
