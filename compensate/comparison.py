@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any, final
@@ -67,7 +67,8 @@ class Comparison:
         titles = shown_methods(scene)
         views = [self._view("Master", self._wanted, "what the audience should see", "master")]
         for method, seen in self._seen():
-            views.append(self._view(titles[method][0], seen, titles[method][1], "seen"))
+            view = self._view(titles[method][0], seen, titles[method][1], "seen")
+            views.append(replace(view, lost=self.posed.lost_map(seen)))
         views.append(
             self._view(
                 "Projected, perceptual",
@@ -76,7 +77,7 @@ class Comparison:
                 "projected",
             )
         )
-        dome = scene.dome if isinstance(scene, DomeScene) else None
+        theatre = scene.theatre if isinstance(scene, DomeScene) else None
         write_page(
             path,
             views,
@@ -86,8 +87,8 @@ class Comparison:
             figures=self._table(),
             facts=self._facts(command),
             size=size,
-            mask=None if dome is None else self.posed.screen,
-            half_angle_deg=None if dome is None else float(np.degrees(dome.half_angle)),
+            mask=None if theatre is None else self.posed.screen,
+            theatre=theatre,
         )
 
     @property
@@ -129,19 +130,7 @@ class Comparison:
             ),
         ]
         if self.posed.scene.views == 2:
-            edges = {
-                names[m]: f"{o.figures.ghost_edges:.0%}"
-                for m, o in self.outcomes.items()
-                if o.figures.ghost_edges is not None
-            }
-            table.append(
-                Figure(
-                    "Ghost edges",
-                    "of the untouched",
-                    edges,
-                    "Contours that are seen but are not the master's: the root of their energy.",
-                )
-            )
+            table += self._ghosts(names)
         by_seat = [
             Figure(
                 f"Quality lost, {seat}",
@@ -152,6 +141,34 @@ class Comparison:
             for seat in next(iter(self.outcomes.values())).figures.loss_by_seat
         ]
         return table + by_seat
+
+    def _ghosts(self, names: Mapping[str, str]) -> list[Figure]:
+        """What is left of the ghosts, as `compensate.ghosts` and the documents define it."""
+        contours: dict[str, str] = {}
+        for method, outcome in self.outcomes.items():
+            found = self.posed.ghost_contour(outcome.light)
+            if found is not None:
+                contours[names[method]] = f"{found:.0%}"
+        edges = {
+            names[m]: f"{o.figures.ghost_edges:.0%}"
+            for m, o in self.outcomes.items()
+            if o.figures.ghost_edges is not None
+        }
+        return [
+            Figure(
+                "Ghost contour",
+                "of the untouched",
+                contours,
+                "Edges of ghosts that are left where subtraction clips, which is where methods "
+                "differ.",
+            ),
+            Figure(
+                "Ghost edge energy",
+                "of the untouched",
+                edges,
+                "All edges over the whole picture that are not the master's, those of veils too.",
+            ),
+        ]
 
     def _facts(self, command: str) -> dict[str, str]:
         scene, best = self.posed.scene, self.outcomes["perceptual"].figures

@@ -41,6 +41,14 @@ read beside the edge energy, never alone: a method that loses contrast may leave
 edge energy. Contrast lost in a share b of the desired picture counts by what the picture has in
 common with its own ghost: -b sum(grad Y(desired) . grad g) / sum |grad g|², which is small where
 edges of left and right lie apart.
+
+*Ghost contour*, of what subtraction cannot take away:
+
+    C = sqrt(sum (grad e . n)² / sum (grad g . n)²),  n = grad g / |grad g|
+
+over the strongest edges of the ghost where subtraction clips, with the same gradients. 1: all of
+its edges are there. 0: none of them is. It does not count edges elsewhere, nor those of a veil that
+run another way.
 """
 
 from __future__ import annotations
@@ -50,7 +58,7 @@ from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from compensate.problem import Problem
 from compensate.solver.deghosting import clipped_subtraction, uncorrectable
@@ -62,6 +70,9 @@ BEST_FREQUENCY = 3.0
 
 FINEST_SIGMA = 0.7
 """The narrowest Gaussian, pixels, whose sampled derivative still is one."""
+
+EDGES = 0.9
+"""Share of the ghost's squared slopes that the edges of its contour hold."""
 
 Floats = NDArray[np.floating[Any]]
 
@@ -168,6 +179,35 @@ def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
     return _common_edges(error, ghost, sigma) / edges if edges > 0 else 0.0
 
 
+def ghost_contour(
+    error: Floats, ghost: Floats, where: NDArray[np.bool_], pixels_per_degree: float
+) -> float | None:
+    """C of the module's docstring; None where the ghost has no edges.
+
+    Parameters
+    ----------
+    error, ghost
+        (view, row, col) luminance that is seen too much: now, and of the untouched master.
+    where
+        (view, row, col) pixels of which the edges are taken.
+    pixels_per_degree
+        As the audience sees it.
+    """
+    sigma = edge_sigma(pixels_per_degree)
+    edges, slopes = (
+        np.stack([_smooth_slope(plane, sigma, axis) for axis in (1, 2)]) for plane in (ghost, error)
+    )
+    strength = np.sum(edges**2, axis=0)
+    inside = np.sort(strength[where])[::-1]
+    if not np.any(inside > 0):
+        return None
+    sums = np.cumsum(inside)
+    weakest = inside[np.searchsorted(sums, EDGES * sums[-1])]
+    at = where & (strength >= weakest)
+    across = np.sum(edges * slopes, axis=0)[at] ** 2 / strength[at]
+    return float(np.sqrt(across.sum() / strength[at].sum()))
+
+
 def edge_sigma(pixels_per_degree: float) -> float:
     """Standard deviation of the Gaussian whose derivative passes 3 cycles/degree most, pixels."""
     return max(FINEST_SIGMA, pixels_per_degree / (2 * np.pi * BEST_FREQUENCY))
@@ -232,6 +272,14 @@ def _filtered(values: Floats, taps: Floats, mirror: int, axis: int) -> Floats:
         both *= taps[radius + by]
         result += both
     return result
+
+
+def _smooth_slope(planes: Floats, sigma: float, axis: int) -> Floats:
+    """(view, row, col) slopes of smoothed planes along an axis; borders are no edges."""
+    order = [0, 0, 0]
+    order[axis] = 1
+    slopes: Floats = gaussian_filter(planes, (0, sigma, sigma), order=order, mode="nearest")
+    return slopes
 
 
 def _rms(planes: Floats) -> float:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from compensate.aim import Aim, Eye, Sight, lifted, veiled, with_hue
 from compensate.foresight import Foreseen, foreseen
-from compensate.ghosts import edge_energy
+from compensate.ghosts import edge_energy, ghost_contour
 from compensate.methods import Solver, require_method
 from compensate.own import own_problem
 from compensate.problem import Problem
@@ -310,6 +310,27 @@ class Posed:
         density = self.scene.viewing.pixels_per_degree(*self.screen.shape)
         energy = edge_energy(error, ghost, density)
         return energy if np.isfinite(energy) else None
+
+    def ghost_contour(self, light: Light) -> float | None:
+        """Ghost contour of a stereo pair at the first seat, where subtraction clips.
+
+        None without ghosts that have edges there.
+        """
+        if self.scene.views == 1 or self.exact:
+            return None
+        first = slice(self.scene.views)
+        too_bright = self.shown[first] - self.wanted[first] > _INVISIBLE_LIGHT
+        where = np.any(too_bright, axis=-1) & self.screen
+        error = self._luminance(self.residual(light)[: self.scene.views])
+        density = self.scene.viewing.pixels_per_degree(*self.screen.shape)
+        return ghost_contour(error, self._untouched[1], where, density)
+
+    def lost_map(self, seen: Light) -> NDArray[np.floating]:
+        """(view, row, col) JOD of what is seen at the first seat, as `Ruler.lost_map`."""
+        ruler = next(iter(self._rulers.values()))
+        if _is_rounding(seen, ruler.wanted):
+            return np.zeros(seen.shape[:3], np.float32)
+        return ruler.lost_map(seen)
 
     def loss_by_seat(self, light: Light) -> dict[str, float]:
         """`loss` at each of several seats; empty for one."""

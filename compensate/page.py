@@ -1,26 +1,21 @@
 """The compare page: one HTML file in which master and results are looked at, into the dark.
 
 An 8-bit picture has no steps left where light pollution does its harm: from black to 1/100 of
-white, sRGB has 25 codes. So the page carries linear light, in 16-bit codes
+white, sRGB has 25 codes. So the page carries linear light in finer codes (`compensate.packing`),
+which the browser turns into display codes under the exposure that the reader chooses. The page is
+no larger than `BYTES` for up to 1024 x 1024 pixels: noisy pictures get coarser codes, and the page
+says how coarse.
 
-    v = round(65535 (L / peak)^(1/3)),    peak: the brightest value of all views,
-
-which the browser turns into display codes under the exposure that the reader chooses. The cube
-root spends codes where the eye does: the relative error is 1.5 / v, that is under 5e-4 at 1e-4 of
-white, and under 1e-3 there as long as the peak is below 8 times white.
-
-Each view is three planes (R, G, B) of little-endian 16-bit codes, every row stored as differences
-between neighbours (modulo 65536), deflated (zlib) and written in base64. In a stereo page each view
-has two pictures, all left eyes' stored before all right eyes'. What two eyes make of a view (their
-difference, an anaglyph, the ghost) is computed in the browser. The page asks for nothing from
-outside: style and script are inlined, and its content security policy forbids all requests.
+Beside the light it carries maps of what is seen of the differences from the master. In a stereo
+page each view has two pictures. What two eyes make of a view (their difference, an anaglyph, the
+ghost) is computed in the browser, and so is what is seen of a dome from its seats. The page asks
+for nothing from outside: style and script are inlined, and its content security policy forbids all
+requests.
 """
 
 from __future__ import annotations
 
-import base64
 import os
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -32,16 +27,38 @@ from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from compensate.packing import (
+    FINEST,
+    LEAST,
+    PER_OCTAVE,
+    POWER,
+    TILE,
+    Packed,
+    deflated,
+    pack,
+    packed_map,
+)
+from compensate.vision.differences import EXPONENT, JOD, STILL, in_thresholds
 from domesim.errors import InputError
 from domesim.frames import write_whole
+from domesim.theatre import Theatre
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 Mask: TypeAlias = NDArray[np.bool_]
 
 KINDS = ("master", "seen", "projected")
-SCRIPTS = ("compare-light.js", "compare-stereo.js", "compare-plots.js", "compare.js")
-POWER = 3.0
-TOP_CODE = 65535
+SCRIPTS = (
+    "compare-light.js",
+    "compare-stereo.js",
+    "compare-plots.js",
+    "compare-visible.js",
+    "compare-dome.js",
+    "compare.js",
+)
+BYTES = 6_000_000
+"""Of a page, at most, up to 1024 x 1024 pixels; larger pictures get as much a pixel."""
+MAP_SIZE = 512
+"""Longest side of a map of visible differences, pixels."""
 ROUNDING = 1e-6  # of white: light this little below zero is a solver's rounding, not a mistake
 
 
@@ -62,6 +79,9 @@ class View:
         What should be seen, what is seen, or what the projectors are sent.
     right : (row, col, 3) float32 or float64, optional
         The right eye's light; the views of a page have it all, or none.
+    lost : (eye, row, col) float32, optional
+        Map of what is seen of the difference from the master, JOD, as of `compensate.ruler`; it may
+        have fewer pixels than the light.
 
     """
 
@@ -70,6 +90,7 @@ class View:
     note: str = ""
     kind: str = "seen"
     right: FloatArray | None = None
+    lost: NDArray[np.floating[Any]] | None = None
 
 
 @dataclass(frozen=True)
@@ -93,7 +114,7 @@ def write_page(
     facts: Mapping[str, str] = {},
     size: int = 1024,
     mask: Mask | None = None,
-    half_angle_deg: float | None = None,
+    theatre: Theatre | None = None,
 ) -> None:
     """Write the compare page of `views` to `path`, whole or not at all.
 
@@ -116,9 +137,9 @@ def write_page(
         The longest side in pixels; larger views are area-averaged in linear light.
     mask : (row, col) bool, optional
         True on the screen. What lies outside is neither shown nor averaged.
-    half_angle_deg : float, optional
-        The dome's half angle in degrees: the views are then equidistant domemasters with the front
-        at the bottom, and the probe also gives the direction in the dome.
+    theatre : Theatre, optional
+        The dome, of which the views are domemasters: they can then be seen from its seats, and the
+        probe also gives the direction in the dome.
 
     Raises
     ------
@@ -126,55 +147,119 @@ def write_page(
         If the views cannot be shown together, or the file cannot be written.
 
     """
-    _require_settings(white, size, half_angle_deg)
+    _require_settings(white, size)
     _require_views(views, mask)
     _require_figures(figures, views)
     rows, cols = views[0].light.shape[:2]
     on_screen = np.ones((rows, cols), np.bool_) if mask is None else mask
-    rights = [view.right for view in views if view.right is not None]
-    shown = [_reduce(light, on_screen, size) for light in [*(v.light for v in views), *rights]]
-    light = [picture for picture, _ in shown]
+    eyes = 1 if views[0].right is None else 2
+    shown = [
+        _reduce(light, on_screen, size)
+        for view in views
+        for light in (view.light, view.right)[:eyes]
+        if light is not None
+    ]
     small_mask = shown[0][1]
-    peak = max(float(picture.max()) for picture in light) or 1.0
-    data = {
-        "rows": small_mask.shape[0],
-        "cols": small_mask.shape[1],
-        "sourceRows": rows,
-        "sourceCols": cols,
-        "white": float(white),
-        "peak": peak,
-        "power": POWER,
-        "stereo": bool(rights),
-        "halfAngle": None if half_angle_deg is None else float(half_angle_deg),
-        "views": [{"name": v.name, "note": v.note, "kind": v.kind} for v in views],
-    }
+    maps = _maps(views, small_mask)
     html = _environment().from_string(_resource("compare.html.j2"))
-    write_whole(
-        Path(path),
-        html.render(
+
+    def rendered(packed: Packed) -> bytes:
+        data = {
+            "rows": small_mask.shape[0],
+            "cols": small_mask.shape[1],
+            "sourceRows": rows,
+            "sourceCols": cols,
+            "white": float(white),
+            "peak": packed.peak,
+            "power": POWER,
+            "top": packed.top,
+            "tile": TILE,
+            "bases": packed.bases,
+            "stereo": eyes == 2,
+            "dome": None if theatre is None else _dome(theatre),
+            "maps": maps.settings,
+            "views": [{"name": v.name, "note": v.note, "kind": v.kind} for v in views],
+        }
+        page = html.render(
             title=title,
             subtitle=subtitle,
             data=data,
             reduced=small_mask.shape != (rows, cols),
+            eyes=eyes,
             figures=figures,
             facts=facts,
             style=_resource("compare.css"),
             scripts=[_resource(name) for name in SCRIPTS],
-            payloads=[_pack(picture, peak) for picture in light],
-            mask_payload=_deflate(np.packbits(small_mask).tobytes()),
-        ).encode("utf-8", "replace"),  # names of files may be any bytes
-    )
+            payloads=packed.payloads,
+            maps=maps.payloads,
+            mask_payload=deflated(np.packbits(small_mask).tobytes()),
+            errors=[(share, 100 * packed.error(share)) for share in (1e-2, 1e-4)],
+        )
+        return page.encode("utf-8", "replace")  # names of files may be any bytes
+
+    empty = Packed(FINEST, 1.0, ((),) * len(shown), ("",) * len(shown))
+    pixels = max(1.0, small_mask.size / 1024**2)
+    room = BYTES * pixels - len(rendered(empty)) - 1000  # for digits of what is not yet known
+    packed = pack([picture for picture, _ in shown], small_mask, eyes, room)
+    write_whole(Path(path), rendered(packed))
 
 
-def _require_settings(white: float, size: int, half_angle_deg: float | None) -> None:
+@dataclass(frozen=True)
+class _Maps:
+    """Maps of visible differences, as the page carries them; `settings` is None without any."""
+
+    settings: dict[str, Any] | None
+    payloads: list[tuple[int, int, str]]  # view, eye, base64
+
+
+def _maps(views: Sequence[View], mask: Mask) -> _Maps:
+    payloads = []
+    size = (0, 0)
+    for number, view in enumerate(views):
+        for eye, lost in enumerate(() if view.lost is None else view.lost):
+            side = min(MAP_SIZE, max(lost.shape))
+            everywhere = np.ones(lost.shape, np.bool_)
+            small, _ = _reduce(lost[..., None].repeat(3, axis=-1), everywhere, side)
+            size = small.shape[:2]
+            at = [np.arange(n) * m // n for n, m in zip(size, mask.shape, strict=True)]
+            packed = packed_map(in_thresholds(small[..., 0]), mask[np.ix_(*at)])
+            payloads.append((number, eye, packed))
+    if not payloads:
+        return _Maps(None, [])
+    settings = {"rows": size[0], "cols": size[1], "least": LEAST, "perOctave": PER_OCTAVE}
+    return _Maps(settings | {"jod": JOD, "exponent": EXPONENT, "still": STILL}, payloads)
+
+
+def _dome(theatre: Theatre) -> dict[str, Any]:
+    """What a picture from a seat is computed of, in the room's frame: m and degrees."""
+    dome, floor, wall = theatre.dome, theatre.floor, theatre.wall
+    seats = [
+        {
+            "name": name,
+            "eye": [round(float(x), 4) for x in place.position],
+            "lookAt": [round(float(x), 4) for x in place.look_at],
+            "field": round(float(np.degrees(place.field)), 3),
+        }
+        for name, place in theatre.viewpoints.items()
+    ]
+    return {
+        "radius": dome.radius,
+        "halfAngle": float(np.degrees(dome.half_angle)),
+        "tilt": float(np.degrees(dome.tilt)),
+        "heightRatio": dome.height_ratio,
+        "truncatedBelow": dome.truncated_below,
+        "floor": None if floor is None else [float(floor.height), float(floor.radius)],
+        "wall": None if wall is None else [float(wall.radius), float(wall.bottom), float(wall.top)],
+        "gain": not theatre.lambertian,
+        "seats": seats,
+    }
+
+
+def _require_settings(white: float, size: int) -> None:
     if not (np.isfinite(white) and white > 0):
         raise InputError(f"the compare page takes projector white > 0 cd/m², got {white}")
     if size < 16:
         raise InputError(f"the compare page takes a size of at least 16 pixels, got {size}")
-    if half_angle_deg is not None and not 0 < half_angle_deg <= 180:
-        raise InputError(
-            f"the compare page takes a half angle above 0° and up to 180°, got {half_angle_deg}"
-        )
 
 
 def _require_views(views: Sequence[View], mask: Mask | None) -> None:
@@ -208,6 +293,8 @@ def _require_views(views: Sequence[View], mask: Mask | None) -> None:
         _require_light(f"view {view.name!r}", view.light, first.light.shape, mask)
         if view.right is not None:
             _require_light(f"view {view.name!r}, right eye,", view.right, first.light.shape, mask)
+        if view.lost is not None:
+            _require_map(view, 1 if view.right is None else 2)
 
 
 def _require_light(who: str, light: FloatArray, shape: tuple[int, ...], mask: Mask | None) -> None:
@@ -225,6 +312,17 @@ def _require_light(who: str, light: FloatArray, shape: tuple[int, ...], mask: Ma
         raise InputError(f"{who} must be finite on the screen, got NaN or infinity")
     if lit.min() < -ROUNDING:
         raise InputError(f"{who} must be light >= 0, got {lit.min():.3g}")
+
+
+def _require_map(view: View, eyes: int) -> None:
+    lost = view.lost
+    assert lost is not None
+    if lost.ndim != 3 or len(lost) != eyes or lost.size == 0:
+        raise InputError(
+            f"view {view.name!r} must have a map ({eyes}, row, col), got shape {lost.shape}"
+        )
+    if not (np.isfinite(lost).all() and lost.min() >= 0):
+        raise InputError(f"view {view.name!r} must have a map of finite differences >= 0")
 
 
 def _require_figures(figures: Sequence[Figure], views: Sequence[View]) -> None:
@@ -278,18 +376,6 @@ def _averaging(before: int, after: int) -> csr_array[Any, tuple[int, int]]:
     return csr_array(
         (weight[inside].astype(np.float32), (new[inside], old[inside])), shape=(after, before)
     )
-
-
-def _pack(light: NDArray[np.float32], peak: float) -> str:
-    """Encode light as the page stores it (see the module's docstring)."""
-    codes = np.rint(TOP_CODE * (light.astype(np.float64) / peak) ** (1 / POWER)).astype("<u2")
-    planes = np.moveaxis(codes, -1, 0)
-    steps = np.diff(planes, axis=2, prepend=np.zeros_like(planes[:, :, :1]))
-    return _deflate(steps.astype("<u2").tobytes())
-
-
-def _deflate(data: bytes) -> str:
-    return base64.b64encode(zlib.compress(data, 6)).decode("ascii")
 
 
 def _environment() -> Environment:

@@ -19,7 +19,7 @@ def photograph(page: Path, picture: Path) -> None:
     browser_path = shutil.which("chromium") or shutil.which("google-chrome")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=browser_path, args=list(_QUIET))
-        view = browser.new_page(viewport={"width": 1440, "height": 900})
+        view = browser.new_page(viewport={"width": 1440, "height": 900}, color_scheme="dark")
         view.goto(page.resolve().as_uri())
         view.wait_for_function("window.domesimViewer && window.domesimViewer.ready")
         view.wait_for_timeout(1500)

@@ -1,14 +1,15 @@
 "use strict";
-// The light of the compare page: payload -> 16-bit codes -> levels of halved size, and the colour
-// maps for differences. compare.js shows it.
+// The light of the compare page: payload -> codes of its cube root -> levels of halved size, and the
+// colour maps for differences. compare.js shows it.
 const domesimLight = (() => {
   const page = JSON.parse(document.getElementById("page-data").textContent);
   const { rows, cols } = page;
   const brightest = page.white * page.peak; // cd/m² of the top code
   const LUMA = [0.2126, 0.7152, 0.0722]; // BT.709
 
-  const nits = Float64Array.from({ length: 65536 }, (_, v) => brightest * (v / 65535) ** page.power);
-  const codeOf = (value) => Math.round(65535 * (value / brightest) ** (1 / page.power));
+  const { top, tile } = page;
+  const nits = Float64Array.from({ length: top + 1 }, (_, v) => brightest * (v / top) ** page.power);
+  const codeOf = (value) => Math.min(top, Math.round(top * (value / brightest) ** (1 / page.power)));
 
   async function inflate(node) {
     const text = atob(node.textContent.trim());
@@ -19,22 +20,80 @@ const domesimLight = (() => {
     return new Response(plain).arrayBuffer();
   }
 
-  // Each row is stored as differences; Uint16Array wraps modulo 65536, as the writer did.
-  function integrate(codes) {
-    for (let start = 0; start < codes.length; start += cols)
-      for (let i = start + 1; i < start + cols; i++) codes[i] += codes[i - 1];
+  // Between the tiles' centres; beyond the outermost it is theirs. Fills `line` with a row.
+  function interpolate(grid, start, row, line) {
+    const down = Math.ceil(rows / tile), across = Math.ceil(cols / tile);
+    const place = (pixel, last) => {
+      const at = Math.min(last, Math.max(0, (pixel + 0.5) / tile - 0.5));
+      const before = Math.min(Math.floor(at), Math.max(last - 1, 0));
+      return [before, Math.min(before + 1, last), at - before];
+    };
+    const [above, below, part] = place(row, down - 1);
+    const values = Float64Array.from({ length: across }, (_, k) =>
+      grid[start + above * across + k] * (1 - part) + grid[start + below * across + k] * part);
+    for (let col = 0; col < cols; col++) {
+      const [left, right, share] = place(col, across - 1);
+      line[col] = values[left] * (1 - share) + values[right] * share;
+    }
+  }
+
+  // As compensate/packing.py writes: coefficients of the prediction, then what is off it.
+  function decode(buffer, bases, alpha) {
+    const plane = rows * cols, tiles = Math.ceil(rows / tile) * Math.ceil(cols / tile);
+    const grids = bases.length ? 3 * (bases.length + 1) * tiles : 0, start = 4 * (grids + 3);
+    const numbers = new Float32Array(buffer, 0, grids + 3);
+    const small = new Uint8Array(buffer, start, 3 * plane);
+    const large = new Uint32Array(buffer.slice(start + 3 * plane));
+    const codes = new Uint16Array(3 * plane), off = new Int32Array(3 * plane);
+    for (let i = 0, next = 0, value = 0; i < off.length; i++) {
+      if (i % cols === 0) value = 0;
+      const folded = small[i] < 255 ? small[i] : 255 + large[next++];
+      off[i] = value += folded & 1 ? -((folded + 1) >> 1) : folded >> 1;
+    }
+    if (!bases.length) {
+      for (let i = 0; i < plane; i++) {
+        codes[plane + i] = off[plane + i];
+        codes[i] = off[plane + i] + off[i];
+        codes[2 * plane + i] = off[plane + i] + off[2 * plane + i];
+      }
+      return codes;
+    }
+    const unit = Float64Array.from({ length: top + 1 }, (_, v) => page.peak * (v / top) ** page.power);
+    const known = bases.map((base) => levels[base][0].codes);
+    const lines = Array.from({ length: bases.length + 1 }, () => new Float64Array(cols));
+    for (let primary = 0; primary < 3; primary++) {
+      const least = numbers[grids + primary];
+      for (let row = 0; row < rows; row++) {
+        lines.forEach((line, k) => interpolate(numbers, (primary * lines.length + k) * tiles, row, line));
+        for (let col = 0, i = primary * plane + row * cols; col < cols; col++, i++) {
+          if (!alpha[row * cols + col]) continue;
+          let light = 0;
+          for (let k = 0; k < known.length; k++) light += lines[k][col] * unit[known[k][i]];
+          light = Math.max(light + lines[known.length][col], least, 0);
+          codes[i] = Math.min(top, Math.floor(top * Math.cbrt(light / page.peak) + 0.5)) + off[i];
+        }
+      }
+    }
     return codes;
   }
 
+  const differences = new Map(); // "view eye" -> codes of a map of visible differences
   const levels = []; // levels[picture][k]: the picture at 1/2^k of its size
   async function read(progress) {
     const packed = new Uint8Array(await inflate(document.querySelector("[data-payload=mask]")));
     const alpha = new Uint8Array(rows * cols);
     for (let i = 0; i < alpha.length; i++) alpha[i] = packed[i >> 3] & (128 >> (i & 7)) ? 255 : 0;
-    for (const node of document.querySelectorAll("[data-payload=view], [data-payload=right]")) {
-      progress(levels.length + 1);
-      const codes = integrate(new Uint16Array(await inflate(node)));
-      levels.push([{ rows, cols, codes, alpha }]);
+    for (const node of document.querySelectorAll("[data-payload=picture]")) {
+      const number = Number(node.dataset.picture);
+      progress(number + 1);
+      const codes = decode(await inflate(node), page.bases[number], alpha);
+      levels[number] = [{ rows, cols, codes, alpha }];
+    }
+    const { maps } = page;
+    for (const node of document.querySelectorAll("[data-payload=map]")) {
+      const codes = new Uint8Array(await inflate(node));
+      for (let i = 0; i < codes.length; i++) if (i % maps.cols) codes[i] += codes[i - 1];
+      differences.set(`${node.dataset.view} ${node.dataset.eye}`, codes);
     }
   }
 
@@ -115,5 +174,5 @@ const domesimLight = (() => {
     magnitude: Array.from({ length: RAMP }, (_, i) => cividis(i / (RAMP - 1))),
   };
 
-  return { page, brightest, LUMA, nits, codeOf, levels, read, levelOf, luminance, RAMP, ramps };
+  return { page, brightest, LUMA, nits, codeOf, levels, differences, read, levelOf, luminance, RAMP, ramps };
 })();

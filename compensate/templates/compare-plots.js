@@ -4,7 +4,7 @@
 const domesimPlots = (() => {
   const { page, brightest, levels, luminance } = domesimLight;
   const { rows, cols } = page;
-  const LEFT = 38, RIGHT = 8, TOP = 6, BOTTOM = 16; // margins, CSS pixels
+  const LEFT = 44, RIGHT = 8, TOP = 6, BOTTOM = 16; // margins, CSS pixels
   const DECADES = 5, BINS = 100;
 
   const topDecade = Math.ceil(Math.log10(brightest) - 1e-9);

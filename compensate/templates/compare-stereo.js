@@ -1,10 +1,10 @@
 "use strict";
 // What two eyes make of a view: the anaglyph, and the ghost (light of one eye's picture that reached
-// the other eye). Pictures are numbered as they are stored: all left eyes', then all right eyes'.
+// the other eye). Pictures are numbered as they are stored: each view's left eye's, then its right eye's.
 const domesimStereo = (() => {
   const { page, LUMA, nits, levels } = domesimLight;
   const PLAIN = ["left", "right", "both", "wiggle"]; // these show pictures as they are
-  const pictureOf = (view, eye) => (eye === "right" ? page.views.length : 0) + view;
+  const pictureOf = (view, eye) => (page.stereo ? 2 * view + (eye === "right" ? 1 : 0) : view);
 
   // Red-cyan anaglyph of least squares in CIE XYZ: E. Dubois, "A projection method to generate
   // anaglyph stereo images", ICASSP 2001. For a CRT's primaries and the filters REEL3D 7003, from

@@ -1,7 +1,7 @@
 "use strict";
-// The viewer of the compare page. The data's way: 16-bit codes (compare-light.js) -> exposure and display
-// encoding, one table of 65536 entries -> 8-bit canvas per picture -> placed in cells on the picture.
-// A view has one picture, or one for each eye (compare-stereo.js).
+// The viewer of the compare page. The data's way: codes of light (compare-light.js) -> exposure and display
+// encoding, one table of all codes -> 8-bit canvas per picture -> placed in cells on the picture, or on
+// the dome (compare-dome.js). A view has one picture, or one for each eye (compare-stereo.js).
 // Everything on screen follows from `state`; handlers change it and call `draw`.
 (() => {
   const byId = (id) => document.getElementById(id);
@@ -11,10 +11,12 @@
   const { page, brightest, LUMA, nits, codeOf, levels, levelOf, luminance, RAMP, ramps } = domesimLight;
   const { PLAIN, pictureOf, anaglyph, ghost, meanResidual } = domesimStereo;
   const { drawProfile, drawHistogram } = domesimPlots;
+  const visible = domesimVisible, theatre = domesimDome;
   const { rows, cols, white, views, stereo } = page;
   const pictures = stereo ? 2 * views.length : views.length;
   const NEUTRAL = { exposure: 0, gamma: "sRGB" };
   const MAX_ZOOM = 64;
+  const LEAST_STOPS = -8;
   const HOLD_MS = 350; // a press longer than this was a look, not a flip
 
   const master = views.findIndex((view) => view.kind === "master");
@@ -43,7 +45,16 @@
     rate: 4, // of the wiggle, pictures a second
     ghostOf: "both",
     ghostGain: 4, // stops, on top of the exposure
+    layer: "light", // or visible: maps of what is seen of the differences
+    line: 1, // their threshold line, JND
+    place: "flat", // or dome: seen from a seat
+    seat: theatre ? Math.max(0, theatre.seats.findIndex(({ name }) => name === "centre")) : 0,
+    look: null, // { turn, rise, field }, degrees
+    displayWhite: 200, // of the reader's display, cd/m²
+    presenting: false,
   };
+  if (theatre) state.look = theatre.facing(state.seat);
+  const inDome = () => state.place === "dome";
   state.shown = state.a;
   const reference = () => (master >= 0 ? master : state.a);
 
@@ -54,12 +65,12 @@
     return light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055;
   }
 
-  const table = { key: "", codes: new Uint8Array(65536) };
+  const table = { key: "", codes: new Uint8Array(page.top + 1) };
   function displayTable() {
     const key = `${state.exposure} ${state.gamma}`;
     if (table.key !== key) {
       const gain = 2 ** state.exposure / white;
-      for (let v = 0; v < 65536; v++) table.codes[v] = Math.round(255 * encode(Math.min(1, gain * nits[v])));
+      for (let v = 0; v <= page.top; v++) table.codes[v] = Math.round(255 * encode(Math.min(1, gain * nits[v])));
       table.key = key;
     }
     return table;
@@ -80,7 +91,7 @@
       fill(image.data);
       for (let i = 0; i < level.alpha.length; i++) image.data[4 * i + 3] = level.alpha[i];
       context.putImageData(image, 0, 0);
-      entry.key = key;
+      entry.key = entry.canvas.painted = key;
     }
     return entry.canvas;
   }
@@ -108,7 +119,19 @@
     });
   }
 
+  let mapAlpha = null; // of the screen, at the maps' size
+  function paintVisible(view, eye) {
+    const { maps } = visible, { alpha } = levels[0][0];
+    mapAlpha ||= Uint8Array.from({ length: maps.rows * maps.cols }, (_, i) =>
+      alpha[Math.floor((Math.floor(i / maps.cols) * rows) / maps.rows) * cols + Math.floor(((i % maps.cols) * cols) / maps.cols)]);
+    const canvas = paint(`visible/${view}/${eye}`, String(state.line), { ...maps, alpha: mapAlpha },
+      (pixels) => visible.fill(view, eye, state.line, pixels));
+    canvas.whole = true;
+    return canvas;
+  }
+
   function paintView(view, eye, k) {
+    if (state.layer === "visible") return paintVisible(view, eye);
     const at = (of, which) => levelOf(pictureOf(of, which), k);
     const left = at(view, "left"), right = stereo && at(view, "right"), shown = at(view, eye);
     if (state.eye === "difference") return paintDifference(`eyes/${view}/${k}`, left, right);
@@ -180,6 +203,7 @@
 
   const picture = byId("picture"), frame = byId("frame");
   const context = picture.getContext("2d");
+  const domeView = theatre && theatre.renderer(byId("dome"));
   const ratio = () => window.devicePixelRatio || 1;
   const GAP = 4, LABEL = 22; // CSS pixels of the grid
 
@@ -230,12 +254,26 @@
     return { x: (event.clientX - box.left) * ratio(), y: (event.clientY - box.top) * ratio() };
   }
 
+  // Where the middle of a picture's pixel is on the canvas, or null if that is behind the reader.
+  function placeIn(cell, row, col) {
+    if (!inDome()) {
+      const { x, y } = origin(cell);
+      return { x: x + (col + 0.5) * state.zoom, y: y + (row + 0.5) * state.zoom };
+    }
+    const at = theatre.placeOf(theatre.seats[state.seat].eye, state.look, row + 0.5, col + 0.5, cell.w, cell.h);
+    return at && { x: cell.x + at.x, y: cell.y + at.y };
+  }
+
   function cellAt(point) {
     const inside = (c) => point.x >= c.x && point.x < c.x + c.w && point.y >= c.y && point.y < c.y + c.h;
     return cells().find(inside) || cells()[0];
   }
 
   function toPicture(point, cell = cellAt(point)) {
+    if (inDome()) {
+      const ray = theatre.rayAt(state.look, point.x - cell.x, point.y - cell.y, cell.w, cell.h);
+      return theatre.pictureAt(theatre.seats[state.seat].eye, ray);
+    }
     const { x, y } = origin(cell);
     return { row: (point.y - y) / state.zoom, col: (point.x - x) / state.zoom };
   }
@@ -253,6 +291,7 @@
 
   // Zoom so that the picture's point below `point` stays there.
   function zoomTo(zoom, point = null) {
+    if (inDome()) return narrow(state.zoom / zoom);
     const cell = point ? cellAt(point) : cells()[0];
     const at = point || { x: cell.x + cell.w / 2, y: cell.y + cell.h / 2 };
     const held = toPicture(at, cell);
@@ -266,8 +305,21 @@
 
   function fit() {
     state.fit = true;
+    if (inDome()) state.look = theatre.facing(state.seat);
     draw();
   }
+
+  // Another direction, and a wider or narrower field, from the seat; degrees.
+  function lookAround(right, up, wider = 1) {
+    const { turn, rise, field } = state.look;
+    state.look = {
+      turn: ((turn + right + 540) % 360) - 180,
+      rise: clamp(rise + up, -89.9, 89.9),
+      field: clamp(field * wider, theatre.NEAR, theatre.WIDE),
+    };
+    draw();
+  }
+  const narrow = (factor) => lookAround(0, 0, factor);
 
   // ---------------------------------------------------------------- drawing
 
@@ -292,13 +344,16 @@
 
   function drawPicture() {
     context.clearRect(0, 0, picture.width, picture.height);
+    if (inDome()) domeView.clear();
     cells().forEach((cell, number) => {
       if (state.mode === "split") drawSplit(cell, number > 0);
-      else if (state.mode === "difference") place(cell, cell, (k) => paintFromReference(cell.eye, k));
-      else place(cell, cell, (k) => paintView(cell.view, cell.eye, k));
+      else place(cell, cell, painterOf(cell));
       markProbe(cell);
     });
   }
+
+  const painterOf = (cell) => (k) =>
+    state.mode === "difference" ? paintFromReference(cell.eye, k) : paintView(cell.view, cell.eye, k);
 
   // The first cell's line is the handle; the second eye's is drawn.
   function drawSplit(cell, drawLine) {
@@ -312,23 +367,31 @@
 
   // Put a painted view into `cell`, as far as it lies in `part`.
   function place(cell, part, painter) {
+    if (inDome()) return placeOnDome(cell, part, painter(0));
     const k = state.zoom < 1 ? Math.min(6, Math.floor(Math.log2(1 / state.zoom) + 1e-6)) : 0;
     const canvas = painter(k), { x, y } = origin(cell), scale = state.zoom * 2 ** k;
+    const [wide, high] = canvas.whole ? [cols * state.zoom, rows * state.zoom] : [canvas.width * scale, canvas.height * scale];
     context.save();
     context.beginPath();
     context.rect(part.x, part.y, part.w, part.h);
     context.clip();
     context.imageSmoothingEnabled = state.zoom < 2 && scale !== 1;
     context.imageSmoothingQuality = "high";
-    context.drawImage(canvas, x, y, canvas.width * scale, canvas.height * scale);
+    context.drawImage(canvas, x, y, wide, high);
     context.restore();
+  }
+
+  function placeOnDome(cell, part, canvas) {
+    const box = ({ x, y, w, h }) => [Math.round(x), Math.round(picture.height - y - h), Math.round(w), Math.round(h)];
+    const matrix = theatre.basis(state.look, cell.w, cell.h);
+    domeView.draw(canvas, canvas.painted, theatre.seats[state.seat].eye, matrix, box(cell), box(part));
   }
 
   function markProbe(cell) {
     if (!state.probe || !(state.pinned || cells().length > 1)) return;
-    const { x, y } = origin(cell), { row, col } = state.probe, unit = ratio();
-    const half = Math.max((state.area / 2) * state.zoom, 4 * unit);
-    const px = x + (col + 0.5) * state.zoom, py = y + (row + 0.5) * state.zoom;
+    const { row, col } = state.probe, unit = ratio(), at = placeIn(cell, row, col);
+    if (!at) return;
+    const half = inDome() ? 4 * unit : Math.max((state.area / 2) * state.zoom, 4 * unit), { x: px, y: py } = at;
     context.save();
     context.beginPath();
     context.rect(cell.x, cell.y, cell.w, cell.h);
@@ -339,7 +402,7 @@
       context.strokeRect(px - half, py - half, 2 * half, 2 * half);
     }
     context.fillStyle = "rgb(255 255 255 / .22)"; // the row of the profile
-    if (state.pinned) {
+    if (state.pinned && !inDome()) {
       const line = Math.round(py);
       context.fillRect(cell.x, line, Math.max(0, px - half - cell.x), unit);
       context.fillRect(px + half, line, Math.max(0, cell.x + cell.w - px - half), unit);
@@ -360,6 +423,7 @@
   }
 
   function eyeText(eye) {
+    if (state.layer === "visible") return `visible differences${stereo ? `, ${eye} eye` : ""}`;
     if (!stereo) return "";
     const made = { difference: "left minus right", anaglyph: "anaglyph", ghost: `ghost only, ${eye} eye` };
     return made[state.eye] || (state.playing ? "wiggle" : `${eye} eye`);
@@ -370,7 +434,7 @@
   function drawLabels() {
     const strip = byId("labels"), grid = [];
     strip.style.setProperty("--split", `${100 * state.split}%`);
-    const key = JSON.stringify([state.mode, state.a, state.b, state.shown, state.eye, state.playing, cells()]);
+    const key = JSON.stringify([state.mode, state.a, state.b, state.shown, state.eye, state.playing, state.layer, cells()]);
     if (key === labelled) return;
     labelled = key;
     const eyes = eyesShown(), paired = eyes.length > 1, eye = paired ? "" : eyeText(eyes[0]);
@@ -394,21 +458,24 @@
   function drawControls() {
     drawLabels();
     const split = byId("split"), cell = cells()[0];
-    const difference = state.mode === "difference" || state.eye === "difference", ghostly = state.eye === "ghost";
+    const maps = state.layer === "visible";
+    const difference = !maps && (state.mode === "difference" || state.eye === "difference");
+    const ghostly = maps || state.eye === "ghost";
     split.hidden = state.mode !== "split";
     split.style.top = `${cell.y / ratio()}px`;
     split.style.left = `${(100 * (cell.x + state.split * cell.w)) / picture.width}%`;
     split.setAttribute("aria-valuenow", Math.round(100 * state.split));
     split.setAttribute("aria-valuetext", `${Math.round(100 * state.split)} % A`);
-    byId("zoom-value").textContent = `${Math.round(100 * state.zoom)} %`;
-    byId("zoom-fit").setAttribute("aria-pressed", state.fit);
-    byId("zoom-one").setAttribute("aria-pressed", state.zoom === 1);
+    byId("zoom-value").textContent = inDome() ? `${Math.round(state.look.field)}°` : `${Math.round(100 * state.zoom)} %`;
+    byId("zoom-fit").setAttribute("aria-pressed", state.fit && !inDome());
+    byId("zoom-one").setAttribute("aria-pressed", state.zoom === 1 && !inDome());
+    byId("zoom-one").disabled = inDome();
 
-    for (const name of ["mode", "a", "b", "gamma", "area", "axis", "eye", "ghostOf"])
+    for (const name of ["mode", "a", "b", "gamma", "area", "axis", "eye", "ghostOf", "layer", "place"])
       for (const input of all(`input[name=${name}]`)) input.checked = input.value === String(state[name]);
-    const visible = { split: [state.a, state.b], flip: [state.shown], grid: [], difference: [] }[state.mode];
+    const shown = { split: [state.a, state.b], flip: [state.shown], grid: [], difference: [] }[state.mode];
     for (const button of all("[data-show]"))
-      button.classList.toggle("visible", visible.includes(Number(button.dataset.show)));
+      button.classList.toggle("visible", shown.includes(Number(button.dataset.show)));
 
     byId("exposure").value = state.exposure;
     byId("exposure-value").textContent = `${stops(state.exposure)} stops`;
@@ -427,9 +494,37 @@
     byId("scale").value = state.scaleStep;
     byId("scale-value").textContent = `${state.signed ? "±" : ""}${steps[state.scaleStep]} cd/m²`;
     byId("scale-auto").setAttribute("aria-pressed", state.scaleAuto);
-    byId("legend").hidden = !difference;
+    byId("legend").hidden = !difference && !maps;
     if (difference) drawLegend();
+    if (maps) drawVisibleLegend();
+    if (visible.maps) drawVisible();
+    if (theatre) drawTheatre();
     if (stereo) drawEyes();
+    const bright = white / state.displayWhite;
+    byId("one-to-one").setAttribute("aria-pressed", Math.abs(state.exposure - oneToOne()) < 0.005);
+    byId("one-to-one-note").textContent =
+      `At 1:1 a display of ${state.displayWhite} cd/m² shows the theatre's own luminances: white of ${format(white)} cd/m² is `
+      + `${Number((100 * bright).toPrecision(2))} % of its light. See it in a dark room.`;
+    document.body.classList.toggle("presenting", state.presenting);
+    byId("present").setAttribute("aria-pressed", state.presenting);
+  }
+
+  function drawVisible() {
+    paintVisible(master < 0 ? 0 : master, "left"); // the shares need the maps' screen
+    byId("line").value = visible.LINES.indexOf(state.line);
+    byId("line-value").textContent = `${state.line} JND`;
+    for (const row of all("#visible-share tbody tr")) {
+      const found = visible.summary(Number(row.dataset.view), row.dataset.eye, state.line, mapAlpha);
+      const texts = !found ? ["–", "–"] : [`${Number((100 * found.above).toPrecision(3))} %`, String(Number(found.lost.toPrecision(3)))];
+      row.querySelectorAll("td").forEach((field, i) => (field.textContent = texts[i]));
+    }
+  }
+
+  function drawTheatre() {
+    byId("picture").style.cursor = inDome() ? "grab" : "";
+    byId("dome").hidden = !inDome();
+    byId("seat").value = state.seat;
+    for (const part of all("[data-dome-only]")) part.hidden = !inDome();
   }
 
   function drawEyes() {
@@ -449,6 +544,26 @@
       line.querySelectorAll("td").forEach((field, i) =>
         (field.textContent = texts[i] < 5e-4 ? "0" : String(Number(texts[i].toPrecision(2)))));
     }
+  }
+
+  function drawVisibleLegend() {
+    const { LINES, MOST, share, jodOf } = visible;
+    const stops = Array.from({ length: 33 }, (_, i) => {
+      const below = i / 32 < share(state.line);
+      return `${below ? "rgb(22 22 22)" : `rgb(${ramps.magnitude[Math.round((i * (RAMP - 1)) / 32)]})`} ${(100 * i) / 32}%`;
+    });
+    const edge = 100 * share(state.line);
+    byId("darker").hidden = false;
+    byId("darker").textContent = "just seen";
+    byId("brighter").textContent = "JND (JOD if all of it were so)";
+    byId("ramp").style.background =
+      `linear-gradient(white, white) ${edge}% 0 / 2px 100% no-repeat, linear-gradient(to right, ${stops.join(",")})`;
+    const two = (value) => String(Number(value.toPrecision(value < 0.1 ? 1 : 2)));
+    byId("ticks").replaceChildren(...[1, 5, 20, 100].map((value) => {
+      const tick = make("span", "", `${value} (${two(jodOf(value))})`);
+      tick.style.left = `${100 * share(value)}%`;
+      return tick;
+    }));
   }
 
   function drawLegend() {
@@ -495,19 +610,19 @@
       return { r, g, b, y: LUMA[0] * r + LUMA[1] * g + LUMA[2] * b };
     };
     const values = views.map(({ name }, view) =>
-      ({ name, ...meanIn(view), ...(stereo && { right: meanIn(pictureOf(view, "right")) }) }));
+      ({ name, ...meanIn(pictureOf(view, "left")), ...(stereo && { right: meanIn(pictureOf(view, "right")) }) }));
     return { row, col, onScreen, direction: directionOf(row, col), views: values };
   }
 
   // Equidistant domemaster, front at the bottom: degrees from the zenith, and from the front
   // towards the right of the picture.
   function directionOf(row, col) {
-    if (page.halfAngle === null) return null;
+    if (!theatre) return null;
     const radius = Math.min(rows, cols) / 2;
     const right = (col + 0.5 - cols / 2) / radius, front = (row + 0.5 - rows / 2) / radius;
     if (Math.hypot(right, front) > 1) return null;
     const azimuth = (Math.atan2(right, front) * 180) / Math.PI;
-    return { zenith: Math.hypot(right, front) * page.halfAngle, azimuth: (azimuth + 360) % 360 };
+    return { zenith: Math.hypot(right, front) * theatre.dome.halfAngle, azimuth: (azimuth + 360) % 360 };
   }
 
   function drawReadings() {
@@ -516,6 +631,11 @@
     byId("where").textContent = !reading ? "Point at the picture."
       : `row ${reading.row}, col ${reading.col}` + (!reading.onScreen ? ": outside the screen"
         : reading.direction ? ` · zenith angle ${reading.direction.zenith.toFixed(1)}°, azimuth ${reading.direction.azimuth.toFixed(1)}°` : "");
+    const seen = !visible.maps || !reading || !reading.onScreen ? [] : views.flatMap(({ kind }, view) => {
+      const value = visible.at(view, plottedEye(), reading.row, reading.col);
+      return value === null || kind !== "seen" ? [] : [`${view + 1}: ${Number(value.toPrecision(2))}`];
+    });
+    byId("probe-visible").textContent = seen.length ? `Visible difference, JND: ${seen.join(" · ")}` : "";
     const display = displayTable().codes;
     for (const line of all(".probe tbody tr")) {
       const view = Number(line.dataset.view), fields = line.querySelectorAll("td");
@@ -546,6 +666,7 @@
 
   function setMode(mode, shown = state.shown) {
     Object.assign(state, { mode, shown });
+    if (mode === "difference") state.layer = "light";
     if (mode === "difference" && !PLAIN.includes(state.eye)) state.eye = "left";
     draw();
   }
@@ -554,8 +675,58 @@
   const stillness = matchMedia("(prefers-reduced-motion: reduce)");
   function setEye(eye) {
     if (state.mode === "difference" && !PLAIN.includes(eye)) Object.assign(state, { mode: "flip", shown: state.b });
+    if (!PLAIN.includes(eye)) state.layer = "light";
     Object.assign(state, { eye, phase: "left" });
     setPlaying(eye === "wiggle" && !stillness.matches);
+  }
+
+  // Light, or the map of visible differences, which is of one eye alone.
+  function setLayer(layer) {
+    if (!visible.maps) return;
+    if (layer === "visible" && state.mode === "difference") state.mode = "split";
+    if (layer === "visible" && !PLAIN.includes(state.eye)) state.eye = "left";
+    state.layer = layer;
+    draw();
+  }
+
+  function setPlace(place) {
+    if (!domeView) return;
+    state.place = place;
+    draw();
+  }
+
+  function setSeat(seat) {
+    Object.assign(state, { seat, look: theatre.facing(seat) });
+    draw();
+  }
+
+  // The stage alone, in the whole window; in the whole screen where the browser lets it.
+  function present(presenting) {
+    state.presenting = presenting;
+    if (presenting && document.fullscreenEnabled) document.documentElement.requestFullscreen().catch(() => {});
+    else if (!presenting && document.fullscreenElement) document.exitFullscreen();
+    draw();
+  }
+
+  const oneToOne = () => Math.round(100 * clamp(Math.log2(white / state.displayWhite), LEAST_STOPS, 10)) / 100;
+
+  let headset = null;
+  async function enterHeadset() {
+    byId("headset-note").textContent = "";
+    try {
+      const shown = () => {
+        const canvas = paintView(state.shown, "left", 0);
+        return { source: canvas, key: canvas.painted };
+      };
+      setPlace("dome");
+      if (state.mode !== "flip") setMode("flip", state.b);
+      headset = await theatre.enter(domeView, () => state.seat, shown, flip, () => {
+        headset = null;
+        draw();
+      });
+    } catch (error) {
+      byId("headset-note").textContent = `The headset could not be entered: ${error.message}`;
+    }
   }
 
   let beat = 0;
@@ -588,14 +759,14 @@
   }
 
   function setExposure(value) {
-    state.exposure = clamp(Math.round(value * 10) / 10, -4, 10);
+    state.exposure = clamp(Math.round(value * 100) / 100, LEAST_STOPS, 10);
     draw();
   }
 
   // Put the 95th percentile of the darker half of the master's lit pixels at mid-grey (18 %).
   // Pixels of no light at all have nothing to show and would send every star field to +10.
   function shadowExposure() {
-    const level = levels[reference()][0], lit = [];
+    const level = levels[pictureOf(reference(), "left")][0], lit = [];
     for (let i = 0; i < level.alpha.length; i++) {
       const value = level.alpha[i] ? luminance(level, i) : 0;
       if (value > 0) lit.push(value);
@@ -608,7 +779,7 @@
   function toggleDarkRoom() {
     state.darkRoom = !state.darkRoom;
     if (state.darkRoom) beforeDark = state.exposure;
-    setExposure(state.darkRoom ? shadowExposure() : beforeDark);
+    setExposure(state.darkRoom ? Math.round(10 * shadowExposure()) / 10 : beforeDark);
   }
 
   function reset() {
@@ -652,9 +823,15 @@
       if (others.length) {
         const spread = (p) => Math.max(1, Math.hypot(p.x - others[0].x, p.y - others[0].y));
         const middle = { x: (now.x + others[0].x) / 2, y: (now.y + others[0].y) / 2 };
-        zoomTo((state.zoom * spread(now)) / spread(before), middle);
+        if (inDome()) narrow(spread(before) / spread(now));
+        else zoomTo((state.zoom * spread(now)) / spread(before), middle);
       }
       const share = 1 / down.size; // two fingers moving together pan once
+      if (inDome()) { // what was grabbed stays below the pointer, in the middle of the view
+        const degrees = (share * (2 * Math.tan((state.look.field * Math.PI) / 360) * 180)) / Math.PI / cellAt(now).w;
+        const level = Math.max(0.2, Math.cos((state.look.rise * Math.PI) / 180));
+        return lookAround((-(now.x - before.x) * degrees) / level, (now.y - before.y) * degrees);
+      }
       state.centre.col -= (share * (now.x - before.x)) / state.zoom;
       state.centre.row -= (share * (now.y - before.y)) / state.zoom;
       state.fit = false;
@@ -677,13 +854,15 @@
       draw();
     });
     picture.addEventListener("dblclick", (event) => {
-      if (state.fit) zoomTo(state.zoom < 1 ? 1 : 4, toDevice(event));
+      if (state.fit && !inDome()) zoomTo(state.zoom < 1 ? 1 : 4, toDevice(event));
       else fit();
     });
     picture.addEventListener("wheel", (event) => {
       event.preventDefault();
       const lines = event.deltaMode === 1 ? 16 : 1;
-      zoomTo(state.zoom * Math.exp(-event.deltaY * lines * (event.ctrlKey ? 0.01 : 0.0015)), toDevice(event));
+      const factor = Math.exp(-event.deltaY * lines * (event.ctrlKey ? 0.01 : 0.0015));
+      if (inDome()) narrow(1 / factor);
+      else zoomTo(state.zoom * factor, toDevice(event));
     }, { passive: false });
   }
 
@@ -716,8 +895,11 @@
       "[": () => setExposure(state.exposure - 0.5), "]": () => setExposure(state.exposure + 0.5),
       "+": () => zoomTo(state.zoom * 1.25), "=": () => zoomTo(state.zoom * 1.25), "-": () => zoomTo(state.zoom / 1.25),
       "?": () => byId("help").showModal(),
-      Escape: () => { Object.assign(state, { pinned: false, probe: null }); draw(); },
+      v: () => setLayer(state.layer === "visible" ? "light" : "visible"),
+      n: () => present(!state.presenting),
+      Escape: () => { Object.assign(state, { pinned: false, probe: null }); present(false); },
     };
+    if (theatre) keys.t = () => setPlace(inDome() ? "flat" : "dome");
     if (stereo)
       Object.assign(keys, {
         e: () => setEye(state.eye === "left" ? "right" : "left"), p: () => setEye("both"), m: () => setEye("difference"),
@@ -730,6 +912,8 @@
       const ownKeys = event.target.closest("button, summary, input[type=radio]");
       const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
       if (key === " " && !ownKeys) press();
+      else if (key in arrows && event.target === picture && inDome())
+        lookAround(...[arrows[key][1], -arrows[key][0]].map((n) => n * (event.shiftKey ? 1 : 5)));
       else if (key in arrows && event.target === picture)
         movePin(...arrows[key].map((n) => n * (event.shiftKey ? 10 : 1)));
       else if (key >= "1" && key <= "9" && Number(key) <= views.length) setMode("flip", Number(key) - 1);
@@ -748,6 +932,9 @@
 
   function listenToControls() {
     const onClick = (id, action) => byId(id).addEventListener("click", action);
+    const onChange = (name, action) =>
+      all(`input[name=${name}]`).forEach((input) =>
+        input.addEventListener("change", () => { action(input.value); draw(); }));
     onClick("zoom-in", () => zoomTo(state.zoom * 1.25));
     onClick("zoom-out", () => zoomTo(state.zoom / 1.25));
     onClick("zoom-fit", fit);
@@ -756,6 +943,27 @@
     onClick("dark-room", toggleDarkRoom);
     onClick("reset", reset);
     onClick("help-open", () => byId("help").showModal());
+    onClick("present", () => present(!state.presenting));
+    onClick("present-end", () => present(false));
+    document.addEventListener("fullscreenchange", () => {
+      if (!document.fullscreenElement && state.presenting) present(false);
+    });
+    onClick("one-to-one", () => setExposure(oneToOne()));
+    byId("display-nits").addEventListener("change", (event) => {
+      state.displayWhite = clamp(Number(event.target.value) || 200, 1, 10000);
+      event.target.value = state.displayWhite;
+      draw();
+    });
+    matchMedia("(prefers-color-scheme: light)").addEventListener("change", draw);
+    if (visible.maps) {
+      onChange("layer", setLayer);
+      byId("line").max = visible.LINES.length - 1;
+      byId("line").addEventListener("input", (event) => {
+        state.line = visible.LINES[event.target.value];
+        draw();
+      });
+    }
+    if (theatre) listenToTheatre(onClick, onChange);
     onClick("scale-auto", () => { state.scaleAuto = !state.scaleAuto; draw(); });
     for (const button of all("[data-show]"))
       button.addEventListener("click", () => setMode("flip", Number(button.dataset.show)));
@@ -765,9 +973,6 @@
     for (const name of ["pointerup", "pointercancel", "pointerleave"]) flipButton.addEventListener(name, release);
     flipButton.addEventListener("click", (event) => event.detail === 0 && flip()); // by keyboard
 
-    const onChange = (name, action) =>
-      all(`input[name=${name}]`).forEach((input) =>
-        input.addEventListener("change", () => { action(input.value); draw(); }));
     onChange("mode", (value) => setMode(value));
     onChange("a", (value) => (state.a = Number(value)));
     onChange("b", (value) => (state.b = Number(value)));
@@ -793,6 +998,21 @@
     });
   }
 
+  function listenToTheatre(onClick, onChange) {
+    for (const [number, { name }] of theatre.seats.entries())
+      byId("seat").append(Object.assign(document.createElement("option"), { value: number, textContent: name }));
+    byId("seat").addEventListener("change", (event) => setSeat(Number(event.target.value)));
+    onChange("place", setPlace);
+    if (!domeView) {
+      for (const input of all("input[name=place]")) input.disabled = true;
+      byId("dome-missing").hidden = false;
+      return;
+    }
+    const offer = (there) => (byId("headset").hidden = !there);
+    navigator.xr?.isSessionSupported("immersive-vr").then(offer, () => offer(false));
+    onClick("headset", () => (headset ? headset.end() : enterHeadset()));
+  }
+
   function listenToEyes(onClick, onChange) {
     onChange("eye", setEye);
     onChange("ghostOf", (value) => (state.ghostOf = value));
@@ -808,8 +1028,7 @@
     const box = frame.getBoundingClientRect();
     const width = Math.max(1, Math.round(box.width * ratio())), height = Math.max(1, Math.round(box.height * ratio()));
     if (picture.width === width && picture.height === height) return;
-    picture.width = width;
-    picture.height = height;
+    for (const canvas of theatre ? [picture, byId("dome")] : [picture]) Object.assign(canvas, { width, height });
     if (levels.length === pictures) drawNow(); // at once: a resized canvas is empty
   }
 
@@ -840,11 +1059,9 @@
     state: () => structuredClone(state),
     probeAt,
     toWindow(row, col, cell = 0) {
-      const { x, y } = origin(cells()[cell]), box = picture.getBoundingClientRect();
-      return {
-        x: box.left + (x + (col + 0.5) * state.zoom) / ratio(),
-        y: box.top + (y + (row + 0.5) * state.zoom) / ratio(),
-      };
+      const at = placeIn(cells()[cell], row, col), box = picture.getBoundingClientRect();
+      return at && { x: box.left + at.x / ratio(), y: box.top + at.y / ratio() };
     },
+    light: () => levels.map(([{ codes }]) => Array.from(codes, (code) => nits[code])),
   };
 })();

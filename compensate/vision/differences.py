@@ -68,8 +68,8 @@ _MASKING = 10**-0.7954971194267273  # c
 _REACH = 3  # of G, pixels of the band
 _MOST = 10**2.5642454624176025  # D_max
 _BASE = (0.0036334486212581396, 1.6627724170684814, 4.11874532699585)
-_STILL = 0.577918291091919  # s
-_JOD, _EXPONENT = 0.0439569391310215, 0.9302042722702026  # a, e
+STILL = 0.577918291091919  # s
+JOD, EXPONENT = 0.0439569391310215, 0.9302042722702026  # a, e
 _STEPS = 256  # of luminance, an octave
 
 
@@ -119,7 +119,16 @@ def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -
         band = _band(levels, number, pixels_per_degree)
         difference = _pooled(mutually_masked(band.wanted, band.seen))
         total = expanded(total, difference.shape[-2:]) + np.float32(band.gain) * difference
-    return np.asarray(_JOD * (_STILL * total) ** _EXPONENT)
+    return np.asarray(JOD * (STILL * total) ** EXPONENT)
+
+
+def in_thresholds(lost: Floats) -> Planes:
+    """D of v, any shape: a difference of one mechanism in one band at its threshold has 1.
+
+    It is what a page calls just-noticeable differences (JND); parameters as `visible_difference`
+    returns them.
+    """
+    return np.asarray((np.maximum(lost, 0) / JOD) ** (1 / EXPONENT) / STILL, np.float32)
 
 
 def bands(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Band]:

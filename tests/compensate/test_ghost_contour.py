@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.experiments.quality.contour import ghost_contour
+from compensate.ghosts import ghost_contour
 
 
 def ghost() -> np.ndarray:
