@@ -1062,6 +1062,7 @@
       const at = placeIn(cells()[cell], row, col), box = picture.getBoundingClientRect();
       return at && { x: box.left + at.x / ratio(), y: box.top + at.y / ratio() };
     },
+    size: () => [picture.width / ratio(), picture.height / ratio()],
     light: () => levels.map(([{ codes }]) => Array.from(codes, (code) => nits[code])),
   };
 })();
