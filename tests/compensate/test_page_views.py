@@ -597,3 +597,43 @@ def test_on_paper_figures_are_whole(browser: Any, dome_file: Path) -> None:
     box = viewer.find("figures").bounding_box()
     assert box["x"] + box["width"] <= 700
     page.close()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seat", ["front", "centre"])
+def test_the_view_from_a_seat_is_the_path_tracers(browser: Any, tmp_path: Path, seat: str) -> None:
+    """Light that comes straight from the screen, within Delta E 1 in the middle of the picture."""
+    from colour import XYZ_to_Lab, delta_E  # noqa: PLC0415 - takes a second
+    from colour.models import RGB_COLOURSPACE_sRGB  # noqa: PLC0415
+
+    from domesim.pathtrace.tracer import Settings, Tracer  # noqa: PLC0415
+
+    size, width, height = 512, 320, 180
+    light = smooth(size, size)
+    path = tmp_path / "page.html"
+    screen = THEATRE.dome.inside(size, size)
+    write_page(path, [View("Master", light, kind="master")], title="T", subtitle="", white=WHITE,
+               mask=screen, theatre=THEATRE)  # fmt: skip
+    tracer = Tracer(THEATRE)
+    settings = Settings(least=16, most=16, bounces=1, per_bounce=True)
+    traced = tracer.view(tracer.picture(light), SEATS[seat], width, height, settings)
+    assert traced.bounces is not None
+    direct = np.asarray(traced.bounces[0], float)
+
+    page = browser.new_page(viewport={"width": 1200, "height": 900}, color_scheme="dark")
+    viewer = Viewer(page).open(path)
+    page.add_style_tag(content=f".frame {{ position: fixed; inset: 0 auto auto 0; z-index: 9; "
+                               f"width: {width}px; height: {height}px; }}")  # fmt: skip
+    viewer.page.keyboard.press("1")
+    viewer.page.keyboard.press("t")
+    viewer.find("seat").select_option(label=seat)
+    shown = shot(viewer)[:height, :width] / 255
+    page.close()
+
+    middle = (slice(height // 4, 3 * height // 4), slice(width // 4, 3 * width // 4))
+    to_xyz = RGB_COLOURSPACE_sRGB.matrix_RGB_to_XYZ
+    decoded = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
+    labs = [XYZ_to_Lab(rgb[middle] @ to_xyz.T) for rgb in (decoded, np.clip(direct, 0, 1))]
+    off = delta_E(*labs, method="CIE 2000")
+    assert labs[0].std(axis=(0, 1)).max() > 5  # it is no plain picture
+    assert off.max() < 1
