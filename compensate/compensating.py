@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, final
@@ -14,7 +16,8 @@ from compensate.methods import Solver, perceptual, require_method
 from compensate.visible import OnlyVisible
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
-from domesim.batch.work import Column, Note, Recipe, Work, Write
+from domesim.batch.small import thinned
+from domesim.batch.work import Column, Judged, Note, Recipe, Work, Write, Writing
 from domesim.choice import SceneChoice
 from domesim.errors import InputError
 from domesim.frames import Master
@@ -166,12 +169,56 @@ class Compensating(Recipe):
         settings = {name: value for name, value in vars(self).items() if name != "scene"}
         return {"command": "compensate", **self.scene.settings(), **settings}
 
+    small = "The master, and what is projected"
+
+    def options(self, writing: Writing) -> dict[str, str]:
+        """See `Recipe`."""
+        return self.choices() | writing.options()
+
+    def choices(self) -> dict[str, str]:
+        """Those of `options` that say what is computed."""
+        theatre = self.scene.load()
+        found = {**self.scene.options(), "--method": self.method}
+        if self.method != "perceptual":
+            return found
+        weighting = self.weighting(theatre)
+        if isinstance(weighting, Aim):
+            return {**found, "--weighting": CONTRAST, "--lift": f"{weighting.lift:g}"}
+        found |= {"--weighting": PAPER, "--tolerance": f"{self.tolerance:g}"}
+        gain = self.low_frequency_gain
+        found["--low-frequency-gain"] = f"{LowFrequencyFloor().gain if gain is None else gain:g}"
+        found["--device"] = self.device
+        return found | ({"--only-visible": "yes"} if self.only_visible else {})
+
+    def judged(self, figures: Mapping[str, Any]) -> Judged | None:
+        """See `Recipe`: by what is lost of the quality, as stored where that is known."""
+        after, before = figures["loss_after"], figures["loss_before"]
+        plain, stored = figures["loss_subtractive"], figures.get("loss_stored")
+        if before is None:
+            return Judged("as the master", "nothing is too dark for exact subtraction", 0)
+        if stored is not None and _rounding_shows(after, stored):
+            told = f"{stored:.3g} JOD as stored, {after:.3g} before rounding"
+            return Judged("rounding shows", told, 2)
+        lost = f"{after:.3g} JOD lost, {before:.3g} untouched"
+        verdict, needs = "better than untouched", 0
+        if after <= INVISIBLE:
+            verdict, lost = "as the master, to the eye", f"{lost} ({INVISIBLE:g} is not seen)"
+        elif after >= before:
+            verdict, needs = "no better than untouched", 2
+        elif self.method == "perceptual":
+            lost = f"{lost}, {plain:.3g} subtracted"
+            verdict, needs = "better than subtraction", 0
+            if after >= plain:
+                verdict, needs = "no better than subtraction", 1
+        return Judged(verdict, lost, needs)
+
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
         return (
             Column("loss_after", "Quality lost", "JOD"),
-            Column("loss_subtractive", "if subtracted", "JOD"),
-            Column("loss_before", "untouched", "JOD"),
+            Column("loss_stored", "As stored", "JOD"),
+            Column("loss_subtractive", "If subtracted", "JOD"),
+            Column("loss_before", "Untouched", "JOD"),
             Column("clipped", "Too dark", "%"),
             Column("out_of_range", "Out of range", "%"),
         )
@@ -188,19 +235,26 @@ class Compensating(Recipe):
 
     compares = True
 
+    def command(self) -> str:
+        """The command line, but for files."""
+        options = [part for option in self.choices().items() for part in option if part != "yes"]
+        return shlex.join(["domesim", "compensate", *options])
+
     def compare(self, master: Master, page: Path) -> None:
         """See `Recipe`: master, and what is seen untouched and compensated."""
         theatre = self.scene.load()
         weighting = self.weighting(theatre)
         solver = self.solver(theatre, lambda text: None)
         comparison = compare_methods(master, theatre, solver=solver, weighting=weighting)
-        comparison.write_page(page, size=SIZE, command=f"domesim compensate --scene {theatre.name}")
+        comparison.write_page(page, size=SIZE, command=self.command())
 
 
 def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     """Write it; of what subtraction shows, only figures that take no longer than that."""
     outcome = solution.outcome(brief=True)
     write(outcome.frame)
+    show = solution.posed.scene.projector.to_display
+    write.small(*(show(thinned(each))[0] for each in (solution.posed.desired, outcome.light)))
     found = outcome.figures
     del outcome  # its frame is as large as what is read below
     figures, line = asdict(found), line_of(found)
@@ -209,9 +263,13 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     stored = write.stored()
     lost = solution.posed.stored_loss(stored)
     line += f" As stored: {lost:.3g} JOD"
-    if lost > 1.1 * found.loss_after and lost > INVISIBLE:
+    if _rounding_shows(found.loss_after, lost):
         line += f" (rounding to {stored.bits} bit {stored.path.suffix} shows: --format, --bits)"
     return {**figures, "loss_stored": lost}, line
+
+
+def _rounding_shows(computed: float, stored: float) -> bool:
+    return stored > 1.1 * computed and stored > INVISIBLE
 
 
 def line_of(f: Figures) -> str:

@@ -7,6 +7,7 @@ four pictures of the paper's Fig. 8, to look at.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, final
@@ -27,7 +28,8 @@ from compensate.prediction import (
 )
 from compensate.vision.tvi import MesopicBlend
 from domesim.batch.run import FRAME_TIMEOUT, Done, Running
-from domesim.batch.work import Column, Note, Recipe, Work, Write, Writing
+from domesim.batch.small import thinned
+from domesim.batch.work import Column, Judged, Note, Recipe, Work, Write, Writing
 from domesim.choice import SceneChoice
 from domesim.cli import (
     Anew,
@@ -233,6 +235,7 @@ class Predicting(Recipe):
             figures = _figures(posed, found)
             pictures = [path for place in places for path in place.pictures]
             write.beside(pictures)
+            _write_small(write, posed, found)
             told = {"pictures": [str(path) for path in pictures], "brightened": brightened}
             return {**figures, **told}, _line(figures)
 
@@ -244,6 +247,29 @@ class Predicting(Recipe):
         told = {name: getattr(value, "value", value) for name, value in settings.items()}
         told["threshold"] = self.prediction.least
         return {"command": "predict", **self.scene.settings(), **told}
+
+    small = "The master, and the prediction: white is what subtraction leaves, grey it removes"
+
+    def options(self, writing: Writing) -> dict[str, str]:
+        """See `Recipe`."""
+        chosen = self.prediction
+        return {
+            **self.scene.options(),
+            "--combination": chosen.combination.value,
+            "--threshold": f"{chosen.least:g}",
+            "--saliency" if chosen.counts_saliency else "--no-saliency": "yes",
+            "--mesopic": chosen.blend.value,
+            **({"--repair": "yes"} if writing.repair else {}),
+        }
+
+    def judged(self, figures: Mapping[str, Any]) -> Judged | None:
+        """See `Recipe`: the verdict of `triage`."""
+        verdict = Verdict[figures["verdict"].upper()]
+        reason = (
+            f"pollution is visible on {_percent(figures['visible'])} of the screen, "
+            f"after subtraction on {_percent(figures['visible_subtracted'])}"
+        )
+        return Judged(verdict.value, reason, list(Verdict).index(verdict))
 
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
@@ -337,6 +363,12 @@ def _write(places: list[_Place], posed: Posed, found: Triage) -> int:
                 contents.append((path, _png(path, shown, ghost, caption)))
     write_together(contents)
     return brightened
+
+
+def _write_small(write: Write, posed: Posed, found: Triage) -> None:
+    prediction = thinned(_shown(found, 0)["prediction"][None, :, :, None])[0]
+    master = posed.scene.projector.to_display(thinned(posed.desired))[0]
+    write.small(master, np.broadcast_to(prediction, master.shape) ** 2.2)
 
 
 def _shown(found: Triage, view: int) -> dict[str, Planes]:

@@ -77,6 +77,13 @@ class SceneChoice:
         """What results depend on, for JSON."""
         return {"scene": Path(self.name).name, "seat": self.seat, "scene_content": self.content}
 
+    def options(self) -> dict[str, str]:
+        """The options that chose it: name -> value."""
+        found = {"--scene": Path(self.name).name}
+        if self.transport is not None:
+            found["--transport"] = self.transport.name
+        return found if self.seat is None else {**found, "--seat": self.seat}
+
     def _loaded(self) -> Scene:
         scene = load_scene(self.name)
         if self.transport is not None:

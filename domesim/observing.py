@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, final
 
-from domesim.batch.work import Column, Note, Recipe, Work, Write
+from domesim.batch.small import thinned
+from domesim.batch.work import Column, Note, Recipe, Work, Write, Writing
 from domesim.choice import SceneChoice
 from domesim.frames import Master
 from domesim.light import Light
@@ -32,7 +33,7 @@ class Observing(Recipe):
         def prepare(source: Master) -> tuple[Master, Light]:
             return source, decoded(source, theatre)
 
-        def solve(prepared: tuple[Master, Light]) -> tuple[Master, dict[str, Any]]:
+        def solve(prepared: tuple[Master, Light]) -> tuple[Master, dict[str, Any], list[Light]]:
             source, light = prepared
             observation = theatre.observation(*light.shape[1:3])
             seen = observation.observe(light)
@@ -43,10 +44,13 @@ class Observing(Recipe):
                 "pollution_cd_m2": mean_luminance(seen - direct, theatre),
                 "clipped_share": clipped,
             }
-            return result, figures
+            show = theatre.projector.to_display
+            return result, figures, [show(thinned(each))[0] for each in (light, seen)]
 
-        def end(solved: tuple[Master, dict[str, Any]], write: Write) -> tuple[dict[str, Any], str]:
-            result, figures = solved
+        def end(
+            solved: tuple[Master, dict[str, Any], list[Light]], write: Write
+        ) -> tuple[dict[str, Any], str]:
+            result, figures, small = solved
             other = "reflected" if theatre.views == 1 else "the other eye's"
             line = (
                 f"mean {figures['direct_cd_m2']:.3g} cd/m² direct, "
@@ -58,6 +62,7 @@ class Observing(Recipe):
                     f"and clipped (a 32 bit EXR is not)"
                 )
             write(result)
+            write.small(*small)
             return figures, line
 
         return Work(prepare, solve, end)
@@ -65,6 +70,12 @@ class Observing(Recipe):
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
         return {"command": "observe", **self.scene.settings()}
+
+    small = "What is projected, and what is seen"
+
+    def options(self, writing: Writing) -> dict[str, str]:
+        """See `Recipe`."""
+        return {**self.scene.options(), **writing.options()}
 
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""

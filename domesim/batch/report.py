@@ -28,7 +28,8 @@ from urllib.parse import quote
 
 from domesim.batch.job import Job, versions
 from domesim.batch.sealed import read_sealed
-from domesim.batch.work import Column, Failed, Finished, Order
+from domesim.batch.small import small_of
+from domesim.batch.work import Column, Failed, Finished, Judged, Order
 from domesim.checksums import written_sums
 from domesim.console import duration
 from domesim.errors import InputError
@@ -42,28 +43,23 @@ SHOWN = 50
 
 _LONGEST = 60  # letters of a file's name that say which frames
 _POINTS = 800  # of a curve
-_WIDTH, _HEIGHT = 900, 120
+_WIDTH, _HEIGHT = 480, 48
 
 
 @final
 @dataclass(frozen=True)
 class Curve:
-    """A figure over all frames, as the page draws it: the largest of each few."""
+    """A figure over all frames, as the page draws it: the largest of each few.
+
+    All figures of one unit have one scale.
+    """
 
     title: str
+    unit: str
     points: str  # of an SVG polyline
     largest: str
     mean: str
-
-
-@final
-@dataclass(frozen=True)
-class Plot:
-    """The curves of one unit."""
-
-    unit: str
-    top: str
-    curves: tuple[Curve, ...]
+    worst: str  # the frame that has the largest
 
 
 @final
@@ -97,7 +93,8 @@ class Report:
         self.page = job.folder / f"report{self._mark}.html"
         self._job, self._orders, self._what = job, orders, what
         self._unchecked = {order.output[0].name for order in checked_last}
-        self._columns = orders[0].recipe.columns()
+        self._recipe, self._writing = orders[0].recipe, orders[0].writing
+        self._columns = self._recipe.columns()
         self._outcomes: dict[str, Finished | Failed] = {}
         self._began, self._written = time.time(), 0.0
         self._new = 0
@@ -195,9 +192,12 @@ class Report:
             left=duration(left / rate) if rate else "",
             failed=[each.reason for each in self._outcomes.values() if isinstance(each, Failed)],
             columns=self._columns,
-            plots=_plots(self._columns, list(rows.values())),
+            curves=_curves(self._columns, rows),
             ends=[*rows][:1] + [*rows][-1:],
+            verdicts=self._verdicts(rows.values()),
+            small=self._recipe.small,
             worst=[self._row(name, rows[name]) for name in ranked[:SHOWN]],
+            options=self._recipe.options(self._writing),
             settings=_settings(self._job),
             others=self._others(rows.values()),
             versions=versions(),
@@ -220,12 +220,36 @@ class Report:
         compared = self._job.folder / page_name(name)
         output = figures.get("output", name)
         first = output if isinstance(output, str) else output[0]
+        small = small_of(self._job.folder, name)
         return {
             "name": name,
-            "link": quote(os.path.relpath(first, self._job.folder), errors="surrogateescape"),
-            "page": quote(compared.name, errors="surrogateescape") if compared.exists() else "",
+            "link": self._link(first),
+            "page": self._link(compared) if compared.exists() else "",
+            "small": self._link(small) if small.exists() else "",
+            "judged": self._judged(figures),
+            "pictures": [
+                (Path(path).stem.rpartition(".")[2], self._link(path))
+                for path in figures.get("pictures", ())
+            ],
             "cells": [column.shown(figures.get(column.key)) for column in self._columns],
         }
+
+    def _link(self, path: str | Path) -> str:
+        return quote(os.path.relpath(path, self._job.folder), errors="surrogateescape")
+
+    def _judged(self, figures: Mapping[str, Any]) -> Judged | None:
+        """What the recipe says of a frame; nothing of one that another version has recorded."""
+        with suppress(LookupError, TypeError):
+            return self._recipe.judged(figures)
+        return None
+
+    def _verdicts(self, rows: Iterable[Mapping[str, Any]]) -> list[tuple[int, Judged]]:
+        """How many frames have each verdict, those first that need most."""
+        found: dict[str, tuple[int, Judged]] = {}
+        for judged in filter(None, map(self._judged, rows)):
+            count = found[judged.verdict][0] if judged.verdict in found else 0
+            found[judged.verdict] = (count + 1, judged)
+        return sorted(found.values(), key=lambda each: (-each[1].needs, -each[0]))
 
 
 def page_name(output: str) -> str:
@@ -273,25 +297,29 @@ def _flat(row: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     return flat
 
 
-def _plots(columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> list[Plot]:
-    """A plot for each unit whose figures are not all 0, or not known of any frame."""
-    plots = []
-    known = [column for column in columns if any(row.get(column.key) is not None for row in rows)]
-    for unit in dict.fromkeys(column.unit for column in known):
-        these = [column for column in known if column.unit == unit]
-        values = [[_number(row.get(column.key)) for row in rows] for column in these]
-        top = max((value for each in values for value in each), default=0.0)
-        if top > 0:
-            curves = tuple(map(_curve, these, values, [top] * len(these)))
-            plots.append(Plot(unit, these[0].shown(top), curves))
-    return plots
+def _curves(columns: Sequence[Column], rows: Mapping[str, Mapping[str, Any]]) -> list[Curve]:
+    """One for each figure that is known of some frame and not all 0."""
+    values = {
+        column: {name: _number(row.get(column.key)) for name, row in rows.items()}
+        for column in columns
+    }
+    tops = {
+        unit: max((v for c, each in values.items() if c.unit == unit for v in each.values()))
+        for unit in ({column.unit for column in columns} if rows else set())
+    }
+    return [
+        _curve(column, each, tops[column.unit])
+        for column, each in values.items()
+        if any(value > 0 for value in each.values())
+    ]
 
 
-def _curve(column: Column, values: Sequence[float], top: float) -> Curve:
+def _curve(column: Column, values: Mapping[str, float], top: float) -> Curve:
     """The largest of each few frames, from left to right."""
-    known = [value for value in values if math.isfinite(value)] or [0.0]
-    step = -(-len(values) // _POINTS)
-    peaks = [max(values[k : k + step]) for k in range(0, len(values), step)]
+    known = [value for value in values.values() if math.isfinite(value)]
+    in_order = list(values.values())
+    step = -(-len(in_order) // _POINTS)
+    peaks = [max(in_order[k : k + step]) for k in range(0, len(in_order), step)]
     peaks *= 2 if len(peaks) == 1 else 1  # a point has no length
     across = _WIDTH / (len(peaks) - 1)
     points = " ".join(
@@ -299,8 +327,9 @@ def _curve(column: Column, values: Sequence[float], top: float) -> Curve:
         for k, peak in enumerate(peaks)
         if math.isfinite(peak)
     )
-    mean = sum(known) / len(known)
-    return Curve(column.title, points, column.shown(max(known)), column.shown(mean))
+    mean, worst = sum(known) / len(known), max(values, key=lambda name: values[name])
+    shown = column.shown(max(known)), column.shown(mean)
+    return Curve(column.title, column.unit, points, *shown, worst)
 
 
 def _number(value: Any) -> float:

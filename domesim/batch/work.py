@@ -15,7 +15,7 @@ import tempfile
 import time
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
@@ -23,8 +23,10 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar, final
 
 import psutil
+from numpy.typing import NDArray
 
 from domesim.batch.job import Job, Record, versions
+from domesim.batch.small import small_of, write_small
 from domesim.console import about
 from domesim.errors import InputError, NoPlaceError, reason
 from domesim.frames import ColourTag, Master, read_master, write_master
@@ -58,6 +60,9 @@ class Write(Protocol):
 
     def beside(self, files: Sequence[Path]) -> None:
         """Other files that belong to the result have been written."""
+
+    def small(self, *pictures: NDArray[Any]) -> None:
+        """Show `pictures` in the report, as `Recipe.small` names them: see `write_small`."""
 
 
 @final
@@ -106,6 +111,26 @@ class Column:
         return f"{100 * value:.3g}" if self.unit == "%" else f"{value:.3g}"
 
 
+@final
+@dataclass(frozen=True)
+class Judged:
+    """What a report says of a frame.
+
+    Parameters
+    ----------
+    verdict
+        In a few words.
+    reason
+        Why, with the figures that it rests on.
+    needs
+        How much it asks for somebody: 0 nothing, 1 a look, 2 more.
+    """
+
+    verdict: str
+    reason: str
+    needs: int
+
+
 class Recipe(ABC):
     """A command's settings, and the work that they ask for: what is sent to whoever does it.
 
@@ -136,6 +161,17 @@ class Recipe(ABC):
 
     def resources(self) -> dict[str, float]:
         """What a worker must have besides cores, by Dask's names: ``{"GPU": 1}``."""
+        return {}
+
+    small = ""
+    """What the small pictures of a report are, in words; "" without any."""
+
+    def judged(self, figures: Mapping[str, Any]) -> Judged | None:
+        """What to say of a frame with these figures; None for nothing."""
+        return None
+
+    def options(self, writing: Writing) -> dict[str, str]:
+        """The options of the command line that results depend on, defaults too: name -> value."""
         return {}
 
     compares = False
@@ -172,6 +208,18 @@ class Writing:
     repair: bool = False
     fps: float | None = None
     output: ColourTag | None = None
+
+    def options(self) -> dict[str, str]:
+        """Those of `Recipe.options` that are of all commands that write frames."""
+        found = {
+            "--format": "as the master" if self.suffix is None else self.suffix.lstrip("."),
+            "--bits": "as the master" if self.bits is None else str(self.bits),
+            "--dither": "tpdf" if self.dither else "none",
+            "--output-encoding": "as the master" if self.output is None else self.output.named,
+        }
+        if self.fps is not None:
+            found["--fps"] = f"{self.fps:g}"
+        return found | ({"--repair": "yes"} if self.repair else {})
 
 
 @final
@@ -388,6 +436,12 @@ class _Writer:
 
     def beside(self, files: Sequence[Path]) -> None:
         self.others += tuple(files)
+
+    def small(self, *pictures: NDArray[Any]) -> None:
+        job, output = self._order.job, self._order.output
+        if job is not None:
+            with suppress(InputError, OSError):  # a report can do without
+                write_small(small_of(job.folder, output[0].name), pictures)
 
     def __call__(self, result: Master, /) -> None:
         output, writing = self._order.output, self._order.writing

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -68,8 +69,9 @@ def write(path: Path, *, theatre: Theatre | None = THEATRE, eyes: int = 1) -> Pa
         Figure(name, "cd/m²", {"Master": "0.000123", "Seen, perceptual": "1.234"}, meaning)
         for name in ("Quality lost", "Darkest 1 %")
     ]
+    facts = {"Solver": "x" * 200}
     write_page(path, views(eyes), title="A title", subtitle="A subtitle", white=WHITE,
-               figures=figures, facts={"Solver": "x" * 200}, mask=mask, theatre=theatre)  # fmt: skip
+               figures=figures, facts=facts, mask=mask, theatre=theatre)  # fmt: skip
     return path
 
 
@@ -267,7 +269,9 @@ def test_what_is_drawn_is_the_picture_where_the_rays_meet_it(dome: Viewer) -> No
 
 def test_split_shows_a_left_and_b_right_in_the_dome_and_space_flips(dome: Viewer) -> None:
     box = domed(dome)
-    at = [(int(box["y"] + 0.3 * box["height"]), int(box["x"] + x * box["width"])) for x in (0.3, 0.7)]
+    at = [
+        (int(box["y"] + 0.3 * box["height"]), int(box["x"] + x * box["width"])) for x in (0.3, 0.7)
+    ]
     split = shot(dome)
     whole = []
     for key in ("2", "3"):
@@ -364,9 +368,7 @@ def test_the_probe_works_on_the_dome(dome: Viewer) -> None:
     assert state["pinned"]
     assert abs(state["probe"]["row"] + 0.5 - row) <= 1
     assert abs(state["probe"]["col"] + 0.5 - col) <= 1
-    np.testing.assert_allclose(
-        dome.point(**state["probe"]), (box["x"] + x, box["y"] + y), atol=12
-    )
+    np.testing.assert_allclose(dome.point(**state["probe"]), (box["x"] + x, box["y"] + y), atol=12)
 
 
 def test_fingers_look_around_and_pinch(browser: Any, dome_file: Path) -> None:
@@ -573,7 +575,7 @@ def test_nothing_is_cut_off_or_overlaps_on_a_phone(
         assert viewer.page.evaluate("document.documentElement.scrollWidth") == 390
         buttons = viewer.page.locator(".bar button:visible, .bar .segment:visible").all()
         boxes = [button.bounding_box() for button in buttons]
-        for one, other in zip(boxes, boxes[1:], strict=False):
+        for one, other in pairwise(boxes):
             assert one["x"] + one["width"] <= other["x"] + 0.5 or other["y"] > one["y"] + 20
         assert boxes[-1]["x"] + boxes[-1]["width"] <= 390
         # Figures: whole, with the view that they are of
