@@ -108,7 +108,7 @@ const domesimDome = (() => {
       float aside = (sqrt(max(0.0, w * w - u * (dot(eye.xy, eye.xy) - wall.x * wall.x))) - w) / u;
       float height = eye.z + aside * ray.z;
       bool meetsFloor = down > 0.0 && down < far && length(foot.xy) < ground.y;
-      bool meetsWall = wall.x > 0.0 && aside < far && height > wall.y && height < wall.z;
+      bool meetsWall = wall.x > 0.0 && aside < 0.999 * far && height > wall.y && height < wall.z;
       if (meetsFloor) colour = vec4(vec3(0.075 + 0.06 * line), 1.0); // display codes
       else if (meetsWall || reach > 1.0 || (eye + far * ray).z < dome.w || light.a < 0.02) colour = vec4(vec3(0.05), 1.0);
       else colour = vec4(encoded(light.rgb / light.a), 1.0);

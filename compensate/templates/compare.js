@@ -203,7 +203,7 @@
 
   const picture = byId("picture"), frame = byId("frame");
   const context = picture.getContext("2d");
-  const domeView = theatre && theatre.renderer(byId("dome"));
+  let domeView = theatre && theatre.renderer(byId("dome"));
   const ratio = () => window.devicePixelRatio || 1;
   const GAP = 4, LABEL = 22; // CSS pixels of the grid
 
@@ -423,8 +423,8 @@
   }
 
   function eyeText(eye) {
-    if (state.layer === "visible") return `visible differences${stereo ? `, ${eye} eye` : ""}`;
     if (!stereo) return "";
+    if (state.layer === "visible") return `${eye} eye`;
     const made = { difference: "left minus right", anaglyph: "anaglyph", ghost: `ghost only, ${eye} eye` };
     return made[state.eye] || (state.playing ? "wiggle" : `${eye} eye`);
   }
@@ -562,6 +562,7 @@
     byId("ticks").replaceChildren(...[1, 5, 20, 100].map((value) => {
       const tick = make("span", "", `${value} (${two(jodOf(value))})`);
       tick.style.left = `${100 * share(value)}%`;
+      if (value > 1) tick.style.transform = "translateX(-50%)";
       return tick;
     }));
   }
@@ -1003,11 +1004,15 @@
       byId("seat").append(Object.assign(document.createElement("option"), { value: number, textContent: name }));
     byId("seat").addEventListener("change", (event) => setSeat(Number(event.target.value)));
     onChange("place", setPlace);
-    if (!domeView) {
+    const missing = () => {
+      domeView = null;
       for (const input of all("input[name=place]")) input.disabled = true;
       byId("dome-missing").hidden = false;
-      return;
-    }
+      state.place = "flat";
+      draw();
+    };
+    if (!domeView) return missing();
+    byId("dome").addEventListener("webglcontextlost", missing);
     const offer = (there) => (byId("headset").hidden = !there);
     navigator.xr?.isSessionSupported("immersive-vr").then(offer, () => offer(false));
     onClick("headset", () => (headset ? headset.end() : enterHeadset()));

@@ -373,6 +373,18 @@ def test_the_probe_knows_the_direction_in_the_dome(viewer: Viewer) -> None:
     assert viewer.page.evaluate("domesimViewer.probeAt(0, 0).onScreen") is False
 
 
+@pytest.mark.parametrize("file", ["page_file", "stereo_file"])
+def test_the_browser_unpacks_the_light_that_was_packed(
+    browser: Any, file: str, request: pytest.FixtureRequest
+) -> None:
+    path = request.getfixturevalue(file)
+    _, expected = unpack(path.read_text())
+    for viewer in open_page(browser, path):
+        found = viewer.page.evaluate("domesimViewer.light()")
+        light = np.reshape(found, (len(found), 3, ROWS, COLS))
+        np.testing.assert_allclose(np.moveaxis(light, 1, -1), WHITE * expected, rtol=1e-9)
+
+
 def test_a_click_pins_the_probe_and_the_table_tells_its_values(viewer: Viewer) -> None:
     viewer.page.mouse.click(*viewer.point(20, 30))
     viewer.page.mouse.move(*viewer.point(40, 50))

@@ -153,6 +153,7 @@ def test_the_probe_reads_the_map(dome: Viewer) -> None:
     np.testing.assert_allclose(found, [visible()[48, 70], visible()[48, 70] / 4], rtol=0.05)
 
 
+@pytest.mark.long
 def test_a_pair_has_a_map_for_each_eye(browser: Any, tmp_path: Path) -> None:
     path = write(tmp_path / "pair.html", theatre=None, eyes=2)
     for viewer in open_page(browser, path):
@@ -170,10 +171,14 @@ def test_a_pair_has_a_map_for_each_eye(browser: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:.*shift paradigm")
-@pytest.mark.parametrize("defect", ["Protanomaly", "Deuteranomaly", "Tritanomaly"])
-def test_scales_are_told_apart_by_the_colour_blind(dome: Viewer, defect: str) -> None:
+def test_scales_are_told_apart_by_the_colour_blind(dome: Viewer) -> None:
     """Lightness rises along sizes; signs differ in hue, by Machado et al. (2009)."""
     ramps = dome.page.evaluate("domesimLight.ramps")
+    for defect in ("Protanomaly", "Deuteranomaly", "Tritanomaly"):
+        assert_told_apart(ramps, defect)
+
+
+def assert_told_apart(ramps: dict[str, list[list[int]]], defect: str) -> None:
     seen = {}
     for name, ramp in ramps.items():
         light = (np.array(ramp)[::10] / 255) ** 2.2
@@ -371,6 +376,7 @@ def test_the_probe_works_on_the_dome(dome: Viewer) -> None:
     np.testing.assert_allclose(dome.point(**state["probe"]), (box["x"] + x, box["y"] + y), atol=12)
 
 
+@pytest.mark.long
 def test_fingers_look_around_and_pinch(browser: Any, dome_file: Path) -> None:
     phone = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
     for viewer in open_page(browser, dome_file, **phone):
@@ -398,6 +404,7 @@ def test_fingers_look_around_and_pinch(browser: Any, dome_file: Path) -> None:
         assert viewer.state()["look"]["field"] == pytest.approx(before["field"] / 1.5, rel=0.05)
 
 
+@pytest.mark.long
 def test_without_webgl_the_page_says_so(browser: Any, dome_file: Path) -> None:
     page = browser.new_page()
     page.add_init_script(
@@ -456,6 +463,7 @@ WebGL2RenderingContext.prototype.makeXRCompatible = async () => {};
 """
 
 
+@pytest.mark.long
 def test_a_headset_shows_both_eyes_and_its_trigger_flips(browser: Any, dome_file: Path) -> None:
     page = browser.new_page(viewport={"width": 1200, "height": 800})
     page.add_init_script(HEADSET.replace("YES", "true"))
@@ -487,6 +495,7 @@ def test_a_headset_shows_both_eyes_and_its_trigger_flips(browser: Any, dome_file
     assert viewer.complaints == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("script", ["", HEADSET.replace("YES", "false")])
 def test_there_is_no_headset_button_where_the_browser_has_none(
     browser: Any, dome_file: Path, script: str
@@ -516,7 +525,8 @@ def test_one_to_one_is_the_theatres_luminance_on_the_readers_display(dome: Viewe
     np.testing.assert_allclose(dome.colour(40, 40)[:3], expected, atol=1)
 
 
-@pytest.mark.parametrize("size", [(390, 844), (844, 390), (1280, 800)])
+@pytest.mark.long
+@pytest.mark.parametrize("size", [(390, 844), (1280, 800)])
 def test_presenting_shows_the_picture_alone(
     browser: Any, dome_file: Path, size: tuple[int, int]
 ) -> None:
@@ -543,6 +553,7 @@ def luminance_of(css: str) -> float:
     return float(np.dot(light, [0.2126, 0.7152, 0.0722]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_the_page_is_light_or_dark_as_the_reader_likes_and_its_text_stands_out(
     browser: Any, dome_file: Path, scheme: str
@@ -564,7 +575,7 @@ def test_the_page_is_light_or_dark_as_the_reader_likes_and_its_text_stands_out(
         assert luminance_of(viewer.page.evaluate(style, ".controls")[1]) < 0.02
 
 
-@pytest.mark.parametrize("keys", ["", "v", "t", "tv", "g"])
+@pytest.mark.parametrize("keys", ["g", "v", "t"])
 def test_nothing_is_cut_off_or_overlaps_on_a_phone(
     browser: Any, dome_file: Path, keys: str
 ) -> None:
@@ -573,24 +584,28 @@ def test_nothing_is_cut_off_or_overlaps_on_a_phone(
             viewer.page.keyboard.press(key)
         viewer.state()
         assert viewer.page.evaluate("document.documentElement.scrollWidth") == 390
-        buttons = viewer.page.locator(".bar button:visible, .bar .segment:visible").all()
-        boxes = [button.bounding_box() for button in buttons]
+        boxes = viewer.page.evaluate(
+            "[...document.querySelectorAll('.bar button, .bar .segment')]"
+            ".map((each) => each.getBoundingClientRect()).filter(({ width }) => width)"
+        )
         for one, other in pairwise(boxes):
-            assert one["x"] + one["width"] <= other["x"] + 0.5 or other["y"] > one["y"] + 20
-        assert boxes[-1]["x"] + boxes[-1]["width"] <= 390
+            assert one["right"] <= other["left"] + 0.5 or other["top"] > one["top"] + 20
+        assert boxes[-1]["right"] <= 390
         # Figures: whole, with the view that they are of
-        cells = viewer.find("figures").locator("td:not(.unit)")
-        for cell in cells.all():
-            fits = "(cell) => [cell.scrollWidth <= cell.clientWidth,"
-            fits += " getComputedStyle(cell, '::before').content]"
-            whole, view = cell.evaluate(fits)
-            box = cell.bounding_box()
-            assert whole
-            assert box["x"] >= 0
-            assert box["x"] + box["width"] <= 390
-            assert view.strip('"') in [each.name for each in views()]
+        cells = viewer.page.evaluate(
+            "[...document.querySelectorAll('.figures td:not(.unit)')].map((cell) => ({"
+            " whole: cell.scrollWidth <= cell.clientWidth, box: cell.getBoundingClientRect(),"
+            " view: getComputedStyle(cell, '::before').content }))"
+        )
+        assert len(cells) == 2 * len(views())
+        for cell in cells:
+            assert cell["whole"]
+            assert cell["box"]["left"] >= 0
+            assert cell["box"]["right"] <= 390
+            assert cell["view"].strip('"') in [each.name for each in views()]
 
 
+@pytest.mark.long
 def test_on_paper_figures_are_whole(browser: Any, dome_file: Path) -> None:
     page = browser.new_page(viewport={"width": 700, "height": 900})
     viewer = Viewer(page).open(dome_file)
@@ -639,3 +654,16 @@ def test_the_view_from_a_seat_is_the_path_tracers(browser: Any, tmp_path: Path, 
     off = delta_E(*labs, method="CIE 2000")
     assert labs[0].std(axis=(0, 1)).max() > 5  # it is no plain picture
     assert off.max() < 1
+
+
+@pytest.mark.long
+def test_a_lost_graphics_driver_leaves_the_domemaster(browser: Any, dome_file: Path) -> None:
+    for viewer in open_page(browser, dome_file):
+        domed(viewer)
+        viewer.page.evaluate(
+            "document.getElementById('dome').dispatchEvent(new Event('webglcontextlost'))"
+        )
+        assert viewer.state()["place"] == "flat"
+        assert viewer.find("dome-missing").is_visible()
+        viewer.page.keyboard.press("2")
+        assert_shown(viewer, views()[1].light, 48, 50)

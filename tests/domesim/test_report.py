@@ -152,6 +152,7 @@ def test_small_pictures_are_side_by_side_in_their_colours(tmp_path: Path) -> Non
     np.testing.assert_allclose(middle[-2][:3] / scale, 1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("command", ["compensate", "predict"])
 def test_a_report_fits_a_phone_and_shows_its_pictures(
@@ -175,3 +176,11 @@ def test_a_report_fits_a_phone_and_shows_its_pictures(
         assert (back == "rgb(255, 255, 255)") == (scheme == "light")
         page.close()
         assert complaints == []
+
+
+def test_a_report_is_as_wide_as_a_phone(browser: Any, jobs: dict[str, Path]) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    for out in jobs.values():
+        page.goto((out / "job/report.html").as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+    page.close()
