@@ -41,13 +41,13 @@ def write_small(place: Path, pictures: Sequence[NDArray[np.floating]]) -> None:
     Parameters
     ----------
     place
-        The file; its folder is made.
+        The file; its folder is made, in one that there is.
     pictures
         (row, col, 3) each, linear in the display's primaries (BT.709), 1.0 = white; of one size.
 
     Raises
     ------
-    InputError
+    InputError, OSError
         If it cannot be written.
     """
     parts = [_reduced(np.clip(picture, 0, 1)) for picture in pictures]
@@ -57,7 +57,7 @@ def write_small(place: Path, pictures: Sequence[NDArray[np.floating]]) -> None:
     pixels = np.rint(255 * codes).astype(np.uint8)
     names, size = ("R", "G", "B"), (pixels.shape[1], pixels.shape[0])
     png = encode(place, "png", [(bare_specification(names, ("uint8",) * 3, size, []), pixels)])
-    place.parent.mkdir(parents=True, exist_ok=True)
+    place.parent.mkdir(exist_ok=True)  # not the job's folder: one that goes away is told
     colour = colour_chunks(ColourTag("srgb", "BT.709", "computed"))
     write_whole(place, with_colour_chunks(png, colour))
 

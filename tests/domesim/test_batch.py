@@ -390,10 +390,10 @@ def test_a_fault_of_ours_fails_alone(tmp_path: Path, recipe: Harmful) -> None:
 
 @contextmanager
 def small_disk(folder: Path) -> Iterator[None]:
-    """A file system of 400 kB."""
+    """A file system of 420 kB."""
     folder.mkdir()
     mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", str(folder)],
+        ["mount", "-t", "tmpfs", "-o", "size=420k", "tmpfs", str(folder)],
         check=False,
         capture_output=True,
     )
@@ -821,7 +821,7 @@ def test_the_report_leads_to_results_and_all_figures(tmp_path: Path, recipe: Har
     done = copied(tmp_path, recipe, 0)
     assert done.report is not None
     page = done.report.read_text()
-    links = re.findall(r'<td><a href="([^"]+)"', page)
+    links = re.findall(r'<td class="frame"><a href="([^"]+)"', page)
     assert len(links) == 11
     assert all((done.report.parent / link).is_file() for link in links)
     assert links[0].endswith("in.0011.exr")  # the brightest, which this recipe calls the worst

@@ -141,7 +141,9 @@ def test_predictions_are_verdicts(verdict: str, needs: int) -> None:
 def test_small_pictures_are_side_by_side_in_their_colours(tmp_path: Path) -> None:
     red = np.zeros((4 * SIDE, 4 * SIDE, 3))
     red[..., 0] = 0.25
-    place = small_of(tmp_path / "job", "a.exr")
+    with pytest.raises(OSError, match="No such file"):
+        write_small(small_of(tmp_path / "gone", "a.exr"), [red])
+    place = small_of(tmp_path, "a.exr")
     write_small(place, [red, np.ones_like(red)])
     pixels = np.asarray(read_master([place]).pixels)
     assert pixels.shape[-3:-1] == (SIDE, 2 * SIDE + 4)
