@@ -373,6 +373,28 @@ def test_the_probe_knows_the_direction_in_the_dome(viewer: Viewer) -> None:
     assert viewer.page.evaluate("domesimViewer.probeAt(0, 0).onScreen") is False
 
 
+def test_steps_of_any_size_are_kept(tmp_path: Path) -> None:
+    """Around the largest that fits into a byte: what is more takes four bytes more."""
+    steps = np.array([0, 127, -127, 128, -128, 129, -129, 255, 30000, -29000])
+    codes = np.tile(30000 + np.cumsum(steps), (2, 1))
+    codes[0, 0] = 65535  # the peak
+    light = np.stack([(codes / 65535) ** 3] * 3, axis=-1)
+    _, found = unpack(write(tmp_path / "page.html", [View("A", light)]))
+    np.testing.assert_allclose(found[0], light, rtol=1e-12)
+
+
+def test_what_is_clipped_at_black_is_kept(browser: Any, tmp_path: Path) -> None:
+    """Also in the browser: its least light is stored aside, and nothing else of it."""
+    master = make_views()[0]
+    clipped = View("Clipped", np.maximum(master.light, np.float32([0.01, 0.02, 0.03])))
+    _, found = unpack(write(tmp_path / "page.html", [master, clipped]))
+    np.testing.assert_allclose(found[1], clipped.light, rtol=2e-3)
+    for viewer in open_page(browser, tmp_path / "page.html"):
+        shown = viewer.page.evaluate("domesimViewer.light()[1]")
+        light = np.moveaxis(np.reshape(shown, (3, ROWS, COLS)), 0, -1)
+        np.testing.assert_allclose(light, WHITE * found[1], rtol=1e-9)
+
+
 @pytest.mark.parametrize("file", ["page_file", "stereo_file"])
 def test_the_browser_unpacks_the_light_that_was_packed(
     browser: Any, file: str, request: pytest.FixtureRequest
