@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from colour.blindness import matrix_cvd_Machado2009
+from command_line import exit_code
 from scipy.ndimage import map_coordinates
 from viewer import Viewer, assert_shown, open_page, srgb
 
@@ -616,6 +619,20 @@ def test_on_paper_figures_are_whole(browser: Any, dome_file: Path) -> None:
     box = viewer.find("figures").bounding_box()
     assert box["x"] + box["width"] <= 700
     page.close()
+
+
+@pytest.mark.long
+def test_the_bundled_masters_page_is_no_larger_than_6_megabytes(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as master:
+        code = exit_code("compare", master, "--scene", "dome_imax", "--out", page, "--quiet")
+    assert code == 0
+    assert page.stat().st_size <= 6e6
+    html = page.read_text()
+    assert "1024 × 1024 pixels" in html
+    told = re.search(r"light of 1/100 of white to ([\d.]+) %", html)
+    assert told
+    assert float(told[1]) < 1
 
 
 @pytest.mark.long
