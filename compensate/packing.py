@@ -92,15 +92,20 @@ def pack(pictures: Sequence[Pictures], mask: Mask, eyes: int, room: float) -> Pa
     peak = max(float(picture[mask].max(initial=0)) for picture in pictures) or 1.0
     planes = [np.where(mask, np.moveaxis(p, -1, 0).astype(np.float64), 0) for p in pictures]
     models = [_modelled(planes, number, eyes, mask) for number in range(len(planes))]
+    heads = [model.coefficients for model in models]
+    sampled = (room - sum(len(deflated(head)) for head in heads)) / _SAMPLE
     low, high = 0, STEPS
     while low < high:  # the least division that fits, by the sample
         middle = (low + high) // 2
-        size = sum(map(len, _encoded(planes, models, mask, peak, _top(middle), _SAMPLE)))
-        low, high = (low, middle) if _SAMPLE * size <= room else (middle + 1, high)
-    payloads = _encoded(planes, models, mask, peak, _top(low))
-    while sum(map(len, payloads)) > room and low < STEPS:
+        found = _encoded(planes, models, mask, peak, _top(middle), _SAMPLE)
+        fits = sum(len(deflated(part)) for part in found) <= sampled
+        low, high = (low, middle) if fits else (middle + 1, high)
+    while True:
+        found = _encoded(planes, models, mask, peak, _top(low))
+        payloads = [deflated(head + part) for head, part in zip(heads, found, strict=True)]
+        if sum(map(len, payloads)) <= room or low == STEPS:
+            break
         low += 1
-        payloads = _encoded(planes, models, mask, peak, _top(low))
     bases = tuple(model.bases for model in models)
     return Packed(_top(low), peak, bases, tuple(payloads))
 
@@ -146,6 +151,11 @@ class _Model:
     bases: tuple[int, ...]
     grids: NDArray[np.float32]
     least: NDArray[np.float32]
+
+    @property
+    def coefficients(self) -> bytes:
+        """How it is stored."""
+        return np.concatenate([self.grids.ravel(), self.least]).astype("<f4").tobytes()
 
     def predict(self, light: Sequence[NDArray[Any]], rows: NDArray[np.intp]) -> NDArray[Any]:
         """(primary, row, col) of p in those rows, from the bases' light there."""
@@ -222,13 +232,13 @@ def _encoded(
     peak: float,
     top: int,
     every: int = 1,
-) -> list[str]:
-    """Payloads of all pictures; of one row of `every` only, if that is above 1."""
+) -> list[bytes]:
+    """What is off the prediction of all pictures; in one row of `every`, if that is above 1."""
     rows = np.arange(0, mask.shape[0], every)
     inside = mask[rows]
     light = peak * (np.arange(top + 1) / top) ** POWER  # of each code
     stored: list[NDArray[Any]] = []
-    payloads = []
+    found = []
     for plane, model in zip(planes, models, strict=True):
         exact = top * np.cbrt(plane[:, rows] / peak)
         if model.bases:
@@ -242,9 +252,8 @@ def _encoded(
             off = np.where(inside, codes - codes[1], 0)
             off[1] = np.where(inside, codes[1], 0)
         stored.append(light[np.where(inside, codes, 0)])
-        coefficients = np.concatenate([model.grids.ravel(), model.least])
-        payloads.append(deflated(coefficients.astype("<f4").tobytes() + _bytes(off)))
-    return payloads
+        found.append(_bytes(off))
+    return found
 
 
 def _coded(light: NDArray[Any], peak: float, top: int) -> Codes:

@@ -553,13 +553,12 @@
       return `${below ? "rgb(22 22 22)" : `rgb(${ramps.magnitude[Math.round((i * (RAMP - 1)) / 32)]})`} ${(100 * i) / 32}%`;
     });
     const edge = 100 * share(state.line);
-    byId("darker").hidden = false;
-    byId("darker").textContent = "just seen";
-    byId("brighter").textContent = "JND (JOD if all of it were so)";
+    byId("darker").hidden = true;
+    byId("brighter").textContent = "JND (JOD)";
     byId("ramp").style.background =
       `linear-gradient(white, white) ${edge}% 0 / 2px 100% no-repeat, linear-gradient(to right, ${stops.join(",")})`;
     const two = (value) => String(Number(value.toPrecision(value < 0.1 ? 1 : 2)));
-    byId("ticks").replaceChildren(...[1, 5, 20, 100].map((value) => {
+    byId("ticks").replaceChildren(...[1, 10, 100].map((value) => {
       const tick = make("span", "", `${value} (${two(jodOf(value))})`);
       tick.style.left = `${100 * share(value)}%`;
       if (value > 1) tick.style.transform = "translateX(-50%)";
