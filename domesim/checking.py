@@ -11,19 +11,18 @@ import typer
 from domesim.cli import Json, Quiet
 from domesim.console import Console, prepare_file
 from domesim.coverage import coverage, require_covered
+from domesim.drafting import new
 from domesim.errors import InputError
 from domesim.scene import DomeScene, load_scene
 
 app = typer.Typer(
-    help="Check a scene file before any work is done with it.",
+    help="Write a scene file for a theatre of your own, and check it.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
 
 
-@app.callback()
-def _scene() -> None:
-    """With one subcommand alone typer would drop its name."""
+app.command()(new)
 
 
 @app.command()
