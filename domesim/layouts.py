@@ -93,10 +93,10 @@ def _places(dome: Dome, azimuths: Floats, layout: str) -> Floats:
     return np.concatenate([away * across, np.full((len(across), 1), height)], -1)
 
 
-def _screen_points(dome: Dome, size: int = 48) -> Floats:
+def _screen_points(dome: Dome, size: int = 32) -> Floats:
     """(point, xyz) of the room, all over the screen and along its rim."""
     inside = dome.points(size, size)[dome.inside(size, size)]
-    rim = dome.surface(np.full(180, dome.half_angle), np.arange(180) * np.pi / 90)
+    rim = dome.surface(np.full(120, dome.half_angle), np.arange(120) * np.pi / 60)
     return np.concatenate([inside, rim @ dome.to_room.T])
 
 

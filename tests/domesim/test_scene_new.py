@@ -102,8 +102,10 @@ def test_the_command_writes_a_theatre_that_passes_its_check(run, tmp_path, monke
     assert figures["output"] == "mine.toml"
     scene = load_scene("mine.toml")
     assert (scene.dome.radius, len(scene.theatre.lenses)) == (7.5, 5)
+    assert len(scene.theatre.seats) == 24
     checked = run("scene", "check", "mine.toml", "--json").figures()
     assert checked["dark_share"] <= 1e-3
+    assert checked["seats"] == 24
     before = Path("mine.toml").read_bytes()
     run("scene", "new", "mine.toml", *options).is_refused("mine.toml", "that is there")
     assert Path("mine.toml").read_bytes() == before
@@ -152,3 +154,4 @@ def test_it_asks_on_a_terminal(tmp_path):
     assert scene.dome.radius == 6
     assert np.degrees(scene.dome.tilt) == pytest.approx(10)
     assert [lens.name for lens in scene.theatre.lenses] == ["cove 1", "cove 2", "cove 3"]
+    assert len(scene.theatre.seats) == 20
