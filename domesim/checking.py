@@ -18,6 +18,9 @@ from domesim.photometry import Photometry, photometry
 from domesim.scene import DomeScene, load_scene
 from domesim.showing import show
 
+_HARD = 0.25
+"""Least sum of soft edges of a seam that is blended: in its middle each of two is a half."""
+
 app = typer.Typer(
     help="Write a scene file for a theatre of your own, check it, and show the theatre.",
     no_args_is_help=True,
@@ -91,16 +94,21 @@ def _told(
         "seats": len(eyes),
         "viewpoints": len(theatre.viewpoints),
     }
+    count = figures["projectors"]
     console.say(
-        f"Coverage: {figures['projectors']} projectors light {1 - lit.dark:.1%} of the screen, two "
-        f"or more {lit.blended:.1%}"
+        f"Coverage: {count} projector{' lights' if count == 1 else 's light'} {1 - lit.dark:.1%} "
+        f"of the screen, two or more {lit.blended:.1%}"
     )
+    if lit.whole and lit.weakest < _HARD and count > 1:
+        console.say(
+            f"Seams: somewhere soft edges add up to {lit.weakest:.2g} only: fields overlap by less "
+            f"than their soft edges, and the seam will show. Widen the fields, or lower blend_deg"
+        )
     if light is not None:
         figures |= light.figures()
-        least, most = light.evened
         console.say(
-            f"Blends: soft edges add up to {lit.weakest:.3g} to {lit.edges.max():.3g}, after "
-            f"evening out to {least:.4g} to {most:.4g} of one projector",
+            f"Blends: soft edges add up to {_range(lit.weakest, lit.most)} of one projector, "
+            f"evened out {_range(*light.evened)}",
             f"Brightness: a white frame {light.white:.3g} cd/m² ({light.direct:.3g} direct, "
             f"{light.reflected:.3g} reflected), brightest over darkest place {light.uneven:.3g}",
             f"Black: {light.black:.3g} cd/m² (a white frame over it: {_ratio(light.sequential)})",
@@ -112,6 +120,11 @@ def _told(
     if eyes:
         console.say(f"Seats: {len(eyes)}, eyes at {min(eyes):.2f} to {max(eyes):.2f} m")
     return figures
+
+
+def _range(least: float, most: float) -> str:
+    low, high = f"{least:.3g}", f"{most:.3g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _ratio(contrast: float | None) -> str:

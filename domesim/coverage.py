@@ -62,6 +62,11 @@ class Coverage:
         return float(self.edges[self.screen & (self.count > 0)].min())
 
     @property
+    def most(self) -> float:
+        """Largest sum of soft edges."""
+        return float(self.edges[self.screen].max())
+
+    @property
     def whole(self) -> bool:
         """Whether no more is dark than pixels at the rim."""
         return self.dark <= DARK

@@ -116,6 +116,7 @@ def _scale(figure: Any, number: int, parts: int, shown: Any, told: str) -> None:
     axes = _axes(figure, number, parts, 40, 66, SIZE - 80, 14)
     bar = figure.colorbar(shown, cax=axes, orientation="horizontal")
     bar.outline.set_edgecolor(_INK)
+    bar.ax.locator_params(nbins=4)
     bar.set_label(told, color=_INK, fontsize=12)
     axes.tick_params(color=_INK, labelcolor=_INK, labelsize=12)
 

@@ -20,12 +20,12 @@ from domesim.lenses import lens_gains
 from domesim.light import Light
 from domesim.measurement.patterns import Codes
 from domesim.measurement.patterns_dome import dome_patterns
+from domesim.observation.base import Observation
 from domesim.scene import DomeScene, StereoScene
 from domesim.screening import mean_luminance
 
 Floats = NDArray[np.float64]
 
-SIZE = 256
 BOARD = "checkerboard-12x4-"
 """Beginning of the patterns' names."""
 
@@ -100,7 +100,7 @@ class Photometry:
         }
 
 
-def photometry(scene: DomeScene, size: int = SIZE) -> Photometry:
+def photometry(scene: DomeScene, size: int) -> Photometry:
     """The figures of a theatre, on domemasters of `size` x `size`.
 
     Raises
@@ -119,7 +119,7 @@ def photometry(scene: DomeScene, size: int = SIZE) -> Photometry:
     seen = observation.observe(white)
     direct = observation.direct(white)
     dark = observation.observe(black)
-    lit = [_fields(scene, board, areas) for board in _boards(scene, size)]
+    lit = [_fields(scene, observation, board, areas) for board in _boards(scene, size)]
     gains = lens_gains(scene.theatre, size, size)
     shares = areas / areas.sum()
     albedo = float(scene.projector.luminance_weights @ np.asarray(scene.albedo))
@@ -143,11 +143,16 @@ def _boards(scene: DomeScene, size: int) -> list[NDArray[np.bool_]]:
     return [each.mask(size, size)[0] for each in patterns if each.name.startswith(BOARD)]
 
 
-def _fields(scene: DomeScene, board: NDArray[np.bool_], areas: NDArray[np.floating]) -> Floats:
+def _fields(
+    scene: DomeScene,
+    observation: Observation,
+    board: NDArray[np.bool_],
+    areas: NDArray[np.floating],
+) -> Floats:
     """(lit, dark): mean luminance of the fields of a board."""
     size = len(board)
     light = np.repeat(board[None, :, :, None], 3, axis=3).astype(np.float64)
-    seen = scene.observation(size, size).observe(light)[0] @ scene.projector.luminance_weights
+    seen = observation.observe(light)[0] @ scene.projector.luminance_weights
     on = scene.screen(size, size)
     return np.array(
         [

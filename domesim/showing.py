@@ -108,9 +108,8 @@ class View(NamedTuple):
 def _dome(
     scene: DomeScene, console: Console, *, cutaway: bool
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    light = photometry(scene)
-    lit = coverage(scene.theatre, lightmaps.SIZE)
-    maps = lightmaps.pictures(lit, photometry(scene, lightmaps.SIZE))
+    light = photometry(scene, lightmaps.SIZE)
+    maps = lightmaps.pictures(coverage(scene.theatre, lightmaps.SIZE), light)
     master, seen, means = _night(scene)
     places = marked(scene.theatre)
     tables, figures = _dome_tables(scene, light, means)

@@ -113,13 +113,16 @@ def _irradiance(
     facing = -dome.normals(directions) @ dome.to_room.T
     areas = dome.screen_areas(_PATCHES, _PATCHES)[inside]
     shown = _means(light, dome.inside(*light.shape[:2]))[inside] * areas[:, None]
+    length, outwards = np.sum(sources**2, -1), np.sum(sources * facing, -1)
     found = np.empty((len(places), light.shape[-1]))
     for start in range(0, len(places), _AT_ONCE):
         part = slice(start, start + _AT_ONCE)
-        way = sources - places[part, None]
-        square = np.maximum(np.einsum("psx,psx->ps", way, way), (0.02 * dome.radius) ** 2)
-        arriving = np.maximum(np.einsum("psx,px->ps", way, normals[part]), 0)
-        leaving = np.maximum(-np.einsum("psx,sx->ps", way, facing), 0)
+        here, normal = places[part], normals[part]
+        # Of the way from a place to a source: its square, and its parts along both normals
+        square = np.sum(here**2, -1)[:, None] + length - 2 * here @ sources.T
+        square = np.maximum(square, (0.02 * dome.radius) ** 2)
+        arriving = np.maximum(normal @ sources.T - np.sum(here * normal, -1)[:, None], 0)
+        leaving = np.maximum(here @ facing.T - outwards, 0)
         found[part] = (arriving * leaving / square**2) @ shown
     return found
 

@@ -94,6 +94,25 @@ def test_the_check_draws_holes_and_fails(run, mine, tmp_path):
     assert not disc[SIZE // 2, SIZE // 2]
 
 
+def test_a_seam_without_a_blend_is_told(run, mine):
+    """Four fields that meet with their edges only, or overlap."""
+    unit = THEATRE[THEATRE.index("[[") : THEATRE.index("[viewing]")]
+    aims = ([1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0])
+
+    def said(field: float) -> str:
+        units = "".join(
+            unit.replace("[0.0, 0.0, 1.0]", str(aim)).replace("120.0", f"{field}\nblend_deg = 20.0")
+            for aim in aims
+        )
+        mine.write_text(THEATRE.replace(unit, units))
+        outcome = run("scene", "check", mine)
+        assert outcome.code == 0
+        return outcome.out
+
+    assert "Seams: somewhere soft edges add up to" in said(184.0)
+    assert "Seams" not in said(220.0)
+
+
 def test_holes_are_drawn_where_brightness_depends_on_the_lenses(run, mine, tmp_path):
     uneven = "lumens = 900.0\n[projector.lens]\ncorrected = false"
     mine.write_text(THEATRE.replace("white_cd_m2 = 10.0", uneven))

@@ -44,7 +44,6 @@ def shown(page: Path) -> dict[str, float]:
 
 
 def test_a_dome_has_the_figures_of_the_check(pages, run):
-    """Which is made on a larger domemaster."""
     page = pages["mine.toml"]
     checked = run("scene", "check", page.with_suffix(""), "--json").figures()
     figures = shown(page)
@@ -52,7 +51,7 @@ def test_a_dome_has_the_figures_of_the_check(pages, run):
     assert {"checkerboard_contrast", "black_frame_cd_m2", "lumens", "seats"} <= common
     assert len(common) >= 10
     for key in common:
-        assert figures[key] == pytest.approx(checked[key], rel=2e-3), key
+        assert figures[key] == pytest.approx(checked[key], rel=1e-6), key
 
 
 def test_the_night_scene_has_the_figures_of_observe(pages, run, tmp_path):
