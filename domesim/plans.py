@@ -111,8 +111,7 @@ def dome_plan(scene: DomeScene, marked: Mapping[str, Viewpoint]) -> str:
         draw.circle((0, 0), theatre.floor.radius, "floor")
     if theatre.wall is not None:
         draw.circle((0, 0), theatre.wall.radius, "wall")
-    for lens in theatre.lenses:
-        draw.line(lit_edge(theatre, lens)[0][:, :2], "beam", closed=True)
+    _beams(draw, theatre, slice(0, 2))
     draw.line(_outline(dome), "screen", closed=True)
     _footprints(draw, theatre, slice(0, 2))
     for view in theatre.seats.values():
@@ -132,13 +131,13 @@ def dome_section(scene: DomeScene, marked: Mapping[str, Viewpoint]) -> str:
     reach = max(dome.widest, *(part.radius for part in (floor, theatre.wall) if part), 0.0)
     base = float(profile[:, 1].min()) if floor is None else min(floor.height, profile[:, 1].min())
     top = float(profile[:, 1].max())
+    aside = 1.98 if floor is not None and theatre.seats else 1.16
     draw = _Drawing(
-        (-1.98 * reach, base - 0.3 * reach),
+        (-aside * reach, base - 0.3 * reach),
         (1.68 * reach, top + 0.14 * reach),
         f"Section of {scene.name}",
     )
-    for lens in theatre.lenses:
-        draw.line(lit_edge(theatre, lens)[0][:, 1:], "beam", closed=True)
+    _beams(draw, theatre, slice(1, 3))
     if floor is not None:
         for y, z in sorted({(v.position[1], v.position[2]) for v in theatre.seats.values()}):
             _row(draw, y, z - EYE_HEIGHT, floor.height)
@@ -162,9 +161,9 @@ def dome_section(scene: DomeScene, marked: Mapping[str, Viewpoint]) -> str:
         draw.dimension((right, base), (right, 0), f"{-base:.3g} m")
     eyes = sorted(view.position[2] for view in theatre.seats.values())
     if floor is not None and eyes:
-        for eye, aside in zip(dict.fromkeys((eyes[0], eyes[-1])), (1.06, 1.46), strict=False):
+        for eye, left in zip(dict.fromkeys((eyes[0], eyes[-1])), (1.06, 1.46), strict=False):
             tall = f"{eye - floor.height:.3g} m"
-            ends = (-aside * reach, floor.height), (-aside * reach, eye)
+            ends = (-left * reach, floor.height), (-left * reach, eye)
             draw.dimension(*ends, tall, left=True)
     draw.text((reach, base), "front", "place", "end", 1.5)
     draw.text((-reach, base), "back", "place", "start", 1.5)
@@ -202,6 +201,15 @@ def _footprints(draw: _Drawing, theatre: Theatre, axes: slice) -> None:
             draw.line(points[ConvexHull(points).vertices], "thing", closed=True)
         except QhullError:  # flat, seen from its edge
             draw.line(points, "thing")
+    for lamp in theatre.lamps:
+        draw.circle(lamp.centre[axes], 0.12, "lamp", lamp.name)
+
+
+def _beams(draw: _Drawing, theatre: Theatre, axes: slice) -> None:
+    """What each projector lights of the screen; nothing of one that lights all around it."""
+    for lens in theatre.lenses:
+        if lens.field < 2 * np.pi:
+            draw.line(lit_edge(theatre, lens)[0][:, axes], "beam", closed=True)
 
 
 def _projectors(draw: _Drawing, theatre: Theatre, axes: slice, reach: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from domesim.frames import read_frame
 from domesim.measurement.patterns_dome import BOARDS
 from domesim.photometry import BOARD, ghost, photometry
 from domesim.scene import load_dome, load_scene, load_stereo
+from domesim.scene.loading import scene_of_text
 
 THEATRE = """
 name = "mine"
@@ -50,6 +52,15 @@ def test_black_is_everywhere():
     assert found.white == pytest.approx(10 + 10 / 3 + 0.5)
     assert found.sequential == pytest.approx(found.white / 0.5)
     assert found.dark == pytest.approx(10 / 6 + 0.5, rel=1e-3)
+
+
+def test_lumens_are_those_that_were_given():
+    """Also where falloff is not evened out, and brightness differs from place to place."""
+    text = THEATRE.replace("white_cd_m2 = 12.0", "lumens = 900.0")
+    found = photometry(scene_of_text(text, "mine.toml", Path()), 128)
+    assert found.lumens == pytest.approx(900, rel=2e-3)
+    assert found.evened[1] > 1.1
+    assert found.evened[0] < 0.95
 
 
 def test_figures_are_those_of_observe(run, tmp_path):

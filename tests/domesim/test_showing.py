@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -14,12 +15,51 @@ from domesim.drafts import DomeWish, dome_draft
 from domesim.plans import WIDTH, dome_plan, dome_section, stereo_plan
 from domesim.scene import load_dome, load_stereo
 from domesim.scene.loading import scene_of_text
+from domesim.scene.measured_dome import whole_transport
 from domesim.showing import marked
 
 SCENES = {
     "mine.toml": dome_draft(DomeWish(6.0, 15.0, projectors=3, seats=(1, 2)), "mine"),
     "stereo_cinema_silver": "",
 }
+
+
+ODD = """
+name = "odd <one>"
+[dome]
+radius_m = 6.0
+half_angle_deg = 110.0
+tilt_deg = 12.0
+height_ratio = 0.8
+truncated_below_m = -1.0
+[screen]
+albedo = 0.5
+[floor]
+height_m = -2.5
+albedo = 0.1
+[projector]
+white_cd_m2 = 5.0
+[projector.lens]
+position_m = [0.5, 0.3, -0.3]
+corrected = false
+[[boxes]]
+name = "booth"
+low_m = [-1.0, -5.0, -2.5]
+high_m = [1.0, -4.0, -0.5]
+albedo = 0.1
+[[lamps]]
+name = "exit"
+position_m = [-5.0, 0.0, -1.5]
+normal = [1.0, 0.0, 0.0]
+width_m = 0.3
+height_m = 0.2
+luminance_cd_m2 = 5.0
+[viewpoints.me]
+position_m = [0.0, -2.0, -1.0]
+look_at_m = [0.0, 4.0, 2.0]
+[viewing]
+adaptation_cd_m2 = 1.0
+"""
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +164,23 @@ def test_plan_and_section_are_to_scale():
     assert f"{diameter:.4g} m" in plan
 
 
+def test_any_shape_can_be_drawn():
+    """An ellipsoid cut off level, a lens that lights all around it, a box, a lamp, a place."""
+    scene = scene_of_text(ODD, "odd.toml", Path())
+    places = marked(scene.theatre)
+    assert list(places) == ["me"]
+    for svg in (dome_plan(scene, places), dome_section(scene, places)):
+        assert "nan" not in svg
+        assert "inf" not in svg
+        assert svg.count("<circle") >= 3
+        assert "odd &lt;one&gt;" in svg
+    across, _ = _extents(dome_section(scene, places), "cut")
+    x, z = _extents(dome_section(scene, places), "screen")
+    assert x / across == pytest.approx(1, abs=0.02)
+    top = 6 * np.hypot(0.8 * np.cos(np.radians(12)), np.sin(np.radians(12)))
+    assert z / across == pytest.approx((top + 1) / (2 * scene.theatre.floor.radius), rel=0.02)
+
+
 def test_the_front_is_up_in_the_plan_and_right_in_the_section():
     text = dome_draft(DomeWish(6.0, 20.0, projectors=1, layout="ring"), "mine")
     scene = scene_of_text(text, "mine.toml", Path())
@@ -151,6 +208,20 @@ def test_corners_of_the_seats_are_shown():
     x = [view.position[0] for view in views.values()]
     assert min(x) == min(view.position[0] for view in theatre.seats.values())
     assert list(marked(load_dome("dome_hemisphere").theatre)) == ["centre of the dome"]
+
+
+@pytest.mark.long
+def test_a_stored_transport_is_used_and_named(pages, run, tmp_path):
+    """One that reflects half as much again as the bare screen."""
+    scene = load_dome(pages["mine.toml"].with_suffix(""))
+    bare = whole_transport(scene.theatre)
+    replace(bare, core=1.5 * bare.core).save(tmp_path / "room.npz")
+    options = ("--transport", tmp_path / "room.npz", "--no-cutaway", "--json")
+    name = pages["mine.toml"].with_suffix("")
+    figures = run("scene", "show", name, "--out", tmp_path / "a.html", *options).figures()
+    assert figures["reflected_share"] == pytest.approx(1.5 * figures["closed_form_share"], rel=5e-3)
+    assert "a stored transport of the whole theatre" in (tmp_path / "a.html").read_text()
+    assert "Reflected light is by the closed form of the bare screen." in pages["mine.toml"].read_text()
 
 
 def test_what_is_no_page_is_refused(run, tmp_path):
