@@ -247,6 +247,10 @@ _OF_A_SCREEN = (
 )
 
 
+_LEFT = ("tilt", "albedo", "perforation", "white")
+"""What the draft chooses just as it is proposed."""
+
+
 def _asked(console: Console, kind: str) -> Wish:
     """Of questions on the terminal; one whose answer cannot be is asked again."""
     console.say("Enter takes what stands in brackets.")
@@ -264,4 +268,6 @@ def _asked(console: Console, kind: str) -> Wish:
             questions.insert(0, _Question(key, text, proposed))
         if key == "projectors" and given.get(key, 1) > 1:
             questions.insert(0, _PLACE)
+        if key in _LEFT and given.get(key) == proposed:  # the draft's own choice, and told as one
+            del given[key]
     return _wish(kind, given)

@@ -155,3 +155,5 @@ def test_it_asks_on_a_terminal(tmp_path):
     assert np.degrees(scene.dome.tilt) == pytest.approx(10)
     assert [lens.name for lens in scene.theatre.lenses] == ["cove 1", "cove 2", "cove 3"]
     assert len(scene.theatre.seats) == 20
+    assert scene.sources["dome.tilt_deg"] == "given"
+    assert scene.sources["screen.albedo"].startswith("chosen")

@@ -221,7 +221,10 @@ def test_a_stored_transport_is_used_and_named(pages, run, tmp_path):
     figures = run("scene", "show", name, "--out", tmp_path / "a.html", *options).figures()
     assert figures["reflected_share"] == pytest.approx(1.5 * figures["closed_form_share"], rel=5e-3)
     assert "a stored transport of the whole theatre" in (tmp_path / "a.html").read_text()
-    assert "Reflected light is by the closed form of the bare screen." in pages["mine.toml"].read_text()
+    assert (
+        "Reflected light is by the closed form of the bare screen."
+        in pages["mine.toml"].read_text()
+    )
 
 
 def test_what_is_no_page_is_refused(run, tmp_path):
