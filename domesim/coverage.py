@@ -14,14 +14,11 @@ from numpy.typing import NDArray
 
 from domesim.dome import Dome, strips
 from domesim.errors import InputError
-from domesim.frames import ColourTag, Frame, write_frame
 from domesim.lenses import DARK, field_weight
 from domesim.scene import DomeScene
 from domesim.theatre import Theatre
 
 _SIZE = 256
-_HOLE = (0.84, 0.37, 0.0)  # vermilion: also the colour-blind tell it from grey
-_GREYS = (0.0, 0.3, 0.5, 0.65, 0.8)  # of places that 1, 2, ... projectors reach
 
 
 @final
@@ -35,25 +32,39 @@ class Coverage:
         The screen.
     count
         (row, col) projectors that reach a pixel of the domemaster.
+    edges
+        (row, col) sum of their soft edges, before they are evened out: 1 where one projector
+        alone lights a place, between its edges.
     """
 
     dome: Dome
     count: NDArray[np.int64]
+    edges: NDArray[np.float64]
 
     @cached_property
     def holes(self) -> NDArray[np.bool_]:
         """(row, col): pixels of the screen that no projector reaches."""
-        return np.asarray(self._screen & (self.count == 0))
+        return np.asarray(self.screen & (self.count == 0))
 
     @property
     def dark(self) -> float:
         """Their share of the screen's pixels."""
-        return float(self.holes.sum() / self._screen.sum())
+        return float(self.holes.sum() / self.screen.sum())
 
     @property
     def blended(self) -> float:
         """Share of the screen's pixels that two or more projectors reach."""
-        return float((self._screen & (self.count > 1)).sum() / self._screen.sum())
+        return float((self.screen & (self.count > 1)).sum() / self.screen.sum())
+
+    @property
+    def weakest(self) -> float:
+        """Least sum of soft edges of a place that is lit."""
+        return float(self.edges[self.screen & (self.count > 0)].min())
+
+    @property
+    def most(self) -> float:
+        """Largest sum of soft edges."""
+        return float(self.edges[self.screen].max())
 
     @property
     def whole(self) -> bool:
@@ -67,21 +78,13 @@ class Coverage:
         order = np.argsort(-sizes, kind="stable")
         large = [number for number in order if sizes[number] >= 0.1 * self.holes.sum()]
         return [
-            f"{sizes[number] / self._screen.sum():.1%} {self._place(labels == number + 1)}"
+            f"{sizes[number] / self.screen.sum():.1%} {self._place(labels == number + 1)}"
             for number in large
         ]
 
-    def draw(self, path: Path) -> None:
-        """Write a picture: holes are orange; the more projectors, the lighter the grey."""
-        shades = np.array(_GREYS)[np.minimum(self.count, len(_GREYS) - 1)]
-        shades[~self._screen] = 0
-        pixels = np.repeat(shades[:, :, None], 3, axis=2).astype(np.float32)
-        pixels[self.holes] = _HOLE
-        tag = ColourTag("srgb", "BT.709", "domesim")
-        write_frame(Frame(pixels, path, tag, 8, floating=False), path)
-
     @cached_property
-    def _screen(self) -> NDArray[np.bool_]:
+    def screen(self) -> NDArray[np.bool_]:
+        """(row, col): pixels of the screen."""
         return self.dome.inside(*self.count.shape)
 
     def _place(self, hole: NDArray[np.bool_]) -> str:
@@ -98,12 +101,16 @@ class Coverage:
 
 def coverage(theatre: Theatre, size: int = _SIZE) -> Coverage:
     """How many projectors reach each pixel of a domemaster of `size` x `size`."""
-    count = np.zeros((size, size), np.int64)
+    count, edges = np.zeros((size, size), np.int64), np.zeros((size, size))
+    if not theatre.lenses:
+        return Coverage(theatre.dome, count + 1, edges + 1)
     for strip in strips(size, size):
         points = theatre.dome.points(size, size, strip)
         for lens in theatre.lenses:
-            count[strip] += field_weight(lens, points) > 0
-    return Coverage(theatre.dome, count if theatre.lenses else count + 1)
+            weight = field_weight(lens, points)
+            count[strip] += weight > 0
+            edges[strip] += weight
+    return Coverage(theatre.dome, count, edges)
 
 
 def require_covered(scene: DomeScene, name: str, drawn: Path | None = None) -> None:

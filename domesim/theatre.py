@@ -7,6 +7,7 @@ dome's tilt (`domesim.dome`).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, final
@@ -23,6 +24,7 @@ Albedo = tuple[float, float, float]
 """Diffuse albedo for each primary."""
 
 
+_SEAT = re.compile(r"row[0-9]+-seat[0-9]+")
 _NEAR = 0.1
 """A floor so near to the screen, in units of its radius, is taken to meet it."""
 
@@ -258,6 +260,11 @@ class Theatre:
         """Albedo of the screen with its holes, rho (1 - t), one a primary."""
         kept = 1 - self.perforation
         return self.albedo[0] * kept, self.albedo[1] * kept, self.albedo[2] * kept
+
+    @property
+    def seats(self) -> dict[str, Viewpoint]:
+        """The seats among the viewpoints."""
+        return {name: view for name, view in self.viewpoints.items() if _SEAT.fullmatch(name)}
 
     @property
     def lambertian(self) -> bool:

@@ -24,10 +24,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull
 
 from domesim import transfer
+from domesim.beams import lit_edge
 from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, write_frame
 from domesim.furniture import manikin
+from domesim.lenses import lens_frame
 from domesim.pathtrace.llvm import load_mitsuba
 from domesim.pathtrace.night.mesh import Triangles, ball, box, join, moved, prism, quad, tube
 from domesim.theatre import Floor, Lamp, Lens, Theatre
@@ -434,7 +436,7 @@ def _projectors(theatre: Theatre) -> Iterator[_Part]:
     bodies, beams = [], []
     for lens in theatre.lenses or (middle,):
         at = np.asarray(lens.position, np.float64)
-        snout = at + 1.5 * size * _aim(lens)
+        snout = at + 1.5 * size * lens_frame(lens)[2]
         bodies += [ball(at, size, 16), tube(at, snout, (0.6 * size, 0.6 * size), 16)]
         below = dome.lowest if theatre.floor is None else theatre.floor.height
         if np.hypot(at[0], at[1]) < 0.5 * dome.radius and at[2] - below > size:
@@ -455,10 +457,8 @@ def _beams(theatre: Theatre, lens: Lens) -> list[Triangles]:
     at, thin = np.asarray(lens.position, np.float64), 0.002 * dome.radius
     if np.linalg.norm((at @ dome.to_room) / [1, 1, dome.height_ratio]) >= dome.radius:
         return []
-    ends = _lands(theatre, at, _field(lens))
-    met = _on_screen(dome, ends)
-    edge = ends[met.argmax(axis=0), np.arange(ends.shape[1])]
-    lit = np.asarray(met.any(axis=0) & (edge[:, 0] <= 1e-6 * dome.radius))
+    edge, met = lit_edge(theatre, lens)
+    lit = np.asarray(met & (edge[:, 0] <= 1e-6 * dome.radius))
     spokes = np.arange(0, len(edge), len(edge) // (12 if lens.kind == "equidistant" else 4))
     beams = [tube(at, edge[spoke], (thin, thin), 6) for spoke in spokes if lit[spoke]]
     for here, there, both in zip(
@@ -467,61 +467,6 @@ def _beams(theatre: Theatre, lens: Lens) -> list[Triangles]:
         if both and 0 < np.linalg.norm(there - here) < 0.3 * dome.radius:
             beams.append(tube(0.995 * here, 0.995 * there, (thin, thin), 6))
     return beams
-
-
-def _aim(lens: Lens) -> Floats:
-    forth = np.asarray(lens.look_at, np.float64) - np.asarray(lens.position)
-    length = float(np.linalg.norm(forth))
-    if not length > 0:
-        raise InputError(f"lens {lens.name} wants a point to look at, got its own. Move look_at.")
-    return np.asarray(forth / length)
-
-
-def _field(lens: Lens) -> Floats:
-    """(step, ray, xyz): unit vectors from the edge of a projector's field inwards to its axis."""
-    forth = _aim(lens)
-    right = np.cross(forth, [0, 0, 1] if abs(forth[2]) < 0.9 else [0, 1, 0])
-    right /= np.linalg.norm(right)
-    up = np.cross(right, forth)
-    c, s = np.cos(lens.roll), np.sin(lens.roll)
-    right, up = c * right + s * up, c * up - s * right
-    inwards = np.linspace(0.998, 0, 300)[:, None, None]  # just inside: the edge must land
-    if lens.kind == "equidistant":
-        around = np.arange(144)[:, None] * (2 * np.pi / 144)
-        angle = inwards * lens.field / 2
-        radial = np.cos(around) * right + np.sin(around) * up
-        return np.asarray(np.cos(angle) * forth + np.sin(angle) * radial)
-    along = np.linspace(-1, 1, 24, endpoint=False)[:, None]
-    one = np.ones_like(along)
-    sides = [(along, one), (one, -along), (-along, -one), (-one, along)]
-    edge = np.tan(lens.field / 2) * np.concatenate([np.hstack(side) for side in sides])
-    rays = forth + inwards * (edge[:, :1] * right + edge[:, 1:] / lens.aspect * up)
-    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
-
-
-def _lands(theatre: Theatre, start: Floats, rays: Floats) -> Floats:
-    """(..., xyz): where rays from inside meet the ellipsoid of the screen, or first the floor."""
-    dome = theatre.dome
-    squash = np.array([1, 1, 1 / dome.height_ratio]) / dome.radius
-    p, d = (start @ dome.to_room) * squash, (rays @ dome.to_room) * squash
-    a, b, c = np.sum(d * d, -1), np.sum(p * d, -1), p @ p - 1
-    reach = (-b + np.sqrt(b * b - a * c)) / a
-    if theatre.floor is not None:
-        drop = np.minimum(rays[..., 2], -1e-9)
-        reach = np.minimum(reach, np.maximum(0.0, (theatre.floor.height - start[2]) / drop))
-    return np.asarray(start + reach[..., None] * rays)
-
-
-def _on_screen(dome: Dome, points: Floats) -> NDArray[np.bool_]:
-    """(...): whether points of the room are on the screen."""
-    local = points @ dome.to_room
-    distance = np.linalg.norm(local, axis=-1)
-    directions = local / np.maximum(distance, 1e-12)[..., None]
-    on = np.abs(distance - dome.distance(directions)) < 1e-6 * dome.radius
-    on &= np.arccos(np.clip(directions[..., 2], -1, 1)) <= dome.half_angle + 1e-9
-    if dome.truncated_below is not None:
-        on &= points[..., 2] >= dome.truncated_below
-    return np.asarray(on)
 
 
 def _measures(theatre: Theatre, base: float) -> Iterator[_Part]:

@@ -10,6 +10,7 @@ import pytest
 from domesim.coverage import Coverage, coverage
 from domesim.dome import Dome
 from domesim.frames import read_frame
+from domesim.lightmaps import _EDGE, _TOP, HOLE, SIZE
 from domesim.theatre import Lens, Theatre
 
 DOME = Dome(4.0, np.pi / 2)
@@ -58,6 +59,16 @@ def test_a_hole_is_where_it_is_told() -> None:
     assert not found.whole
 
 
+def test_soft_edges_add_up_before_they_are_evened_out() -> None:
+    """Of two that look the same way, twice one's; a smooth step is a half in its middle."""
+    one = Lens("one", HERE, (0.0, 0.0, 9.0), field=np.radians(190), blend=np.radians(20))
+    alone, both = lit_by(one), lit_by(one, one)
+    assert np.array_equal(both.edges, 2 * alone.edges)
+    assert alone.edges[50, 50] == 1
+    # At the rim 5 degrees within the edge: a quarter of the step
+    assert alone.weakest == pytest.approx(3 * 0.25**2 - 2 * 0.25**3, abs=0.02)
+
+
 def test_one_in_the_centre_reaches_all() -> None:
     assert lit_by().whole
     assert lit_by(Lens("all", HERE, (0.0, 0.0, 9.0), field=2 * np.pi)).whole
@@ -76,8 +87,30 @@ def test_the_check_draws_holes_and_fails(run, mine, tmp_path):
     assert f"See {tmp_path / 'holes.png'}" in outcome.err
     assert len(outcome.err.splitlines()) == 1
     pixels = read_frame(tmp_path / "holes.png").pixels
-    orange = pixels[..., 0] > 2 * pixels[..., 1]
-    assert orange.mean() == pytest.approx(np.pi / 4 * 5 / 9, abs=0.01)
+    orange = np.all(np.abs(pixels[..., :3] - HOLE) < 0.01, axis=-1)
+    disc = orange[_TOP : _TOP + SIZE, _EDGE : _EDGE + SIZE]
+    assert disc.sum() == pytest.approx(np.pi / 4 * SIZE**2 * 5 / 9, rel=0.01)
+    assert disc[0, SIZE // 2]
+    assert not disc[SIZE // 2, SIZE // 2]
+
+
+def test_a_seam_without_a_blend_is_told(run, mine):
+    """Four fields that meet with their edges only, or overlap."""
+    unit = THEATRE[THEATRE.index("[[") : THEATRE.index("[viewing]")]
+    aims = ([1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0])
+
+    def said(field: float) -> str:
+        units = "".join(
+            unit.replace("[0.0, 0.0, 1.0]", str(aim)).replace("120.0", f"{field}\nblend_deg = 20.0")
+            for aim in aims
+        )
+        mine.write_text(THEATRE.replace(unit, units))
+        outcome = run("scene", "check", mine)
+        assert outcome.code == 0
+        return outcome.out
+
+    assert "Seams: somewhere soft edges add up to" in said(184.0)
+    assert "Seams" not in said(220.0)
 
 
 def test_holes_are_drawn_where_brightness_depends_on_the_lenses(run, mine, tmp_path):
@@ -93,6 +126,9 @@ def test_a_scene_without_mistakes(run, mine, tmp_path):
     assert figures["dark_share"] == 0
     # Luminance of a Lambertian screen: rho E / pi
     assert figures["lumens"] == pytest.approx(10 * np.pi * 2 * np.pi * 64 / 0.5)
+    assert figures["blend_sum_least"] == figures["blend_sum_most"] == 1
+    assert run("scene", "check", mine, "--out", tmp_path / "a.png").code == 0
+    assert read_frame(tmp_path / "a.png").pixels.shape[1] == 3 * (SIZE + 2 * _EDGE)
     assert run("scene", "check", "stereo_shutter", "--json").figures()["scene"]
     run("scene", "check", "stereo_shutter", "--out", tmp_path / "a.png").is_refused("leave --out")
     run("scene", "check", mine, "--out", tmp_path / "a.jpg").is_refused("name it so")

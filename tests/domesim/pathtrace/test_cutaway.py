@@ -170,7 +170,7 @@ def test_bad_input_is_one_line(picture, settings, words):
 
 def test_a_lens_that_looks_at_itself_is_one_line():
     lens = Lens("p1", (1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="lens p1 wants a point to look at"):
+    with pytest.raises(InputError, match="is aimed at its own position"):
         cutaway(replace(BARE, lenses=(lens,)), **SMALL)
 
 
