@@ -41,6 +41,11 @@ A mask that is meant for a solver is better taken from local contrast at all sca
 
 The eye is adapted to the desired picture and the room's light, not to the pollution, so that more
 is called visible where the picture is black.
+
+The eye's own optics scatter light as the room does. With `Prediction.eye` all pictures above are
+those that reach the retina (`vision.glare`): beside bright things the eye is adapted to more light,
+and contrasts are relative to it, so that less of the pollution is visible. Without it a viewer has
+perfect optics.
 """
 
 from __future__ import annotations
@@ -57,6 +62,7 @@ from scipy import ndimage
 from compensate.master import Posed
 from compensate.vision.adaptation import adaptation_luminance
 from compensate.vision.differences import visible_difference
+from compensate.vision.glare import StrayLight
 from compensate.vision.masking import Cortex, masked_difference, transducer
 from compensate.vision.saliency import gbvs
 from compensate.vision.tvi import MesopicBlend, threshold
@@ -132,6 +138,8 @@ class Prediction:
         the fovea sees at a glance.
     cortex
         The mechanisms of eq. 11; of pictures too coarse for them, wider ones.
+    eye
+        The stray light of the viewer's eyes; None for an eye that scatters none.
 
     Raises
     ------
@@ -146,6 +154,7 @@ class Prediction:
     area: float = 0.25
     negligible: float = 1.0
     cortex: Cortex = field(default_factory=Cortex)
+    eye: StrayLight | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.least < 1:
@@ -357,7 +366,9 @@ class _Eye:
         self._lowest = min(settings.cortex.lowest, self._per_degree / 2)
         self._room = posed.seen(np.zeros_like(posed.desired))
         by_contrast = settings.combination is Combination.LOCAL_CONTRAST
-        self._contrasts = _Contrasts(posed, self._room, finest) if by_contrast else None
+        self._contrasts = None
+        if by_contrast:
+            self._contrasts = _Contrasts(posed, self._room, finest, settings.eye)
 
     @cached_property
     def _picture(self) -> Light:
@@ -482,16 +493,21 @@ class _Eye:
         return np.stack([sums(plane) / screen for plane in planes])
 
     def _luminance(self, light: Light) -> Planes:
-        """(view, row, col), cd/m²; of a measured display a little below 0 is 0."""
+        """(view, row, col) as it reaches the retina, cd/m²; a little below 0 is 0."""
         weights = (self._projector.luminance_weights * self._projector.white).astype(np.float32)
-        return np.asarray(np.maximum(light @ weights, 0))
+        planes = np.asarray(np.maximum(light @ weights, 0))
+        if self._settings.eye is None:
+            return planes
+        planes = np.where(self._grid.screen, planes, np.float32(0))
+        return self._settings.eye.seen(planes, self._per_degree)
 
 
 @final
 class _Contrasts:
     """Compares what is seen with what is desired, by local contrast at all scales."""
 
-    def __init__(self, posed: Posed, room: Light, finest: float) -> None:
+    def __init__(self, posed: Posed, room: Light, finest: float, eye: StrayLight | None) -> None:
+        self._eye = eye
         step = _step(finest, FINEST_CONTRAST)
         self._grid, self._per_degree = _Grid(posed.screen, step), finest / step
         projector = posed.scene.projector
@@ -507,8 +523,11 @@ class _Contrasts:
         return self._grid.full(found)
 
     def _xyz(self, light: Light) -> Light:
-        """In cd/m²; it is dark off the screen."""
-        return np.where(self._grid.screen[..., None], light, np.float32(0)) @ self._to_xyz
+        """As it reaches the retina, cd/m²; it is dark off the screen."""
+        found = np.where(self._grid.screen[..., None], light, np.float32(0)) @ self._to_xyz
+        if self._eye is None:
+            return found
+        return np.moveaxis(self._eye.seen(np.moveaxis(found, -1, 1), self._per_degree), 1, -1)
 
 
 @final
