@@ -20,6 +20,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "measured_transport",
         "caution",
         "contrast_sensitivity",
+        "stray_light",
         "gamma_coded",
         "channels_alone",
         "frozen_pollution",
