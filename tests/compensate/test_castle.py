@@ -212,8 +212,8 @@ def errors_of(luminance, background, delta, rows, mechanisms):
 
 
 # The same file's other sets along yellow-violet: colorfest (Wuerger, Watson, Ahumada 2002),
-# direction 4, background 2, and kim2013, direction 18, backgrounds 13 and 14. (Above 8 cycles/degree
-# colorfest's sensitivity rises again, by luminance that chromatic aberration makes.)
+# direction 4, background 2, and kim2013, direction 18, backgrounds 13 and 14. (Above 8 c/deg
+# colorfest's sensitivity rises again: not by colour.)
 YELLOW_VIOLET_ELSEWHERE = {
     "colorfest, 40 cd/m²": (
         40,
