@@ -204,7 +204,7 @@ def predict(
         writing=Writing(MAPS, repair=repair),
         running=Running(workers, threads, scheduler, anew, mix, frame_timeout=frame_timeout),
         facts={
-            **about_scene(theatre),
+            **about_scene(theatre, seat),
             "threshold": settings.least,
             "combination": settings.combination.value,
             "saliency": settings.counts_saliency,

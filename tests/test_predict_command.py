@@ -282,6 +282,13 @@ def test_settings_reach_the_prediction(run: Run, tmp_path: Path, out: Path) -> N
     assert (found != aged).any()
 
 
+def test_a_seat_of_a_dome_is_one_that_it_has(run: Run, tmp_path: Path, out: Path) -> None:
+    base = (fulldome(tmp_path / "m.exr", 0.2), "--scene", "dome_planetarium", "--out", out)
+    assert figures(run, *base, "--seat", "front")["seats"] == ["front"]
+    run("predict", *base, "--seat", "balcony").is_refused("no seat 'balcony'", "front, centre")
+    run("observe", *base, "--seat", "front").is_refused("--seat front", "same light")
+
+
 def test_a_default_threshold_is_the_same_job_as_its_figure() -> None:
     default, given, other = (
         Predicting(SceneChoice(DOME), Prediction(threshold)).settings()
@@ -340,7 +347,7 @@ def test_an_unsuitable_master_is_named_in_one_line(
         (("--threshold", "1"), ("threshold", "got 1")),
         (("--threshold", "nan"), ("threshold", "got nan")),
         (("--threshold", "-0.1"), ("threshold", "got -0.1")),
-        (("--seat", "left"), ("dome", "--seat")),
+        (("--seat", "left"), ("dome", "no seat 'left'", "names none")),
         (("--frames", "1-3"), ("--frames", "one file")),
     ],
 )

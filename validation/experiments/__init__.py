@@ -21,6 +21,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "caution",
         "contrast_sensitivity",
         "stray_light",
+        "dome_seats",
         "gamma_coded",
         "channels_alone",
         "frozen_pollution",
