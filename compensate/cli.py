@@ -194,7 +194,7 @@ def compensate(
         what="compensating",
         writing=writing_of(file_format, bits, dither, output_encoding, repair=repair, fps=fps),
         running=Running(workers, threads, scheduler, anew, mix, pages, frame_timeout),
-        facts=about_scene(theatre),
+        facts=about_scene(theatre, seat),
         dry_run=dry_run,
     )
 
@@ -263,7 +263,7 @@ def compare(
         comparison = _compared(frame, theatre, console, solver, weighting)
     comparison.write_page(out, size=size, command=_command_line())
     console.say(f"Open {out.resolve()}")
-    facts = {**about_scene(theatre), **frame.facts(), "page": str(out)}
+    facts = {**about_scene(theatre, seat), **frame.facts(), "page": str(out)}
     console.figures({**facts, "methods": comparison.figures()})
 
 

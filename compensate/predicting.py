@@ -26,6 +26,7 @@ from compensate.prediction import (
     regions,
     triage,
 )
+from compensate.vision.glare import StrayLight
 from compensate.vision.tvi import MesopicBlend
 from domesim.batch.run import FRAME_TIMEOUT, Done, Running
 from domesim.batch.small import thinned
@@ -103,6 +104,15 @@ BlendName = Annotated[
     ),
 ]
 
+Age = Annotated[
+    float | None,
+    typer.Option(
+        help="Count the stray light of a viewer's eyes of that age in years (CIE 146:2002), which "
+        "covers pollution beside bright things; by default none.",
+        show_default=False,
+    ),
+]
+
 MAPS = ".maps.exr"
 """What the EXR's name ends in: it must not replace a frame that another command wrote there."""
 
@@ -147,6 +157,7 @@ def predict(
     combination: CombinationName = Combination.WITH_VEILS.value,
     saliency: Saliency = None,
     mesopic: BlendName = MesopicBlend.MORE_SENSITIVE.value,
+    age: Age = None,
     frames: Frames = None,
     checksums: Checksums = None,
     repair: Repair = False,
@@ -163,7 +174,7 @@ def predict(
 ) -> None:
     """Tell which frames need compensation, and where: maps of visible light pollution."""
     console = Console(quiet=quiet, json=json)
-    settings = _settings(threshold, combination, saliency, mesopic)
+    settings = _settings(threshold, combination, saliency, mesopic, age)
     choice = SceneChoice(scene, transport, seat)
     theatre = scene_of(choice, console)
     require_one_seat(theatre, seat, "pollution is predicted for one seat")
@@ -193,11 +204,12 @@ def predict(
         writing=Writing(MAPS, repair=repair),
         running=Running(workers, threads, scheduler, anew, mix, frame_timeout=frame_timeout),
         facts={
-            **about_scene(theatre),
+            **about_scene(theatre, seat),
             "threshold": settings.least,
             "combination": settings.combination.value,
             "saliency": settings.counts_saliency,
             "mesopic": settings.blend.value,
+            "age": age,
         },
         summary=summary,
         dry_run=dry_run,
@@ -284,7 +296,11 @@ class Predicting(Recipe):
 
 
 def _settings(
-    threshold: float | None, combination: str, saliency: bool | None, mesopic: str
+    threshold: float | None,
+    combination: str,
+    saliency: bool | None,
+    mesopic: str,
+    age: float | None,
 ) -> Prediction:
     combinations = {each.value: each for each in Combination}
     blends = {each.value: each for each in MesopicBlend}
@@ -294,7 +310,20 @@ def _settings(
         )
     if mesopic not in blends:
         raise InputError(f"--mesopic {mesopic!r} is not known; use one of {', '.join(blends)}")
-    return Prediction(threshold, combinations[combination], saliency, blends[mesopic])
+    return Prediction(
+        threshold,
+        combinations[combination],
+        saliency,
+        blends[mesopic],
+        eye=None if age is None else _eye(age),
+    )
+
+
+def _eye(age: float) -> StrayLight:
+    try:
+        return StrayLight(age)
+    except InputError as error:
+        raise InputError(f"--age {age:g}: {error}") from None
 
 
 # Where it goes.

@@ -41,6 +41,11 @@ A mask that is meant for a solver is better taken from local contrast at all sca
 
 The eye is adapted to the desired picture and the room's light, not to the pollution, so that more
 is called visible where the picture is black.
+
+The eye's own optics scatter light as the room does. With `Prediction.eye` all pictures above are
+those that reach the retina (`vision.glare`): beside bright things the eye is adapted to more light,
+and contrasts are relative to it, so that less of the pollution is visible. Without it a viewer has
+perfect optics.
 """
 
 from __future__ import annotations
@@ -57,12 +62,15 @@ from scipy import ndimage
 from compensate.master import Posed
 from compensate.vision.adaptation import adaptation_luminance
 from compensate.vision.differences import visible_difference
+from compensate.vision.glare import StrayLight
 from compensate.vision.masking import Cortex, masked_difference, transducer
+from compensate.vision.resolution import by_resolution
 from compensate.vision.saliency import gbvs
 from compensate.vision.tvi import MesopicBlend, threshold
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.strips import in_strips
+from domesim.viewing import DomeSeat, Viewing
 
 Planes = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -132,6 +140,8 @@ class Prediction:
         the fovea sees at a glance.
     cortex
         The mechanisms of eq. 11; of pictures too coarse for them, wider ones.
+    eye
+        The stray light of the viewer's eyes; None for an eye that scatters none.
 
     Raises
     ------
@@ -146,6 +156,7 @@ class Prediction:
     area: float = 0.25
     negligible: float = 1.0
     cortex: Cortex = field(default_factory=Cortex)
+    eye: StrayLight | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.least < 1:
@@ -262,19 +273,19 @@ def predict(
     settings
         See `Prediction`.
     """
-    eye = _Eye(posed, settings or Prediction())
+    eye = _viewer(posed, settings or Prediction())
     return eye.predicts(posed.desired if light is None else light)
 
 
 def remaining(posed: Posed, settings: Prediction | None = None) -> Visible:
     """Where what exact clipped subtraction leaves is visible; parameters as for `predict`."""
-    return _Eye(posed, settings or Prediction()).sees(posed.subtractive)
+    return _viewer(posed, settings or Prediction()).sees(posed.subtractive)
 
 
 def triage(posed: Posed, settings: Prediction | None = None) -> Triage:
     """Whether a frame needs nothing, subtraction or a solver; parameters as for `predict`."""
     chosen = settings or Prediction()
-    eye = _Eye(posed, chosen)
+    eye = _viewer(posed, chosen)
     untouched = eye.predicts(posed.desired)
     subtracted = eye.sees(posed.subtractive)
     area = posed.scene.viewing.image_area
@@ -345,11 +356,11 @@ class _Look:
 class _Eye:
     """A viewer of a posed frame, who compares with what is desired."""
 
-    def __init__(self, posed: Posed, settings: Prediction) -> None:
-        self._posed, self._settings = posed, settings
+    def __init__(self, posed: Posed, settings: Prediction, viewing: Viewing) -> None:
+        self._posed, self._settings, self._viewing = posed, settings, viewing
         self._projector = posed.scene.projector
         rows, cols = posed.screen.shape
-        finest = posed.scene.viewing.pixels_per_degree(rows, cols)
+        finest = viewing.pixels_per_degree(rows, cols)
         step = _step(finest, FINEST)
         self._grid = _Grid(posed.screen, step)
         self._per_degree = finest / step
@@ -357,7 +368,9 @@ class _Eye:
         self._lowest = min(settings.cortex.lowest, self._per_degree / 2)
         self._room = posed.seen(np.zeros_like(posed.desired))
         by_contrast = settings.combination is Combination.LOCAL_CONTRAST
-        self._contrasts = _Contrasts(posed, self._room, finest) if by_contrast else None
+        self._contrasts = None
+        if by_contrast:
+            self._contrasts = _Contrasts(posed, self._room, finest, settings.eye)
 
     @cached_property
     def _picture(self) -> Light:
@@ -404,8 +417,8 @@ class _Eye:
             masking=full(masking),
             saliency=saliency,
             prediction=prediction,
-            visible=self._visible(prediction > self._settings.least),
-            salient=self._visible(salient > self._settings.least).share,
+            visible=_visible(self._posed, prediction > self._settings.least),
+            salient=_visible(self._posed, salient > self._settings.least).share,
         )
 
     def sees(self, light: Light) -> Visible:
@@ -417,7 +430,7 @@ class _Eye:
             if self._settings.counts_saliency:
                 weight = self._grid.full(self._saliency)
             visible = weight * probability(self._contrasts.differences(light_seen))
-            return self._visible(visible > least)
+            return _visible(self._posed, visible > least)
         found = self._looks(light_seen)
         veils = self._base_band(found)
         seen = found.delta & (weight * probability(veils) > least)
@@ -430,7 +443,7 @@ class _Eye:
             masking = self._masking(found, *part) + veils[:, *part]
             weights = np.broadcast_to(weight, seen.shape)[:, *part]
             seen[:, *part] |= open_[:, *part] & (weights * probability(masking) > least)
-        return self._visible(self._grid.full(seen))
+        return _visible(self._posed, self._grid.full(seen))
 
     def _looks(self, light: Light) -> _Look:
         """What is compared of the light that is seen, and eq. 10."""
@@ -443,13 +456,12 @@ class _Eye:
 
     def _masking(self, look: _Look, rows: slice, cols: slice) -> Planes:
         """Eq. 11 in a part of the picture."""
-        viewing = self._posed.scene.viewing
         wanted, seen, adaptation = (
             self._grid.filled(each)[:, rows, cols]
             for each in (look.wanted, look.seen, self._adaptation)
         )
         # the angle that the part covers, at the same resolution
-        viewing = replace(viewing, extent=max(wanted.shape[1:]) / self._per_degree)
+        viewing = replace(self._viewing, extent=max(wanted.shape[1:]) / self._per_degree)
         cortex = replace(self._settings.cortex, lowest=self._lowest)
         return masked_difference(wanted, seen, adaptation, viewing, cortex=cortex)
 
@@ -459,10 +471,6 @@ class _Eye:
             return np.zeros_like(look.residual)
         mean = self._averaged(look.residual, 1 / self._lowest)
         return np.asarray(transducer(np.abs(mean) / self._threshold) ** 2)
-
-    def _visible(self, seen: Mask) -> Visible:
-        areas = self._posed.areas
-        return Visible(seen, tuple(float(np.sum(view * areas) / np.sum(areas)) for view in seen))
 
     def _salient(self, picture: Light) -> Planes:
         """Saliency of (row, col, rgb); the rim of the screen is no feature."""
@@ -482,16 +490,66 @@ class _Eye:
         return np.stack([sums(plane) / screen for plane in planes])
 
     def _luminance(self, light: Light) -> Planes:
-        """(view, row, col), cd/m²; of a measured display a little below 0 is 0."""
+        """(view, row, col) as it reaches the retina, cd/m²; a little below 0 is 0."""
         weights = (self._projector.luminance_weights * self._projector.white).astype(np.float32)
-        return np.asarray(np.maximum(light @ weights, 0))
+        planes = np.asarray(np.maximum(light @ weights, 0))
+        if self._settings.eye is None:
+            return planes
+        planes = np.where(self._grid.screen, planes, np.float32(0))
+        return self._settings.eye.seen(planes, self._per_degree)
+
+
+@final
+class _Seated:
+    """A viewer in a seat of a dome, whose pixels per degree differ from place to place."""
+
+    def __init__(self, posed: Posed, settings: Prediction, seat: DomeSeat) -> None:
+        self._posed, self._settings = posed, settings
+        self._scale = seat.scale(*posed.screen.shape)
+
+    def predicts(self, light: Light) -> Predicted:
+        """As `_Eye`'s."""
+        names = ("residual", "tvi", "masking", "saliency", "prediction")
+
+        def at(factor: float) -> tuple[Planes, ...]:
+            viewing = self._posed.scene.viewing
+            viewing = replace(viewing, extent=viewing.extent / factor, seat=None)
+            eye = _Eye(self._posed, self._settings, viewing)
+            found = eye.predicts(light)
+            return tuple(getattr(found, name) for name in names)
+
+        maps = dict(zip(names, by_resolution(self._scale, self._posed.screen, at), strict=True))
+        least, prediction = self._settings.least, maps["prediction"]
+        salient = prediction * (1 if self._settings.counts_saliency else maps["saliency"])
+        return Predicted(
+            **maps,
+            visible=_visible(self._posed, prediction > least),
+            salient=_visible(self._posed, salient > least).share,
+        )
+
+    def sees(self, light: Light) -> Visible:
+        """As `_Eye`'s."""
+        return self.predicts(light).visible
+
+
+def _viewer(posed: Posed, settings: Prediction) -> _Eye | _Seated:
+    viewing = posed.scene.viewing
+    if viewing.seat is None:
+        return _Eye(posed, settings, viewing)
+    return _Seated(posed, settings, viewing.seat)
+
+
+def _visible(posed: Posed, seen: Mask) -> Visible:
+    areas = posed.areas
+    return Visible(seen, tuple(float(np.sum(view * areas) / np.sum(areas)) for view in seen))
 
 
 @final
 class _Contrasts:
     """Compares what is seen with what is desired, by local contrast at all scales."""
 
-    def __init__(self, posed: Posed, room: Light, finest: float) -> None:
+    def __init__(self, posed: Posed, room: Light, finest: float, eye: StrayLight | None) -> None:
+        self._eye = eye
         step = _step(finest, FINEST_CONTRAST)
         self._grid, self._per_degree = _Grid(posed.screen, step), finest / step
         projector = posed.scene.projector
@@ -507,8 +565,11 @@ class _Contrasts:
         return self._grid.full(found)
 
     def _xyz(self, light: Light) -> Light:
-        """In cd/m²; it is dark off the screen."""
-        return np.where(self._grid.screen[..., None], light, np.float32(0)) @ self._to_xyz
+        """As it reaches the retina, cd/m²; it is dark off the screen."""
+        found = np.where(self._grid.screen[..., None], light, np.float32(0)) @ self._to_xyz
+        if self._eye is None:
+            return found
+        return np.moveaxis(self._eye.seen(np.moveaxis(found, -1, 1), self._per_degree), 1, -1)
 
 
 @final

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.vision.differences import visible_difference
+from compensate.vision.resolution import by_resolution
 from domesim.light import Light
 from domesim.scene import Scene
 from domesim.strips import in_strips
@@ -58,8 +59,16 @@ class Ruler:
         It is of the averaged picture.
         """
         wanted, found = self._averaged_master, self._averaged(seen)
-        per_degree = self._scene.viewing.pixels_per_degree(*wanted.shape[1:3])
-        return visible_difference(wanted, found, per_degree)
+        viewing = self._scene.viewing
+        per_degree = viewing.pixels_per_degree(*wanted.shape[1:3])
+        if viewing.seat is None:
+            return visible_difference(wanted, found, per_degree)
+        (lost,) = by_resolution(
+            viewing.seat.scale(*wanted.shape[1:3]),
+            self._share[0] > 0,
+            lambda factor: (visible_difference(wanted, found, factor * per_degree),),
+        )
+        return lost
 
     @cached_property
     def _share(self) -> NDArray[np.float32]:

@@ -30,7 +30,7 @@ class SceneChoice:
     transport
         A file of stored light transport, or of crosstalk maps; None for none.
     seat
-        Of a stereo scene: one seat; "all" or "worst" for all; None for the scene's own.
+        One seat; of a stereo scene also "all" or "worst" for all; None for the scene's own.
     content
         Digest of what these files hold; "" if it is not known yet.
     """
@@ -97,10 +97,8 @@ class SceneChoice:
                 scene = scene.seen_from(*scene.seats)
             elif self.seat is not None:
                 scene = scene.seen_from(self.seat)
-        elif self.seat is not None:
-            raise InputError(
-                f"--seat {self.seat}: {scene.name} is a dome theatre; leave --seat out"
-            )
+        elif isinstance(scene, DomeScene) and self.seat is not None:
+            scene = scene.seen_from(self.seat)
         return scene
 
 

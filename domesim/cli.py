@@ -76,8 +76,9 @@ SeatName = Annotated[
     str | None,
     typer.Option(
         "--seat",
-        help="Stereo: the seat to look from; 'all' for the weighted mean of all seats, 'worst' for "
-        "the one that is worst off.",
+        help="The seat to look from. Stereo: 'all' for the weighted mean of all seats, 'worst' for "
+        "the one that is worst off. Dome: figures and predictions are for that seat's pixels per "
+        "degree.",
         show_default=False,
     ),
 ]
@@ -240,6 +241,8 @@ def observe(
     choice = SceneChoice(scene, transport, seat)
     theatre = scene_of(choice, console)
     require_one_seat(theatre, seat, "what is seen is seen from one seat")
+    if theatre.viewing.seat is not None:
+        raise InputError(f"--seat {seat}: a dome shows all seats the same light; leave --seat out")
     show = find_show(
         master,
         left,
@@ -298,11 +301,13 @@ def do_show(
     finish(console, {**facts, **found, **_told(done)}, done.failed)
 
 
-def about_scene(scene: Scene) -> dict[str, Any]:
-    """What a command's figures say of its scene."""
+def about_scene(scene: Scene, seat: str | None = None) -> dict[str, Any]:
+    """What a command's figures say of its scene, and of the seat that was asked for."""
     facts: dict[str, Any] = {"scene": scene.name, "approximation": scene.approximation}
     if isinstance(scene, StereoScene):
         facts["seats"] = list(scene.chosen)
+    elif seat is not None:
+        facts["seats"] = [seat]
     return facts
 
 

@@ -218,7 +218,7 @@ def _tabulate_crosstalk(
     scene: StereoScene, name: str, out: Path, seed: int, console: Console
 ) -> None:
     """Store the crosstalk maps of all seats, and say how far the estimate by hand was off."""
-    from domesim.pathtrace.polarised import crosstalk_map  # noqa: PLC0415
+    from domesim.pathtrace.polarised import luminance_map  # noqa: PLC0415
 
     if scene.theatre is None:
         raise InputError(
@@ -232,7 +232,10 @@ def _tabulate_crosstalk(
             def told(done: float, n: int = number, name: str = seat) -> None:
                 progress((n + done) / len(scene.seats), name)
 
-            found = crosstalk_map(scene.theatre, seat, *MAP_CELLS, seed=seed, progress=told)
+            weights = scene.projector.luminance_weights
+            found = luminance_map(
+                scene.theatre, weights, seat, *MAP_CELLS, seed=seed, progress=told
+            )
             maps.append(found)
             estimate = scene.seats[seat].share
             assert estimate is not None

@@ -12,7 +12,7 @@ is 0.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, final
 
 import numpy as np
@@ -21,6 +21,9 @@ from domesim.errors import InputError
 
 Point = tuple[float, float, float]
 """(x, y, z) in the room frame, m."""
+
+QUARTER = 90.0
+"""Retardance of a quarter of a wave, degrees."""
 
 Hand = Literal["left", "right"]
 """Of circularly polarised light; a reflection near the normal turns one into the other."""
@@ -75,17 +78,24 @@ class SilverScreen:
 @final
 @dataclass(frozen=True)
 class CircularFilter:
-    """A circular polariser, the same from either side.
+    """A circular polariser: a linear one, and a retarder at 45 degrees to it.
 
-    Before a lens it makes unpolarised light circular, before an eye it is the analyser.
+    Before a lens it makes unpolarised light circular, before an eye it is the analyser: the
+    retarder is always on the screen's side.
 
     Parameters
     ----------
     hand
-        The light that it passes.
+        The light that it passes. Light is right-handed whose field turns clockwise for whom it
+        comes to.
     leak
-        How much light of the other hand it passes, relative to `hand`: 0 (ideal) and below 1. A
+        How much light of the other state the linear polariser passes: 0 (ideal) and below 1. A
         contrast of 300:1 is a leak of 1/300.
+    retardance_error
+        How much more than a quarter of a wave the retarder is, degrees of phase.
+    axis
+        Where the linear polariser's axis points, degrees from the horizontal, counted
+        anticlockwise by an audience that faces the screen.
 
     Raises
     ------
@@ -95,6 +105,8 @@ class CircularFilter:
 
     hand: Hand
     leak: float = 0.0
+    retardance_error: float = 0.0
+    axis: float = 0.0
 
     def __post_init__(self) -> None:
         if self.hand not in {"left", "right"}:
@@ -103,6 +115,28 @@ class CircularFilter:
             raise InputError(
                 f"circular filter leak must be at least 0 and below 1, got {self.leak:g}"
             )
+        if not abs(self.retardance_error) < QUARTER:
+            raise InputError(
+                f"circular filter retardance error must lie between -90 and 90 degrees, got "
+                f"{self.retardance_error:g}"
+            )
+        if not np.isfinite(self.axis):
+            raise InputError(f"circular filter axis must be an angle, got {self.axis:g}")
+
+    def at(self, wavelength: float, design: float) -> CircularFilter:
+        """The same filter for another wavelength than that of its design, both in one unit.
+
+        A film of one birefringence has a retardance in proportion to the inverse wavelength. The
+        birefringence of most films rises towards the blue besides, by some per cent. That is left
+        out: no measurement of such a filter was found.
+
+        Raises
+        ------
+        InputError
+            If its retardance is nothing like a quarter of a wave there.
+        """
+        retardance = (QUARTER + self.retardance_error) * design / wavelength
+        return replace(self, retardance_error=retardance - QUARTER)
 
 
 @final
@@ -145,6 +179,10 @@ class StereoTheatre:
         What is before the left eye, and before the right one.
     seats
         Where heads are, by the seats' names, m. Both eyes are taken to be there.
+    wavelengths
+        Of the three primaries, nm; None if filters are the same for all light.
+    design
+        Wavelength that the filters' retardance errors are told for, nm.
 
     Raises
     ------
@@ -156,6 +194,8 @@ class StereoTheatre:
     projectors: tuple[PolarisedProjector, PolarisedProjector]
     eyewear: tuple[CircularFilter, CircularFilter]
     seats: Mapping[str, Point]
+    wavelengths: tuple[float, float, float] | None = None
+    design: float = 550.0
 
     def __post_init__(self) -> None:
         if not self.seats:
@@ -173,6 +213,26 @@ class StereoTheatre:
                     f"the {eye} eye's filter passes {glass.hand}-handed light, but its projector's "
                     f"{sent}-handed light turns its hand on the screen; swap the glasses"
                 )
+
+    def by_primary(self) -> tuple[StereoTheatre, ...]:
+        """The theatre as each primary's light finds it; one for all, if all find the same.
+
+        Raises
+        ------
+        InputError
+            If a filter's retardance is nothing like a quarter of a wave for some primary.
+        """
+        if self.wavelengths is None:
+            return (self,)
+        return tuple(self._at(wavelength) for wavelength in self.wavelengths)
+
+    def _at(self, wavelength: float) -> StereoTheatre:
+        left, right = (
+            replace(each, filter=each.filter.at(wavelength, self.design))
+            for each in self.projectors
+        )
+        first, second = (glass.at(wavelength, self.design) for glass in self.eyewear)
+        return replace(self, projectors=(left, right), eyewear=(first, second), wavelengths=None)
 
     def seat(self, name: str) -> Point:
         """Where a seat is, m.

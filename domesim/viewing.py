@@ -6,12 +6,51 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from domesim.dome import Dome
 from domesim.errors import InputError
 
 SQUARE_DEGREES = np.degrees(1.0) ** 2
 """Square degrees in a steradian."""
+
+
+@final
+@dataclass(frozen=True)
+class DomeSeat:
+    """A place under a dome from which figures and predictions are made.
+
+    Parameters
+    ----------
+    dome
+        The screen.
+    position
+        Of the eyes in the room's frame, m, inside the dome's sphere or ellipsoid.
+    """
+
+    dome: Dome
+    position: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        x, y, z = (float(part) for part in np.asarray(self.position) @ self.dome.to_room)
+        if not self.dome.encloses((x, y, z)):
+            raise InputError(f"a seat must be inside {self.dome.whole}, got {self.position} m")
+
+    def scale(self, rows: int, cols: int) -> NDArray[np.float32]:
+        """(row, col) pixels per degree at the seat over those along a meridian at the centre.
+
+        By the solid angle of the pixel: the geometric mean of both directions. What is seen
+        aslant is finer in one of them, by the cosine; vision models here know one resolution.
+        """
+        directions = self.dome.directions(rows, cols)
+        way = self.dome.points(rows, cols) - np.asarray(self.position)
+        distance = np.linalg.norm(way, axis=-1)
+        normals = self.dome.normals(directions) @ self.dome.to_room.T
+        cosine = np.sum(way * normals, axis=-1) / distance
+        theta = np.arccos(np.clip(directions[..., 2], -1, 1))
+        ring = np.sinc(theta / np.pi)  # of a pixel's solid angle at the centre
+        seen = ring * self.dome.area_density(theta) * cosine / distance**2
+        return np.asarray(1 / np.sqrt(np.maximum(seen, 1e-12)), np.float32)
 
 
 @final
@@ -29,12 +68,16 @@ class Viewing:
         Viewing distance, m (for accommodation).
     adaptation
         Luminance that the eye is adapted to, cd/m².
+    seat
+        Of a dome, a place away from the centre, from which figures and predictions are made; what
+        is projected is made for the centre.
     """
 
     extent: float
     image_area: float
     distance: float
     adaptation: float
+    seat: DomeSeat | None = None
 
     def __post_init__(self) -> None:
         for name in ("extent", "image_area", "distance", "adaptation"):

@@ -204,7 +204,7 @@ def test_a_seat_that_is_not_there(run: Run, pair: Pair, out: Path, command: str)
     arguments = (command, *pair.arguments, "--out", place(command, out), "--seat", "balcony")
     run(*arguments, "--scene", SCENE).is_refused("no seat 'balcony'", "sweet spot, left, right")
     refused = run(command, pair.left, *arguments[5:], "--scene", "dome_hemisphere")
-    refused.is_refused("--seat balcony", "dome_hemisphere is a dome theatre", "leave --seat out")
+    refused.is_refused("dome_hemisphere has no seat 'balcony'", "names none")
     assert written(out) == []
 
 

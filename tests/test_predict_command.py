@@ -271,9 +271,22 @@ def test_settings_reach_the_prediction(run: Run, tmp_path: Path, out: Path) -> N
     assert contrast["frames"][0]["visible"] < 0.7 * plain["visible"]
     blend = figures(run, *base, "--mesopic", "cie-191")
     assert blend["mesopic"] == "cie-191"
+    assert blend["age"] is None
+    assert figures(run, *base, "--age", "70")["age"] == 70
+    aged = channels(out / "m.maps.exr")["TVI"]
+    assert run("predict", *base, "--mesopic", "cie-191").code == 0
     before = channels(out / "m.maps.exr")["TVI"]
     assert run("predict", *base).code == 0
-    assert (channels(out / "m.maps.exr")["TVI"] != before).any()
+    found = channels(out / "m.maps.exr")["TVI"]
+    assert (found != before).any()
+    assert (found != aged).any()
+
+
+def test_a_seat_of_a_dome_is_one_that_it_has(run: Run, tmp_path: Path, out: Path) -> None:
+    base = (fulldome(tmp_path / "m.exr", 0.2), "--scene", "dome_planetarium", "--out", out)
+    assert figures(run, *base, "--seat", "front")["seats"] == ["front"]
+    run("predict", *base, "--seat", "balcony").is_refused("no seat 'balcony'", "front, centre")
+    run("observe", *base, "--seat", "front").is_refused("--seat front", "same light")
 
 
 def test_a_default_threshold_is_the_same_job_as_its_figure() -> None:
@@ -330,10 +343,11 @@ def test_an_unsuitable_master_is_named_in_one_line(
     [
         (("--combination", "both"), ("'both'", "with-veils, paper")),
         (("--mesopic", "rods"), ("'rods'", "more-sensitive, cie-191")),
+        (("--age", "12"), ("--age", "20 to 80", "got 12")),
         (("--threshold", "1"), ("threshold", "got 1")),
         (("--threshold", "nan"), ("threshold", "got nan")),
         (("--threshold", "-0.1"), ("threshold", "got -0.1")),
-        (("--seat", "left"), ("dome", "--seat")),
+        (("--seat", "left"), ("dome", "no seat 'left'", "names none")),
         (("--frames", "1-3"), ("--frames", "one file")),
     ],
 )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compensate.fourier import Fourier, padded_size
+from compensate.vision.blocks import block_sums, interpolated
 from domesim.errors import InputError
 from domesim.strips import in_strips
 
@@ -82,14 +83,12 @@ def _disc_means(lit: Planes, inside: NDArray[np.bool_], across: float) -> Planes
     convolution.
     """
     block = max(1, int(across / ACROSS))
-    sums = np.stack([_block_sums(p, block) for p in (*lit, inside.astype(np.float32))])
+    sums = np.stack([block_sums(p, block) for p in (*lit, inside.astype(np.float32))])
     sums = _convolved(sums, across / block / 2)
     result = np.empty_like(lit)
 
     def divide(view: int, rows: slice) -> None:
-        light, screen = (
-            _interpolated(sums[part], block, rows, lit.shape[2]) for part in (view, -1)
-        )
+        light, screen = (interpolated(sums[part], block, rows, lit.shape[2]) for part in (view, -1))
         on = inside[rows]
         # rounding in the transforms can leave black a little below 0
         mean = np.maximum(light, 0) / np.where(on, screen, 1)
@@ -97,14 +96,6 @@ def _disc_means(lit: Planes, inside: NDArray[np.bool_], across: float) -> Planes
 
     in_strips(divide, lit.shape)
     return result
-
-
-def _block_sums(plane: Planes, block: int) -> Planes:
-    """Sums over blocks of `block` x `block` pixels; the last ones may be cut off by the edge."""
-    if block == 1:
-        return plane
-    by_rows = np.add.reduceat(plane, np.arange(0, plane.shape[0], block), axis=0)
-    return np.asarray(np.add.reduceat(by_rows, np.arange(0, plane.shape[1], block), axis=1))
 
 
 def _convolved(planes: Planes, radius: float) -> Planes:
@@ -120,23 +111,3 @@ def _convolved(planes: Planes, radius: float) -> Planes:
     wide[:, :rows, :cols] = planes
     summed = fourier.inverse(fourier.forward(wide) * fourier.forward(disc[None]))
     return np.asarray(summed[:, :rows, :cols])
-
-
-def _interpolated(blocks: Planes, block: int, rows: slice, cols: int) -> Planes:
-    """Some rows of the pixels, linearly between the blocks' centres and constant beyond them."""
-    if block == 1:
-        return blocks[rows]
-    low, high, share = _between(np.arange(rows.start, rows.stop), block, blocks.shape[0])
-    part = blocks[low] + share[:, None] * (blocks[high] - blocks[low])
-    low, high, share = _between(np.arange(cols), block, blocks.shape[1])
-    left = part[:, low]
-    return np.asarray(left + share * (part[:, high] - left))
-
-
-def _between(
-    pixels: NDArray[np.int_], block: int, count: int
-) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.float32]]:
-    """The blocks on both sides of each pixel, and how far it is from the first to the second."""
-    place = np.clip((pixels + 0.5) / block - 0.5, 0, count - 1)
-    low = place.astype(np.int_)
-    return low, np.minimum(low + 1, count - 1), (place - low).astype(np.float32)

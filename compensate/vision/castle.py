@@ -19,6 +19,11 @@ artefact: exp(-|omega_0|^0.38 / 0.084), omega_0 = 4.7 + 2.41 log10 l, is below 0
 of times larger in a narrow band about l = 0.0113 cd/m². The authors' own table in ColorVideoVDP
 shows no trace of it.
 
+Along yellow-violet these parameters are 0.32 to 0.40 log10 less sensitive than the table of
+ColorVideoVDP (``weber_fixed_size``), which is of an older calibration. The thresholds that the
+authors publish decide for the parameters: in four sets of three laboratories they are off by -0.04
+to 0.11 log10 in the mean, the table by 0.26 to 0.45 (``validation/notes/0012``).
+
 Eccentricity is 0.
 
 Ashraf, M., Mantiuk, R. K., Chapiro, A., Wuerger, S. (2024), "castleCSF: a contrast sensitivity

@@ -23,9 +23,11 @@ is the quality that would be lost if all of the picture were like that place, in
 differences (JOD): of two pictures 1 JOD apart, 75 of 100 people prefer the better.
 
 All this is ColorVideoVDP's model of a still, with its constants. Its mechanisms mask each other
-besides, which makes no better mask (``validation/notes/0009``); it takes 1/2 for g_b; and its
-weights of 1.45 for red-green and 0.97 for all are left out. So when `validation` asks ColorVideoVDP
-how well this predicts what is seen, it does not ask a stranger.
+besides, which makes no better mask (``validation/notes/0009``); it takes 1/2 for g_b; its weights
+of 1.45 for red-green and 0.97 for all are left out; and its table has twice castleCSF's sensitivity
+for yellow-violet (``validation/notes/0012``), so that this model minds such differences less. So
+when `validation` asks ColorVideoVDP how well this predicts what is seen, it does not ask a
+stranger.
 
 Mantiuk, R. K., Hanji, P., Ashraf, M., Asano, Y., Chapiro, A. (2024), "ColorVideoVDP: A visual
 difference predictor for image, video and display distortions", ACM Trans. Graph. 43(4), 129; the

@@ -1,15 +1,16 @@
 """Crosstalk of a polarised 3D cinema, path traced with Mitsuba's polarised light.
 
-One projector at a time lights the screen. What it sends is a small light in a sphere of Mitsuba's
-``circular`` polarisers, one of each hand blended by its leak; the screen is a blend of a polarised
-``roughconductor`` and a ``diffuse``; the eye looks out of a sphere of the ``circular`` polariser of
-its glasses. Spheres, so that light passes every filter at right angles. ``volpath`` carries Mueller
-matrices along the paths and finds lights through filters, which ``path`` does not.
+One projector at a time lights the screen. It is a small light in two spheres: Mitsuba's linear
+``polarizer``, two of them crossed and blended by the leak, in a ``retarder``. (Spheres, so that
+light passes every filter at right angles; their parallels are horizontal, as axes of 0 degrees
+are.) The screen is a blend of a polarised ``roughconductor`` and a ``diffuse``. ``volpath`` carries
+Mueller matrices along the paths and finds lights through filters, which ``path`` does not. The
+glasses are applied to the Stokes vectors that arrive, by Mitsuba's own Mueller matrices: in the
+scene they would shade a part of it, and a leak of a thousandth would be met once in a thousand
+paths.
 
-A filter that is met by a camera's ray lets through or does not; a leak of a thousandth would be
-sampled once in a thousand paths. So the eye looks through ideal filters of either hand in turn, and
-the light of both is added, weighted by its own filter's leak. The pictures of both projectors that
-an eye sees use the same random places on the screen: in their quotient most of the noise cancels.
+The pictures of both projectors that an eye sees use the same random places on the screen: in their
+quotient most of the noise cancels.
 
 Light is reflected once: a flat screen does not light itself, and the room is black. (What walls and
 people send back to the screen comes from all of a picture; it is no crosstalk of a place on it.)
@@ -30,18 +31,19 @@ from domesim.errors import InputError
 from domesim.pathtrace.llvm import backend, load_mitsuba
 from domesim.pathtrace.tracer import interruptible, launch_seed
 from domesim.polarisation import ALUMINIUM
-from domesim.stereo import CircularFilter, Hand, Point, SilverScreen, StereoTheatre
+from domesim.stereo import QUARTER, CircularFilter, Point, SilverScreen, StereoTheatre
 
 Progress = Callable[[float], None]
 """Told the share of the work that is done."""
 
 _Floats = NDArray[np.float64]
-_OPPOSITE: dict[Hand, Hand] = {"left": "right", "right": "left"}
 _LAUNCH = 1 << 18
 """Paths that are computed before anyone may interrupt: a second or few."""
 _LENS_RADIUS = 0.05
-_GLASS_RADIUS = 0.002
-"""Of the spheres round lens and eye, m: an eye in the beam hides next to nothing of the screen."""
+"""Of the outer sphere round a lens, m, at least."""
+_APART = 4e-4
+"""And at least so many times the largest of its coordinates, and a metre: Mitsuba lets a ray go on
+from a quarter of that beyond what it has met, and must not miss the other sphere."""
 
 
 @final
@@ -113,21 +115,17 @@ def crosstalk_map(
     random = np.random.default_rng(launch_seed(seed, *seat.encode()))
     with _polarised() as mi, interruptible() as interrupted:
         integrator = mi.load_dict({"type": "volpath", "max_depth": 2})
-        scenes = {
-            (p, hand): _scene(mi, theatre, p, eye, hand) for p in (0, 1) for hand in _OPPOSITE
-        }
+        scenes = [_scene(mi, theatre, projector) for projector in (0, 1)]
+        passed = [_passed(mi, glass) for glass in theatre.eyewear]
 
-        def seen(projector: int, glass: CircularFilter, points: _Floats) -> _Floats:
-            light = _luminance(mi, integrator, scenes[projector, glass.hand], eye, points)
-            if glass.leak > 0:
-                blocked = scenes[projector, _OPPOSITE[glass.hand]]
-                light += glass.leak * _luminance(mi, integrator, blocked, eye, points)
-            return light
+        def seen(projector: int, glass: int, points: _Floats) -> _Floats:
+            arriving = _arriving(mi, integrator, scenes[projector], eye, points)
+            return np.asarray(passed[glass] @ arriving)
 
         for done, count in _launches(samples, rows * cols):
-            for e, glass in enumerate(theatre.eyewear):
+            for e in (0, 1):
                 points = _places(theatre.screen, rows, cols, count, random)
-                own, other = (seen(p, glass, points).reshape(-1, count) for p in (e, 1 - e))
+                own, other = (seen(p, e, points).reshape(-1, count) for p in (e, 1 - e))
                 sums[e].add(own, other)
             if progress is not None:
                 progress((done + count) / samples)
@@ -135,6 +133,45 @@ def crosstalk_map(
                 raise KeyboardInterrupt
     maps = np.array([one.quotient() for one in sums]).reshape(2, 2, rows, cols)
     return CrosstalkMap(seat, share=maps[:, 0], standard_error=maps[:, 1], samples=samples)
+
+
+def luminance_map(
+    theatre: StereoTheatre,
+    weights: _Floats,
+    seat: str,
+    rows: int,
+    cols: int,
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> CrosstalkMap:
+    """`crosstalk_map` of a theatre whose filters may depend on the primary: of luminance.
+
+    Parameters
+    ----------
+    theatre
+        The theatre; each of its `by_primary` is traced, with the same random places.
+    weights
+        (primary,) of luminance; they sum to 1.
+    seat, rows, cols, seed, progress
+        As of `crosstalk_map`.
+    """
+    each = theatre.by_primary()
+    maps = []
+    for number, one in enumerate(each):
+
+        def told(done: float, n: int = number) -> None:
+            if progress is not None:
+                progress((n + done) / len(each))
+
+        maps.append(crosstalk_map(one, seat, rows, cols, seed=seed, progress=told))
+    if len(maps) == 1:
+        return maps[0]
+    share, error = (
+        np.tensordot(weights, np.stack([getattr(one, name) for one in maps]), axes=1)
+        for name in ("share", "standard_error")  # of the same places: errors add up
+    )
+    return CrosstalkMap(seat, share, error, maps[0].samples)
 
 
 @final
@@ -191,10 +228,11 @@ def _polarised() -> Iterator[Any]:
         mi.set_variant(before)
 
 
-def _scene(mi: Any, theatre: StereoTheatre, projector: int, eye: Point, hand: Hand) -> Any:
-    """One projector, the screen, and an eye behind an ideal filter."""
+def _scene(mi: Any, theatre: StereoTheatre, projector: int) -> Any:
+    """One projector and the screen."""
     screen = theatre.screen
     lens = theatre.projectors[projector]
+    radius = max(_LENS_RADIUS, _APART * (1 + max(abs(x) for x in lens.position)))
     facing = mi.ScalarTransform4f().rotate([1, 0, 0], 90)
     extent = mi.ScalarTransform4f().scale([screen.width / 2, screen.height / 2, 1])
     return mi.load_dict(
@@ -202,8 +240,8 @@ def _scene(mi: Any, theatre: StereoTheatre, projector: int, eye: Point, hand: Ha
             "type": "scene",
             "screen": {"type": "rectangle", "to_world": facing @ extent, "bsdf": _silver(screen)},
             "lamp": {"type": "point", "position": list(lens.position), "intensity": 1.0},
-            "filter": _around(lens.position, _LENS_RADIUS, _leaking(lens.filter)),
-            "glass": _around(eye, _GLASS_RADIUS, _circular(hand)),
+            "polariser": _around(lens.position, radius / 2, _leaking(lens.filter)),
+            "retarder": _around(lens.position, radius, _retarder(lens.filter)),
         }
     )
 
@@ -224,22 +262,54 @@ def _silver(screen: SilverScreen) -> dict[str, Any]:
     }
 
 
-def _leaking(filter_: CircularFilter) -> dict[str, Any]:
-    """A filter that shares its light between hands in proportion 1 : leak, adding up to half."""
+def _leaking(glass: CircularFilter) -> dict[str, Any]:
+    """Crossed polarisers of a lens that share its light as 1 : leak, adding up to half."""
+    # Mitsuba 3.9 turns a polariser one way, and a retarder the other way, on the same surface
+    passed, blocked = ({"type": "polarizer", "theta": glass.axis + turn} for turn in (0.0, 90.0))
     return {
         "type": "blendbsdf",
-        "weight": filter_.leak / (1 + filter_.leak),
-        "passed": _circular(filter_.hand),
-        "blocked": _circular(_OPPOSITE[filter_.hand]),
+        "weight": glass.leak / (1 + glass.leak),
+        "passed": passed,
+        "blocked": blocked,
     }
 
 
-def _circular(hand: Hand) -> dict[str, Any]:
-    return {"type": "circular", "left_handed": hand == "left"}
+def _retarder(glass: CircularFilter) -> dict[str, Any]:
+    delta = QUARTER + glass.retardance_error
+    return {"type": "retarder", "theta": -_fast(glass), "delta": delta}
+
+
+def _fast(glass: CircularFilter) -> float:
+    """Angle of a retarder's fast axis, degrees: it makes the hand."""
+    return glass.axis + (-45.0 if glass.hand == "right" else 45.0)
 
 
 def _around(centre: Point, radius: float, bsdf: dict[str, Any]) -> dict[str, Any]:
     return {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": bsdf}
+
+
+def _passed(mi: Any, glass: CircularFilter) -> _Floats:
+    """(Stokes,) how much glasses pass of light whose axes are right and up."""
+    mueller = mi.mueller
+
+    def turned(degrees: float, element: Any) -> _Floats:
+        matrix = mueller.rotated_element(mi.Float(np.radians(degrees)), element)
+        return _numbers([matrix[i, j] for i in range(4) for j in range(4)]).reshape(4, 4)
+
+    polariser, crossed = (
+        turned(glass.axis + turn, mueller.linear_polarizer(mi.Float(1.0))) for turn in (0.0, 90.0)
+    )
+    phase = np.radians(QUARTER + glass.retardance_error)
+    retarder = turned(_fast(glass), mueller.linear_retarder(mi.Float(phase)))
+    return np.asarray((polariser + glass.leak * crossed)[0] @ retarder)
+
+
+def _numbers(entries: list[Any], rays: int = 1) -> _Floats:
+    """(entry, ray)."""
+    import drjit as dr  # noqa: PLC0415
+
+    dr.eval(entries)  # at once: each by itself would trace all paths anew
+    return np.stack([np.broadcast_to(np.ravel(each), rays) for each in entries]).astype(np.float64)
 
 
 def _launches(samples: int, cells: int) -> Iterator[tuple[int, int]]:
@@ -260,13 +330,20 @@ def _places(
     return np.stack([x, 0 * x, z], axis=-1).reshape(-1, 3)
 
 
-def _luminance(mi: Any, integrator: Any, scene: Any, eye: Point, points: _Floats) -> _Floats:
-    """(ray) what comes from points of the screen through the glass."""
+def _arriving(mi: Any, integrator: Any, scene: Any, eye: Point, points: _Floats) -> _Floats:
+    """(Stokes, ray) of what comes from points of the screen, by axes that are right and up."""
     way = points - np.asarray(eye)
     way /= np.linalg.norm(way, axis=1, keepdims=True)
-    ray = mi.RayDifferential3f(o=mi.Point3f(*eye), d=mi.Vector3f(*way.T.astype(np.float32)))
+    right = np.cross(way, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    towards, across = (mi.Vector3f(*each.T.astype(np.float32)) for each in (-way, right))
+    ray = mi.RayDifferential3f(o=mi.Point3f(*eye), d=-towards)
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(0, len(points))  # it decides nothing: paths end at their first reflection
     mueller, _, _ = integrator.sample(scene, sampler, ray)
-    # Of unpolarised light that was sent, what arrives whatever its polarisation
-    return np.asarray(mueller[0, 0].numpy(), np.float64).reshape(-1)
+    basis = mi.mueller.stokes_basis(towards)
+    turn = mi.mueller.rotate_stokes_basis(towards, basis, across)
+    # The first column is of unpolarised light that was sent
+    return _numbers(
+        [sum(turn[i, j] * mueller[j, 0] for j in range(4)) for i in range(4)], len(points)
+    )

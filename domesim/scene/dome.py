@@ -227,6 +227,21 @@ class DomeScene(Scene):
             f"--transport"
         )
 
+    def seen_from(self, name: str) -> DomeScene:
+        """The same theatre, with figures and predictions for one of its seats or viewpoints.
+
+        Raises
+        ------
+        InputError
+            If there is no such seat, or it is outside the dome's sphere.
+        """
+        known = self.theatre.viewpoints
+        if name not in known:
+            told = f"use one of {', '.join(known)}" if known else "its scene file names none"
+            raise InputError(f"{self.name} has no seat {name!r}; {told}")
+        seat = viewing.DomeSeat(self.dome, known[name].position)
+        return replace(self, viewing=replace(self.viewing, seat=seat))
+
     def with_transport(self, transport: Transport) -> DomeScene:
         """The same scene with a stored transport.
 

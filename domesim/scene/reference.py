@@ -17,7 +17,7 @@ from domesim.scene.fields import Section
 from domesim.scene.loading import scene_names
 from domesim.scene.stereo_file import StereoFile
 
-_UNITS = {"_cd_m2": "cd/m²", "_deg": "degrees", "_m": "m", "lumens": "lm"}
+_UNITS = {"_cd_m2": "cd/m²", "_deg": "degrees", "_m": "m", "_nm": "nm", "lumens": "lm"}
 _EXAMPLES: dict[str, Any] = {
     "dome.height_ratio": 0.9,
     "dome.truncated_below_m": -0.5,
@@ -54,6 +54,11 @@ _EXAMPLES: dict[str, Any] = {
     "crosstalk.black": "included",
     "crosstalk.allow_negative": True,
     "crosstalk.polarisation.albedo": 0.8,
+    "crosstalk.polarisation.projector_retardance_error_deg": [2.0, -1.5],
+    "crosstalk.polarisation.glasses_retardance_error_deg": [3.0, 3.0],
+    "crosstalk.polarisation.glasses_axis_deg": 90.0,
+    "crosstalk.polarisation.wavelengths_nm": [615.0, 545.0, 465.0],
+    "crosstalk.polarisation.design_nm": 560.0,
     "seats.weight": 2.0,
     "seats.factor": 1.5,
 }

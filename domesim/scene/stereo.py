@@ -324,7 +324,8 @@ def _described(file: StereoFile, folder: Path) -> StereoScene:
         seats = _seats(file, _figures(file.crosstalk), _errors(file.crosstalk))
         return _scene(file, projector, black, seats, file.digest)
     theatre = _theatre(file, file.crosstalk.polarisation)
-    scene = _scene(file, projector, black, _estimated(file, theatre), file.digest)
+    seats = _estimated(file, theatre, projector.luminance_weights)
+    scene = _scene(file, projector, black, seats, file.digest)
     return replace(scene, theatre=theatre)
 
 
@@ -374,13 +375,24 @@ def _scene(
     )
 
 
-def _estimated(file: StereoFile, theatre: StereoTheatre) -> dict[str, Seat]:
-    return {
-        seat.name: Seat(
-            leak_matrices(1.0), crosstalk_estimate(theatre, seat.name, *MAP_CELLS), seat.weight
+def _estimated(
+    file: StereoFile, theatre: StereoTheatre, weights: NDArray[np.float64]
+) -> dict[str, Seat]:
+    """Crosstalk by seat: a map of luminance, and how much more each primary has in the mean."""
+    seats = {}
+    for seat in file.seats:
+        each = np.stack(
+            [crosstalk_estimate(one, seat.name, *MAP_CELLS) for one in theatre.by_primary()]
         )
-        for seat in file.seats
-    }
+        if len(each) == 1:
+            seats[seat.name] = Seat(leak_matrices(1.0), each[0], seat.weight)
+            continue
+        share = np.tensordot(weights, each, axes=1)
+        matrices = np.zeros((2, 3, 3))
+        for view, primary in np.ndindex(2, 3):
+            matrices[view, primary, primary] = each[primary, view].mean() / share[view].mean()
+        seats[seat.name] = Seat(matrices, share, seat.weight)
+    return seats
 
 
 def _figures(told: CrosstalkSection) -> NDArray[np.float64]:
@@ -425,6 +437,7 @@ def _of_both(to_left: object, to_right: object) -> NDArray[np.float64]:
 
 def _theatre(file: StereoFile, hardware: PolarisationSection) -> StereoTheatre:
     left, right = hardware.lenses_m
+    lens, glass = hardware.projector_retardance_error_deg, hardware.glasses_retardance_error_deg
     positions = {seat.name: seat.position_m for seat in file.seats if seat.position_m is not None}
     return StereoTheatre(
         SilverScreen(
@@ -435,13 +448,15 @@ def _theatre(file: StereoFile, hardware: PolarisationSection) -> StereoTheatre:
             hardware.albedo,
         ),
         (
-            PolarisedProjector(left, CircularFilter("left", hardware.projector_leak)),
-            PolarisedProjector(right, CircularFilter("right", hardware.projector_leak)),
+            PolarisedProjector(left, CircularFilter("left", hardware.projector_leak, lens[0])),
+            PolarisedProjector(right, CircularFilter("right", hardware.projector_leak, lens[1])),
         ),
         # The screen turns the hand of what it reflects.
         (
-            CircularFilter("right", hardware.glasses_leak),
-            CircularFilter("left", hardware.glasses_leak),
+            CircularFilter("right", hardware.glasses_leak, glass[0], hardware.glasses_axis_deg),
+            CircularFilter("left", hardware.glasses_leak, glass[1], hardware.glasses_axis_deg),
         ),
         positions,
+        hardware.wavelengths_nm,
+        hardware.design_nm,
     )

@@ -155,8 +155,19 @@ class TableSection(Section):
         return self
 
 
+Error = Annotated[Number, Field(gt=-45, lt=45)]
+Wavelength = Annotated[Number, Field(ge=380, le=780)]
+
+
 class PolarisationSection(Section):
-    """Two projectors behind circular filters, a silver screen, and glasses."""
+    """Two projectors behind circular filters, a silver screen, and glasses.
+
+    What comes in pairs is of the left eye, then of the right one. Retardance errors are what
+    quarter-wave retarders have too much at ``design_nm``; with ``wavelengths_nm`` of the primaries
+    they have it in proportion to the inverse wavelength, and crosstalk depends on the colour.
+    ``glasses_axis_deg`` is the angle of the glasses' linear polarisers to those of the lenses: at 0
+    errors of one sign add up, at 90 they cancel.
+    """
 
     lenses_m: tuple[
         tuple[Coordinate, Coordinate, Coordinate], tuple[Coordinate, Coordinate, Coordinate]
@@ -166,6 +177,11 @@ class PolarisationSection(Section):
     albedo: Annotated[Number, Field(gt=0, le=1)] = 1.0
     projector_leak: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     glasses_leak: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    projector_retardance_error_deg: tuple[Error, Error] = (0.0, 0.0)
+    glasses_retardance_error_deg: tuple[Error, Error] = (0.0, 0.0)
+    glasses_axis_deg: Annotated[Number, Field(ge=-180, le=180)] = 0.0
+    wavelengths_nm: tuple[Wavelength, Wavelength, Wavelength] | None = None
+    design_nm: Wavelength = 550.0
 
 
 class CrosstalkSection(Section):

@@ -19,6 +19,7 @@ from compensate.prediction import (
     triage,
 )
 from compensate.vision.differences import visible_difference
+from compensate.vision.glare import StrayLight
 from compensate.vision.masking import Cortex, transducer
 from compensate.vision.saliency import gbvs
 from compensate.vision.tvi import MesopicBlend, threshold
@@ -93,6 +94,48 @@ def test_a_flat_veil_on_flat_grey_is_seen_from_its_threshold_on(
     assert not found.mask[1].any()
     assert found.visible.shares == (float(seen), 0.0)
     assert found.share == seen / 2
+
+
+@pytest.mark.parametrize("combination", [Combination.WITH_VEILS, Combination.LOCAL_CONTRAST])
+def test_the_eyes_own_light_covers_pollution_beside_bright_things(
+    combination: Combination,
+) -> None:
+    # two ghosts of the same light on black, of which one lies beside a lamp
+    down, across = places()
+    ghosts = 1.0 * ((np.hypot(down, across + 2) < 0.4) | (np.hypot(down, across - 2.5) < 0.4))
+    lamp = np.where(np.hypot(down, across + 3.6) < 0.8, WHITE, 0.02)
+    posed = pose(pair(lamp, ghosts), stereo([[LEAK], [0.0]]))
+    found = {
+        age: predict(
+            posed,
+            settings=Prediction(combination=combination, eye=StrayLight(age) if age else None),
+        ).prediction[0]
+        for age in (0, 25, 70)
+    }
+    beside, away = (np.hypot(down, across + x) < 0.3 for x in (2, -2.5))
+    none, young, old = (found[age] for age in (0, 25, 70))
+    assert old[beside].mean() <= young[beside].mean() < 0.6 * none[beside].mean()
+    assert old[away].mean() > 0.95 * none[away].mean()
+
+
+def test_a_veil_over_all_that_an_eye_sees_is_as_visible_as_without_stray_light() -> None:
+    scene = dome(degrees=180.0)
+    posed = pose(fulldome(3.0, scene), scene)
+    plain, scattered = (
+        predict(posed, settings=Prediction(eye=eye)) for eye in (None, StrayLight(70))
+    )
+    middle = (0, 32, 32)
+    assert scattered.tvi[middle] == pytest.approx(plain.tvi[middle], rel=0.02)
+    assert scattered.masking[middle] == pytest.approx(plain.masking[middle], rel=0.05)
+
+
+@pytest.mark.parametrize("combination", Combination)
+def test_the_quick_mask_is_the_mask_of_an_eye_that_scatters(combination: Combination) -> None:
+    settings = Prediction(0.05, combination, eye=StrayLight(60))
+    posed = pose(pair(0.05 + spot(0.4), np.roll(30 * spot(0.3), 16, axis=1)), stereo())
+    full, quick = predict(posed, posed.subtractive, settings), triage(posed, settings).subtracted
+    assert full.mask.any()
+    assert np.mean(full.mask != quick.mask) < 0.005
 
 
 def test_the_blend_matters() -> None:

@@ -11,6 +11,7 @@ from theatres import cinema
 from domesim.errors import InputError
 from domesim.lenses import lobe_gain
 from domesim.polarisation import ALUMINIUM, crosstalk_estimate, screen_gain, seen_luminance
+from domesim.scene import load_stereo
 from domesim.stereo import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
 from domesim.theatre import Lobe
 
@@ -54,6 +55,168 @@ def test_filters_alone_leak_as_crossed_polarisers(first, second):
     """Of the hands (1, a) that are sent, (1, b) pass: crossed (a + b) to (1 + a b) together."""
     own, other = on_axis(replace(SCREEN, depolarising_share=0.0), first, second)
     np.testing.assert_allclose(other / own, (first + second) / (1 + first * second), rtol=1e-12)
+
+
+def jones(glass):
+    """Fields (right, up), before an eye, of what a filter passes whole: of its state, and crossed.
+
+    Light's field is the real part of E exp(-i omega t). What a lens sends is its conjugate.
+    """
+    for turn in (0, 90):
+        axis, fast = np.radians(glass.axis + turn), np.radians(glass.axis + FAST[glass.hand])
+        along = np.array([np.cos(fast), np.sin(fast)])
+        across = np.array([-np.sin(fast), np.cos(fast)])
+        linear = np.array([np.cos(axis), np.sin(axis)])
+        slow = np.exp(1j * np.radians(90 + glass.retardance_error))
+        yield along * (along @ linear) + across * (across @ linear) / slow
+
+
+FAST = {"right": -45, "left": 45}
+
+
+def fields_of(screen, lens, glass, eye, point):
+    """Luminance by fields in space, mode by mode of what leaks: no Stokes vector, no rotation."""
+    up = np.array([0.0, 0, 1])
+    ways = []
+    for place in (lens.position, eye):
+        way = np.asarray(place, float) - point
+        distance = np.linalg.norm(way)
+        way = way / distance
+        right = np.cross(-way, up) / np.linalg.norm(np.cross(-way, up))
+        ways.append((way, distance, np.stack([right, np.cross(right, -way)])))
+    (to_lamp, distance, sending), (to_eye, _, seeing) = ways
+    half = (to_lamp + to_eye) / np.linalg.norm(to_lamp + to_eye)
+    across = np.cross(to_lamp, to_eye)
+    across /= np.linalg.norm(across)
+    before, after = np.cross(across, -to_lamp), np.cross(across, to_eye)
+    cosine = half @ to_eye
+    inner = np.sqrt(1 - (1 - cosine**2) / ALUMINIUM**2)
+    s = (cosine - ALUMINIUM * inner) / (cosine + ALUMINIUM * inner)
+    p = (ALUMINIUM * cosine - inner) / (ALUMINIUM * cosine + inner)
+    total = 0.0
+    for sent, much in zip(jones(lens.filter), (1, lens.filter.leak), strict=True):
+        field = sent.conj() @ sending
+        mirrored = s * (across @ field) * across + p * (before @ field) * after
+        for seen, passed in zip(jones(glass), (1, glass.leak), strict=True):
+            total += much * passed * abs(seen.conj() @ seeing @ mirrored) ** 2
+    total /= 1 + lens.filter.leak
+    plain = screen_gain_of_facets(screen, to_lamp, to_eye, half)
+    return -to_lamp[1] / distance**2 * plain * total / (1 + glass.leak)
+
+
+def screen_gain_of_facets(screen, to_lamp, to_eye, half):
+    """GGX's density and shadowing: what `_by_facets` is multiplied by."""
+    square = screen.roughness**2
+    density = square / (np.pi * (half[1] ** 2 * (square - 1) + 1) ** 2)
+    hidden = [2 / (1 + np.sqrt(1 + square * (way[1] ** -2 - 1))) for way in (to_lamp, to_eye)]
+    return density * hidden[0] * hidden[1] / (4 * to_lamp[1] * to_eye[1]) * screen.albedo
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_filters_and_oblique_facets_by_fields_in_space(seed):
+    random = np.random.default_rng(seed)
+    screen = replace(SCREEN, depolarising_share=0.0, roughness=0.6)
+    lens, glass = (
+        CircularFilter(
+            random.choice(["left", "right"]),
+            random.uniform(0, 0.3),
+            random.uniform(-60, 60),
+            random.uniform(-90, 90),
+        )
+        for _ in range(2)
+    )
+    place, eye = (
+        random.uniform(-9, -2, 3) * [random.choice([-1, 1]), 1, random.choice([-1, 1])]
+        for _ in range(2)
+    )
+    lens = PolarisedProjector(tuple(place), lens)
+    point = np.array([random.uniform(-4, 4), 0, random.uniform(-2, 2)])
+    expected = fields_of(screen, lens, glass, eye, point)
+    found = seen_luminance(screen, lens, glass, eye, point)
+    # both pass half of unpolarised light, and of their own state all but the leak
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("sent", "passed", "axis", "leak"),
+    [
+        (5, 5, 0, np.sin(np.radians(5)) ** 2),  # 0.76 %
+        (5, -5, 0, 0.0),
+        (5, 5, 90, 0.0),
+        (5, -5, 90, np.sin(np.radians(5)) ** 2),
+        (8, 0, 0, np.sin(np.radians(4)) ** 2),
+        (8, 0, 33, np.sin(np.radians(4)) ** 2),
+    ],
+)
+def test_errors_of_retardance_add_up_or_cancel(sent, passed, axis, leak):
+    """On the axis, where the mirror leaves a rotation and crossed polarisers alone."""
+    screen = replace(SCREEN, depolarising_share=0.0)
+    ideal, _ = on_axis(screen)
+    lens = PolarisedProjector((0, -9, 0), CircularFilter("left", 0, sent))
+    glass = CircularFilter("left", 0, passed, axis)
+    other = seen_luminance(screen, lens, glass, (0, -7, 0), CENTRE)
+    assert other / ideal == pytest.approx(leak, abs=1e-12)
+
+
+def test_leaks_and_errors_do_not_just_add():
+    """Polarisers that leak keep their part of what retarders lead astray."""
+    screen = replace(SCREEN, depolarising_share=0.0)
+    ideal, _ = on_axis(screen)
+    lens = PolarisedProjector((0, -9, 0), CircularFilter("left", 0.01, 6.0))
+    glass = CircularFilter("left", 0.02, 4.0)
+    other = seen_luminance(screen, lens, glass, (0, -7, 0), CENTRE)
+    kept = (0.99 / 1.01) * (0.98 / 1.02)
+    assert other / ideal == pytest.approx((1 - kept * np.cos(np.radians(10))) / 2)
+
+
+SCENE = """
+name = "coloured"
+[screen]
+width_m = 10.0
+height_m = 5.3
+[projector]
+white_cd_m2 = 15.0
+[crosstalk.polarisation]
+lenses_m = [[-0.2, -30.0, 2.5], [0.2, -30.0, 2.5]]
+depolarising_share = 0.04
+roughness = 0.3
+glasses_axis_deg = AXIS
+wavelengths_nm = [615.0, 545.0, 465.0]
+projector_retardance_error_deg = [2.0, -1.0]
+[[seats]]
+name = "middle"
+position_m = [0.0, -20.0, -1.0]
+[viewing]
+distance_m = 20.0
+adaptation_cd_m2 = 5.0
+"""
+
+
+def test_a_quarter_wave_is_one_for_one_wavelength(tmp_path):
+    found = {}
+    for axis in (0, 90):
+        file = tmp_path / f"coloured {axis}.toml"
+        file.write_text(SCENE.replace("AXIS", str(axis)))
+        scene = load_stereo(file)
+        seat, weights = scene.seats["middle"], scene.projector.luminance_weights
+        found[axis] = (
+            np.diagonal(seat.matrices, axis1=1, axis2=2)
+            * seat.share.mean(axis=(1, 2), keepdims=True)[..., 0]
+        )
+        # primaries share one map, whose luminance is that of each computed alone
+        each = [crosstalk_estimate(one, "middle", 9, 15) for one in scene.theatre.by_primary()]
+        np.testing.assert_allclose(seat.share, np.tensordot(weights, each, axes=1))
+        np.testing.assert_allclose(found[axis].T, np.mean(each, axis=(2, 3)), rtol=1e-12)
+    # two films of 90° at 550 nm and an error: what they leak of R, G and B by hand
+    films = 550 / np.array([615, 545, 465]) * 90
+    for view, error in ((0, -1.0), (1, 2.0)):  # what an eye gets is the other's light
+        total = films * (2 + error / 90) - 180
+        rise = found[0][view] - found[90][view]
+        crossed = films * error / 90
+        by_hand = np.sin(np.radians(total / 2)) ** 2 - np.sin(np.radians(crossed / 2)) ** 2
+        np.testing.assert_allclose(rise, by_hand, rtol=0.2, atol=1e-4)
+    assert found[0][0][2] > 0.08
+    assert found[90][0][2] < 0.03
 
 
 def test_half_of_the_depolarised_light_goes_astray():
@@ -163,6 +326,9 @@ def test_a_cell_is_the_mean_of_its_light():
         (lambda: SilverScreen(9.0, 5.0, 0.1, 0.0), "roughness must be above 0 and at most 1"),
         (lambda: SilverScreen(9.0, 5.0, 0.1, 0.3, 1.5), "albedo must be above 0 and at most 1"),
         (lambda: CircularFilter("up"), "hand must be left or right, got 'up'"),
+        (lambda: CircularFilter("left", 0.0, 90.0), "between -90 and 90 degrees, got 90"),
+        (lambda: CircularFilter("left").at(200.0, 550.0), "got 157.5"),
+        (lambda: CircularFilter("left", axis=np.inf), "axis must be an angle, got inf"),
         (lambda: CircularFilter("left", 1.0), "leak must be at least 0 and below 1, got 1"),
         (lambda: PolarisedProjector((0, 9, 0), LEFT), "projector must be before the screen"),
         (lambda: PolarisedProjector((0, -9), LEFT), r"three numbers \(x, y, z\)"),

@@ -20,6 +20,8 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "measured_transport",
         "caution",
         "contrast_sensitivity",
+        "stray_light",
+        "dome_seats",
         "gamma_coded",
         "channels_alone",
         "frozen_pollution",

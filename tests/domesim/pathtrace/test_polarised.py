@@ -13,7 +13,7 @@ from theatres import cinema
 from domesim.errors import InputError
 from domesim.pathtrace import polarised
 from domesim.pathtrace.llvm import Backend, backend, load_mitsuba
-from domesim.pathtrace.polarised import crosstalk_map
+from domesim.pathtrace.polarised import crosstalk_map, luminance_map
 from domesim.polarisation import crosstalk_estimate
 from domesim.stereo import SilverScreen
 from validation.statistics import assert_unbiased, calibration
@@ -25,6 +25,19 @@ LEAKS = (0.001, 0.002, 0.003, 0.004)
 CINEMA = cinema(SCREEN, LEAKS)
 
 
+def turned(errors, axis):
+    """Lenses and glasses with errors of retardance, degrees; the glasses are turned."""
+    lenses = [
+        replace(lens, filter=replace(lens.filter, retardance_error=error))
+        for lens, error in zip(CINEMA.projectors, errors[:2], strict=True)
+    ]
+    glasses = [
+        replace(glass, retardance_error=error, axis=axis)
+        for glass, error in zip(CINEMA.eyewear, errors[2:], strict=True)
+    ]
+    return replace(CINEMA, projectors=tuple(lenses), eyewear=tuple(glasses))
+
+
 @pytest.mark.parametrize(
     ("theatre", "seat"),
     [
@@ -32,6 +45,9 @@ CINEMA = cinema(SCREEN, LEAKS)
         (CINEMA, "corner"),
         (cinema(replace(SCREEN, roughness=0.15, depolarising_share=0.3), LEAKS), "aisle"),
         (cinema(SCREEN, (0.0, 0.2, 0.1, 0.0)), "aisle"),
+        # Retarders that are off, and glasses that are turned
+        (turned((4.0, -7.0, 5.0, 6.0), 0.0), "aisle"),
+        (turned((30.0, -20.0, 25.0, -35.0), 35.0), "corner"),
         # What oblique aluminium does to circular light, and nothing else
         (cinema(replace(SCREEN, depolarising_share=0.0), (0.0, 0.0, 0.0, 0.0)), "corner"),
     ],
@@ -113,6 +129,17 @@ def test_a_quotient_s_error_is_that_of_its_parts():
     residual = other - expected[:, None] * own
     np.testing.assert_allclose(share, expected)
     np.testing.assert_allclose(error, residual.std(1, ddof=1) / np.sqrt(50) / own.mean(1))
+
+
+def test_the_luminance_of_three_colours():
+    theatre, weights = replace(CINEMA, wavelengths=(615, 545, 465)), np.array([0.2, 0.7, 0.1])
+    told = []
+    found = luminance_map(theatre, weights, "aisle", 2, 3, seed=3, progress=told.append)
+    assert told == pytest.approx([1 / 3, 2 / 3, 1])
+    estimate = [crosstalk_estimate(one, "aisle", 2, 3) for one in theatre.by_primary()]
+    assert_unbiased(found.share, found.standard_error, np.tensordot(weights, estimate, axes=1))
+    plain = luminance_map(CINEMA, weights, "aisle", 2, 3, seed=3)
+    np.testing.assert_array_equal(plain.share, crosstalk_map(CINEMA, "aisle", 2, 3, seed=3).share)
 
 
 def test_mitsuba_s_variant_is_left_as_it_was():
