@@ -237,7 +237,7 @@ def test_counts_that_no_file_could_hold_are_refused(
         ("seats.stl", b"PK\3\4" + bytes(400), "a ZIP archive"),
         ("seats.obj", b"\x1f\x8b\x08" + bytes(400), "a gzip archive"),
         ("seats.stl", b"\xef\xbb\xbf\n<?xml version='1.0'?><mesh/>", "XML"),
-        ("seats.stl", bytes(80) + b"\0\xff\xff\xff" + bytes(50), "(.*not read as STL|no triangles)"),
+        ("seats.stl", bytes(80) + b"\0\xff\xff\xff" + bytes(50), "(not read as STL|no triangles)"),
         ("seats.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 2147483647\n", "does not read as OBJ"),
         ("seats.glb", b"glTF" + bytes(8) + b"\2\0\0\0JSON[]", "does not read as GLB"),
     ],
