@@ -8,15 +8,17 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813
 import pytest
+from cinema_mxf import ENCRYPTED, TRIPLET, cinema_mxf, codestreams_of, write_cinema_mxf
 from command_line import Run
 from videos import KINDS, Kind, write_numbered
 
 from domesim.errors import InputError
-from domesim.frames import read_frame
+from domesim.frames import Master, read_frame, read_master
 from domesim.frames.timing import Timing, timing_of
 from domesim.frames.video import frame_paths
-from domesim.sequences import find_frames
+from domesim.sequences import find_frames, find_moments, find_pairs
 
 av = pytest.importorskip("av")
 ROWS, COLS = 96, 96
@@ -114,3 +116,112 @@ def test_a_video_of_another_codec_is_no_mxf(tmp_path: Path) -> None:
     path.rename(tmp_path / "film.mxf")
     with pytest.raises(InputError):
         find_frames(tmp_path / "film.mxf")
+
+
+# Two eyes.
+
+PAIRS = 4
+
+
+def stereo(path: Path, **options: object) -> Path:
+    """Left and right in turn: picture 2 n is left's n."""
+    return write_cinema_mxf(path, [codes(k) for k in range(2 * PAIRS)], stereo=True, **options)
+
+
+def decoded(path: Path) -> list[np.ndarray]:
+    """All pictures' codes, one after the other, by FFmpeg's program."""
+    raw = ("-pix_fmt", "xyz12le", "-f", "rawvideo", "-")
+    command = ["ffmpeg", "-v", "error", "-i", path, "-fps_mode", "passthrough", *raw]
+    found = subprocess.run(command, check=True, capture_output=True).stdout
+    return list(np.frombuffer(found, "<u2").reshape(-1, ROWS, COLS, 3) >> 4)
+
+
+def assert_left_and_right(master: Master, number: int, expected: list[np.ndarray]) -> None:
+    assert (master.packing, master.colour.transfer, master.bits) == ("files", "dcdm", 12)
+    for eye, frame in enumerate(master.frames):
+        read = frame.pixels * 4095
+        np.testing.assert_array_equal(np.rint(read), expected[2 * number + eye])
+        assert np.abs(read - codes(2 * number + eye)).max() < 1.51
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"labelled": False}, {"mappings": ()}], ids=["SMPTE", "Interop", "one mapping"]
+)
+def test_two_eyes_come_in_turn(
+    tmp_path: Path, options: dict[str, object], capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = stereo(tmp_path / "in.mxf", **options)
+    moments, expected = find_moments(path), decoded(path)
+    assert [[each.name for each in moment] for moment in moments] == [
+        [f"in.{eye}.{k:04}.mxf" for eye in ("left", "right")] for k in range(1, PAIRS + 1)
+    ]
+    for number in (2, 0, 1, 3, 3, 0):
+        assert_left_and_right(read_master(moments[number]), number, expected)
+    assert timing_of(moments[0][1], Fraction(25)).rate == 24
+    assert len(find_moments(path, "2-3")) == 2
+    assert capfd.readouterr() == ("", "")
+
+
+def test_each_codestream_is_as_another_decoder_has_it(tmp_path: Path) -> None:
+    """OpenJPEG rounds the irreversible wavelet a little otherwise than FFmpeg."""
+    pictures = [codes(k) for k in range(2)]
+    moments = find_moments(write_cinema_mxf(tmp_path / "in.mxf", pictures, stereo=True))
+    for frame, content in zip(
+        read_master(moments[0]).frames, codestreams_of(pictures), strict=True
+    ):
+        (tmp_path / "x.j2k").write_bytes(content)
+        other = read_frame(tmp_path / "x.j2k")
+        assert other.colour.means_the_same_as(frame.colour)
+        assert np.abs(other.pixels - frame.pixels).max() < 1.01 / 4095
+
+
+def test_two_eyes_are_no_other_ones(tmp_path: Path) -> None:
+    path = stereo(tmp_path / "in.mxf")
+    ((left, right), *_) = find_moments(path)
+    with pytest.raises(InputError, match="wanted the left view, got a file that says it is right"):
+        read_master((right, left))
+    for pair in ((path, path), (path, tmp_path / "x.####.png")):
+        with pytest.raises(InputError, match="got a DCP of left and right"):
+            find_pairs(*pair)
+    with pytest.raises(InputError, match="same file twice"):
+        read_master((left, left))
+
+
+def test_a_lost_right_picture_is_noticed(tmp_path: Path) -> None:
+    codestreams = codestreams_of([codes(k) for k in range(3)])
+    content = cinema_mxf(codestreams, size=(COLS, ROWS), stereo=True)
+    (tmp_path / "in.mxf").write_bytes(content)
+    with pytest.raises(InputError, match="lacks its last right frame"):
+        find_moments(tmp_path / "in.mxf")
+
+
+@pytest.mark.parametrize("eyes", [False, True])
+def test_encrypted_pictures_are_refused(tmp_path: Path, eyes: bool) -> None:
+    codestreams = [bytes(range(256)) * 4] * 4
+    content = cinema_mxf(
+        codestreams, size=(COLS, ROWS), stereo=eyes, essence=TRIPLET, container=ENCRYPTED
+    )
+    (tmp_path / "in.mxf").write_bytes(content)
+    with pytest.raises(InputError, match="got an encrypted one"):
+        find_moments(tmp_path / "in.mxf")
+
+
+def test_the_command_makes_left_and_right_of_it(tmp_path: Path, out: Path, run: Run) -> None:
+    folder = tmp_path / "dcp"
+    folder.mkdir()
+    # Light of the reference white's kind, which projectors can show
+    greys = [np.repeat(codes(k)[..., 2:], 3, axis=2) for k in range(2 * PAIRS)]
+    expected = decoded(write_cinema_mxf(folder / "picture.mxf", greys, stereo=True))
+    (folder / "ASSETMAP").write_text("<AssetMap/>")
+    options = ("--scene", "stereo_cinema_silver", "--method", "none", "--workers", 0, "--pages", 0)
+    how = ("--format", "tif", "--dither", "none", "--frames", "2,4", "--out", out)
+    result = run("compensate", folder, *options, *how)
+    assert result.code == 0, result
+    for number in (2, 4):
+        for eye, side in enumerate(("left", "right")):
+            path = out / f"picture.{side}.{number:04}.tif"
+            stored = oiio.ImageBuf(str(path)).get_pixels("uint16")
+            np.testing.assert_array_equal(stored >> 4, expected[2 * number - 2 + eye])
+            assert not (stored & 15).any()
+    dome = run("compensate", folder, "--scene", "dome_hemisphere", "--out", out / "x")
+    assert dome.code == 2
