@@ -59,7 +59,8 @@ EncodingName = Annotated[
     typer.Option(
         "--encoding",
         help="What the master's code values are, whatever its files say: "
-        f"{', '.join(ENCODINGS)}; or transfer and primaries, such as st2084:p3-d65.",
+        f"{', '.join(ENCODINGS)}; or transfer and primaries, such as st2084:p3-d65; or a space of "
+        "OpenColorIO's configuration in $OCIO, such as ocio:ACEScct.",
         show_default=False,
     ),
 ]
