@@ -113,7 +113,7 @@ class Space:
             )
         except (ocio.Exception, ocio.ExceptionMissingFile) as error:
             raise InputError(
-                f"OCIO '{name}': wanted a space that can be converted to {_REFERENCE} and back, got "
+                f"OCIO '{name}': wanted one that can be converted to {_REFERENCE} and back, got "
                 f"'{' '.join(str(error).split())}'. Convert the master first"
             ) from error
         both = self._to_light.getCacheID() + self._to_codes.getCacheID()

@@ -35,8 +35,8 @@ class ColourTag:
     Attributes
     ----------
     transfer
-        "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084" or "dcdm"; or a space
-        of OpenColorIO, whose light is in ACES AP0 (`domesim.ocio`).
+        "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084" or "dcdm"; or a
+        space of OpenColorIO, whose light is in ACES AP0 (`domesim.ocio`).
     primaries
         "BT.709", "P3-D65", "P3-DCI", "BT.2020", "XYZ", "ACES AP0" or "ACES AP1".
     source

@@ -89,7 +89,7 @@ def test_a_configuration_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyP
     curve = named(colour.transfer, white=100.0)
     np.testing.assert_allclose(curve.decode(codes), codes**2, atol=2e-6)
     np.testing.assert_allclose(curve.encode(codes**2), codes, atol=2e-6)
-    with pytest.raises(InputError, match="one way.*converted to ACES2065-1 and back"):
+    with pytest.raises(InputError, match=r"one way.*converted to ACES2065-1 and back"):
         encoding_named("ocio:one way")
 
 
