@@ -423,7 +423,7 @@ def _window(window: Window) -> str:
 # Decoded bytes a byte of file. zlib reaches 1032; flat JPEGs stay below it; PIZ and DWA know no
 # useful limit, and of DPX OpenImageIO checks it itself.
 _LARGEST_RATIO = {"openexr": 1100.0, "png": 1100.0, "tiff": 1100.0, "jpeg": 1100.0}
-_UNLIMITED_COMPRESSION = ("piz", "dwaa", "dwab", "htj2k", "htj2k256", "htj2k32", "zstd", "lj2k")
+_UNLIMITED_COMPRESSION = ("piz", "dwaa", "dwab", "htj2k", "htj2k256", "htj2k32", "lj2k")
 
 
 def refuse_implausible_size(

@@ -86,7 +86,7 @@ def test_a_flat_picture_of_zstd_is_no_damage(tmp_path: Path) -> None:
     assert np.ptp(read_frame(tmp_path / "x.tif").pixels) == 0
 
 
-@pytest.mark.parametrize("compression", ["ZSTD", "ZIP", "PIZ", "HTJ2K32", "LJ2K"])
+@pytest.mark.parametrize("compression", ["ZSTD", "ZIP", "HTJ2K256", "LJ2K"])
 def test_a_black_exr_is_no_damage(tmp_path: Path, compression: str) -> None:
     exr = pytest.importorskip("OpenEXR")
     header = {"compression": getattr(exr, f"{compression}_COMPRESSION"), "type": exr.scanlineimage}
