@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
+import sys
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,10 +15,13 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 from cinema_mxf import ENCRYPTED, TRIPLET, cinema_mxf, codestreams_of, write_cinema_mxf
 from command_line import Run
+from image_files import store
 from videos import KINDS, Kind, write_numbered
 
 from domesim.errors import InputError
-from domesim.frames import Master, read_frame, read_master
+from domesim.frames import Frame, Master, read_frame, read_master, write_frame
+from domesim.frames.encodings import encoding_named
+from domesim.frames.jpeg2000 import is_cinema
 from domesim.frames.timing import Timing, timing_of
 from domesim.frames.video import frame_paths
 from domesim.sequences import find_frames, find_moments, find_pairs
@@ -82,8 +88,7 @@ def test_the_command_makes_x_y_z_of_it(tmp_path: Path, out: Path, run: Run) -> N
     how = ("--format", "tif", "--dither", "none", "--out", out)
     result = run("compensate", dcp(tmp_path / "dcp"), *options, *how)
     assert result.code == 0, result
-    from domesim.frames.encodings import encoding_named  # noqa: PLC0415
-
+    assert "For a DCP of these, use DCP-o-matic; --format mxf" in result.out
     read = read_frame(out / "picture.0001.tif", colour=encoding_named("dcdm"))
     assert read.bits == 12
     assert np.abs(read.pixels * 4095 - codes(0)).max() < 1.51
@@ -223,5 +228,156 @@ def test_the_command_makes_left_and_right_of_it(tmp_path: Path, out: Path, run: 
             stored = oiio.ImageBuf(str(path)).get_pixels("uint16")
             np.testing.assert_array_equal(stored >> 4, expected[2 * number - 2 + eye])
             assert not (stored & 15).any()
-    dome = run("compensate", folder, "--scene", "dome_hemisphere", "--out", out / "x")
+    dome = run("compensate", folder, *options[2:], "--scene", "dome_hemisphere", "--out", out / "x")
     assert dome.code == 2
+
+
+# And written.
+
+WRAPPER = """#!{python}
+import sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from cinema_mxf import cinema_mxf
+*options, last = sys.argv[1:]
+folders = [Path(each) for each in options if Path(each).is_dir()]
+Path({told!r}).write_text(" ".join(each for each in options if Path(each) not in folders))
+frames = [sorted(folder.iterdir()) for folder in folders]
+streams = [path.read_bytes() for moment in zip(*frames, strict=True) for path in moment]
+size = tuple(int.from_bytes(streams[0][k : k + 4], "big") for k in (8, 12))
+if any(len(each) > {most} for each in streams):
+    sys.exit("too large")
+Path(last).write_bytes(cinema_mxf(streams, size=size, stereo="-3" in options))
+"""
+"""In place of asdcplib's, which few machines have: as its usage says it is called."""
+
+
+@pytest.fixture
+def wrapper(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the wrapper writes how it was called."""
+    folder, told = tmp_path / "bin", tmp_path / "told"
+    folder.mkdir()
+    tests = str(Path(__file__).parents[2])
+    text = WRAPPER.format(python=sys.executable, tests=tests, told=str(told), most=1302083)
+    (folder / "asdcp-wrap").write_text(text)
+    (folder / "asdcp-wrap").chmod(0o755)
+    monkeypatch.setenv("PATH", str(folder), prepend=os.pathsep)
+    return told
+
+
+def masters(folder: Path, name: str, count: int = 3) -> None:
+    for number in range(1, count + 1):
+        grey = np.repeat(codes(number)[..., 2:], 3, axis=2) / 4095
+        store(folder / f"{name}.{number:04}.tif", ((grey * 65535).astype(np.uint16) // 16) * 16)
+
+
+HOW = ("--method", "none", "--workers", 0, "--pages", 0, "--dither", "none", "--encoding", "dcdm")
+
+
+def test_a_dcp_is_made_by_asdcplib(tmp_path: Path, out: Path, run: Run, wrapper: Path) -> None:
+    masters(tmp_path, "in")
+    order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
+    result = run(*order, "--format", "mxf", "--out", out)
+    assert result.code == 0, result
+    assert "in.mxf (24 frames a second, 2D, without sound)" in result.out
+    assert wrapper.read_text() == "-L -p 24"
+    frames = frame_paths(out / "in.mxf")
+    assert len(frames) == 3
+    for number, path in enumerate(frames, 1):
+        grey = codes(number)[..., 2:]
+        read = read_frame(path)
+        assert read.colour.transfer == "dcdm"
+        assert np.abs(read.pixels * 4095 - grey).max() < 2.1  # lossy, by about a code
+    again = run(*order, "--format", "mxf", "--out", out)
+    assert "(made before)" in again.out
+
+
+def test_a_dcp_of_two_eyes_is_made(tmp_path: Path, out: Path, run: Run, wrapper: Path) -> None:
+    for side in ("left", "right"):
+        masters(tmp_path, f"in.{side}")
+        for number in range(1, 4):  # not the same picture
+            path = tmp_path / f"in.{side}.{number:04}.tif"
+            pixels = oiio.ImageBuf(str(path)).get_pixels("uint16")
+            store(path, pixels if side == "left" else pixels + 1600)
+    pair = ("--left", tmp_path / "in.left.####.tif", "--right", tmp_path / "in.right.####.tif")
+    scene = ("--scene", "stereo_cinema_silver", *HOW)
+    result = run("compensate", *pair, *scene, "--format", "mxf", "--out", out)
+    assert result.code == 0, result
+    assert wrapper.read_text() == "-3 -L -p 24"
+    moments = find_moments(out / "in.mxf")
+    assert [len(moment) for moment in moments] == [2, 2, 2]
+    for number, moment in enumerate(moments, 1):
+        for frame, more in zip(read_master(moment).frames, (0, 100), strict=True):
+            grey = codes(number)[..., 2:] + more
+            assert np.abs(frame.pixels * 4095 - grey).max() < 2.1
+
+
+@pytest.mark.long
+def test_codestreams_of_a_dcp_have_its_profile_and_size(
+    tmp_path: Path, out: Path, run: Run, wrapper: Path
+) -> None:
+    """Of noise, which does not compress: 250 Mbit/s, for both eyes together, at 24 a second."""
+    noise = np.random.default_rng(0).random((540, 1024, 3)).astype(np.float32)
+    frame = Frame(noise, tmp_path / "x.tif", encoding_named("dcdm"), 12, floating=False)
+    write_frame(frame, tmp_path / "x.j2c")
+    content = (tmp_path / "x.j2c").read_bytes()
+    assert is_cinema(content)
+    assert 1_200_000 < len(content) <= 1302083
+    codes = (noise * 65535).astype(np.uint16) // 16 * 16
+    for name in ("left.1", "right.1"):
+        store(tmp_path / f"in.{name}.tif", codes)
+    pair = ("--left", tmp_path / "in.left.#.tif", "--right", tmp_path / "in.right.#.tif")
+    order = ("compensate", *pair, "--allow-identical", "--scene", "stereo_cinema_silver", *HOW)
+    result = run(*order, "--format", "mxf", "--out", out)
+    assert result.code == 2
+    assert "wanted at most 651041 bytes" in result.err
+    large = np.zeros((2200, 4100, 3), np.float32)
+    with pytest.raises(InputError, match="at most 4096 x 2160 px"):
+        write_frame(replace(frame, pixels=large), tmp_path / "x.j2c")
+    with pytest.raises(InputError, match="wanted 12 bits"):
+        write_frame(frame, tmp_path / "x.j2c", bits=16)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--fps", "25"), "24 frames a second, got 25"),
+        (("--output-encoding", "srgb"), "is X'Y'Z'"),
+        (("--frames", "1"), None),
+    ],
+)
+def test_what_a_dcp_cannot_be_is_told_before(
+    tmp_path: Path, out: Path, run: Run, wrapper: Path, options: tuple[str, ...], words: str | None
+) -> None:
+    masters(tmp_path, "in", 2)
+    order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
+    result = run(*order, "--format", "mxf", "--out", out, *options)
+    if words is None:
+        assert "leave --frames out" in result.out
+    else:
+        result.is_refused(words)
+    assert not wrapper.exists()
+
+
+def test_without_asdcplib_its_name_is_told(
+    tmp_path: Path, out: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    masters(tmp_path, "in", 2)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
+    run(*order, "--format", "mxf", "--out", out).is_refused(
+        "asdcp-wrap (asdcplib) is not installed", "DCP-o-matic"
+    )
+
+
+def test_a_wrapper_that_fails_is_heard(tmp_path: Path, out: Path, run: Run, wrapper: Path) -> None:
+    masters(tmp_path, "in", 2)
+    program = tmp_path / "bin" / "asdcp-wrap"
+    program.write_text("#!/bin/sh\necho no such label >&2\nexit 3\n")
+    order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
+    result = run(*order, "--format", "mxf", "--out", out)
+    assert result.code == 2
+    assert "got 'no such label' (it ended with 3)" in result.err
+    assert not list(out.glob("*.mxf"))
+    assert not list(out.glob(".*mxf"))
+    assert len(list(out.glob("*.j2c"))) == 2
