@@ -1,21 +1,24 @@
 """TIFFs that are compressed in a way that OpenImageIO does not read: stored anew, as ZIP.
 
 Strips and tiles (TIFF 6.0, sections 3 and 15) are unpacked and packed again as they are: what a
-predictor made of the samples stays, and all other tags. ZSTD is unpacked by Pillow's libtiff, of a
-picture of grey bytes that holds the strip; LZMA by Python. Of ZIP with reversed bits (FillOrder 2)
+predictor made of the samples stays, and all other tags. Of ZIP with reversed bits (FillOrder 2)
 OpenImageIO takes the bits as they come.
 """
 
 from __future__ import annotations
 
-import io
 import lzma
 import struct
-import warnings
+import sys
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
 
 _COMPRESSION, _FILL_ORDER = 259, 266
 _COLS, _ROWS, _BITS, _ROWS_PER_STRIP, _PLANAR = 256, 257, 258, 278, 284
@@ -181,25 +184,15 @@ def _unpacked(strip: bytes, size: int, how: int) -> bytes:
     """The `size` bytes that a strip becomes."""
     if not 0 < size <= _LARGEST:
         raise ValueError(f"strips of {size} bytes")
+    each: Any = zlib.decompressobj()
+    if how == _LZMA:
+        each = lzma.LZMADecompressor(memlimit=_LARGEST * 2)
+    if how == _ZSTD:
+        each = zstd.ZstdDecompressor(options={zstd.DecompressionParameter.window_log_max: 27})
     try:
-        if how == _ZSTD:
-            return _unpacked_zstd(strip, size)
-        each = lzma.LZMADecompressor(memlimit=1 << 28) if how == _LZMA else zlib.decompressobj()
-        unpacked = each.decompress(strip, size)
-    except (lzma.LZMAError, zlib.error, OSError, SyntaxError) as error:
+        unpacked: bytes = each.decompress(strip, size)
+    except (lzma.LZMAError, zlib.error, zstd.ZstdError, EOFError) as error:
         raise ValueError("strips that do not decode") from error
     if len(unpacked) < size:
         raise ValueError("strips that end early")
     return unpacked
-
-
-def _unpacked_zstd(strip: bytes, size: int) -> bytes:
-    """By Pillow's libtiff, as a line of so many grey bytes."""
-    from PIL import Image  # noqa: PLC0415 - few TIFFs are of ZSTD
-
-    tags = [(256, 4, size), (257, 4, 1), (258, 3, 8), (259, 3, _ZSTD), (262, 3, 1)]
-    tags += [(273, 4, 8 + 2 + 9 * 12 + 4), (277, 3, 1), (278, 4, 1), (279, 4, len(strip))]
-    table = b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in tags)
-    tiff = struct.pack("<4sIH", b"II*\0", 8, len(tags)) + table + bytes(4) + strip
-    with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(tiff)) as opened:
-        return opened.tobytes()
