@@ -175,10 +175,20 @@ def _refuse_compression(path: Path, problem: str) -> None:
         raise stored_otherwise(path, lacking[1] or f"compression {lacking[2]}")
 
 
+_STILLS = (b"heic", b"heix", b"heim", b"heis", b"mif1", b"avif")
+"""Brands of pictures in the container of MP4 (ISO/IEC 23008-12, 10.2; AV1 Image File Format, 4)."""
+
+
 def _refuse_video(path: Path) -> None:
     """Name the container of a video whose suffix is of none that is read."""
     with path.open("rb") as file:
-        container = container_of(file.read(16))
+        start = file.read(16)
+    if start[4:8] == b"ftyp" and start[8:12] in _STILLS:
+        raise InputError(
+            f"{path}: wanted {', '.join(LABELS.values())}, got HEIF or AVIF. Convert it to EXR or "
+            "PNG (ImageMagick: convert IN OUT.png)."
+        )
+    container = container_of(start)
     if container is not None:
         raise InputError(
             f"{path}: wanted a video in {', '.join(SUFFIXES)}, got one in {container} called "

@@ -182,3 +182,12 @@ def test_a_scene_may_have_a_byte_order_mark(tmp_path: Path, encoding: str) -> No
     mark = {"utf-16-le": b"\xff\xfe", "utf-16-be": b"\xfe\xff"}.get(encoding, b"")
     (tmp_path / "x.toml").write_bytes(mark + text.encode(encoding))
     assert load_scene(tmp_path / "x.toml").views == 1
+
+
+@pytest.mark.parametrize("brand", [b"heic", b"mif1", b"avif"])
+def test_pictures_of_phones_are_no_videos(tmp_path: Path, brand: bytes) -> None:
+    """They are in the same container."""
+    path = tmp_path / "x.heic"
+    path.write_bytes(b"\0\0\0\x18ftyp" + brand + bytes(200))
+    with pytest.raises(InputError, match=r"got HEIF or AVIF\. Convert it to EXR or PNG"):
+        read_frame(path)
