@@ -111,6 +111,12 @@ def package(path: Path, content: str, **files: bytes) -> Path:
     return path
 
 
+def packed(path: Path, files: dict[str, bytes]) -> None:
+    with zipfile.ZipFile(path, "w") as made:
+        for name, data in files.items():
+            made.writestr(name, data)
+
+
 def fileset(**paths: str) -> str:
     inner = "".join(
         f"<{kind}><path>{path}</path><geometricUnit>mm</geometricUnit>"
@@ -335,19 +341,31 @@ def refusal(path: Path) -> str:
     return ""
 
 
-def test_damaged_files_are_refused_in_one_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [150, pytest.param(2000, marks=pytest.mark.long)])
+def test_damaged_files_are_refused_in_one_line(tmp_path: Path, count: int) -> None:
+    """The package itself, or a file in it, which then has the right checksum."""
     content = written_mpcdi(DOME, ring(1), (32, 20), "2026-11-25 19:30:11")
+    with zipfile.ZipFile(io.BytesIO(content)) as whole:
+        members = {name: whole.read(name) for name in whole.namelist()}
     rng = np.random.default_rng(5)
     messages = []
-    for number in range(150):
-        damaged = bytearray(content)
-        for place in rng.integers(len(content), size=rng.choice([1, 5, 40])):
+    for number in range(count):
+        path = tmp_path / "x.mpcdi"
+        name = str(rng.choice(list(members)))
+        damaged = bytearray(content if number % 4 == 0 else members[name])
+        for place in rng.integers(len(damaged), size=rng.choice([1, 5, 40])):
             damaged[place] = rng.integers(256)
-        cut = rng.integers(len(content)) if number % 4 == 0 else len(content)
-        (tmp_path / "x.mpcdi").write_bytes(damaged[:cut])
-        messages.append(refusal(tmp_path / "x.mpcdi"))
-    assert all("\n" not in each for each in messages)
-    assert sum("x.mpcdi" in each for each in messages) > 100
+        cut = bytes(damaged[: rng.integers(len(damaged))] if number % 3 == 0 else damaged)
+        if number % 4 == 0:
+            path.write_bytes(cut)
+        else:
+            inner = {key: cut if key == name else value for key, value in members.items()}
+            packed(path, inner)
+        messages.append(refusal(path))
+    assert all("\n" not in each and len(each) < 700 for each in messages)
+    refused = [each for each in messages if each]
+    assert len(refused) > count / 2
+    assert all("x.mpcdi" in each for each in refused)
 
 
 def test_a_zip_that_unpacks_to_more_than_memory_is_refused(
