@@ -71,6 +71,8 @@ def import_projectors(
     }
     content |= {"name": out.stem, "description": f"Projectors of {file.name}, else {base.name}."}
     content["dome"] = {**content["dome"], "radius_m": radius}
+    for mesh in content.get("meshes", []):  # which lie beside the other scene
+        mesh["file"] = str((Path(like).parent / mesh["file"]).resolve())
     content["projector"] = {k: v for k, v in content["projector"].items() if k != "lens"}
     content["projector"]["units"] = [
         _unit(lens, f"{out.stem}.{number}.mask.png", radius)

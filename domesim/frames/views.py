@@ -309,6 +309,11 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
         raise InputError(
             f"{files[0]}: wanted two files for left and right, got one twice. Name another."
         )
+    if master.packing != "mpo" and any(path.suffix.lower() == ".mpo" for path in files):
+        raise InputError(
+            f"{files[0]}: wanted left and right of an MPO for .mpo, got "
+            f"{_DESCRIPTIONS.get(master.packing, 'one picture')}. Choose .jpg."
+        )
     if master.packing == "mpo" and SUFFIXES.get(files[0].suffix.lower()) != "jpeg":
         raise InputError(
             f"{files[0]}: wanted .mpo or .jpg for left and right in one MPO, got "

@@ -301,9 +301,18 @@ def test_a_file_whose_dome_stands_elsewhere_is_moved(tmp_path: Path, run: Run) -
     content = xml(frustum=frustum, position=(x, y, z + 2.5),
                   files=fileset(geometryWarpFile="w.pfm"))  # fmt: skip
     path = package(tmp_path / "x.mpcdi", content, w_pfm=pfm(points * 1000))
-    result = run("scene", "import", path, "--out", tmp_path / "s.toml")
+    other = tmp_path / "other"
+    other.mkdir()
+    text = scene_file(other, []).read_text()
+    mesh = '[[meshes]]\nname = "chair"\nfile = "chair.obj"\nalbedo = 0.2\n'
+    (other / "theatre.toml").write_text(text + mesh)
+    (other / "chair.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    result = run(
+        "scene", "import", path, "--out", tmp_path / "s.toml", "--like", other / "theatre.toml"
+    )
     assert result.code == 0, result
     assert "No blend of one" in result.out
+    assert len(load_dome(tmp_path / "s.toml").theatre.solids) == 1
     found = load_dome(tmp_path / "s.toml")
     assert found.dome.radius == pytest.approx(5, rel=1e-4)
     np.testing.assert_allclose(found.theatre.lenses[0].position, lens.position, atol=1e-3)

@@ -207,6 +207,9 @@ def test_an_mpo_comes_back_as_one(tmp_path: Path, name: str) -> None:
     assert kinds == ["Multi-Frame Image: (Disparity)"] * 2
     with pytest.raises(InputError, match=r"wanted \.mpo or \.jpg"):
         write_master(master, [tmp_path / "out.png"])
+    flat = read_master([cross_png(tmp_path / "flat.png", 0)])
+    with pytest.raises(InputError, match=r"got one picture\. Choose \.jpg"):
+        write_master(flat, [tmp_path / "flat.mpo"])
 
 
 @pytest.mark.skipif(shutil.which("exiftool") is None, reason="no exiftool")
