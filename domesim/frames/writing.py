@@ -185,7 +185,7 @@ def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
     if kept:
         bits, floating = frame.bits, frame.floating
     else:
-        bits = bits or _fitting_depth(name, frame)
+        bits = bits or (_DCDM_BITS if cinema else _fitting_depth(name, frame))
         floating = name == "openexr" or (name == "tiff" and bits == 32)
     channels, kinds, sources = _channels(frame, name, _kind(bits, floating), kept=kept)
     if cinema:
@@ -218,7 +218,7 @@ def as_stored(frame: Frame, target: Target) -> Frame:
 
 def _fitting_depth(name: str, frame: Frame) -> int:
     """The least depth that holds every code value, or else the largest there is."""
-    if name in ("tiff", "jpeg2000") and frame.colour.transfer == "dcdm":
+    if (name, frame.colour.transfer) == ("tiff", "dcdm"):
         return _DCDM_BITS
     if name == "openexr":
         # Half has 11 significant bits.
