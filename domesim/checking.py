@@ -14,8 +14,8 @@ from domesim.coverage import Coverage, coverage, require_covered
 from domesim.drafting import new
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
-from domesim.photometry import Photometry, photometry
 from domesim.interchange import export_projectors, import_projectors
+from domesim.photometry import Photometry, photometry
 from domesim.scene import DomeScene, load_scene
 from domesim.showing import show
 
