@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.dome import Dome
-from domesim.lenses import lens_frame
+from domesim.lenses import field_edges, lens_frame
 from domesim.theatre import Lens, Theatre
 
 Floats = NDArray[np.float64]
@@ -28,8 +28,10 @@ def field_rays(lens: Lens) -> Floats:
     along = np.linspace(-1, 1, 24, endpoint=False)[:, None]
     one = np.ones_like(along)
     sides = [(along, one), (one, -along), (-along, -one), (-one, along)]
-    edge = np.tan(lens.field / 2) * np.concatenate([np.hstack(side) for side in sides])
-    rays = forth + inwards * (edge[:, :1] * right + edge[:, 1:] / lens.aspect * up)
+    low, high = field_edges(lens)
+    corners = np.concatenate([np.hstack(side) for side in sides])
+    edge = (low + high) / 2 + corners * (high - low) / 2
+    rays = forth + inwards * (edge[:, :1] * right + edge[:, 1:] * up)
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 

@@ -14,6 +14,7 @@ from domesim.coverage import Coverage, coverage, require_covered
 from domesim.drafting import new
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
+from domesim.interchange import export_projectors, import_projectors
 from domesim.photometry import Photometry, photometry
 from domesim.scene import DomeScene, load_scene
 from domesim.showing import show
@@ -30,6 +31,8 @@ app = typer.Typer(
 
 app.command()(new)
 app.command()(show)
+app.command("import")(import_projectors)
+app.command("export")(export_projectors)
 
 
 @app.command()

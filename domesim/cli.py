@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from domesim.batch.cinema import SUFFIX as CINEMA
 from domesim.batch.estimate import estimate
 from domesim.batch.run import FRAME_TIMEOUT, Done, Running, each_frame
 from domesim.batch.work import Recipe, Writing
@@ -59,7 +60,8 @@ EncodingName = Annotated[
     typer.Option(
         "--encoding",
         help="What the master's code values are, whatever its files say: "
-        f"{', '.join(ENCODINGS)}; or transfer and primaries, such as st2084:p3-d65.",
+        f"{', '.join(ENCODINGS)}; or transfer and primaries, such as st2084:p3-d65; or a space of "
+        "OpenColorIO's configuration in $OCIO, such as ocio:ACEScct.",
         show_default=False,
     ),
 ]
@@ -352,10 +354,10 @@ def suffix_of(file_format: str | None) -> str | None:
     if file_format is None:
         return None
     suffix = f".{file_format.lower().removeprefix('.')}"
-    if suffix not in (*SUFFIXES, *FILMS):
+    if suffix not in (*SUFFIXES, *FILMS, CINEMA):
         raise InputError(
-            f"--format {file_format!r} is not known; use exr, png, tif, dpx, jpg, jp2, j2k, mov "
-            f"or mkv"
+            f"--format {file_format!r} is not known; use exr, png, tif, dpx, jpg, jp2, j2k, j2c; "
+            f"mov or mkv; or mxf"
         )
     return suffix
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from domesim.dome import strips
 from domesim.errors import InputError
@@ -133,12 +134,29 @@ def field_weight(lens: Lens, points: Floats) -> Floats:
         if lens.field >= 2 * np.pi:
             return np.ones_like(angle)
         return _smooth_step(lens.field / 2 - angle, lens.blend)
-    half = lens.field / 2
-    half_high = np.arctan(np.tan(half) / lens.aspect)
-    across = np.arctan2(np.abs(ray @ right), ahead)
-    high = np.arctan2(np.abs(ray @ up), ahead)
-    edges = _smooth_step(half - across, lens.blend) * _smooth_step(half_high - high, lens.blend)
+    beyond = np.where(ahead > 0, ahead, 1.0)
+    place = np.stack([ray @ right / beyond, ray @ up / beyond], -1)
+    low, high = field_edges(lens)
+    inside = np.minimum(np.arctan(high) - np.arctan(place), np.arctan(place) - np.arctan(low))
+    edges = _smooth_step(inside[..., 0], lens.blend) * _smooth_step(inside[..., 1], lens.blend)
+    if lens.mask is not None:
+        edges = edges * _sampled(lens.mask.weights, (place - low) / (high - low))
     return np.asarray(np.where(ahead > 0, edges, 0.0))
+
+
+def field_edges(lens: Lens) -> tuple[Floats, Floats]:
+    """Left and lower, and right and upper edge of a rectangular field, 1 m ahead of the lens."""
+    half = np.tan(lens.field / 2) * np.array([1, 1 / lens.aspect])
+    shift = np.asarray(lens.shift)
+    return half * (shift - 1), half * (shift + 1)
+
+
+def _sampled(weights: Floats, place: Floats) -> Floats:
+    """(...): weights (row, col) at places (..., (right, up)), 0..1, linear between pixels."""
+    rows, cols = weights.shape
+    row, col = (1 - place[..., 1]) * rows - 0.5, place[..., 0] * cols - 0.5
+    found = map_coordinates(weights, [row.ravel(), col.ravel()], order=1, mode="nearest")
+    return np.asarray(found.reshape(row.shape))
 
 
 def lens_frame(lens: Lens) -> tuple[Floats, Floats, Floats]:

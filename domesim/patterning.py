@@ -184,7 +184,7 @@ def _size(text: str | None, usual: str, *, square: bool) -> tuple[int, int]:
 def _codes(name: str, bits: int | None, encoding: str | None) -> tuple[str, Codes, ColourTag]:
     """Suffix, code values and what they mean."""
     suffix = suffix_of(name)
-    if suffix in FILMS or suffix in (".jpg", None):
+    if suffix in FILMS or suffix in (".jpg", ".j2c", ".mxf", None):
         raise InputError(f"--format {name!r} does not keep codes exactly, or is a video; use png")
     assert suffix is not None
     depths = DEPTHS[SUFFIXES[suffix]]

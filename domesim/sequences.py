@@ -20,12 +20,12 @@ from collections.abc import Iterable, Sequence
 from functools import cache
 from itertools import chain, pairwise
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import fileseq
 
 from domesim.errors import InputError, reason
-from domesim.frames.video import file_of, frame_paths, is_picture, is_video, video_of
+from domesim.frames.video import eye_of, file_of, frame_paths, is_picture, is_video, video_of
 
 OF_VIDEO = ".png"
 """Suffix of the results for frames of a video: its integers and its encoding fit."""
@@ -51,6 +51,23 @@ def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, .
         or are links to nothing.
     """
     return tuple(_find(Path(pattern), frames).values())
+
+
+def find_moments(pattern: str | Path, frames: str | None = None) -> tuple[tuple[Path, ...], ...]:
+    """The files of each moment: one of `find_frames`, or left and right of a DCP of two eyes.
+
+    Raises
+    ------
+    InputError
+        As for `find_frames`.
+    """
+    video = _video_at(Path(pattern))
+    if video is None or not eye_of(frame_paths(video)[0]):
+        return tuple((path,) for path in find_frames(pattern, frames))
+    paths = frame_paths(video)
+    pairs = zip(paths[: len(paths) // 2], paths[len(paths) // 2 :], strict=True)
+    chosen = _chosen(video, dict(enumerate(pairs, 1)), frames)
+    return tuple(chosen.values())
 
 
 def find_pairs(
@@ -188,21 +205,38 @@ def _refuse_inputs(results: Iterable[Path], sources: Iterable[Path]) -> None:
 
 def _find(path: Path, frames: str | None) -> dict[int | None, Path]:
     """Files by frame number, in order; a single file has none."""
+    video = _video_at(path)
+    if video is not None:
+        paths = frame_paths(video)
+        if eye_of(paths[0]):
+            raise InputError(
+                f"{path}: wanted one eye's pictures, got a DCP of left and right. Name it alone, "
+                "without --left and --right, for a stereo scene."
+            )
+        return _chosen(video, dict(enumerate(paths, 1)), frames)
     kind = _kind(path)
-    if kind == "folder":
-        path = _picture_of(path)
-    if is_video(path):
-        return _chosen(path, dict(enumerate(frame_paths(path), 1)), frames)
     if video_of(path) is not None and path in frame_paths(path.parent):
         kind = "file"
     numbered = _numbered(path)
     if numbered is None or kind == "file":
         return {None: _single(path, kind, frames)}
     # show.1-5####.exr names its frames itself
-    return _chosen(path, _on_disk(path, numbered), frames or numbered.frames)
+    found = _chosen(path, _on_disk(path, numbered), frames or numbered.frames)
+    _refuse_links_to_nothing(path, found)
+    return found
 
 
-def _chosen(path: Path, found: dict[int, Path], frames: str | None) -> dict[int | None, Path]:
+def _video_at(path: Path) -> Path | None:
+    """The video that `path` is, or the DCP there has; None if it is something else."""
+    if _kind(path) == "folder":
+        path = _picture_of(path)
+    return path if is_video(path) else None
+
+
+_Moment = TypeVar("_Moment", Path, tuple[Path, Path])
+
+
+def _chosen(path: Path, found: dict[int, _Moment], frames: str | None) -> dict[int | None, _Moment]:
     """Those of `frames`, or all, in order."""
     numbers = sorted(found)
     if frames:
@@ -217,13 +251,16 @@ def _chosen(path: Path, found: dict[int, Path], frames: str | None) -> dict[int 
             f"{path}: wanted frames {wanted}, missing {missing}. "
             f"Render what is missing, or {way} --frames {ranges_of(found)}"
         )
-    for number in numbers:
-        if found[number].is_symlink() and not _is_file(found[number]):
-            raise InputError(
-                f"{path}: wanted frame {number}, got a link to nothing: {found[number].name} -> "
-                f"{found[number].readlink()}. Mount its disk, or name others: --frames"
-            )
     return {number: found[number] for number in numbers}
+
+
+def _refuse_links_to_nothing(path: Path, found: dict[int | None, Path]) -> None:
+    for number, file in found.items():
+        if file.is_symlink() and not _is_file(file):
+            raise InputError(
+                f"{path}: wanted frame {number}, got a link to nothing: {file.name} -> "
+                f"{file.readlink()}. Mount its disk, or name others: --frames"
+            )
 
 
 def _refuse_other_number(left: Path, right: Path) -> None:

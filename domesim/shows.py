@@ -13,7 +13,7 @@ from domesim.frames import ColourTag, Master, Packing, read_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.mistaken import refuse_one_file
 from domesim.sequences import (
-    find_frames,
+    find_moments,
     find_pairs,
     output_pairs,
     output_paths,
@@ -158,8 +158,7 @@ def find_show(
             f"leave one of them out"
         )
     if master is not None:
-        found = find_frames(master, frames)
-        moments = tuple((path,) for path in found)
+        moments = find_moments(master, frames)
         numbered = moments != ((Path(master),),)
         origin = (source_of(Path(master)),)
         return Show(moments, packing, allow_identical, colour, numbered, part, origin)

@@ -157,6 +157,20 @@ class Lamp:
 
 
 @final
+@dataclass(frozen=True, eq=False)
+class Mask:
+    """The share of its light that a projector sends through each part of its field.
+
+    Parameters
+    ----------
+    weights
+        (row, col) 0..1, of light; the first row is at the top of a rectangular field.
+    """
+
+    weights: NDArray[np.float64]
+
+
+@final
 @dataclass(frozen=True)
 class Lens:
     """One projector of the theatre.
@@ -179,6 +193,11 @@ class Lens:
         Width to height of a rectangular field.
     blend
         Width of the soft edge inside the field, radians.
+    shift
+        How far the middle of a rectangular field lies right of and above its axis, in halves of its
+        width and height: lens shift.
+    mask
+        A blend of its own, over a rectangular field; besides `blend`.
     """
 
     name: str
@@ -189,6 +208,8 @@ class Lens:
     field: float = np.pi
     aspect: float = 16 / 9
     blend: float = 0.0
+    shift: tuple[float, float] = (0.0, 0.0)
+    mask: Mask | None = None
 
 
 @final

@@ -16,6 +16,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim import ocio
 from domesim.errors import InputError
 
 Floats = NDArray[np.floating]
@@ -218,13 +219,42 @@ class MeasuredTable(Transfer):
         )
 
 
+@final
+@dataclass(frozen=True)
+class Managed(Transfer):
+    """Code values (..., RGB) of a space of OpenColorIO, whose light is in ACES AP0.
+
+    Parameters
+    ----------
+    name
+        As `domesim.ocio.called` has it.
+    """
+
+    name: str
+
+    def decode(self, code: Floats) -> Floats:
+        """Linear light (..., RGB), 1.0 where the configuration's reference has it."""
+        return self._decode(np.asarray(code))
+
+    def encode(self, light: Floats) -> Floats:
+        """Code values (..., RGB)."""
+        return self._encode(np.asarray(light))
+
+    def _decode(self, code: Floats) -> Floats:
+        return ocio.space_called(self.name).light(code)
+
+    def _encode(self, light: Floats) -> Floats:
+        return ocio.space_called(self.name).codes(light)
+
+
 def named(name: str, *, white: float) -> Transfer:
     """The transfer function called `name`.
 
     Parameters
     ----------
     name
-        ``linear``, ``srgb``, ``bt1886``, ``gamma2.2`` (any exponent), ``st2084`` or ``dcdm``.
+        ``linear``, ``srgb``, ``bt1886``, ``gamma2.2`` (any exponent), ``st2084`` or ``dcdm``; or a
+        space of OpenColorIO (`domesim.ocio.called`).
     white
         Luminance of projector white, cd/m² (absolute curves need it).
 
@@ -233,6 +263,8 @@ def named(name: str, *, white: float) -> Transfer:
     InputError
         If there is no such curve.
     """
+    if name.startswith(ocio.PREFIX):
+        return Managed(name)
     if name.startswith("gamma"):
         try:
             exponent = float(name.removeprefix("gamma"))

@@ -21,14 +21,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import OpenEXR
 import OpenImageIO as oiio  # noqa: N813
+from cinema_mxf import cinema_mxf
 from icc_profiles import icc_profile
+from PIL import Image
 from videos import KINDS, write_numbered
 
 from domesim.errors import InputError
 from domesim.frames import read_master
+from domesim.frames.jpeg import joined_pair
 from domesim.frames.png import chunk
-from domesim.frames.video import frame_paths, is_video
+from domesim.frames.video import is_video
+from domesim.sequences import find_moments
 
 ROWS, COLS = 40, 53
 PROFILE = (f"uint8[{icc_profile('a').size}]", icc_profile("a", "P3-D65"))
@@ -88,6 +93,8 @@ SOUND = {
     "said.dpx": ("uint16", 3, {"oiio:BitsPerSample": 10, "Orientation": 4, "dpx:FrameRate": 24.0}),
 }
 FILMS = {"prores.mov": "ProRes 4444", "ffv1.mkv": "FFV1", "h264.mp4": "H.264"}
+CINEMA = {"flat.mxf": False, "two eyes.mxf": True}
+PACKED = {"zstd.tif": "zstd", "lzma.tif": "lzma"}
 EDITED = {
     "sTER.png": ("8.png", lambda png: png[:33] + chunk(b"sTER", b"\0") + png[33:]),
     "text.png": ("8.png", lambda png: png[:33] + chunk(b"iTXt", b"a\0\0\0\0\0\xc3\xa4") + png[33:]),
@@ -95,7 +102,9 @@ EDITED = {
     "said.hdr": ("x.hdr", lambda hdr: hdr.replace(b"FORMAT", b"EXPOSURE=2\nPIXASPECT=1\nFORMAT")),
 }
 """Made of others: what OpenImageIO does not write."""
-NAMES = [*SOUND, *EDITED, *FILMS]
+VIEWS = "two.mpo"
+NAMES = [*SOUND, *EDITED, *FILMS, *CINEMA, *PACKED, "zstd.exr", VIEWS]
+VIDEOS = (*FILMS, *CINEMA)
 MAGICS = (b"v/1\1", b"\x89PNG\r\n\x1a\n", b"II*\0", b"MM\0*", b"SDPX", b"XPDS", b"\xff\xd8\xff\xe0")
 MAGICS += (
     b"\0\0\0\x0cjP  \r\n\x87\n",
@@ -138,9 +147,32 @@ def sound_files(folder: Path) -> dict[str, bytes]:
         contents[name] = edit(contents[source])
     for name, kind in FILMS.items():
         contents[name] = write_numbered(folder / name, KINDS[kind], 2).read_bytes()
+    grey = (smooth[..., :3] * 255).astype(np.uint8)
+    for name, compression in PACKED.items():
+        Image.fromarray(grey).save(folder / name, compression=compression)
+        contents[name] = (folder / name).read_bytes()
+    header = {"compression": OpenEXR.ZSTD_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"RGB": smooth[..., :3].astype(np.float16)}).write(str(folder / "x.exr"))
+    contents["zstd.exr"] = (folder / "x.exr").read_bytes()
+    codestream = cinema_codestream(folder)
+    for name, stereo in CINEMA.items():
+        contents[name] = cinema_mxf([codestream] * 2, size=(COLS, ROWS), stereo=stereo)
+    contents[VIEWS] = joined_pair(contents["8.jpg"], contents["progressive.jpg"])
     for name, content in contents.items():
         (folder / name).write_bytes(content)
     return contents
+
+
+def cinema_codestream(folder: Path) -> bytes:
+    """A picture of digital cinema in JPEG 2000."""
+    spec = oiio.ImageSpec(COLS, ROWS, 3, "uint16")
+    spec.attribute("oiio:BitsPerSample", 12)
+    spec.attribute("jpeg2000:Cinema2K", oiio.TypeDesc("uint"), 24)
+    writer = oiio.ImageOutput.create(str(folder / "x.j2k"))
+    assert writer.open(str(folder / "x.j2k"), spec)
+    assert writer.write_image(np.full((ROWS, COLS, 3), 0x7770, np.uint16))
+    assert writer.close()
+    return (folder / "x.j2k").read_bytes()
 
 
 # What can happen to a file.
@@ -295,7 +327,7 @@ def followed(command: list[str], patience: float) -> list[Reading]:
 def outcome(path: Path) -> str:
     """What became of reading it: "frame", a refusal, or "WRONG: ..."."""
     try:
-        master = read_master([frame_paths(path)[0] if is_video(path) else path])
+        master = read_master(find_moments(path)[0] if is_video(path) else [path])
     except InputError as error:
         message = str(error)
         if "\n" in message or not message.isprintable() or len(message) > 700:

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
-from damaged_files import DAMAGES, FILMS, NAMES, damaged, followed, readings, sound_files
+from damaged_files import DAMAGES, NAMES, VIDEOS, damaged, followed, readings, sound_files
 
 from domesim.errors import InputError
 from domesim.frames import read_frame, read_master
 
 # Truncation that nobody can tell: what a TGA may have behind its pixels, it may lack; of a video
 # one frame is read, whatever lies behind it.
-MAY_BE_CUT = ("x.tga", *FILMS)
+MAY_BE_CUT = ("x.tga", *VIDEOS)
 
 
 @pytest.mark.parametrize("count", [2000, pytest.param(100_000, marks=pytest.mark.long)])
@@ -46,14 +46,14 @@ def test_each_damaged_file_is_a_frame_or_one_line(tmp_path: Path, count: int) ->
         each
         for each in found
         if (each.damage, each.found.partition(":")[0]) == ("wrong_suffix", "refused")
-        and not {each.name.partition("-")[2], sources[each.number % len(sources)]} & set(FILMS)
+        and not {each.name.partition("-")[2], sources[each.number % len(sources)]} & set(VIDEOS)
     ]
     assert misnamed == []
 
 
 def test_the_sound_files_are_frames(tmp_path: Path) -> None:
     for name in sound_files(tmp_path):
-        if name not in FILMS:
+        if name not in VIDEOS:
             shape = read_master([tmp_path / name]).pixels.shape[1:3]
             assert sorted(shape) == [40, 53], name
 
@@ -122,6 +122,7 @@ PNGS = {
         "do not decode",
     ),
     "a reserved chunk": (png(HEADER, LINES, chunk(b"tEvt", b"a")), "impossible kind"),
+    "a chunk that must be known": (png(HEADER, LINES, chunk(b"GFFs", b"a")), "must be understood"),
     "an odd chunk": (png(HEADER, LINES, chunk(b"gAM\1", b"\0\0\0\1")), "impossible kind"),
     "no header": (b"\x89PNG\r\n\x1a\n" + chunk(b"IDAT", b"") + chunk(b"IEND", b""), "IHDR"),
 }

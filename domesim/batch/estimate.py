@@ -15,7 +15,8 @@ from pathlib import Path
 from statistics import mean
 from typing import Any, final
 
-from domesim.batch.film import Films, encoding_of, films_of
+from domesim.batch.cinema import becoming
+from domesim.batch.film import Films, encoding_of
 from domesim.batch.run import (
     Running,
     crew_of,
@@ -98,7 +99,7 @@ def estimate(
             "--dry-run tries workers of this machine; leave --scheduler out, and say how many like "
             "these there are (--workers)"
         )
-    writing, films = films_of(show, folder, writing)
+    writing, films = becoming(show, folder, writing)
     show.outputs(folder, writing.suffix)  # complains as the run would
     crew = crew_of(running, recipe, show)
     count = len(show.moments)
@@ -133,7 +134,7 @@ def estimate(
         size = _bytes_in(Path(scratch)) / len(tried.frames)
         pages = _pages(tried, show, recipe, running, Path(scratch), console)
         video = _Cost()
-        if films is not None and not show.part:
+        if isinstance(films, Films) and not show.part:
             video = _video(tried, films, count, Path(scratch), console)
     peak = max(each.maker["peak"] for each in tried.frames.values())
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

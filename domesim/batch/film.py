@@ -203,7 +203,7 @@ def films_of(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films
     suffix = ".tif" if exact and writing.bits in (10, 12) else ".png"
     frames = replace(writing, suffix=suffix, bits=writing.bits if exact else 16, fps=None)
     outputs = show.outputs(folder, suffix)
-    paths = tuple(_place(output, film.suffix) for output in outputs[0])
+    paths = tuple(place_of(output, film.suffix) for output in outputs[0])
     if len(set(paths)) < len(paths):
         paths = tuple(
             path.with_stem(f"{path.stem}_{side}")
@@ -217,18 +217,18 @@ def films_of(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films
                 f"{path}: wanted a place for the result, got the input itself. Choose another "
                 f"folder."
             )
-    timing = _timing(show, writing.fps)
+    timing = timing_asked(show, writing.fps)
     sounds = tuple(video_of(first) for first in show.moments[0])
     return frames, Films(paths, film, timing, writing.dither, sounds)
 
 
-def _place(output: Path, suffix: str) -> Path:
+def place_of(output: Path, suffix: str) -> Path:
     """``show.mov`` for ``show.0001.png``."""
     name = _NUMBER.sub("", output.stem, count=1)
     return output.with_name(f"{name.strip('._- ') or 'show'}{suffix}")
 
 
-def _timing(show: Show, fps: float | None) -> Timing:
+def timing_asked(show: Show, fps: float | None) -> Timing:
     """As asked for, as the first master says, or the usual."""
     found = timing_of(show.moments[0][0], USUAL_RATE)
     if fps is None or abs(fps - found.rate) < 1e-3:

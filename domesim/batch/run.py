@@ -17,9 +17,10 @@ from typing import Any, final
 import psutil
 
 from domesim.batch.alone import alone
+from domesim.batch.cinema import Cinema, becoming, told_of_dcp
 from domesim.batch.cluster import in_cluster
 from domesim.batch.crew import Crew
-from domesim.batch.film import Films, films_of
+from domesim.batch.film import Films
 from domesim.batch.job import Job, Record, open_job
 from domesim.batch.report import Report, page_name
 from domesim.batch.work import (
@@ -166,7 +167,7 @@ def each_frame(
         # Its workers are in other folders
         here = tuple(tuple(path.absolute() for path in moment) for moment in show.moments)
         show, folder = replace(show, moments=here), folder.absolute()
-    writing, films = films_of(show, folder, writing or Writing())
+    writing, films = becoming(show, folder, writing or Writing())
     outputs = show.outputs(folder, writing.suffix)
     for place in {path.parent for output in outputs for path in output} | {folder}:
         prepare(place)
@@ -184,7 +185,7 @@ def _each(
     running: Running,
     console: Console,
     what: str,
-    films: Films | None,
+    films: Films | Cinema | None,
 ) -> Done:
     """Do all frames of a job, and what is made of them together."""
     recipe, part = orders[0].recipe, orders[0].show.part
@@ -211,6 +212,8 @@ def _each(
     if report is None or job is None:
         return done
     done.add_report(report)
+    if films is None and (told := told_of_dcp(orders, done.frames)):
+        console.say(told)
     if films is not None and not done.failed:
         if part:
             console.say("A video is made of a whole sequence: leave --frames out for it")

@@ -66,7 +66,7 @@ def straightened(
     """
     alpha, function = opacity(plane), transfer.named(curve, white=_WHITE)
     light = function.decode(codes.astype(np.float64))
-    needed = np.clip(light.max(axis=-1) / function.decode(np.ones(1))[0], 0, 1)
+    needed = np.clip(light.max(axis=-1) / function.decode(np.ones(3)).max(), 0, 1)
     if floating:
         needed[alpha > 0] = 0
     top = np.iinfo(plane.dtype).max if np.issubdtype(plane.dtype, np.integer) else None

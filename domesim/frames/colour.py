@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
+from domesim import ocio
 from domesim.errors import InputError
 from domesim.frames import icc
 from domesim.frames.formats import FLOATING, label
@@ -34,7 +35,8 @@ class ColourTag:
     Attributes
     ----------
     transfer
-        "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084" or "dcdm".
+        "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084" or "dcdm"; or a
+        space of OpenColorIO, whose light is in ACES AP0 (`domesim.ocio`).
     primaries
         "BT.709", "P3-D65", "P3-DCI", "BT.2020", "XYZ", "ACES AP0" or "ACES AP1".
     source
@@ -55,8 +57,15 @@ class ColourTag:
         return "assumed" in self.source
 
     @property
+    def managed(self) -> bool:
+        """Whether OpenColorIO says what it is; no file can."""
+        return self.transfer.startswith(ocio.PREFIX)
+
+    @property
     def named(self) -> str:
         """For a person, without the source: ``sRGB``, ``linear P3-D65``."""
+        if self.managed:
+            return ocio.spoken(self.transfer)
         transfer = TRANSFER_NAMES.get(self.transfer, self.transfer)
         return transfer if self.primaries == "BT.709" else f"{transfer} {self.primaries}"
 
@@ -115,7 +124,7 @@ def is_sayable(colour: ColourTag) -> bool:
 
 def state_colour(colour: ColourTag, name: str, spec: Any) -> None:
     """Name the encoding, where the format can and would otherwise be taken for another."""
-    if name == "openexr":
+    if name == "openexr" and not colour.managed:
         if colour.transfer != "linear":
             spec.attribute("colorInteropID", _interop_identifier(colour))
         if colour.primaries != "BT.709":
@@ -136,6 +145,8 @@ def colour_chunks(colour: ColourTag) -> bytes:
     if _is_srgb(colour):
         return b"" if colour.assumed else chunk(b"sRGB", b"\0")
     chunks = b""
+    if colour.managed:
+        return chunks
     if is_sayable(colour):
         chunks += chunk(b"cICP", bytes((*code_points_of(colour), 0, 1)))
     exponents = {"linear": 1.0, "gamma2.2": 2.2, "gamma2.4": 2.4, "gamma2.6": 2.6, "dcdm": 2.6}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from domesim import ocio
 from domesim.errors import InputError
 from domesim.frames.colour import TRANSFER_NAMES, ColourTag
 
@@ -43,16 +44,20 @@ def encoding_named(name: str, option: str = "--encoding") -> ColourTag:
     ----------
     name
         One of `ENCODINGS`; or a transfer and primaries, ``st2084:p3-d65``, the transfer one of
-        srgb, linear, gamma2.2, gamma2.4, gamma2.6, bt1886, st2084 and dcdm. In any case.
+        srgb, linear, gamma2.2, gamma2.4, gamma2.6, bt1886, st2084 and dcdm; or ``ocio:SPACE``, of
+        OpenColorIO's configuration (`domesim.ocio`). In any case.
     option
         Which.
 
     Raises
     ------
     InputError
-        If there is none.
+        If there is none; or as for `domesim.ocio.called`.
     """
     asked = name.lower()
+    if asked.startswith(ocio.PREFIX):
+        space = name[len(ocio.PREFIX) :].strip()
+        return ColourTag(ocio.called(space, option), "ACES AP0", f"{option} {name}")
     source = f"{option} {asked}"
     if asked in ENCODINGS:
         return ColourTag(*ENCODINGS[asked], source)
@@ -61,5 +66,6 @@ def encoding_named(name: str, option: str = "--encoding") -> ColourTag:
         return ColourTag(curve, _PRIMARIES[gamut], source)
     raise InputError(
         f"{option} {name!r} is not known; use one of {', '.join(ENCODINGS)}, or name transfer "
-        f"and primaries, such as st2084:p3-d65 (primaries: {', '.join(_PRIMARIES)})"
+        f"and primaries, such as st2084:p3-d65 (primaries: {', '.join(_PRIMARIES)}), or a space of "
+        f"OpenColorIO's configuration in $OCIO, such as ocio:ACEScct"
     )

@@ -33,6 +33,7 @@ SUFFIXES = {
     ".jpeg": "jpeg",
     ".jpe": "jpeg",
     ".jps": "jpeg",  # stereo pairs, which say so: see eyes.py
+    ".mpo": "jpeg",
     ".pns": "png",
     ".jp2": "jpeg2000",
     ".j2k": "jpeg2000",

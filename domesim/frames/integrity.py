@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from domesim.errors import InputError, reason
-from domesim.frames import dpx, exr, eyes, jpeg, jpeg2000
+from domesim.frames import dpx, exr, eyes, jpeg, jpeg2000, tiff
 from domesim.frames.formats import LARGEST_SIDE
 from domesim.frames.png import CARRIED_CHUNKS, COLOUR_CHUNKS, Picture, chunks_of
 from domesim.frames.radiance import Radiance, header_of
@@ -31,6 +31,7 @@ class Container:
     cinema: bool = False  # of a JPEG 2000: whether it has a digital-cinema profile
     radiance: Radiance | None = None  # of an HDR
     eyes: eyes.Eyes | None = None  # how two views are packed, if it says so
+    stored_anew: bytes | None = None  # of a TIFF: the file as it can be read, if it is not itself
 
 
 def examine(path: Path) -> Container:
@@ -70,8 +71,9 @@ def enough_memory(path: Path) -> Iterator[None]:
 def stored_otherwise(path: Path, got: str) -> InputError:
     """The error for a whole TIFF that is compressed in a way that is not read."""
     return InputError(
-        f"{path}: wanted a TIFF of LZW, ZIP, PackBits, JPEG or no compression, got {got}. "
-        "It is not damaged: save it with LZW or ZIP (ImageMagick: convert IN -compress zip OUT)."
+        f"{path}: wanted a TIFF of LZW, ZIP, ZSTD, LZMA, PackBits, JPEG or no compression, got "
+        f"{got}. It is not damaged: save it with LZW or ZIP (ImageMagick: convert IN -compress zip "
+        "OUT)."
     )
 
 
@@ -95,7 +97,7 @@ def _examine_bytes(path: Path, file: BinaryIO) -> Container:  # noqa: PLR0911 - 
     if start.startswith(b"\x89PNG\r\n\x1a\n"):
         return _examine_png(path, start + file.read())
     if start[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
-        _examine_tiff(path, file, size, start)
+        return _examine_tiff(path, file, size, start)
     if start.startswith((jpeg2000.SIGNATURE, jpeg2000.CODESTREAM)):
         return _examine_jpeg2000(path, start + file.read())
     if start[:4] in (b"SDPX", b"XPDS"):
@@ -166,11 +168,8 @@ def _examine_exr(path: Path, file: BinaryIO) -> Container:
 
 def _examine_jpeg(path: Path, content: bytes) -> Container:
     """OpenImageIO does not tell which eye is which, and loses some of what is told."""
-    if jpeg.is_pair(content):
-        raise InputError(
-            f"{path}: wanted one picture, got an MPO of two views. Split it (exiftool -b -MPImage2 "
-            "IN > RIGHT.jpg), and name both (--left IN.jpg without its second picture, --right)."
-        )
+    if jpeg.pair_of(content) is not None:
+        raise InputError(f"{path}: wanted one picture, got an MPO of two views. Save one alone.")
     stereo = jpeg.stereo_of(content)
     packed = None if stereo is None else eyes.of_jps(stereo[0], left_first=stereo[1])
     return Container((jpeg.metadata_of(content),), eyes=packed)
@@ -179,11 +178,10 @@ def _examine_jpeg(path: Path, content: bytes) -> Container:
 _TIFF_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
 _TIFF_EXIF = 34665
 _TIFF_COMPRESSION, _TIFF_FILL_ORDER = 259, 266
-_TIFF_ZIP = (8, 32946)
 
 
-def _examine_tiff(path: Path, file: BinaryIO, size: int, start: bytes) -> None:
-    """Check that all tags lie within the file.
+def _examine_tiff(path: Path, file: BinaryIO, size: int, start: bytes) -> Container:
+    """Check that all tags lie within the file; store it anew if its compression is not read.
 
     libtiff notices missing pixels, but drops a tag (an ICC profile at the end, say) in silence.
     """
@@ -218,9 +216,12 @@ def _examine_tiff(path: Path, file: BinaryIO, size: int, start: bytes) -> None:
             else:  # on the left of its field
                 shorts[tag] = offset & 0xFFFF if order == "<" else offset >> 8 * word.size - 16
         directories += word.unpack(read(position + count * entry.size, word.size))
-    # OpenImageIO inflates without a look at the order of bits.
-    if shorts.get(_TIFF_FILL_ORDER) == 2 and shorts.get(_TIFF_COMPRESSION) in _TIFF_ZIP:
-        raise stored_otherwise(path, "ZIP of reversed bits (fill order lsb2msb)")
+    compression = shorts.get(_TIFF_COMPRESSION, 1)
+    if compression in tiff.UNREAD or shorts.get(_TIFF_FILL_ORDER) == 2:
+        file.seek(0)
+        with _understood(path, "TIFF"):
+            return Container(stored_anew=tiff.stored_anew(file.read()))
+    return Container()
 
 
 def _examine_jpeg2000(path: Path, content: bytes) -> Container:

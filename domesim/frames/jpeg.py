@@ -15,7 +15,7 @@ _STEREO = b"_JPSJPS_"
 _JFIF, _FIRST, _LAST, _COMMENT, _SCAN = 0xE0, 0xE1, 0xEF, 0xFE, 0xDA  # APPn, COM, SOS
 # Of APP2: ICC profiles, which are said anew; and where other pictures of the file are, which are
 # not in another. APP14 tells how samples are stored.
-_INDEX, _ENTRIES = b"MPF\0", 0xB002
+_INDEX, _ENTRIES, _DISPARITY = b"MPF\0", 0xB002, 0x020002
 _OF_STORAGE = (b"ICC_PROFILE\0", _INDEX, b"Adobe", _STEREO)
 
 
@@ -78,10 +78,20 @@ def stereo_of(content: bytes) -> tuple[int, bool] | None:
     return None
 
 
-def is_pair(content: bytes) -> bool:
-    """Whether it holds several views of one moment (CIPA DC-007, 5.2.3.3: disparity)."""
-    if not any(whole[4:].startswith(_INDEX) for _, whole in segments_of(content)):
-        return False
+def pair_of(content: bytes) -> tuple[bytes, bytes] | None:
+    """Left and right of an MPO of two views (CIPA DC-007, 5.2.3.3: disparity); None if it is none.
+
+    A panorama, or a picture with a preview, is one picture.
+
+    Raises
+    ------
+    ValueError
+        If there are more views, or less in the file than its index says. The message says what was
+        got.
+    """
+    index = next((whole for _, whole in segments_of(content) if whole[4:].startswith(_INDEX)), b"")
+    if not index:
+        return None
     from PIL import Image  # noqa: PLC0415 - few JPEGs have an index
 
     try:
@@ -89,8 +99,48 @@ def is_pair(content: bytes) -> bool:
         with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(content)) as opened:
             entries = getattr(opened, "mpinfo", {}).get(_ENTRIES, [])
     except (OSError, ValueError, SyntaxError, KeyError, Image.DecompressionBombError):
-        return False
-    return sum("Disparity" in entry["Attribute"]["MPType"] for entry in entries) > 1
+        return None
+    views = [entry for entry in entries if "Disparity" in entry["Attribute"]["MPType"]]
+    if len(views) < 2:
+        return None
+    if len(views) > 2:
+        raise ValueError(f"an MPO of {len(views)} views")
+    # The leftmost comes first (6.2.2.2). Places count from behind the index's name.
+    origin = content.index(index) + 8
+    begins = [origin + view["DataOffset"] if view["DataOffset"] else 0 for view in views]
+    left, right = (
+        content[begin : begin + view["Size"]] for begin, view in zip(begins, views, strict=True)
+    )
+    if not (left.startswith(START) and right.startswith(START)):
+        raise ValueError("an MPO that ends early")
+    return _without_index(left), _without_index(right)
+
+
+def joined_pair(left: bytes, right: bytes) -> bytes:
+    """The MPO of two JPEGs: an index in the first tells where both are (CIPA DC-007, 5.2)."""
+    size = len(left) + len(_index_segment(0, 0, 0))
+    # Places count from behind the segment's marker, length and name; JFIF's segment is before it.
+    marker, first = next(segments_of(left), (0, b""))
+    origin = 2 + (len(first) if marker == _JFIF else 0) + 8
+    return with_segment(left, _index_segment(size, size - origin, len(right))) + right
+
+
+def _index_segment(first: int, place: int, second: int) -> bytes:
+    """Sizes of two views, and the place of the second."""
+    entries = struct.pack(">IIIHH", 0x20000000 | _DISPARITY, first, 0, 0, 0)
+    entries += struct.pack(">IIIHH", _DISPARITY, second, place, 0, 0)
+    table = struct.pack(">H", 3)
+    table += struct.pack(">HHI4s", 0xB000, 7, 4, b"0100")
+    table += struct.pack(">HHII", 0xB001, 4, 1, 2)
+    table += struct.pack(">HHII", _ENTRIES, 7, len(entries), 8 + 2 + 3 * 12 + 4)
+    body = _INDEX + b"MM\0*" + struct.pack(">I", 8) + table + bytes(4) + entries
+    return b"\xff\xe2" + struct.pack(">H", len(body) + 2) + body
+
+
+def _without_index(content: bytes) -> bytes:
+    kept = [whole for _, whole in segments_of(content) if not whole[4:].startswith(_INDEX)]
+    end = 2 + sum(len(whole) for _, whole in segments_of(content))
+    return START[:2] + b"".join(kept) + content[end:]
 
 
 def _is_metadata(marker: int) -> bool:

@@ -13,7 +13,7 @@ from domesim.frames.eyes import Eyes
 from domesim.frames.frame import Frame, Pixels
 from domesim.frames.reading import listed
 from domesim.frames.stereo_exr import channels_by_view, stated_views
-from domesim.frames.video import file_of
+from domesim.frames.video import EYES, eye_of, file_of
 
 
 def refuse_packing(paths: Sequence[Path], packing: str | None, got: str) -> None:
@@ -40,7 +40,7 @@ def refuse_one_file(left: Path, right: Path) -> None:
         same = file_of(left).samefile(file_of(right))
     except OSError:  # reading it will tell
         return
-    if same:
+    if same and {eye_of(left), eye_of(right)} != set(EYES):
         raise InputError(
             f"{left} and {right}: wanted two files for left and right, got the same file twice. "
             "Name the other one, or add --allow-identical if the shot is meant to be flat."

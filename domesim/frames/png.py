@@ -42,6 +42,7 @@ _PASSES = (
     (1, 0, 2, 2),
     (0, 1, 1, 2),
 )
+_CRITICAL = (b"PLTE", b"IDAT", b"IEND")  # and IHDR
 _LAST_FILTER = 4
 _BLOCK = 1 << 16
 
@@ -70,6 +71,8 @@ class Picture:
             raise ValueError("one that does not begin with IHDR")
         elif not (kind.isalpha() and kind[2:3].isupper()):
             raise ValueError("a chunk of an impossible kind")
+        elif kind[:1].isupper() and kind not in _CRITICAL:
+            raise ValueError("a chunk that must be understood, of an unknown kind")
         elif kind == b"IDAT":
             for begin in range(0, len(content), _BLOCK):
                 self._inflate(content[begin : begin + _BLOCK])

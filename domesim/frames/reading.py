@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -80,7 +81,7 @@ def _read_image(
     if video_of(path) is not None:
         return read_video_frame(path, colour=colour)
     container = examine(path)
-    reader = open_image(path)
+    reader = open_image(path, container)
     try:
         layout = layout_of(path, reader, container, grey=grey, colour=colour)
         samples = read_channels(path, reader, layout)
@@ -100,7 +101,7 @@ def size_of(path: Path) -> tuple[int, int]:
     """
     if video_of(path) is not None:
         return video_size(path)
-    reader = open_image(path)
+    reader = open_image(path, examine(path))
     try:
         spec = reader.spec()
         sides = int(spec.full_height), int(spec.full_width)
@@ -127,14 +128,24 @@ def use_threads(count: int) -> None:
         oiio.attribute(name, count)
 
 
-def open_image(path: Path) -> Any:
-    """OpenImageIO's reader of the file."""
+def open_image(path: Path, container: Container | None = None) -> Any:
+    """OpenImageIO's reader of the file, or of what its examination has stored anew."""
+    if container is not None and container.stored_anew is not None:
+        with os.fdopen(os.memfd_create("stored-anew"), "rb+") as memory:
+            memory.write(container.stored_anew)
+            memory.flush()
+            # The reader has it open by itself.
+            return _open_at(path, f"/proc/self/fd/{memory.fileno()}")
     try:
         name = str(path).encode().decode()
     except UnicodeEncodeError:
         raise InputError(
             f"{path}: wanted a path in UTF-8, got other bytes. Rename the file or its folder."
         ) from None
+    return _open_at(path, name)
+
+
+def _open_at(path: Path, name: str) -> Any:
     # Without UnassociatedAlpha, R, G, B of PNG and TIFF come multiplied by alpha.
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
@@ -164,10 +175,20 @@ def _refuse_compression(path: Path, problem: str) -> None:
         raise stored_otherwise(path, lacking[1] or f"compression {lacking[2]}")
 
 
+_STILLS = (b"heic", b"heix", b"heim", b"heis", b"mif1", b"avif")
+"""Brands of pictures in the container of MP4 (ISO/IEC 23008-12, 10.2; AV1 Image File Format, 4)."""
+
+
 def _refuse_video(path: Path) -> None:
     """Name the container of a video whose suffix is of none that is read."""
     with path.open("rb") as file:
-        container = container_of(file.read(16))
+        start = file.read(16)
+    if start[4:8] == b"ftyp" and start[8:12] in _STILLS:
+        raise InputError(
+            f"{path}: wanted {', '.join(LABELS.values())}, got HEIF or AVIF. Convert it to EXR or "
+            "PNG (ImageMagick: convert IN OUT.png)."
+        )
+    container = container_of(start)
     if container is not None:
         raise InputError(
             f"{path}: wanted a video in {', '.join(SUFFIXES)}, got one in {container} called "
@@ -246,7 +267,7 @@ def layout_of(
     if spec.deep:
         raise InputError(f"{path}: wanted a flat image, got deep samples. Flatten it first.")
     data, display = _windows(path, spec, name)
-    refuse_implausible_size(path, spec, name, data, display)
+    refuse_implausible_size(path, spec, name, data, display, container.stored_anew)
     channels, places = channels_of(path, spec), tuple(range(spec.nchannels))
     if view is not None:
         channels, places = tuple(view.channels.values()), tuple(view.channels)
@@ -412,7 +433,7 @@ def _window(window: Window) -> str:
 # Decoded bytes a byte of file. zlib reaches 1032; flat JPEGs stay below it; PIZ and DWA know no
 # useful limit, and of DPX OpenImageIO checks it itself.
 _LARGEST_RATIO = {"openexr": 1100.0, "png": 1100.0, "tiff": 1100.0, "jpeg": 1100.0}
-_UNLIMITED_COMPRESSION = ("piz", "dwaa", "dwab", "htj2k")
+_UNLIMITED_COMPRESSION = ("piz", "dwaa", "dwab", "htj2k", "htj2k256", "htj2k32", "lj2k")
 
 
 def refuse_implausible_size(
@@ -421,6 +442,7 @@ def refuse_implausible_size(
     name: str,
     data: Window,
     display: Window,
+    stored_anew: bytes | None = None,
 ) -> None:
     """Before memory is asked for."""
     for cols, rows in (data[2:], display[2:]):
@@ -429,7 +451,7 @@ def refuse_implausible_size(
         raise InputError(f"{path}: wanted an image, got a volume of depth {spec.depth}. Slice it.")
     if spec.get_string_attribute("compression") in _UNLIMITED_COMPRESSION:
         return
-    decoded, stored = spec.image_bytes(True), path.stat().st_size
+    decoded, stored = spec.image_bytes(True), len(stored_anew or b"") or path.stat().st_size
     if decoded > _LARGEST_RATIO.get(name, np.inf) * stored:
         raise InputError(
             f"{path}: wanted a whole {label(name)}, got {stored} bytes for {data[2]} x {data[3]} "

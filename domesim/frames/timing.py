@@ -43,7 +43,8 @@ def timing_of(path: Path, usual: Fraction) -> Timing:
     if video_of(path) is not None:
         return Timing(*rate_and_timecode(path))
     with suppress(InputError):
-        container, reader = examine(path), open_image(path)
+        container = examine(path)
+        reader = open_image(path, container)
         try:
             stated = attributes_of(path, reader.spec(), container)
         finally:

@@ -2,7 +2,8 @@
 
 A frame of a video has a path as if the video were a folder: ``film.mov/film.0012.mov`` is the
 twelfth of ``film.mov``. So a show of a video is one of numbered files to everything that only
-needs their names.
+needs their names. A DCP of two eyes is two sequences: ``film.mxf/film.left.0012.mxf`` and
+``film.mxf/film.right.0012.mxf``.
 
 A video must have a constant rate. Frame n then belongs at the time (n - 1) / rate, whoever looks
 for it, in whatever order: the frame there is decoded from the last key frame before it, or on from
@@ -18,6 +19,7 @@ PyAV is needed (extra ``video``), and imported only when a video is named.
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -55,6 +57,10 @@ _CINEMA = {"jpeg2000": "JPEG 2000"}
 
 _CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,mxf"
 _ENCRYPTED = bytes.fromhex("060e2b34040101070d010301020b0100")  # SMPTE ST 429-6, 6.2: of a header
+_STEREOSCOPIC = re.compile(  # SMPTE ST 429-10: a set of its header
+    rb"\x06\x0e\x2b\x34\x02[\x53\x7f]\x01\x01\x0d\x01\x01\x01\x01\x01\x63\x00"
+)
+EYES = ("left", "right")
 _HEADER = 1 << 16
 _UNSAID = (0, 2)  # ITU-T H.273: reserved, unspecified
 _RGB = 0  # its MatrixCoefficients for R, G, B
@@ -103,7 +109,7 @@ def file_of(path: Path) -> Path:
 
 
 def frame_paths(video: Path) -> tuple[Path, ...]:
-    """The paths of all frames, the first with number 1.
+    """The paths of all frames, the first with number 1; of two eyes, of the left, then the right.
 
     Raises
     ------
@@ -111,10 +117,22 @@ def frame_paths(video: Path) -> tuple[Path, ...]:
         If the extra ``video`` is not installed; or the file is no video of `CODECS`, is not whole,
         has no constant rate, lacks frames, or is interlaced.
     """
-    count = _looked_through(*_state(video))
+    count, stereoscopic = _looked_through(*_state(video))
+    stems = [f"{video.stem}.{eye}" for eye in EYES] if stereoscopic else [video.stem]
     return tuple(
-        video / f"{video.stem}.{number:04d}{video.suffix}" for number in range(1, count + 1)
+        video / f"{stem}.{number:04d}{video.suffix}"
+        for stem in stems
+        for number in range(1, count + 1)
     )
+
+
+def eye_of(path: Path) -> str:
+    """The eye whose frame of a video `path` names: one of `EYES`, "" of a flat one."""
+    video = video_of(path)
+    if video is None:
+        return ""
+    between = path.stem.removeprefix(f"{video.stem}.").rpartition(".")[0]
+    return between if between in EYES else ""
 
 
 def is_picture(track: Path) -> bool:
@@ -272,8 +290,8 @@ def _step(stream: Stream) -> Fraction:
 
 
 @lru_cache(maxsize=8)
-def _looked_through(video: Path, size: int, changed: int) -> int:
-    """How many frames there are, none missing."""
+def _looked_through(video: Path, size: int, changed: int) -> tuple[int, bool]:
+    """How many frames there are, none missing; and whether each is two, for left and right."""
     container, stream = _opened(video)
     with container:
         shown = []
@@ -293,11 +311,22 @@ def _looked_through(video: Path, size: int, changed: int) -> int:
                     f"{video}: wanted {float(stream.guessed_rate):.6g} frames a second, all there, "
                     f"got none for frame {place + 1}. Export it again, at a constant rate."
                 )
-        if stated - len(shown) > _LACKING:
-            raise damaged(
-                video, "video", f"one that lacks its last {round(stated - len(shown))} frames"
-            )
-    return len(shown)
+        # Interop DCPs do not say so, but have two for each that they state.
+        count, twice = len(shown), video.suffix.lower() == ".mxf" and len(shown) == 2 * stated
+        if stereoscopic := twice or _says_stereoscopic(video):
+            if count % 2:
+                raise damaged(video, "video", "one that lacks its last right frame")
+            count //= 2
+        if stated - count > _LACKING:
+            raise damaged(video, "video", f"one that lacks its last {round(stated - count)} frames")
+    return count, stereoscopic
+
+
+def _says_stereoscopic(video: Path) -> bool:
+    if video.suffix.lower() != ".mxf":
+        return False
+    with video.open("rb") as file:
+        return _STEREOSCOPIC.search(file.read(_HEADER)) is not None
 
 
 def _stated_seconds(container: Any, stream: Stream) -> Fraction:
@@ -348,6 +377,7 @@ class _Decoder:
         self._step = _step(self.stream)
         self._frames: Iterator[Any] = iter(())
         self._at: Fraction | None = None
+        self._pair: tuple[int, list[Any]] = (0, [])  # a number, and its frames of two eyes
         self._only_keys = True
         self._has_sums = context.name == "ffv1" and self._any_right_sum()
 
@@ -359,6 +389,8 @@ class _Decoder:
         InputError
             If there is none, or it is damaged.
         """
+        if eye_of(path):
+            return self._pair_of(path)[EYES.index(eye_of(path))]
         wanted = self.stream.start_time + (_number(path) - 1) * self._step
         before, self._at = self._at, None
         ahead = None if before is None else (wanted - before) / self._step
@@ -371,6 +403,39 @@ class _Decoder:
             raise damaged(path, "video", "no frame of that number")
         self._at = wanted
         return found
+
+    def _pair_of(self, path: Path) -> list[Any]:
+        """Left and right, which follow each other: the container counts and seeks them as one."""
+        number = _number(path)
+        before, found = self._pair
+        if number == before:
+            return found
+        self._pair = (0, [])
+        place = floor(self.stream.start_time + (number - 1) * self._step)
+        skipped, sought = 0, number != before + 1 or not before
+        with _refused(path):
+            if sought and not self._seek(place):
+                skipped, place = 2 * (number - 1), place + number - 1
+            found = list(islice(self._frames, skipped, skipped + 2))
+        if len(found) < 2 or (sought and found[0].pts != place):
+            raise damaged(path, "video", "no frame of that number")
+        self._pair = number, found
+        return found
+
+    def _seek(self, place: int) -> bool:
+        """Go on from there, or from the first frame where FFmpeg cannot: it takes some MXFs for a
+        single clip.
+        """
+        import av  # noqa: PLC0415
+
+        try:
+            self._container.seek(place, stream=self.stream, backward=True)
+        except av.FFmpegError:
+            self._container.seek(self.stream.start_time, stream=self.stream, backward=True)
+            return False
+        finally:
+            self._frames = self._decoded()
+        return True
 
     def _reached(self, wanted: Fraction) -> Any:
         """Decode on to the first frame not before `wanted`; None at the end."""
@@ -394,8 +459,7 @@ class _Decoder:
             earlier = first if back is None else max(first, wanted - back * self._step)
             # Times may be rounded to milliseconds.
             place = floor(earlier + self._step / 2)
-            self._container.seek(place, stream=self.stream, backward=True)
-            self._frames = self._decoded()
+            self._seek(place)
             try:
                 key = next(self._frames, None)
             except av.FFmpegError as error:
@@ -470,9 +534,10 @@ def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None
     names = ("R", "G", "B") if alpha is None else ("R", "G", "B", "A")
     orientation, eyes = _shown(path, decoder.stream.metadata, decoded)
     rate = decoder.stream.guessed_rate
+    view = (("view", "string", eye_of(path)),) if eye_of(path) else ()
     header = Header(
         format=f"{name} {kind.chroma or 'RGB'}",
-        attributes=(("FramesPerSecond", "rational", (rate.numerator, rate.denominator)),),
+        attributes=(("FramesPerSecond", "rational", (rate.numerator, rate.denominator)), *view),
         channels=names,
         kinds=(sample,) * len(names),
         extra=() if alpha is None else (turned(_widened(alpha, kind.bits), orientation),),

@@ -1,12 +1,14 @@
 """Masters: one moment of a show, as one frame or as a left and a right one.
 
-A stereo master comes in two files, side by side or one above the other in one image, or as views
-of an OpenEXR file (``stereo_exr.py``). `read_master` takes it apart into ordinary frames, and
-refuses what is no pair (``mistaken.py``); `write_master` puts it back together the way it came.
+A stereo master comes in two files, side by side or one above the other in one image, as views of
+an OpenEXR file (``stereo_exr.py``), or as an MPO, two JPEGs in one file. `read_master` takes it
+apart into ordinary frames, and refuses what is no pair (``mistaken.py``); `write_master` puts it
+back together the way it came.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
@@ -19,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.frames import jpeg
 from domesim.frames.colour import ColourTag
 from domesim.frames.dithering import seed_of
 from domesim.frames.eyes import Eyes, stated
@@ -43,7 +46,7 @@ from domesim.frames.whole import write_together
 from domesim.frames.writing import encoded, target_of
 
 Packing: TypeAlias = Literal[
-    "single", "files", "side-by-side", "top-bottom", "multi-view", "multi-part"
+    "single", "files", "side-by-side", "top-bottom", "multi-view", "multi-part", "mpo"
 ]
 """How a master's frames lie in files."""
 
@@ -54,6 +57,7 @@ _DESCRIPTIONS = {
     "top-bottom": "left above right",
     "multi-view": "left and right as views of one part",
     "multi-part": "left and right in two parts",
+    "mpo": "left and right in one MPO",
 }
 _AXES: Mapping[Packing, int] = {"side-by-side": 1, "top-bottom": 0}
 
@@ -305,6 +309,16 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
         raise InputError(
             f"{files[0]}: wanted two files for left and right, got one twice. Name another."
         )
+    if master.packing != "mpo" and any(path.suffix.lower() == ".mpo" for path in files):
+        raise InputError(
+            f"{files[0]}: wanted left and right of an MPO for .mpo, got "
+            f"{_DESCRIPTIONS.get(master.packing, 'one picture')}. Choose .jpg."
+        )
+    if master.packing == "mpo" and SUFFIXES.get(files[0].suffix.lower()) != "jpeg":
+        raise InputError(
+            f"{files[0]}: wanted .mpo or .jpg for left and right in one MPO, got "
+            f"'{files[0].suffix}'. Choose one of these, or save left and right as two files first."
+        )
     if master.packing in ("multi-view", "multi-part"):
         if master.file is None:
             raise ValueError(
@@ -376,12 +390,46 @@ def _read_file(
     if stereo is not None:
         frames, file = stereo
         return Master(frames, "multi-view" if isinstance(file, MultiView) else "multi-part", file)
+    with enough_memory(path):
+        pair = _read_mpo(path, colour)
+    if pair is not None:
+        return Master(pair, "mpo")
     frame = read_image(path, repair=repair, grey=packing in _AXES, colour=colour)
     eyes = frame.header.eyes
     refuse_stated_packing(path, packing, eyes)
     if packing is not None and packing in _AXES:
         return Master(_halves(frame, packing, eyes), packing, eyes=eyes)
     return Master((frame,))
+
+
+def _read_mpo(path: Path, colour: ColourTag | None) -> tuple[Frame, ...] | None:
+    """Left and right of an MPO; None if it is none."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(jpeg.START))
+            content = start + file.read() if start == jpeg.START else b""
+        views = jpeg.pair_of(content) if content else None
+    except OSError:  # reading it otherwise will tell
+        return None
+    except ValueError as error:
+        raise InputError(
+            f"{path}: wanted a JPEG of one picture, or of left and right, got {error}. Copy it "
+            "again, or save two of its pictures as two files."
+        ) from error
+    return None if views is None else tuple(_read_inner(path, each, colour) for each in views)
+
+
+def _read_inner(path: Path, content: bytes, colour: ColourTag | None) -> Frame:
+    """The frame of a file within `path`."""
+    with os.fdopen(os.memfd_create("view"), "rb+") as memory:
+        memory.write(content)
+        memory.flush()
+        place = Path(f"/proc/self/fd/{memory.fileno()}")
+        try:
+            frame = read_image(place, repair=False, colour=colour)
+        except InputError as error:
+            raise InputError(str(error).replace(str(place), str(path))) from error
+    return replace(frame, path=path)
 
 
 def _halves(frame: Frame, packing: Packing, eyes: Eyes | None) -> tuple[Frame, ...]:
@@ -417,6 +465,9 @@ def _order(eyes: Eyes | None) -> tuple[int, int]:
 def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: bool) -> bytes:
     """Two frames in one file."""
     left, right = master.frames
+    if master.packing == "mpo":
+        seeds = [seed_of(left.path, view) if dither else None for view in range(2)]
+        return jpeg.joined_pair(*map(encoded, (left, right), repeat(path), repeat(bits), seeds))
     if not left.colour.means_the_same_as(right.colour):
         raise ValueError(f"write_master takes one encoding, got {left.colour} and {right.colour}")
     if master.packing in _AXES:

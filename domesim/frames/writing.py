@@ -36,7 +36,7 @@ from domesim.frames.formats import (
     label,
 )
 from domesim.frames.frame import Frame, Pixels
-from domesim.frames.jpeg2000 import with_comments, with_metadata
+from domesim.frames.jpeg2000 import is_cinema, with_comments, with_metadata
 from domesim.frames.messages import problem_of
 from domesim.frames.orientation import UPRIGHT, turned_back
 from domesim.frames.png import with_carried_chunks, with_colour_chunks, with_utf8_text
@@ -55,7 +55,9 @@ def write_frame(
     turned back and divided by alpha as the file has it, and else written as they are: for another
     encoding, give `frame` other pixels *and* another `colour`.
 
-    JPEG 2000 is written losslessly: .jp2 with boxes, others as a codestream, without a profile.
+    JPEG 2000 is written losslessly: .jp2 with boxes, others as a codestream, without a profile; but
+    a .j2c of X'Y'Z' as a DCP has it: of 12 bits, with the profile of digital cinema, and no more
+    bytes than 250 Mbit/s are at 24 frames a second.
     JPEG is written at quality 100 without chroma subsampling. Re-encoding what was decoded from a
     JPEG then moves no sample by more than 4 codes, and 97 % (noise) to 99.8 % (a domemaster) of
     them by at most one; at quality 98 it was 10 codes and 74 % to 99.5 %.
@@ -91,8 +93,17 @@ def encoded(frame: Frame, path: Path, bits: int | None, seed: Seed | None = None
     """What `write_frame` puts at `path`, dithered if there is a `seed`."""
     target = target_of(frame, path, bits)
     frame = as_stored(frame, target)
-    part = (specification(frame, target), samples_of(frame, target, seed))
-    content = encode(path, target.format, [part])
+    spec = specification(frame, target)
+    if target.cinema:
+        rows, cols = frame.pixels.shape[:2]
+        profile = "Cinema2K" if cols <= 2048 and rows <= 1080 else "Cinema4K"
+        spec.attribute(f"jpeg2000:{profile}", oiio.TypeDesc("uint"), 24)
+    content = encode(path, target.format, [(spec, samples_of(frame, target, seed))])
+    if target.cinema and not is_cinema(content):
+        raise InputError(
+            f"{path}: wanted at most 4096 x 2160 px for a DCP's codestream (.j2c of X'Y'Z'), got "
+            f"{cols} x {rows}. Crop it, or write .tif or .j2k."
+        )
     if target.same_format:
         content = _with_carried(content, frame, target)
     eyes = b"" if frame.header.eyes is None else stated(frame.header.eyes, target.format)
@@ -140,10 +151,12 @@ class Target:
     straight: bool  # colours are to be divided by alpha
     zero_padded: bool = False  # 12 bits in 16
     legal: bool = False  # between black and white of video
+    cinema: bool = False  # with a profile of digital cinema, which is lossy
 
 
 _LUMINANCE = -1
 _DCDM_BITS = 12
+_CINEMA_SUFFIX = ".j2c"
 _LEAST_JPEG_2000_SIDE = 32  # OpenJPEG's encoder halves it five times
 
 
@@ -165,13 +178,18 @@ def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
             f"{sides[1]} x {sides[0]}. Choose another format."
         )
     same = name == frame.header.format
-    kept = same and (bits is None or bits == frame.bits)
+    cinema = path.suffix.lower() == _CINEMA_SUFFIX and frame.colour.transfer == "dcdm"
+    if cinema and bits not in (None, _DCDM_BITS):
+        raise InputError(f"{path}: wanted 12 bits for X'Y'Z' of a DCP, got {bits}. Leave it out.")
+    kept = same and (bits is None or bits == frame.bits) and not cinema
     if kept:
         bits, floating = frame.bits, frame.floating
     else:
-        bits = bits or _fitting_depth(name, frame)
+        bits = bits or (_DCDM_BITS if cinema else _fitting_depth(name, frame))
         floating = name == "openexr" or (name == "tiff" and bits == 32)
     channels, kinds, sources = _channels(frame, name, _kind(bits, floating), kept=kept)
+    if cinema:
+        channels, kinds, sources = channels[:3], kinds[:3], sources[:3]
     header = frame.header
     # What PNG and JPEG 2000 have is straight; an EXR's alpha never is.
     straight = header.straight if same or name == "tiff" else name in ("png", "jpeg2000")
@@ -179,7 +197,9 @@ def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
     is_dcdm = (name, frame.colour.transfer, bits) == ("tiff", "dcdm", _DCDM_BITS)
     padded = header.zero_padded if kept else is_dcdm
     legal = same and header.legal
-    return Target(name, bits, floating, channels, kinds, sources, same, straight, padded, legal)
+    return Target(
+        name, bits, floating, channels, kinds, sources, same, straight, padded, legal, cinema
+    )
 
 
 def as_stored(frame: Frame, target: Target) -> Frame:
@@ -463,7 +483,7 @@ def _state_storage(frame: Frame, target: Target, spec: Any) -> None:
     if target.bits in (10, 12) and not target.zero_padded:
         spec.attribute("oiio:BitsPerSample", target.bits)
     # See `as_stored`: no encoder may divide R, G, B by alpha.
-    if target.format in ("png", "jpeg2000") or target.straight:
+    if (target.format in ("png", "jpeg2000") or target.straight) and not target.cinema:
         spec.attribute("oiio:UnassociatedAlpha", 1)
 
 

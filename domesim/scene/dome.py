@@ -15,13 +15,20 @@ from domesim import furniture, viewing
 from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.lenses import lens_gains, seen_gain
+from domesim.masks import read_mask
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.spherical import ClosedFormDome, bare_gain
 from domesim.observation.transport import PHOTOGRAPHS, TabulatedDome, Transport
 from domesim.observation.uncertain import SIGMAS, UncertainDome
 from domesim.projector import Projector
 from domesim.scene.base import Scene
-from domesim.scene.dome_file import DomeFile, LampSection, MeasuredSection, ProjectorSection
+from domesim.scene.dome_file import (
+    DomeFile,
+    LampSection,
+    MeasuredSection,
+    ProjectorSection,
+    UnitSection,
+)
 from domesim.scene.fields import three
 from domesim.scene.measured_dome import albedo_steps, whole_transport
 from domesim.scene.mistakes import Mistakes
@@ -292,7 +299,7 @@ def built(file: DomeFile, folder: Path) -> DomeScene:
         ambient=lit.black_cd_m2 + file.ambient.luminance_cd_m2,
         viewing=viewing.from_dome_centre(theatre.dome, file.viewing.adaptation_cd_m2),
         sources=file.sources,
-        digest=_with_meshes(file, theatre),
+        digest=_with_files(file, theatre),
         measured=file.measured,
     )
 
@@ -307,13 +314,16 @@ def _mean_gain(theatre: Theatre, size: int = 128) -> float:
     return float(np.sum(areas * gains.sum(0)) / areas.sum())
 
 
-def _with_meshes(file: DomeFile, theatre: Theatre) -> str:
+def _with_files(file: DomeFile, theatre: Theatre) -> str:
     """The file's digest, with what is in the files that it names."""
-    if not file.meshes:
+    masks = [lens.mask for lens in theatre.lenses if lens.mask is not None]
+    if not (file.meshes or masks):
         return file.digest
     digest = hashlib.sha256(file.digest.encode())
-    for solid in theatre.solids:
+    for solid in theatre.solids if file.meshes else ():
         digest.update(solid.vertices.tobytes() + solid.faces.tobytes())
+    for mask in masks:
+        digest.update(np.ascontiguousarray(mask.weights).tobytes())
     return digest.hexdigest()
 
 
@@ -334,7 +344,7 @@ def _theatre(file: DomeFile, folder: Path, mistakes: Mistakes) -> Theatre:
         wall=wall,
         solids=solids,
         lamps=tuple(_lamp(lamp) for lamp in file.lamps),
-        lenses=_lenses(file.projector, dome),
+        lenses=_lenses(file.projector, dome, folder, mistakes),
         corrected=file.projector.lens.corrected,
         viewpoints=viewpoints,
     )
@@ -390,21 +400,11 @@ def _furniture(
     return tuple(solids), viewpoints
 
 
-def _lenses(projector: ProjectorSection, dome: Dome) -> tuple[Lens, ...]:
+def _lenses(
+    projector: ProjectorSection, dome: Dome, folder: Path, mistakes: Mistakes
+) -> tuple[Lens, ...]:
     if projector.units:
-        return tuple(
-            Lens(
-                unit.name,
-                unit.position_m,
-                unit.look_at_m,
-                np.radians(unit.roll_deg),
-                unit.kind,
-                np.radians(unit.field_deg),
-                unit.aspect,
-                np.radians(unit.blend_deg),
-            )
-            for unit in projector.units
-        )
+        return tuple(_unit(unit, folder, mistakes) for unit in projector.units)
     lens = projector.lens
     if lens.corrected and not any(lens.position_m):
         return ()
@@ -414,6 +414,25 @@ def _lenses(projector: ProjectorSection, dome: Dome) -> tuple[Lens, ...]:
     zenith = dome.to_room[:, 2] * dome.radius
     ahead = (x + float(zenith[0]), y + float(zenith[1]), z + float(zenith[2]))
     return (Lens("lens", (x, y, z), ahead, field=2 * np.pi),)
+
+
+def _unit(unit: UnitSection, folder: Path, mistakes: Mistakes) -> Lens:
+    mask = None
+    if unit.mask is not None:
+        with mistakes.noted():
+            mask = read_mask(folder / unit.mask)
+    return Lens(
+        unit.name,
+        unit.position_m,
+        unit.look_at_m,
+        np.radians(unit.roll_deg),
+        unit.kind,
+        np.radians(unit.field_deg),
+        unit.aspect,
+        np.radians(unit.blend_deg),
+        unit.shift,
+        mask,
+    )
 
 
 def _lamp(lamp: LampSection) -> Lamp:

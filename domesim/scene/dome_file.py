@@ -192,8 +192,15 @@ class ViewpointSection(Section):
     field_deg: Annotated[Number, Field(ge=5, le=150)] = 100.0
 
 
+Shift = Annotated[Number, Field(ge=-5, le=5)]
+
+
 class UnitSection(Section):
-    """One of several projectors."""
+    """One of several projectors.
+
+    `shift` is where the middle of its field is, right and up of its axis, in halves of width and
+    height. `mask` is a PNG of its blend over the field, in light, beside the scene's file.
+    """
 
     name: str
     position_m: Place
@@ -203,9 +210,13 @@ class UnitSection(Section):
     roll_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
     aspect: Annotated[Number, Field(ge=0.1, le=10)] = 16 / 9
     blend_deg: Annotated[Number, Field(ge=0, le=90)] = 0.0
+    shift: tuple[Shift, Shift] = (0.0, 0.0)
+    mask: str | None = None
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
+        if self.kind == "equidistant" and (any(self.shift) or self.mask is not None):
+            raise ValueError("shift and mask: are of a perspective lens, with a rectangular field")
         if self.kind == "perspective" and self.field_deg >= 175:
             raise ValueError(
                 f"field_deg: a perspective lens sees less than 175 degrees, got {self.field_deg:g}"
@@ -370,6 +381,10 @@ class DomeFile(Section):
         parts = {"name", "description", "sources", "viewing", "viewpoints", "ambient", "measured"}
         content = self.model_dump(mode="json", exclude=parts, warnings=False)
         content["projector"].pop("black_cd_m2")
+        for unit in content["projector"]["units"]:
+            for key, usual in (("shift", [0.0, 0.0]), ("mask", None)):
+                if unit[key] == usual:
+                    unit.pop(key)
         if not self.lamps:  # their light is stored in units of white
             for key in ("primaries", "white_cd_m2", "lumens"):
                 content["projector"].pop(key)

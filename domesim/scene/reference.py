@@ -33,6 +33,8 @@ _EXAMPLES: dict[str, Any] = {
     "projector.lens.position_m": [0.5, 0.0, -0.3],
     "projector.lens.corrected": False,
     "projector.units.roll_deg": 5.0,
+    "projector.units.shift": [0.0, 0.3],
+    "projector.units.mask": "left.mask.png",
     "ambient.luminance_cd_m2": 0.002,
     "screen.lobe.share": 0.25,
     "screen.lobe.roughness": 0.3,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import struct
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -147,20 +149,98 @@ def test_a_mono_jps_is_an_ordinary_picture(tmp_path: Path) -> None:
     assert len(read_master([path]).frames) == 1
 
 
-def test_an_mpo_of_two_views_is_refused(tmp_path: Path) -> None:
-    """The second picture would be lost."""
+def mpo(path: Path, kinds: tuple[int, ...] = (0x020002, 0x020002), **options: object) -> Path:
+    """An MPO by Pillow, whose pictures are of those kinds (CIPA DC-007, table 4): two views."""
     left, right = (Image.fromarray(view) for view in views())
-    left.save(tmp_path / "in.jpg", format="MPO", save_all=True, append_images=[right])
-    content = bytearray((tmp_path / "in.jpg").read_bytes())
+    others = [right] * (len(kinds) - 1)
+    quality = {"quality": 100, "subsampling": 0, **options}
+    left.save(path, format="MPO", save_all=True, append_images=others, **quality)
+    content = bytearray(path.read_bytes())
     place = content.index(b"MPF\0") + 4
     order = "<" if content[place : place + 2] == b"II" else ">"
-    entries = content.index(struct.pack(order + "HHI", 0xB002, 7, 32), place)
+    entries = content.index(struct.pack(order + "HHI", 0xB002, 7, 16 * len(kinds)), place)
     (offset,) = struct.unpack_from(order + "I", content, entries + 8)
-    for k in range(2):  # both of type "disparity"
-        struct.pack_into(order + "I", content, place + offset + 16 * k, 0x020002)
-    (tmp_path / "in.jpg").write_bytes(content)
+    for k, kind in enumerate(kinds):
+        struct.pack_into(order + "I", content, place + offset + 16 * k, kind)
+    path.write_bytes(content)
+    return path
+
+
+def pictures_in(path: Path) -> list[np.ndarray]:
+    """All that another program finds."""
+    with Image.open(path) as opened:
+        found = []
+        for number in range(getattr(opened, "n_frames", 1)):
+            opened.seek(number)
+            found.append(np.asarray(opened.convert("RGB")).astype(int))
+    return found
+
+
+def test_an_mpo_is_left_and_right(tmp_path: Path) -> None:
+    path = mpo(tmp_path / "in.mpo")
+    master = read_master([path])
+    assert (master.packing, master.path) == ("mpo", path)
+    for frame, picture in zip(master.frames, pictures_in(path), strict=True):
+        np.testing.assert_allclose(np.rint(frame.pixels * 255), picture, atol=1)
     with pytest.raises(InputError, match="MPO of two views"):
-        read_frame(tmp_path / "in.jpg")
+        read_frame(path)
+    for files in (("files", path, path), ("side-by-side", path)):
+        packing, *paths = files
+        with pytest.raises(InputError):
+            read_master(paths, packing=packing)
+
+
+@pytest.mark.parametrize("name", ["out.mpo", "out.jpg"])
+def test_an_mpo_comes_back_as_one(tmp_path: Path, name: str) -> None:
+    exif = Image.Exif()
+    exif[0x010E], exif[0x0112] = "a dome", 1
+    master = read_master([mpo(tmp_path / "in.mpo", exif=exif)])
+    write_master(master, [tmp_path / name])
+    for found, view in zip(pictures_in(tmp_path / name), views(), strict=True):
+        np.testing.assert_allclose(found, view, atol=3)
+    again = read_master([tmp_path / name])
+    for new, old in zip(again.frames, master.frames, strict=True):
+        np.testing.assert_allclose(new.pixels, old.pixels, atol=3 / 255)
+    with Image.open(tmp_path / name) as opened:
+        assert opened.getexif()[0x010E] == "a dome"
+        kinds = [entry["Attribute"]["MPType"] for entry in opened.mpinfo[0xB002]]
+    assert kinds == ["Multi-Frame Image: (Disparity)"] * 2
+    with pytest.raises(InputError, match=r"wanted \.mpo or \.jpg"):
+        write_master(master, [tmp_path / "out.png"])
+    flat = read_master([cross_png(tmp_path / "flat.png", 0)])
+    with pytest.raises(InputError, match=r"got one picture\. Choose \.jpg"):
+        write_master(flat, [tmp_path / "flat.mpo"])
+
+
+@pytest.mark.skipif(shutil.which("exiftool") is None, reason="no exiftool")
+def test_exiftool_finds_both_in_an_mpo_of_ours(tmp_path: Path) -> None:
+    write_master(read_master([mpo(tmp_path / "in.mpo")]), [tmp_path / "out.mpo"])
+    command = ["exiftool", "-b", "-MPImage2", tmp_path / "out.mpo"]
+    second = subprocess.run(command, check=True, capture_output=True).stdout
+    (tmp_path / "second.jpg").write_bytes(second)
+    np.testing.assert_allclose(pictures_in(tmp_path / "second.jpg")[0], views()[1], atol=3)
+
+
+def test_the_command_takes_an_mpo(tmp_path: Path, out: Path, run: Run) -> None:
+    path = mpo(tmp_path / "in.mpo")
+    scene = ("--scene", "stereo_cinema_silver", "--method", "none", "--dither", "none")
+    result = run("compensate", path, *scene, "--out", out)
+    assert result.code == 0, result
+    assert "left and right in one MPO" in result.out
+    for found, view in zip(pictures_in(out / "in.mpo"), views(), strict=True):
+        np.testing.assert_allclose(found, view, atol=3)
+
+
+def test_mpos_of_more_views_or_less_than_they_say_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="MPO of 3 views"):
+        read_master([mpo(tmp_path / "in.mpo", (0x020002,) * 3)])
+    path = mpo(tmp_path / "cut.mpo")
+    content = path.read_bytes()
+    second = content.index(b"\xff\xd8\xff", 3)
+    for length in (second, len(content) - 30):
+        path.write_bytes(content[:length])
+        with pytest.raises(InputError, match=r"cut\.mpo: wanted"):
+            read_master([path])
 
 
 def test_a_jpeg_with_another_picture_beside_is_an_ordinary_one(tmp_path: Path) -> None:
