@@ -25,6 +25,7 @@ from domesim.light import Light, namespace
 
 _SHARE = 1.6  # of the certified gap: rho P ||alpha (w - z)||² , as is usual
 _PATIENCE = 40  # iterations in which the certified gap does not fall by a tenth
+_OF_THE_BOUND = 2  # roundings of the bound itself, beside those of what it is a difference from
 
 
 @final
@@ -56,7 +57,8 @@ class Bounds:
 
     def raise_to(self, bound: float) -> None:
         """A new lower bound of the minimum."""
-        self._lower = max(self._lower, bound - self._rounding * max(abs(bound), self._start))
+        rounded = max(abs(bound), self._start) + _OF_THE_BOUND * abs(bound)
+        self._lower = max(self._lower, bound - self._rounding * rounded)
 
     def expect(self, cost: float) -> None:
         """About what the minimum will be."""
