@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
@@ -16,6 +17,40 @@ from domesim.theatre import Albedo, Lobe
 
 _TRUST = 8.0
 """Noise of one walk with 1, 4, 8, 16: 0.40, 0.26, 0.21, 0.19 of the mean (night, dome_imax)."""
+
+
+@final
+@dataclass(frozen=True)
+class _Beam:
+    """One projector's light.
+
+    Attributes
+    ----------
+    lens
+        Where it comes from, in units of the dome's radius.
+    share
+        (pixel,) what is sent towards the screen, of all projectors' sum.
+    stopped
+        Whether something stands in it.
+    """
+
+    lens: tuple[float, float, float]
+    share: Lanes
+    stopped: bool
+
+    def at(self, room: Room, position: Vector, pixel: Lanes, active: Lanes) -> Lanes:
+        """Share that arrives at points of the screen, which lie behind pixels.
+
+        Each point is looked at, not its pixel: of a pixel that a floor crosses, the part above is
+        lit, and seen from above.
+        """
+        m = room.machine
+        share = m.gather(self.share, pixel, active)
+        if not self.stopped:
+            return share
+        # From the screen to the lens: a projector's own body may hold the lens.
+        leaving = m.where(active, SCREEN, SCREEN)
+        return m.where(room.shadowed(position, self.lens, leaving, active), 0.0, share)
 
 
 @final
@@ -51,7 +86,7 @@ class Throw:
     ) -> None:
         m, theatre = room.machine, room.theatre
         positions = [lens.position for lens in theatre.lenses] or [(0.0, 0.0, 0.0)]
-        self._lenses = [
+        lenses = [
             (p[0] / theatre.dome.radius, p[1] / theatre.dome.radius, p[2] / theatre.dome.radius)
             for p in positions
         ]
@@ -64,18 +99,12 @@ class Throw:
         )
         stopped = [bool(np.any(part < whole)) for part, whole in zip(shares, sent, strict=True)]
         self.lit: NDArray[Any] | None = shares.sum(0) if any(stopped) else None
-        self._lit = None if self.lit is None else m.lanes(self.lit.ravel())
-        self._shares: list[Lanes] = []
-        if lobe is not None or room.has_cavity:
-            self._shares = [m.lanes(share.ravel()) for share in shares]
-        self._stopped = [
-            (lens, m.lanes(share.ravel()))
-            for lens, share, some in zip(self._lenses, sent, stopped, strict=True)
-            if some
+        self._beams = [
+            _Beam(lens, m.lanes(share.ravel()), some)
+            for lens, share, some in zip(lenses, sent, stopped, strict=True)
         ]
         self._before = _over_white(room)
-        if not self._before:
-            self._stopped = []
+        self._stopped = [beam for beam in self._beams if beam.stopped and self._before]
         self._through = (1.0, 1.0, 1.0)
         if room.has_cavity and theatre.cavity is not None:
             _require_white(room)
@@ -100,27 +129,29 @@ class Throw:
         if self._lobe is not None:
             pixel = pixel_of(room, hit.position, self._size)
             gain = gain - 1
-            for lens, share in zip(self._lenses, self._shares, strict=True):
-                to_lens = _towards(m, hit.position, lens)
+            for beam in self._beams:
+                to_lens = _towards(m, hit.position, beam.lens)
                 pattern = self._lobe.gain(hit.normal, to_eye, to_lens, on_screen)
-                gain = gain + m.gather(share, pixel, on_screen) * pattern
-        elif self._lit is not None:
+                gain = gain + beam.at(room, hit.position, pixel, on_screen) * pattern
+        elif self.lit is not None:
             gain = self.lit_at(room, hit.position, on_screen)
         yield hit.position, on_screen, (gain, gain, gain)
-        for lens, share in self._stopped:
-            yield self._on_things(room, hit, lens, share, active)
+        for beam in self._stopped:
+            yield self._on_things(room, hit, beam, active)
         if room.has_cavity:
-            for lens, share in zip(self._lenses, self._shares, strict=True):
-                yield self._on_shell(room, hit, lens, share, active & (hit.surface == SHELL))
+            for beam in self._beams:
+                yield self._on_shell(room, hit, beam, active & (hit.surface == SHELL))
 
     def lit_at(self, room: Room, position: Vector, active: Lanes) -> Lanes:
         """Share of the light for points of the screen that reaches them."""
-        if self._lit is None:
+        if self.lit is None:
             return position[0] * 0 + 1
-        return room.machine.gather(self._lit, pixel_of(room, position, self._size), active)
+        pixel = pixel_of(room, position, self._size)
+        first, *others = (beam.at(room, position, pixel, active) for beam in self._beams)
+        return sum(others, start=first)
 
     def _on_things(
-        self, room: Room, hit: Hit, lens: tuple[float, float, float], share: Lanes, active: Lanes
+        self, room: Room, hit: Hit, beam: _Beam, active: Lanes
     ) -> tuple[Vector, Lanes, Colour]:
         """Light from a lens that lands on floor, wall or solids on its way to the screen."""
         m = room.machine
@@ -133,7 +164,7 @@ class Throw:
                 m.where(here, part, factor)
                 for part, factor in zip(over_white, factors, strict=True)
             ]
-        origin, direction, distance = _from_lens(m, hit.position, lens)
+        origin, direction, distance = _from_lens(m, hit.position, beam.lens)
         meant = room.screen_along(origin, direction, m.where(active, NOTHING, NOTHING))
         gap = difference(meant.position, origin)
         far = dot(gap, gap)
@@ -141,20 +172,20 @@ class Throw:
         lands = active & known & (meant.surface == SCREEN)
         lands = lands & (arriving > 0) & (distance * distance < far)
         start = along(hit.position, hit.normal, 1e-5)
-        hidden = room.shadowed(start, lens, hit.surface, lands, screen_hides=False)
+        hidden = room.shadowed(start, beam.lens, hit.surface, lands, screen_hides=False)
         lands = lands & ~hidden
         leaving = m.maximum(-dot(meant.normal, direction), 1e-3)
         spread = far / (distance * distance) * arriving / leaving
-        spread = spread * m.gather(share, pixel_of(room, meant.position, self._size), lands)
+        spread = spread * m.gather(beam.share, pixel_of(room, meant.position, self._size), lands)
         x, y, z = (spread * factor for factor in factors)
         return meant.position, lands, (x, y, z)
 
     def _on_shell(
-        self, room: Room, hit: Hit, lens: tuple[float, float, float], share: Lanes, active: Lanes
+        self, room: Room, hit: Hit, beam: _Beam, active: Lanes
     ) -> tuple[Vector, Lanes, Colour]:
         """Light that has come from a lens through a hole: with the square of the distance."""
         m = room.machine
-        origin, direction, distance = _from_lens(m, hit.position, lens)
+        origin, direction, distance = _from_lens(m, hit.position, beam.lens)
         hole = room.screen_along(origin, direction, m.where(active, NOTHING, NOTHING))
         passed = active & (hole.surface == SCREEN)
         gap = difference(hole.position, origin)
@@ -162,7 +193,8 @@ class Throw:
         arriving = m.maximum(-dot(hit.normal, direction), 0.0)
         leaving = m.maximum(-dot(hole.normal, direction), 1e-3)
         spread = near / (distance * distance) * arriving / leaving
-        spread = spread * m.gather(share, pixel_of(room, hole.position, self._size), passed)
+        pixel = pixel_of(room, hole.position, self._size)
+        spread = spread * beam.at(room, hole.position, pixel, passed)
         x, y, z = (spread * through for through in self._through)
         return hole.position, passed, (x, y, z)
 

@@ -139,6 +139,18 @@ def test_a_tall_dome_is_tabulated():
     np.testing.assert_allclose(found, radiosity(theatre, resolution=12).mean_gain(), rtol=0.03)
 
 
+def test_white_is_as_bright_in_pictures_of_any_size():
+    """A floor crosses pixels of the screen: what of them is lit is seen from above."""
+    tracer, found = Tracer(BEFORE["floor in the beam"]), []
+    for size, error in ((16, 0.02), (48, 0.06)):
+        white = tracer.picture(np.ones((size, size, 3), np.float32))
+        traced = tracer.screen(white, size, size, Settings(error=error, seed=size))
+        found.append(traced.pooled_error(tracer.theatre.dome.screen_areas(size, size)))
+    (small, first), (large, second) = found
+    assert np.hypot(first, second) < 2e-3
+    assert abs(small - large) < 3.5 * np.hypot(first, second)
+
+
 @pytest.mark.usefixtures("_few_nodes")
 @pytest.mark.parametrize(
     ("name", "explicit"),
