@@ -318,12 +318,6 @@ def _second_opinion(scene: DomeScene, found: Tabulation, console: Console) -> di
         method = "path tracing"
         other = traced(theatre, error=1e-3, most=1e8, explicit=False).transport
     else:
-        if found.transport.provenance["shadowed"]:
-            console.say(
-                "No second opinion: radiosity knows nothing that stops projectors' light before "
-                "the screen"
-            )
-            return None
         try:
             other = radiosity(theatre)
         except InputError as reason:

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from domesim.errors import InputError
+from domesim.lenses import field_weight
 from domesim.observation.spherical import bare_gain
 from domesim.theatre import Theatre
 
@@ -23,6 +25,8 @@ Flags = NDArray[np.bool_]
 
 _GRADING = 2.0
 """Patches shrink towards the ends of their panel like (1 - s)^3."""
+_RIM = 2e-3
+"""Share of the screen that may be hidden without a word: what its rim amounts to."""
 _CLOSE = 1e-9
 _CHUNK = 256
 
@@ -75,6 +79,37 @@ class Enclosure:
         ring = np.hypot(x, y)
         scale = np.arctan2(ring, z) / self.theatre.dome.half_angle / np.maximum(ring, 1e-30)
         return x * scale, y * scale
+
+    @cached_property
+    def stopped(self) -> float:
+        """Share of the screen's area that floor or wall keep a projector's light from."""
+        lenses, unit = self.theatre.lenses, self._unit
+        places = np.array([lens.position for lens in lenses] or [(0.0, 0.0, 0.0)]) / unit
+        hidden = np.zeros((len(places), len(self.points)), bool)
+        for _, meets in self._occluders[1:]:  # the first is the screen
+            hidden |= meets(places[:, None], self.points)
+        for number, lens in enumerate(lenses):
+            hidden[number] &= field_weight(lens, self.points * unit) > 0
+        return float((hidden * self.share).sum(1).max())
+
+    @property
+    def lit(self) -> bool:
+        """Whether projectors light the screen and nothing before it."""
+        return self.stopped <= _RIM
+
+    def require_lit(self, way_out: str) -> None:
+        """See that projectors light the screen and nothing before it.
+
+        Raises
+        ------
+        InputError
+            If floor or wall stop light on its way; it ends in the `way_out`.
+        """
+        if not self.lit:
+            raise InputError(
+                f"wanted a theatre whose projectors light the screen alone, got floor or wall "
+                f"before {self.stopped:.1%} of it, which are lit instead; {way_out}"
+            )
 
     @cached_property
     def sees(self) -> Floats:

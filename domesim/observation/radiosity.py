@@ -63,20 +63,22 @@ def radiosity(
     resolution: int = RESOLUTION,
     nodes: int = NODES,
     tolerance: float = 1e-4,
+    all_lit: bool = False,
 ) -> Transport:
     """The indirect light of a theatre of Lambertian screen, floor and wall.
 
     Parameters
     ----------
     theatre
-        The theatre; its lenses do not matter (`Transport.observation` takes their gain). All of the
-        screen is taken to be lit: what floor and wall stop on its way there, `tabulate` adds.
+        The theatre; its lenses' gain does not matter (`Transport.observation` takes it).
     resolution
         Rings of the floor. Time grows with its fourth to sixth power.
     nodes
         Nodes a side of the grid that holds the modes.
     tolerance
         Root of the share of the operator's squared singular values that may be dropped.
+    all_lit
+        Take all of the screen to be lit, whatever stands before it (`tabulate` adds what is not).
 
     Returns
     -------
@@ -92,12 +94,16 @@ def radiosity(
     Raises
     ------
     InputError
-        If there is something in the theatre that this model has no notion of.
+        If there is something in the theatre that this model has no notion of, or floor or wall
+        stop projectors' light on its way to the screen.
     """
     if resolution < 6:
         raise InputError(f"radiosity resolution must be at least 6, got {resolution}")
     _guard(theatre)
-    fine = _Solution(Enclosure(theatre, resolution))
+    room = Enclosure(theatre, resolution)
+    if not all_lit:
+        room.require_lit("use 'domesim tabulate', which traces paths")
+    fine = _Solution(room)
     coarse = _Solution(Enclosure(theatre, round(resolution / 1.5)))
     modes = fine.modes(nodes, tolerance)
     core = fine.core(modes)

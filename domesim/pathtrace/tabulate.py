@@ -141,7 +141,7 @@ def tabulate(
     started = time.process_time()
     tracer = Tracer(theatre) if tracer is None else tracer
     explicit = theatre.floor_meets_screen if explicit is None else explicit
-    nodes = radiosity(theatre.enclosure) if explicit else None
+    nodes = radiosity(theatre.enclosure, all_lit=True) if explicit else None
     rest = (
         bool(replace(theatre, lamps=()).beyond_enclosure) or tracer.throw(_DETAIL).lit is not None
     )

@@ -87,7 +87,8 @@ class Interreflection:
     Raises
     ------
     InputError
-        If there is more in the theatre than Lambertian screen, floor and wall.
+        If there is more in the theatre than Lambertian screen, floor and wall, or these stop
+        projectors' light on its way to the screen.
     """
 
     def __init__(self, theatre: Theatre, patterns: Floats, resolution: int = RESOLUTION) -> None:
@@ -98,6 +99,7 @@ class Interreflection:
             )
         self.resolution = resolution
         self._room = Enclosure(theatre, resolution)
+        self._room.require_lit("use 'domesim measure dome --without-geometry'")
         self._surfaces = surfaces_of(theatre)
         self._symmetric = self._room.exchange()
         self._root = np.sqrt(self._room.areas)[:, None]

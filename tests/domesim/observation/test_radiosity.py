@@ -9,16 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from rooms import HEMISPHERE, ROOMS, SCREEN
+from rooms import BEFORE, HEMISPHERE, ROOMS, SCREEN
 
 from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.furniture import box
+from domesim.lenses import lens_gains
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.enclosure import Enclosure, Sheet
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import closed_form_gain
 from domesim.observation.transport import Transport, sample_nodes
+from domesim.pathtrace.machine import NumPy
+from domesim.pathtrace.tracer import Tracer
 from domesim.theatre import Cavity, Floor, Lamp, Lobe, Theatre, Wall
 
 Floats = NDArray[np.float64]
@@ -29,7 +32,7 @@ OPEN = [name for name in ROOMS if name not in ("hiding", "very flat")]
 
 @cache
 def solved(name: str, resolution: int = 8, nodes: int = 33) -> Transport:
-    return radiosity(ROOMS[name], resolution=resolution, nodes=nodes)
+    return radiosity(ROOMS[name], resolution=resolution, nodes=nodes, all_lit=True)
 
 
 def closed_form(theatre: Theatre) -> list[float]:
@@ -397,6 +400,21 @@ def test_all_that_it_does_not_know_is_listed() -> None:
         radiosity(replace(ROOMS["recessed"], **changes))
     for what in BEYOND:
         assert what in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["floor in the beam", "two beams"])
+def test_light_that_is_stopped_before_the_screen_is_refused(name: str) -> None:
+    """As much as rays from the lens find; a floor behind all of the screen stops nothing."""
+    theatre = BEFORE[name].enclosure
+    tracer = Tracer(theatre, NumPy())
+    areas, thrown = theatre.dome.screen_areas(64, 64), lens_gains(theatre, 64, 64)
+    hidden = tracer.gains(64, 64) < thrown / 2
+    most = max(np.average(each, weights=areas) for each in hidden)
+    assert Enclosure(theatre, 8).stopped == pytest.approx(most, abs=0.02)
+    with pytest.raises(InputError, match=r"got floor or wall before .* use 'domesim tabulate'"):
+        radiosity(theatre, resolution=6)
+    behind = replace(theatre, floor=Floor(theatre.dome.lowest - 0.1, 3.0, SCREEN), wall=None)
+    assert Enclosure(behind, 8).lit
 
 
 def test_what_makes_no_light_is_no_hindrance() -> None:

@@ -139,3 +139,9 @@ def test_photographs_that_do_not_fit_together(change, message):
 def test_a_theatre_that_radiosity_does_not_know():
     with pytest.raises(InputError, match="got a screen with a gain lobe"):
         Interreflection(replace(THEATRE, lobe=Lobe(0.3, 0.3)), PATTERNS)
+
+
+def test_light_that_is_stopped_before_the_screen():
+    floor = replace(THEATRE.floor, height=THEATRE.dome.lowest + 0.3 * THEATRE.dome.radius)
+    with pytest.raises(InputError, match=r"got floor or wall before .* --without-geometry"):
+        Interreflection(replace(THEATRE, floor=floor, wall=None), PATTERNS)
