@@ -1,38 +1,20 @@
-"""Energy balances: what projectors emit is what all surfaces absorb and what leaves the theatre.
-
-Where projectors' light lands first is found by rays from the lenses. Light that has been reflected
-is gathered by the product's walks: those that arrive at points of a surface, and those that leave
-it and meet nothing more. Powers are in units of the light on 1 (radius of the dome)² of white.
-"""
+"""Energy balances: what projectors emit is what all surfaces absorb and what leaves the theatre."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable
+from dataclasses import replace
 
 import made_up_domes
 import numpy as np
 import pytest
 import survey_rooms
-from numpy.typing import NDArray
 from rooms import BEFORE, ROOMS, THEATRES, room
 
-from domesim.lenses import lens_gains
-from domesim.pathtrace.loop import Start, bounce_limit, cosine_direction, walks
-from domesim.pathtrace.room import BACK, BLACK, FLOOR, NOTHING, SHELL, SOLID, WALL, Hit
-from domesim.pathtrace.room import SCREEN as FRONT
-from domesim.pathtrace.tracer import Tracer
 from domesim.scene import load_scene
 from domesim.scene.dome import DomeScene
 from domesim.theatre import Theatre
-
-Floats = NDArray[np.float64]
-
-LANES = 1 << 13
-LEAST, MOST = 64, 1600
-"""Batches. Of a few, a standard error that happens to be small would end the run."""
-SIZE = 256
+from validation.energy import imbalance
 
 
 def bundled(name: str) -> Theatre:
@@ -58,207 +40,6 @@ BALANCED: dict[str, Callable[[], Theatre]] = {
     },
 }
 QUICK = ("box in the beam", "floor in the beam", "behind holes", "hiding", "cavity")
-
-
-@dataclass
-class Patch:
-    """A kind of surface: its area, albedo, and points spread over it with weights of mean 1."""
-
-    kind: int
-    area: float
-    albedo: Floats
-    points: Callable[[np.random.Generator], tuple[Floats, Floats, Floats]]
-
-
-def patches(tracer: Tracer) -> Iterator[Patch]:
-    theatre, unit = tracer.theatre, tracer.theatre.dome.radius
-    dome = theatre.dome
-
-    def screen(rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-        theta = np.arccos(1 - rng.random(LANES) * (1 - np.cos(dome.half_angle)))
-        start, extent = dome.kept_azimuth(theta)
-        azimuth = start + extent * rng.random(LANES)
-        cap = 2 * np.pi * (1 - np.cos(dome.half_angle))
-        weight = dome.area_density(theta) * extent / (2 * np.pi) * cap / dome.screen_area
-        radius = theta / dome.half_angle
-        m = tracer.machine
-        u, v = (m.lanes(radius * part) for part in (np.cos(azimuth), np.sin(azimuth)))
-        place, normal = (
-            np.stack([m.array(part) for part in vector], -1)
-            for vector in tracer.room.screen_at(u, v)
-        )
-        return place, normal, weight
-
-    def behind(rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-        place, normal, weight = screen(rng)
-        return place, -normal, weight
-
-    def shell(rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-        place, normal, weight = screen(rng)
-        assert theatre.cavity is not None
-        return place * (1 + theatre.cavity.depth / unit), normal, weight
-
-    def floor(rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-        assert theatre.floor is not None
-        ring = theatre.floor.radius / unit * np.sqrt(rng.random(LANES))
-        turn = 2 * np.pi * rng.random(LANES)
-        level = np.full(LANES, theatre.floor.height / unit)
-        up = np.broadcast_to([0.0, 0.0, 1.0], (LANES, 3))
-        return np.stack([ring * np.cos(turn), ring * np.sin(turn), level], -1), up, np.ones(LANES)
-
-    def wall(rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-        assert theatre.wall is not None
-        turn = 2 * np.pi * rng.random(LANES)
-        inward = np.stack([-np.cos(turn), -np.sin(turn), 0 * turn], -1)
-        height = rng.uniform(theatre.wall.bottom / unit, theatre.wall.top / unit, LANES)
-        place = -inward * theatre.wall.radius / unit
-        place[:, 2] = height
-        return place, inward, np.ones(LANES)
-
-    area = dome.screen_area / unit**2
-    yield Patch(FRONT, area, np.array(theatre.screen_albedo), screen)
-    if tracer.room.has_cavity:
-        assert theatre.cavity is not None
-        yield Patch(BACK, area, np.array(theatre.cavity.back_albedo), behind)
-        outer = area * (1 + theatre.cavity.depth / unit) ** 2
-        yield Patch(SHELL, outer, np.array(theatre.cavity.albedo), shell)
-    if theatre.floor is not None:
-        yield Patch(
-            FLOOR, np.pi * (theatre.floor.radius / unit) ** 2, np.array(theatre.floor.albedo), floor
-        )
-    if theatre.wall is not None:
-        height = (theatre.wall.top - theatre.wall.bottom) / unit
-        around = 2 * np.pi * theatre.wall.radius / unit
-        yield Patch(WALL, around * height, np.array(theatre.wall.albedo), wall)
-    yield from things(tracer)
-
-
-def things(tracer: Tracer) -> Iterator[Patch]:
-    theatre, unit = tracer.theatre, tracer.theatre.dome.radius
-    for number, solid in enumerate(theatre.solids):
-        corners = solid.vertices[solid.faces] / unit
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        sizes = np.linalg.norm(cross, axis=-1) / 2
-
-        def both_sides(
-            rng: np.random.Generator,
-            corners: Floats = corners,
-            cross: Floats = cross,
-            sizes: Floats = sizes,
-        ) -> tuple[Floats, Floats, Floats]:
-            face = rng.choice(len(sizes), LANES, p=sizes / sizes.sum())
-            a, b = np.sort(rng.random((2, LANES)), axis=0)
-            share = np.stack([a, b - a, 1 - b], -1)
-            place = np.einsum("nk,nkx->nx", share, corners[face])
-            side = rng.choice([-1.0, 1.0], LANES)[:, None]
-            normal = side * cross[face] / (2 * sizes[face][:, None])
-            return place + 1e-5 * normal, normal, np.ones(LANES)
-
-        yield Patch(SOLID + number, 2 * sizes.sum(), np.array(solid.albedo), both_sides)
-
-
-def landing(tracer: Tracer, rng: np.random.Generator) -> tuple[Floats, dict[int, Floats]]:
-    """Light that projectors emit, and where it is stopped: (batch,) powers, by kind of surface."""
-    theatre, m, unit = tracer.theatre, tracer.machine, tracer.theatre.dome.radius
-    front = next(iter(patches(tracer)))
-    place, _, weight = front.points(rng)
-    pixel = theatre.dome.pixel_of(theatre.dome.toward(place), SIZE)
-    thrown = lens_gains(theatre, SIZE, SIZE)[:, *pixel] * weight * front.area
-    where = [lens.position for lens in theatre.lenses] or [(0.0, 0.0, 0.0)]
-    found: dict[int, Floats] = {}
-
-    def add(kinds: NDArray[np.int64], power: Floats) -> None:
-        for kind in np.unique(kinds):
-            found[kind] = found.get(kind, np.zeros(LANES)) + np.where(kinds == kind, power, 0)
-
-    for lens, power in zip(where, thrown, strict=True):
-        ray = place - np.divide(lens, unit)
-        ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
-        direction = vector(tracer, ray)
-        origin = tuple(m.full(part / unit, LANES) for part in lens)
-        air = m.whole(NOTHING, LANES)
-        hit = tracer.room.hit(origin, direction, air, air == NOTHING)
-        kinds = m.array(hit.surface).astype(int)
-        if tracer.room.has_cavity:
-            beyond = tracer.room.hit(hit.position, direction, m.whole(BACK, LANES), air == NOTHING)
-            holes = np.where(kinds == FRONT, theatre.perforation * power, 0)
-            add(m.array(beyond.surface).astype(int), holes)
-        add(kinds, power)
-    return thrown.sum(0), found
-
-
-def vector(tracer: Tracer, points: Floats) -> Any:
-    return tuple(tracer.machine.lanes(np.ascontiguousarray(points[:, k])) for k in range(3))
-
-
-def gathered(tracer: Tracer, source: Any, patch: Patch, seed: int, *, leaving: bool) -> Floats:
-    """(lane, primary) light that arrives at points of a surface, or leaves them for nowhere."""
-    m, limit = tracer.machine, bounce_limit(tracer.room, 1e-5)
-    place, normal, weight = patch.points(np.random.default_rng(seed))
-    position, upright = vector(tracer, place), vector(tracer, normal)
-    surface = m.whole(patch.kind, LANES)
-    start: Start
-
-    def start(rng: Any) -> tuple[Hit, Any]:
-        ray = cosine_direction(m, upright, rng)
-        met = tracer.room.hit(position, ray, surface, surface < SOLID + 64)
-        if not leaving:
-            return met, tuple(-part for part in ray)
-        lost = (met.surface == NOTHING) | (met.surface == BLACK)
-        return Hit(m.where(lost, surface, NOTHING), position, upright), ray
-
-    tally = walks(
-        tracer.room, start, source, count=1, lanes=LANES, seed=seed, bounces=limit, first=0
-    )
-    light = np.stack([m.array(part) for part in tally.total], -1) * weight[:, None]
-    return light * patch.area * np.array(tracer.theatre.screen_albedo)
-
-
-def once(tracer: Tracer, source: Any, seed: int) -> Floats:
-    """(primary,) emitted less absorbed less lost, over what is emitted: of one batch of walks."""
-    theatre = tracer.theatre
-    emitted, landed = landing(tracer, np.random.default_rng(seed))
-    lost = sum(landed.get(kind, np.zeros(LANES)).mean() for kind in (NOTHING, BLACK))
-    left = emitted.mean() - np.full(3, lost)
-    for number, patch in enumerate(patches(tracer)):
-        arrived = landed.get(patch.kind, np.zeros(LANES)).mean()
-        seeds = [(1 + number + 64 * seed) * 2 + k for k in range(2)]
-        arrived = arrived + gathered(tracer, source, patch, seeds[0], leaving=False).mean(0)
-        kept = 1 - patch.albedo
-        if tracer.room.has_cavity and patch.kind in (FRONT, BACK):
-            paint = theatre.albedo if patch.kind == FRONT else patch.albedo
-            kept = (1 - theatre.perforation) * (1 - np.array(paint))
-        left = left - kept * arrived
-        left = left - gathered(tracer, source, patch, seeds[1], leaving=True).mean(0)
-    return np.asarray(left / emitted.mean())
-
-
-def dimmed(theatre: Theatre) -> Theatre:
-    """No albedo is 1, whose walks have no end, and no lamp shines; lobes do lose energy."""
-
-    def dim(albedo: Any) -> Any:
-        return tuple(min(each, 0.8) for each in albedo)
-
-    return replace(
-        theatre,
-        lamps=(),
-        lobe=None,
-        floor=theatre.floor and replace(theatre.floor, albedo=dim(theatre.floor.albedo)),
-        wall=theatre.wall and replace(theatre.wall, albedo=dim(theatre.wall.albedo)),
-    )
-
-
-def imbalance(theatre: Theatre, error: float) -> tuple[Floats, Floats]:
-    """(primary,) mean imbalance and its standard error, over as many batches as that takes."""
-    tracer = Tracer(dimmed(theatre))
-    source = tracer.picture(np.ones((SIZE, SIZE, 3), np.float32))
-    found: list[Floats] = []
-    while len(found) < MOST:
-        found.append(once(tracer, source, len(found)))
-        spread = np.std(found, axis=0, ddof=1) if len(found) >= LEAST else np.full(3, np.inf)
-        if spread.max() / np.sqrt(len(found)) < error:
-            break
-    return np.mean(found, axis=0), spread / np.sqrt(len(found))
 
 
 @pytest.mark.parametrize("name", QUICK)
