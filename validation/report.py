@@ -50,6 +50,7 @@ _VERSIONS = (
     "statsmodels",
     "flip-evaluator",
     "cvvdp",
+    "pyradiance",
 )
 
 

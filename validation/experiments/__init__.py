@@ -12,6 +12,8 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "departures",
         "corrected_models",
         "second_opinion",
+        "public_cases",
+        "random_theatres",
         "polarised_crosstalk",
     ),
     "What compensation does": (
