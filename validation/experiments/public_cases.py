@@ -6,7 +6,7 @@ Rationale
     source (5.3), reflection by a surface (5.6, scenario 2), by one behind an obstruction (5.7), and
     all bounces in a cube (5.8). Two of its daylight terms are other things: a surface that is lit
     evenly, and a point source, are written here as sources of walks. Figures of 5.7 are the
-    corrected ones: the printed table is wrong, as validations of other programs found [2]. The
+    corrected ones: the printed table is wrong, as a validation of another program found [2]. The
     report itself is not public. Its tables are taken from a public transcription [3], and each
     figure is computed here once more, by form factors. Where projectors light a dome, Radiance
     [4] is the second program: it has its own shapes, shadows and bounces.
