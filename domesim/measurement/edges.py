@@ -5,9 +5,9 @@ be, inwards, and s = -1..1 along it,
 
     light = outside + (a + polynomial of degree 2) Phi((d - x - y s - z (1 - s²)) / w)
 
-fitted to all pixels there by least squares, with the polynomial in s and d, w the blur's width and z how far the side is bent. The
-corners are where neighbouring lines x + y s meet. What is between the corners of a bent side is not
-where a perspective has it, so bends add to the corners' variance.
+fitted to all pixels there by least squares, the polynomial in s and d, w the blur's width and z how
+far the side is bent. The corners are where neighbouring lines x + y s meet. What is between the
+corners of a bent side is not where a perspective has it, so bends add to the corners' variance.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ Floats = NDArray[np.float64]
 REACH = 8.0
 """Distance from a side, pixels, within which light is looked at; corners may be off by half."""
 BESIDES = 0.05
-"""Standard error of corners, pixels, that noise does not tell: of a lens that blurs unevenly, and of
-a picture whose last pixels are not like the others."""
+"""Standard error of corners, pixels, that noise does not tell: chosen, for lenses that blur unevenly
+and a picture whose last pixels are not like the others."""
 _SHARE = 1 / 6
 """The same as a share of the shortest side, at most."""
 _ENDS = 0.9
@@ -128,4 +128,3 @@ def _axes(start: Floats, end: Floats) -> tuple[Floats, Floats]:
     """Unit vectors along a side, and inwards (rows count downwards)."""
     along = (end - start) / np.linalg.norm(end - start)
     return along, np.array([-along[1], along[0]])
-

@@ -5,8 +5,8 @@ Rationale
     which a person reads off a photograph, to half a pixel or so. A map that is laid a little beside
     the screen is off by its slope, the more so the less noise there is to hide it. Here random
     screens are photographed askew, on a dim wall, through a lens that blurs; corners are then read
-    off wrongly, by normal numbers. The wall tells where the picture ends, so corners can be
-    found by its edges; where nothing tells (the wall is left out), the error that is stated must do.
+    off wrongly, by normal numbers. The picture's edges on the wall tell where it ends; where they
+    cannot be seen, the error that is stated must do.
 Expected
     With corners found by edges, and with their error stated, 90 to 98 % of the 95 % intervals of
     all cells hold the truth, whether corners were read off exactly or wrongly by 0.25, 0.5 or 1
@@ -42,8 +42,8 @@ CELLS = (9, 15)
 SMALL, LARGE = (96, 180), (160, 300)
 """Photographs, pixels."""
 READ_OUT, PHOTONS = 1.2e-4, 4e-6
-"""Variance of a pixel is READ_OUT² + PHOTONS x light: 0.2 % of white, 2 % of its ghost; the mean of
-some twenty photographs of an ordinary camera."""
+"""Variance of a pixel is READ_OUT² + PHOTONS x light: 0.3 % of white, 3 % of its ghost; the mean of
+some ten photographs of an ordinary camera."""
 BLUR = 0.7
 """Of the lens, pixels (standard deviation)."""
 WALL = 0.01
@@ -81,7 +81,7 @@ class Screen:
 
 def photographed(
     rng: np.random.Generator, size: tuple[int, int]
-) -> tuple[tuple[Glass, ...], Corners, Floats]:
+) -> tuple[tuple[Glass, Glass], Corners, Floats]:
     """Photographs of a random screen, its corners, and (eye, row, col) the crosstalk of its cells.
 
     Crosstalk varies as on the paper's screens (1.1 % to 2.0 %).
@@ -96,7 +96,8 @@ def photographed(
     on = _covered(place)
     x, y = place[..., 0] - 0.5, place[..., 1] - 0.5
     falling = 1 - 0.4 * (4 * x**2 + 2 * y**2) / 1.5 - 0.2 * x
-    middle = np.meshgrid(*((np.arange(10 * count) + 0.5) / (10 * count) - 0.5 for count in CELLS[::-1]))
+    finely = [(np.arange(10 * count) + 0.5) / (10 * count) - 0.5 for count in CELLS]
+    middle = np.meshgrid(finely[1], finely[0])
     glasses, truth = [], []
     for eye in EYES:
         a = rng.normal(0, (0.2, 0.2, 0.6, 0.6, 0.3))
@@ -113,7 +114,7 @@ def photographed(
         glasses.append(Glass(eye, net))
         cells = map_(middle[0], middle[1]).reshape(CELLS[0], 10, CELLS[1], 10)
         truth.append(cells.mean(axis=(1, 3)))
-    return tuple(glasses), corners, np.array(truth)
+    return (glasses[0], glasses[1]), corners, np.array(truth)
 
 
 def _covered(place: Floats) -> Floats:
@@ -162,15 +163,15 @@ def screen(seed: int, wrong: float, size: tuple[int, int]) -> Screen:
 
 
 def _measured(
-    glasses: tuple[Glass, ...], corners: Corners, size: tuple[int, int]
+    glasses: tuple[Glass, Glass], corners: Corners, size: tuple[int, int]
 ) -> tuple[Floats, Floats]:
     """(eye, row, col) crosstalk as it is found, and standard errors."""
     rows, cols = size
     place = corners.places(*np.meshgrid(np.arange(cols) + 0.5, np.arange(rows) + 0.5))
-    shots = Photographs("screen", glasses, place, corners, 15.0, 0.01, None, "")  # type: ignore[arg-type]
+    shots = Photographs("screen", glasses, place, corners, 15.0, 0.01, None, "")
     maps = crosstalk_maps(shots, CELLS, cols / rows)
-    values, errors = ([m.system * part for m, part in zip(maps, parts, strict=True)] for parts in
-                      ([m.share for m in maps], [m.share_error for m in maps]))  # fmt: skip
+    values = [each.system * each.share for each in maps]
+    errors = [each.system * each.share_error for each in maps]
     return np.array(values), np.array(errors)
 
 
