@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import approx_fprime, least_squares
+from scipy.optimize import least_squares
 from scipy.special import ndtr
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 REACH = 8.0
 """Distance from a side, pixels, within which light is looked at; corners may be off by half."""
 BESIDES = 0.05
-"""Standard error of corners, pixels, that noise does not tell: chosen, for lenses that blur unevenly
+"""Standard error of corners, pixels, that noise does not tell: chosen, as lenses blur unevenly
 and a picture whose last pixels are not like the others."""
 _SHARE = 1 / 6
 """The same as a share of the shortest side, at most."""
@@ -67,9 +67,11 @@ def found_corners(light: Floats, at: Floats) -> tuple[Floats, Floats] | None:
     for number, side in enumerate(sides):
         mine = slice(2 * number, 2 * number + 2)
         covariance[mine, mine] = side.covariance
-    slopes = np.asarray(approx_fprime(lines, lambda moved: _crossings(at, moved).ravel(), 1e-4))
+    steps = 1e-4 * np.eye(8)
+    middle = _crossings(at, lines)
+    slopes = np.array([(_crossings(at, lines + step) - middle).ravel() for step in steps]).T / 1e-4
     besides = (BESIDES**2 + np.mean([side.bend**2 for side in sides])) * np.eye(8)
-    return _crossings(at, lines), slopes @ covariance @ slopes.T + besides
+    return middle, slopes @ covariance @ slopes.T + besides
 
 
 def _side(light: Floats, start: Floats, end: Floats, reach: float) -> _Side | None:
@@ -106,7 +108,8 @@ def _side(light: Floats, start: Floats, end: Floats, reach: float) -> _Side | No
     shift = abs(found.x[0]) + abs(found.x[1])
     if not found.success or height < _LEAST_STEP * np.sqrt(variance) or shift > reach / 2:
         return None
-    spread = np.linalg.pinv(found.jac.T @ found.jac) * variance
+    jacobian = np.asarray(found.jac, np.float64)
+    spread = np.asarray(np.linalg.pinv(jacobian.T @ jacobian) * variance, np.float64)
     return _Side(found.x[:2], spread[:2, :2], float(found.x[2]))
 
 

@@ -300,8 +300,8 @@ def by_edges(glasses: Sequence[Glass], stated: Corners) -> Corners:
     stated
         Where corners are within 4 pixels or so.
     """
-    light = np.sum([glass.white(glass.eye).sum(-1) for glass in glasses], axis=0, dtype=np.float64)
-    found = found_corners(light, stated.at)
+    whites = np.array([glass.white(glass.eye) for glass in glasses], np.float64)
+    found = found_corners(whites.sum(axis=(0, -1)), stated.at)
     return stated if found is None else Corners(*found, "by the picture's edges")
 
 
@@ -393,7 +393,8 @@ class _Reader:
 def _corners(path: Path, told: _Photographs, size: tuple[int, int]) -> Corners:
     """As they are stated, or those of the whole photograph."""
     rows, cols = size
-    at = np.asarray(told.corners or [(0, 0), (cols, 0), (cols, rows), (0, rows)], np.float64)
+    whole = [[0.0, 0.0], [cols, 0.0], [cols, rows], [0.0, rows]]
+    at = np.array(told.corners or whole, np.float64)
     edges = np.roll(at, -1, axis=0) - at
     if min(float(np.linalg.det(edges[[i - 1, i]])) for i in range(4)) <= 0:
         raise InputError(

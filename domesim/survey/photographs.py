@@ -308,8 +308,8 @@ def _averaged(
     # not, by which only the mean of black is a little off.
     area = np.where(kinds == 0, pixels, 0) / max(1, int(pixels[kinds == 0].sum()))
     noise = _noise(light, label, value, pixels)
-    cells = Cells(places, u, v, away, area, value, value, pixels, label, noise)
-    return replace(cells, variance=cells.variance_at(value))
+    found = Cells(places, u, v, away, area, value, value, pixels, label, noise)
+    return replace(found, variance=found.variance_at(value))
 
 
 def _like_their_cells(places: Floats, cell: NDArray[np.int64], chosen: NDArray[np.int64]) -> Floats:

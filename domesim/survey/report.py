@@ -44,11 +44,11 @@ def lines_of(task: Task, found: Survey) -> list[str]:
             f"intervals have been widened for"
         )
     lines.append(f"fit: chi² {found.chi2:.0f} for {found.degrees} degrees of freedom; {verdict}")
-    for name, what in found.leaning.items():
-        told = ", ".join(f"{p} {v:.3g}" for p, v in zip("RGB", what.value, strict=True))
+    for name, assumed in found.leaning.items():
+        values = ", ".join(f"{p} {v:.3g}" for p, v in zip("RGB", assumed.value, strict=True))
         lines.append(
-            f"{name} albedo: the photographs tell little of it; it was taken to be {told} as "
-            f"described, ± {SIGMAS * max(what.error):.2g}. If you know better: --hold "
+            f"{name} albedo: the photographs tell little of it; it was taken to be {values} as "
+            f"described, ± {SIGMAS * max(assumed.error):.2g}. If you know better: --hold "
             f"{name}=VALUE,ERROR"
         )
     lines += [f"check the description: {line}" for line in found.doubts]

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -179,13 +180,14 @@ def run(work: Work) -> Finding:
     """Measure screens, for each error of their corners."""
     count, size = (QUICK, SMALL) if work.quick else (FULL, LARGE)
     found = {
-        wrong: list(
-            work.each(
-                {f"{wrong} px, screen {number}": number for number in range(count)},
+        wrong: [
+            work.step(
+                f"{wrong} px, screen {number}",
                 Screen,
-                lambda number, wrong=wrong: screen(1000 * work.seed + number, wrong, size),
-            ).values()
-        )
+                partial(screen, 1000 * work.seed + number, wrong, size),
+            )
+            for number in range(count)
+        ]
         for wrong in WRONG
     }
     held = {(way, wrong): _mean(found[wrong], "held", way) for way in WAYS for wrong in WRONG}

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from domesim.survey.fit import _doubts
 from domesim.survey.run import survey_of
@@ -17,6 +20,7 @@ from validation.experiments.surprised_surveys import (
 from validation.laboratory import patterns_for
 
 
+@pytest.mark.long
 def test_noise_with_heavy_tails_does_not_darken_what_is_found():
     """Cells that are bright by chance are not to count less."""
     z = np.array([heavy_tails(seed).z["gain"] for seed in (0, 1)])
@@ -32,14 +36,15 @@ def test_a_misplaced_camera_is_not_taken_for_a_turned_one():
 def test_a_wall_that_is_not_seen_is_not_said_to_be_known():
     rng = np.random.default_rng(3)
     real, camera = theatre(rng, wall=True)
+    real = replace(real, wall=replace(real.wall, albedo=(0.4, 0.3, 0.5)))
     told = described(real, rng)
+    told = replace(told, wall=replace(told.wall, albedo=(0.1, 0.1, 0.1)))
     patterns = patterns_for(real.dome, 64)
     _, found = survey_of(
         told, patterns, computed(real, camera, patterns, rng), {}, STATED, profile=False,
         resolution=6,
     )  # fmt: skip
     off = np.abs(found.value[3] - real.wall.albedo)
-    assert abs(told.wall.albedo[0] - real.wall.albedo[0]) > 0.15
     assert np.all(off < 3 * found.error[3])
     assert found.complete
 
