@@ -293,6 +293,8 @@ def _photographed(
         _of_both([each.changes for each in maps])[None],
         _of_both([each.matrix_changes for each in maps]),
     ).save(stored)
+    corners = photographs.corners
+    console.say(corners.told())
     for each in maps:
         for line in each.report():
             console.say(line)
@@ -319,7 +321,11 @@ def _photographed(
         for each in maps
     }
     assumed = [*(["primaries"] if photographs.primaries is None else []), *room.assumed]
-    figures = {"photographs": str(listed), "eyes": eyes}
+    figures = {
+        "photographs": str(listed),
+        "corners": {"at": _plain(corners.at), "error": corners.error, "origin": corners.origin},
+        "eyes": eyes,
+    }
     finish(console, {"output": str(out), "maps": str(stored), "assumed": assumed, **figures}, [])
 
 

@@ -8,10 +8,15 @@ from pathlib import Path
 
 import numpy as np
 from image_files import store
+from scipy.ndimage import gaussian_filter
+
+from domesim.measurement.photographs import Corners, on_screen
 
 SIZE = (160, 300)
 LEAKS = {"left": 0.011, "right": 0.013}
 READ, SHOT = 3e-4, 2e-5
+BLUR = 0.7
+"""Pixels."""
 
 
 def made_up(folder: Path, toml: str) -> None:
@@ -22,7 +27,8 @@ def made_up(folder: Path, toml: str) -> None:
     y, x = np.meshgrid(*(np.arange(n) + 0.5 for n in SIZE), indexing="ij")
     middle, reach = corners.mean(axis=0), np.ptp(corners, axis=0) / 2
     u, v = (x - middle[0]) / reach[0], (y - middle[1]) / reach[1]
-    falloff = 0.6 * (1 - 0.3 * (u**2 + 0.4 * v**2))
+    on = on_screen(Corners(corners, np.zeros((8, 8)), "as they are").places(x, y))
+    falloff = gaussian_filter(0.6 * on * (1 - 0.3 * (u**2 + 0.4 * v**2)), BLUR)
     for glass in ("left", "right"):
         for name in ("black", "left", "right"):
             light = np.full(SIZE, 0.002)

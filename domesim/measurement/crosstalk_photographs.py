@@ -6,6 +6,10 @@ the screen it is sum(t)/sum(o), and its error follows from what t - q o leaves, 
 of pixels, for neighbours share noise where colours were interpolated. The cells are then smoothed
 (`domesim.measurement.smoothing`).
 
+Corners of the screen are known within an error. By that, cells are a little elsewhere than they are
+said to be, and show what their map's slope times that distance makes of it: to first order, a
+change for each of the corners' independent errors.
+
 A camera is linear in light: with photographs of the primaries, A_own and A_other (camera channel,
 RGB), C = A_own^-1 A_other as from a colorimeter (`domesim.measurement.crosstalk`), whatever the
 camera's colours are. With white alone, each primary is taken to leak into its own alike.
@@ -24,7 +28,7 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.frames.colour import BT709_LUMINANCE
 from domesim.measurement.crosstalk import BRIGHTEST_LEAK, without_small_negatives
-from domesim.measurement.photographs import Glass, Photographs, on_screen
+from domesim.measurement.photographs import Corners, Glass, Photographs, on_screen
 from domesim.measurement.readings import EYES
 from domesim.measurement.response import SIGMAS
 from domesim.measurement.smoothing import smoothed
@@ -225,6 +229,9 @@ def _map(
             f"of the own white; did the exposure or the room's light change?"
         )
     share, covariance = smoothed(q, np.maximum(error, 1e-9), aspect)
+    moved, moved_system = _moved(share, cells.reshape(share.shape), photographs.corners)
+    covariance = covariance + moved.T @ moved
+    system_error = float(np.hypot(system_error, np.linalg.norm(moved_system)))
     if not (system > 0 and share.min() > 0):
         raise InputError(
             f"{where}: no crosstalk above the noise ({system:.3%} ± {system_error:.3%}) on some "
@@ -232,6 +239,9 @@ def _map(
         )
     if glass.has_primaries:
         matrix, matrix_error, matrix_changes = _matrix(glass, eye, other, parts)
+        scaled = moved_system[:, None, None] / system * matrix
+        matrix_error = np.hypot(matrix_error, np.linalg.norm(scaled, axis=0))
+        matrix_changes = np.concatenate([matrix_changes, scaled])
         matrix, notes = without_small_negatives(where, matrix, matrix_error, allow_negative)
     else:
         matrix, matrix_error = system * np.eye(3), system_error * np.eye(3)
@@ -250,6 +260,23 @@ def _map(
         glass.has_primaries,
         tuple(notes),
     )
+
+
+def _moved(share: Floats, light: Floats, corners: Corners) -> tuple[Floats, Floats]:
+    """What wrong corners change, by one standard deviation of each independent error.
+
+    (change, cell) of a map (row, col), and (change,) of the whole screen's figure: what there is of
+    the other picture's `light` along the edges comes in or goes out.
+    """
+    rows, cols = share.shape
+    shifts = corners.shifts(share.shape)
+    across, down = shifts[..., 0], shifts[..., 1]
+    slopes = np.gradient(share, 1 / rows, 1 / cols)
+    off = (share - np.sum(share * light) / light.sum()) * light
+    right, below = off * across * cols, off * down * rows
+    edges = (right[..., -1] - right[..., 0]).sum(-1) + (below[:, -1] - below[:, 0]).sum(-1)
+    cells = down * slopes[0] + across * slopes[1]
+    return cells.reshape(-1, share.size), np.asarray(edges / light.sum())
 
 
 def _changes(share: Floats, covariance: Floats, light: Floats) -> Floats:

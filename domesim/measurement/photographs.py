@@ -22,7 +22,9 @@ seen in them.
     primaries = "P3-D65"
 
 A list of files is averaged. ``corners`` are those of the picture on the screen, from the top left
-one clockwise, as [col, row] in pixels of the photograph; without them it shows nothing else.
+one clockwise, as [col, row] in pixels of the photograph; without them it shows nothing else. They
+are refined by the picture's edges, where these are seen against darker surroundings, unless
+``corners_error``, the standard error of each number in pixels, is stated.
 ``encoding`` is for files that do not say that they are linear, ``saturation`` the value of a full
 pixel (1.0 of integers; of floats what the largest samples share).
 """
@@ -31,7 +33,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, final
@@ -44,6 +46,7 @@ from domesim.errors import InputError
 from domesim.frames import Frame
 from domesim.frames.encodings import encoding_named
 from domesim.frames.reading import read_image
+from domesim.measurement.edges import found_corners
 from domesim.measurement.readings import EYES
 from domesim.measurement.tables import text_of
 
@@ -53,7 +56,11 @@ Samples = NDArray[np.float32]
 
 MOST_SATURATED = 1e-3
 """Share of the screen's pixels: some are stuck in any camera."""
+READ_OFF, CROPPED = 0.5, 12**-0.5
+"""Standard error of each coordinate of a corner if none is stated, pixels: as a person reads it off
+the picture; and of a photograph that was cropped to the screen, which is done at whole pixels."""
 _NEARLY = 0.995
+_WHOLE: Floats = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 _WHITE, _PRIMARIES = ("W",), ("R", "G", "B")
 
 Files = Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
@@ -83,6 +90,7 @@ class _Photographs(_Section):
     left: _Glass
     right: _Glass
     corners: Annotated[list[_Corner], Field(min_length=4, max_length=4)] | None = None
+    corners_error: Annotated[float, Field(ge=0)] | None = None
     encoding: str | None = None
     saturation: Annotated[float, Field(gt=0)] | None = None
 
@@ -129,6 +137,59 @@ class Glass:
 
 @final
 @dataclass(frozen=True, eq=False)
+class Corners:
+    """Where the picture on the screen ends, in pixels of the photograph.
+
+    Parameters
+    ----------
+    at
+        (corner, 2) col and row: top left, top right, bottom right, bottom left.
+    covariance
+        (8, 8) of their errors, px²: col and row of the first corner, then of the others.
+    origin
+        Where they come from, in words.
+    """
+
+    at: Floats
+    covariance: Floats
+    origin: str
+
+    @property
+    def error(self) -> float:
+        """Standard error of a coordinate, pixels (root mean square)."""
+        return float(np.sqrt(np.mean(np.diag(self.covariance))))
+
+    def told(self) -> str:
+        """The same for a person."""
+        ends = ", ".join(f"[{col:.2f}, {row:.2f}]" for col, row in self.at)
+        return f"corners, {self.origin}: {ends}, each ± {self.error:.2g} pixels"
+
+    def places(self, across: Floats, down: Floats) -> Floats:
+        """(..., 2) places on the screen of pixels, as of `Photographs`."""
+        return _taken(_perspective(self.at, _WHOLE), across, down)
+
+    def shifts(self, cells: tuple[int, int]) -> Floats:
+        """(change, row, col, 2): how far the middles of cells are from where they should be.
+
+        By independent errors of one standard deviation each, in shares of the screen's width and
+        height.
+        """
+        rows, cols = cells
+        u, v = np.meshgrid((np.arange(cols) + 0.5) / cols, (np.arange(rows) + 0.5) / rows)
+        seen = _taken(_perspective(_WHOLE, self.at), u, v)
+        values, vectors = np.linalg.eigh(self.covariance)
+        steps = (vectors * np.sqrt(np.maximum(values, 0))).T.reshape(-1, 4, 2)
+        return np.array(
+            [
+                _taken(_perspective(self.at + step, _WHOLE), seen[..., 0], seen[..., 1])
+                - np.stack([u, v], -1)
+                for step in steps[values > 0]
+            ]
+        ).reshape(-1, rows, cols, 2)
+
+
+@final
+@dataclass(frozen=True, eq=False)
 class Photographs:
     """Everything that a file lists.
 
@@ -141,6 +202,8 @@ class Photographs:
     place
         (row, col, 2) where on the screen each pixel is: shares of its width and height from the top
         left; outside 0..1 off it.
+    corners
+        Of the screen.
     white, black
         Luminance of a projector's white and of black through its glass, cd/m².
     primaries
@@ -152,6 +215,7 @@ class Photographs:
     source: str
     glasses: tuple[Glass, Glass]
     place: Floats
+    corners: Corners
     white: float
     black: float
     primaries: str | None
@@ -202,7 +266,11 @@ def read_photographs(path: Path) -> Photographs:
         }
         glasses.append(Glass(eye, net))
     assert reader.size is not None
-    place = _places(path, told.corners, reader.size)
+    corners = _corners(path, told, reader.size)
+    if told.corners is not None and told.corners_error is None:
+        corners = by_edges(glasses, corners)
+    rows, cols = reader.size
+    place = corners.places(*np.meshgrid(np.arange(cols) + 0.5, np.arange(rows) + 0.5))
     on = on_screen(place)
     if np.count_nonzero(on) < 64:
         raise InputError(
@@ -214,11 +282,27 @@ def read_photographs(path: Path) -> Photographs:
         str(path),
         (glasses[0], glasses[1]),
         place,
+        corners,
         lit.white_cd_m2,
         lit.black_cd_m2,
         lit.primaries,
         reader.digest(path),
     )
+
+
+def by_edges(glasses: Sequence[Glass], stated: Corners) -> Corners:
+    """Corners where the eyes' own white pictures end; as they are stated if that is not seen.
+
+    Parameters
+    ----------
+    glasses
+        Photographs through them.
+    stated
+        Where corners are within 4 pixels or so.
+    """
+    whites = np.array([glass.white(glass.eye) for glass in glasses], np.float64)
+    found = found_corners(whites.sum(axis=(0, -1)), stated.at)
+    return stated if found is None else Corners(*found, "by the picture's edges")
 
 
 def on_screen(place: Floats) -> NDArray[np.bool_]:
@@ -306,26 +390,37 @@ class _Reader:
         return limit, np.asarray((frame.pixels >= _NEARLY * limit).any(axis=-1))
 
 
-def _places(path: Path, corners: list[list[float]] | None, size: tuple[int, int]) -> Floats:
-    """(row, col, 2) places on the screen, by the perspective that takes it to its corners."""
+def _corners(path: Path, told: _Photographs, size: tuple[int, int]) -> Corners:
+    """As they are stated, or those of the whole photograph."""
     rows, cols = size
-    across, down = np.meshgrid(np.arange(cols) + 0.5, np.arange(rows) + 0.5)
-    if corners is None:
-        return np.stack([across / cols, down / rows], -1)
-    wanted = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    lines, ends = [], []
-    for (x, y), (u, v) in zip(corners, wanted, strict=True):
-        lines += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
-        ends += [u, v]
-    edges = np.roll(corners, -1, axis=0) - np.asarray(corners)
-    turns = [float(np.linalg.det(edges[[i - 1, i]])) for i in range(4)]
-    if min(turns) <= 0:
+    whole = [[0.0, 0.0], [cols, 0.0], [cols, rows], [0.0, rows]]
+    at = np.array(told.corners or whole, np.float64)
+    edges = np.roll(at, -1, axis=0) - at
+    if min(float(np.linalg.det(edges[[i - 1, i]])) for i in range(4)) <= 0:
         raise InputError(
             f"{path}: photographs.corners must be [col, row] of the top left, top right, bottom "
-            f"right and bottom left corner, got {corners}"
+            f"right and bottom left corner, got {told.corners}"
         )
-    a = np.append(np.linalg.solve(np.array(lines, float), np.array(ends, float)), 1.0)
-    depth = a[6] * across + a[7] * down + a[8]
+    error = told.corners_error
+    origin = "as stated"
+    if told.corners is None:
+        error, origin = CROPPED if error is None else error, "of the photograph"
+    elif error is None:
+        error, origin = READ_OFF, "as stated, for no edges are seen there"
+    return Corners(at, error**2 * np.eye(8), origin)
+
+
+def _perspective(given: Floats, wanted: Floats) -> Floats:
+    """(3, 3) that takes four given points (point, 2) to wanted ones."""
+    lines = []
+    for (x, y), (u, v) in zip(given, wanted, strict=True):
+        lines += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
+    solved = np.linalg.solve(np.array(lines, float), np.ravel(wanted))
+    return np.append(solved, 1.0).reshape(3, 3)
+
+
+def _taken(perspective: Floats, x: Floats, y: Floats) -> Floats:
+    """(..., 2) where points are taken to."""
+    a, b, depth = (row[0] * x + row[1] * y + row[2] for row in perspective)
     depth = np.where(np.abs(depth) > 1e-12, depth, np.inf)
-    u, v = a[0] * across + a[1] * down + a[2], a[3] * across + a[4] * down + a[5]
-    return np.stack([u / depth, v / depth], -1)
+    return np.stack([a / depth, b / depth], -1)

@@ -57,6 +57,14 @@ _NARROW = WIDEST / 5
 """Half of an interval within which chi² is as good as quadratic: its ends need no test."""
 _RISE = 0.5
 """Share of the chi² that should be gained at an interval's end, below which it is not believed."""
+IMPROBABLE = 3.0
+"""Standard deviations from which something described is doubted."""
+_TELLING = 0.3
+"""Least standard deviation of what can be found, below which photographs do not tell a thing."""
+_ALIKE = 0.7
+"""Correlation from which two nuisances are not told apart."""
+_LEANING = 0.3
+"""Standard error over the assumed one from which a figure leans on what was assumed."""
 _FIXED = 1e-7
 """Standard error of what is exactly known."""
 
@@ -77,10 +85,14 @@ class Known:
         One number a primary.
     error
         Its standard error, likewise; 0 if it is to be taken as exact.
+    assumed
+        Whether nobody said so, and it stands in for nothing. Then the figure is answered however
+        uncertain it is, and is told as what it is.
     """
 
     value: tuple[float, float, float]
     error: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    assumed: bool = False
 
 
 @final
@@ -159,10 +171,16 @@ class Survey:
         (primary,) mean over the screen, in units of projector white.
     nuisances
         Name -> (found, standard error) in units of what was stated.
+    doubts
+        Which of these are improbable, a line each.
+    leaning
+        What was assumed, of figures that the photographs tell little of.
     chi2, degrees, model_error
         Chi² by noise alone and its degrees of freedom; relative error of the model that was added.
     residual
         (photograph, place, primary) measured less modelled, in standard errors of all kinds.
+    modelled
+        (photograph, place, primary) light, with what is ambient.
     """
 
     names: tuple[str, ...]
@@ -174,10 +192,13 @@ class Survey:
     ambient: Floats
     ambient_error: Floats
     nuisances: Mapping[str, tuple[float, float]]
+    doubts: tuple[str, ...]
+    leaning: Mapping[str, Known]
     chi2: float
     degrees: int
     model_error: float
     residual: Floats
+    modelled: Floats
 
     @property
     def complete(self) -> bool:
@@ -397,6 +418,13 @@ class _Problem:
             exact = name in self._known and self._known[name].error[p] == 0
             if not exact and not self._rises(found, int(figures[p, at]), float(error[p, at])):
                 answered[p, at] = False
+        leaning = {}
+        for name, what in self._known.items():
+            at = self._names.index(name)
+            if what.assumed:
+                answered[:, at] = found.status > 0
+                if np.any(error[:, at] > _LEANING * np.asarray(what.error)):
+                    leaning[name] = what
         shared = covariance[np.ix_(figures.ravel(), figures.ravel())]
         confusions = self._confusions(shared, answered)
         if wrong:
@@ -414,6 +442,8 @@ class _Problem:
         shown_error = error.copy()
         shown_error[:, 0] *= value[:, 0]
         own = found.fun[: self.rows].reshape(self._evidence.value.shape)
+        root = np.sqrt(self._variance(self._modelled(x)[0]))
+        left = own * np.where(np.isfinite(root), root, 0.0)
         mine = slice(3 * self._count, 3 * self._count + self._nuisances)
         eta = x[mine], spread[mine]
         return Survey(
@@ -429,10 +459,13 @@ class _Problem:
                 name: (float(a), float(b))
                 for name, a, b in zip(self._evidence.names, *eta, strict=True)
             },
+            doubts=_doubts(self._evidence.names, eta[0], covariance[mine, mine]),
+            leaning=leaning,
             chi2=noise,
             degrees=self.degrees,
             model_error=self._model_error,
             residual=own,
+            modelled=self._evidence.value - left,
         )
 
     def _scales(self) -> Floats:
@@ -585,6 +618,33 @@ class _Problem:
         for at, held in self._held.items():
             add(at, held, 0.0)
         return np.array(rows), np.array(slopes).reshape(len(rows), len(x))
+
+
+def _doubts(names: Sequence[str], value: Floats, covariance: Floats) -> tuple[str, ...]:
+    """What is described wrongly by more than `IMPROBABLE` standard deviations.
+
+    Of a nuisance of prior variance 1 that is found with variance s², the mean of all that could be
+    found has variance 1 - s². Those that do the same to the photographs share what was found by
+    their priors, so they are in doubt together, and the data do not say which it was.
+    """
+    spread = np.sqrt(np.diag(covariance))
+    moved = np.sqrt(np.maximum(1 - spread**2, _TELLING**2))
+    left = [int(at) for at in np.flatnonzero(np.abs(value) > IMPROBABLE * moved)]
+    alike = np.abs(covariance) > _ALIKE * np.outer(spread, spread)
+    lines = []
+    for at in sorted(left, key=lambda at: -abs(value[at]) / moved[at]):
+        if at not in left:
+            continue
+        group = [at, *(other for other in left if other != at and alike[at, other])]
+        left = [other for other in left if other not in group]
+        told = [f"{names[one]} is {value[one]:+.1f} ± {spread[one]:.1f}" for one in group]
+        line = f"{' and '.join(told)} of its stated error"
+        lines.append(
+            line
+            if len(group) == 1
+            else f"{line}, or one of both more: the photographs do not tell them apart"
+        )
+    return tuple(lines)
 
 
 def _range(values: Floats, seen: NDArray[np.bool_]) -> Floats:

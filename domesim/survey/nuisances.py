@@ -1,8 +1,7 @@
 """What is known of the theatre and the camera only within an error, as effects on the light.
 
 Each is one number, such as the floor's height; a second model with that number changed by its
-standard deviation tells what it does to the light that places show. Effects are relative, and are
-computed at the described albedos.
+standard deviation tells what it does to the light that places show. Effects are relative.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from domesim.scene.fields import three
 from domesim.survey.camera import Camera, looked_at
-from domesim.survey.model import Interreflection, Places, nominal_albedos, surfaces_of
+from domesim.survey.model import Interreflection, Places, surfaces_of
 from domesim.survey.photographs import Cells
 from domesim.theatre import Theatre
 
@@ -59,14 +58,19 @@ def effects_of(
     patterns: Floats,
     light: Interreflection,
     errors: Errors,
+    albedos: Floats,
 ) -> tuple[tuple[str, ...], Floats]:
-    """Names, and (nuisance, pattern, place, primary) relative effects of a standard deviation."""
-    nominal = _shown(light, theatre, cells.places)
+    """Names, and (nuisance, pattern, place, primary) relative effects of a standard deviation.
+
+    `albedos` (surface, primary) are those at which effects are computed: at wrong ones, what one
+    nuisance does looks like another.
+    """
+    nominal = _shown(light, albedos, cells.places)
     names, effects = [], []
     for name, other, moved in _changed(theatre, camera, errors):
         model = light if other is theatre else Interreflection(other, patterns, light.resolution)
         places = _again(cells, other, moved)
-        shown = _shown(model, theatre, places)
+        shown = _shown(model, albedos, places)
         change = np.divide(shown - nominal, nominal, out=np.zeros_like(nominal), where=nominal > 0)
         names.append(name)
         effects.append(change)
@@ -114,7 +118,7 @@ def _again(cells: Cells, theatre: Theatre, camera: Camera) -> Places:
     return replace(cells.places, points=points)
 
 
-def _shown(light: Interreflection, theatre: Theatre, places: Places) -> Floats:
-    """(pattern, place, primary) at the described albedos."""
-    albedos, seen = nominal_albedos(theatre), light.seen_from(places)
+def _shown(light: Interreflection, albedos: Floats, places: Places) -> Floats:
+    """(pattern, place, primary)."""
+    seen = light.seen_from(places)
     return np.stack([light.shown(p, albedos[:, p], places, seen)[0] for p in range(3)], -1)

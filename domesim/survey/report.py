@@ -44,11 +44,14 @@ def lines_of(task: Task, found: Survey) -> list[str]:
             f"intervals have been widened for"
         )
     lines.append(f"fit: chi² {found.chi2:.0f} for {found.degrees} degrees of freedom; {verdict}")
-    for name, (value, error) in found.nuisances.items():
-        if abs(value) > 3:
-            lines.append(
-                f"check the description: {name} is {value:+.1f} ± {error:.1f} of its stated error"
-            )
+    for name, assumed in found.leaning.items():
+        values = ", ".join(f"{p} {v:.3g}" for p, v in zip("RGB", assumed.value, strict=True))
+        lines.append(
+            f"{name} albedo: the photographs tell little of it; it was taken to be {values} as "
+            f"described, ± {SIGMAS * max(assumed.error):.2g}. If you know better: --hold "
+            f"{name}=VALUE,ERROR"
+        )
+    lines += [f"check the description: {line}" for line in found.doubts]
     return lines + [f"not told apart: {line}" for line in found.confusions]
 
 
@@ -71,6 +74,11 @@ def figures_of(found: Survey) -> dict[str, Any]:
         "degrees_of_freedom": found.degrees,
         "model_error": found.model_error,
         "nuisances": {name: list(pair) for name, pair in found.nuisances.items()},
+        "doubts": list(found.doubts),
+        "assumed": {
+            name: {"value": list(what.value), "standard_error": list(what.error)}
+            for name, what in found.leaning.items()
+        },
         "undetermined": list(found.confusions),
     }
 

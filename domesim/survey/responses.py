@@ -26,7 +26,7 @@ from domesim.survey.photographs import (
     Photographs,
     away_from_edges,
     direct_light,
-    noise_variance,
+    pixel_noise,
 )
 from domesim.theatre import Theatre
 
@@ -204,5 +204,5 @@ def _variance(
         levels, local = np.zeros((2, len(count)))
         levels[some] = median((near[0] + near[1]) / 2, own, some)
         local[some] = median((near[0] - near[1]) ** 2 / 2, own, some) / _MEDIAN
-        result[..., primary] = noise_variance(levels, local, count, level[..., primary])
+        result[..., primary] = pixel_noise(levels, local, count)(level[..., primary])
     return result

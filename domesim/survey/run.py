@@ -20,10 +20,11 @@ from domesim.theatre import Theatre
 
 Floats = NDArray[np.float64]
 
-WALL_ERROR = 0.5
-"""Of a described wall's albedo, relative, if nothing else is said of it: little of it is seen."""
-_WALL_ERROR_AT_MOST = 0.05
-"""The same, absolute, at most: beyond it a wall would be no answer for itself (`WIDEST`)."""
+COARSE = 8
+"""Resolution of radiosity at which noise and small effects are computed: within a percent."""
+WALL_ERROR = 0.25
+"""Standard error of a described wall's albedo if nothing else is said of it: it may have any paint.
+A wall that is not in the photographs, and lights little, is told by nothing else."""
 
 
 def surveyed(task: Task, known: Mapping[str, Known]) -> tuple[Cells | None, Survey]:
@@ -90,8 +91,7 @@ def _with_wall(
     if "wall" not in surfaces or "wall" in known:
         return known
     value = three(albedos[surfaces.index("wall")])
-    spread = three(np.minimum(WALL_ERROR * np.asarray(value), _WALL_ERROR_AT_MOST))
-    return {**known, "wall": Known(value, spread)}
+    return {**known, "wall": Known(value, (WALL_ERROR,) * 3, assumed=True)}
 
 
 def survey_of(
@@ -106,6 +106,9 @@ def survey_of(
     resolution: int = RESOLUTION,
 ) -> tuple[Cells, Survey]:
     """The cells of photographs, and what they tell of the theatre.
+
+    A first fit, by coarse radiosity and without nuisances, tells how bright each cell should be and
+    roughly what the albedos are; the second takes noise and nuisances' effects at these.
 
     Parameters
     ----------
@@ -135,19 +138,23 @@ def survey_of(
     surfaces, albedos = surfaces_of(theatre), nominal_albedos(theatre)
     light = Interreflection(theatre, patterns, resolution)
     cells = cells_of(theatre, patterns, photographs)
-    names, effects = effects_of(theatre, photographs.camera, cells, patterns, light, errors)
     known = _with_wall(known, surfaces, albedos)
-    evidence = Evidence(
-        cells.places,
-        photographs.pattern,
-        cells.value,
-        cells.variance,
-        cells.area,
-        names,
-        effects if names else None,
-    )
-    if metered is not None:
-        evidence = with_readings(evidence, theatre, patterns, metered)
-    found = survey(light, evidence, albedos, surfaces, known, profile=profile)
+    seen = Evidence(cells.places, photographs.pattern, cells.value, cells.variance, cells.area)
+
+    def whole(photographed: Evidence) -> Evidence:
+        if metered is None:
+            return photographed
+        return with_readings(photographed, theatre, patterns, metered)
+
+    coarse = light if resolution <= COARSE else Interreflection(theatre, patterns, COARSE)
     shots, places = cells.value.shape[:2]
+    first = survey(coarse, whole(seen), albedos, surfaces, known, profile=False)
+    if first.complete:
+        albedos = first.value[1:]
+        seen = replace(seen, variance=cells.variance_at(first.modelled[:shots, :places]))
+    names, effects = effects_of(
+        theatre, photographs.camera, cells, patterns, coarse, errors, albedos
+    )
+    seen = replace(seen, names=names, effects=effects if names else None)
+    found = survey(light, whole(seen), albedos, surfaces, known, profile=profile)
     return cells, replace(found, residual=found.residual[:shots, :places])

@@ -14,11 +14,12 @@ from test_readings import LEFT, RIGHT, TO_LEFT, TO_RIGHT, Rig
 from domesim.errors import InputError
 from domesim.measurement.crosstalk_photographs import crosstalk_maps
 from domesim.measurement.pair import measured_pair
-from domesim.measurement.photographs import read_photographs
+from domesim.measurement.photographs import Corners, by_edges, read_photographs
 from domesim.measurement.readings import read_readings
 from domesim.measurement.smoothing import smoothed
 from domesim.scene import load_stereo
 from domesim.scene.crosstalk_maps import load_maps
+from validation.experiments.photographed_crosstalk import SMALL, photographed, screen
 from validation.statistics import assert_unbiased, calibration
 
 CELLS, FINER = (5, 7), (9, 11)
@@ -232,6 +233,41 @@ def test_a_screen_that_is_a_part_of_the_photograph(tmp_path):
     assert ratio / ratio.mean() == pytest.approx(1, abs=0.01)
 
 
+@pytest.mark.parametrize("wrong", [0.5, 1.0])
+def test_corners_are_found_by_the_edges_of_the_picture(wrong):
+    rng = np.random.default_rng(8)
+    glasses, corners, _ = photographed(rng, SMALL)
+    read = Corners(corners.at + wrong * rng.standard_normal((4, 2)), np.eye(8), "read off")
+    found = by_edges(glasses, read)
+    assert found.origin == "by the picture's edges"
+    assert np.abs(found.at - corners.at).max() < 0.1
+    assert 0.05 <= found.error < 0.1
+
+
+def test_maps_are_as_unsure_as_their_corners():
+    screens = [screen(seed, 1.0, SMALL) for seed in range(2)]
+    exact, stated = (np.mean([one.held[way] for one in screens]) for way in ("exact", "stated"))
+    assert exact < 0.75
+    assert 0.85 < stated < 0.99
+
+
+def test_an_error_of_corners_may_be_stated(tmp_path):
+    rng = np.random.default_rng(11)
+    studio = Studio(random_maps(rng), NOISE)
+    found = []
+    for number, error in enumerate((0.0, 2.0)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        path = store_all(folder, studio, extra=f"corners_error = {error}")
+        photographs = read_photographs(path)
+        assert photographs.corners.error == pytest.approx(error)
+        found.append(crosstalk_maps(photographs, CELLS, ASPECT))
+    for sure, unsure in zip(*found, strict=True):
+        assert (unsure.share_error > sure.share_error).all()
+        assert unsure.share == pytest.approx(sure.share)
+        assert unsure.system_error > sure.system_error
+
+
 def test_repeated_photographs_are_averaged(tmp_path):
     studio = Studio(np.ones((2, *SIZE)), NOISE)
     path = store_all(tmp_path, studio)
@@ -397,6 +433,10 @@ REFUSED = {
     "corners elsewhere": (
         replaced("[photographs]", "[photographs]\ncorners = [[900,0],[990,0],[990,90],[900,90]]"),
         "corners must hold the screen, got 0 pixels",
+    ),
+    "corners surer than sure": (
+        replaced("[photographs]", "[photographs]\ncorners_error = -1.0"),
+        "photographs.corners_error: input should be greater than or equal to 0",
     ),
     "corners too near": (
         replaced("[photographs]", "[photographs]\ncorners = [[10,10],[22,10],[22,20],[10,20]]"),

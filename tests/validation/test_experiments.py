@@ -31,6 +31,8 @@ def _half_as_large(monkeypatch):
         "gamma_coded",
         "channels_alone",
         "chroma_floor",
+        pytest.param("photographed_crosstalk", marks=pytest.mark.long),
+        pytest.param("surprised_surveys", marks=pytest.mark.long),
     ],
 )
 def test_experiments_are_as_expected(name):

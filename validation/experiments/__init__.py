@@ -20,6 +20,8 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "wrong_model",
         "measured_dome",
         "measured_transport",
+        "surprised_surveys",
+        "photographed_crosstalk",
         "caution",
         "contrast_sensitivity",
         "stray_light",
