@@ -81,5 +81,5 @@ requirements: $(READY) ## Compile the exact versions anew
 	    --upgrade --extra dev --extra docs pyproject.toml -o requirements/dev.txt
 
 clean: ## Remove what the other targets made
-	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) out build dist docs/api docs/gallery docs/commands.md .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

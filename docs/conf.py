@@ -5,6 +5,7 @@ The source folder is the repository: links between files are right there, and so
 
 from __future__ import annotations
 
+import shutil
 import types
 from pathlib import Path
 from typing import Any
@@ -75,6 +76,7 @@ def _skipped(app: Any, what: str, name: str, obj: Any, skip: bool, options: Any)
 
 def setup(app: Any) -> None:
     """Write the page of commands, and mend what autodoc takes for reStructuredText."""
+    shutil.rmtree(HERE / "api", ignore_errors=True)  # pages of modules that are gone
     (HERE / "commands.md").write_text(manual.page(), encoding="utf-8")
     app.connect("autodoc-process-docstring", _escaped)
     app.connect("autodoc-skip-member", _skipped)

@@ -57,5 +57,6 @@ for name, (ffts, cost) in costs.items():
     axis.plot(ffts, cost / best - 1, "o", label=name)
 axis.set(xscale="log", xlabel="FFTs of planes", ylabel="cost over the best, less 1")
 axis.set_yscale("symlog", linthresh=1e-5)
+axis.set_ylim(0, 0.1)
 axis.legend()
 plt.show()
