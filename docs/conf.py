@@ -28,9 +28,6 @@ exclude_patterns = [
     "docs/farm",
     "docs/start",
     "docs/templates",
-    "docs/gallery/**.py",
-    "docs/gallery/**.ipynb",
-    "docs/gallery/**.zip",
 ]
 extensions = [
     "myst_parser",
