@@ -9,6 +9,7 @@ import sys
 import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,13 @@ def test_every_option_says_what_it_is():
     assert set(re.findall(r"^## domesim (\S+)", manual.page(), re.MULTILINE)) >= {
         "compensate", "compare", "demo", "doctor", "measure", "observe", "scene", "validate"
     }  # fmt: skip
+
+
+def test_modules_of_the_reference_are_there():
+    page = (ROOT / "docs" / "api.md").read_text()
+    listed = re.findall(r"^   ((?:domesim|compensate|validation)[.\w]+)$", page, re.MULTILINE)
+    assert len(listed) > 40
+    assert [name for name in listed if find_spec(name) is None] == []
 
 
 def test_messages_that_are_explained_are_the_programs():
