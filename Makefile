@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 SIDE_BY_SIDE := -n auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test long faults lint validate readme schema keys bench masters gallery requirements clean
+.PHONY: help demo test long faults lint validate readme schema keys docs wheel bench masters gallery requirements clean
 
 help: ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -43,7 +43,7 @@ lint: $(READY) ## Style, types and import contracts
 validate: $(READY) ## What may be believed: quick experiments and their report
 	@$(BIN)/domesim validate --quick --out out/validation
 
-readme: $(READY) ## Write the README's figures anew, from out/full (domesim validate --out out/full)
+readme: $(READY) ## Write the figures of README and docs anew, from out/full (domesim validate --out out/full)
 	@$(BIN)/python -m validation.readme out/full/results.json
 
 schema: $(READY) ## Write the schema of results.json anew
@@ -51,6 +51,19 @@ schema: $(READY) ## Write the schema of results.json anew
 
 keys: $(READY) ## Write docs/scene-keys.md anew
 	@$(BIN)/python -m domesim.scene.reference > docs/scene-keys.md
+
+docs: $(READY) ## The site: out/docs/index.html (a minute or two)
+	@$(BIN)/python -m sphinx -q -W --keep-going -c docs . out/docs
+	@echo "Open out/docs/index.html"
+
+wheel: ## Build the package, and try it in an empty environment and folder (minutes)
+	@rm -rf out/wheel && mkdir -p out/wheel/empty
+	@$(PYTHON) -m venv out/wheel/env
+	@out/wheel/env/bin/python -m pip install --quiet --upgrade pip
+	@out/wheel/env/bin/python -m pip wheel --quiet --no-deps --wheel-dir out/wheel .
+	@out/wheel/env/bin/python -m pip install --quiet out/wheel/*.whl
+	@cd out/wheel/empty && ../env/bin/domesim demo --out demo \
+	    && ../env/bin/domesim validate --quick --only closed_form --out validation
 
 bench: $(READY) ## Cost of the solvers: FFTs, iterations, certified gaps
 	@$(BIN)/domesim bench --out out/bench
@@ -65,8 +78,8 @@ requirements: $(READY) ## Compile the exact versions anew
 	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --no-header --no-annotate \
 	    --upgrade pyproject.toml -o requirements/run.txt
 	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --no-header --no-annotate \
-	    --upgrade --extra dev pyproject.toml -o requirements/dev.txt
+	    --upgrade --extra dev --extra docs pyproject.toml -o requirements/dev.txt
 
 clean: ## Remove what the other targets made
-	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) out build dist docs/api docs/gallery docs/commands.md .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

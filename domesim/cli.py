@@ -21,7 +21,7 @@ from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES
 from domesim.observing import Observing
-from domesim.scene import DomeScene, Scene, StereoScene
+from domesim.scene import DomeScene, Scene, StereoScene, scene_names
 from domesim.shows import PACKINGS, Show, find_show
 
 MasterName = Annotated[
@@ -92,6 +92,7 @@ SceneName = Annotated[
         "stereo system: stereo_cinema_silver, stereo_polarised_paper, stereo_shutter, "
         "stereo_spectral; or the path of a .toml file.",
         show_default=False,
+        autocompletion=scene_names,
     ),
 ]
 TransportFile = Annotated[

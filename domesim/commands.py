@@ -12,6 +12,7 @@ import ast
 import gc
 import inspect
 import io
+import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -32,6 +33,8 @@ _UsageError: Any = typer.BadParameter.__base__  # typer has it from click, or as
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+_ITS_OWN = ("--help", "--version", "--install-completion", "--show-completion")
+"""Options of the command itself."""
 
 
 def build(arguments: Sequence[str] | None = None) -> typer.Typer:
@@ -43,13 +46,12 @@ def build(arguments: Sequence[str] | None = None) -> typer.Typer:
         name="domesim",
         help="Simulate and compensate light pollution in dome theatres and 3D cinema.",
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
     )
     entries = sorted(entry_points(group="domesim.commands"), key=lambda entry: entry.name)
     first = arguments[0] if arguments else "--help"
-    known = first in ("--help", "--version") or any(entry.name == first for entry in entries)
+    known = first in _ITS_OWN or any(entry.name == first for entry in entries)
     for entry in entries:
         if arguments is not None and known and entry.name != first:
             told = _help_of(entry)
@@ -110,15 +112,24 @@ def run() -> None:
         # A name that the terminal cannot show is no reason to stop.
         sys.stdout.reconfigure(errors="backslashreplace")
     with guarded():
-        command = build(sys.argv[1:])
+        command = build(_typed())
         gc.enable()
         try:
-            sys.exit(command(standalone_mode=False))
+            sys.exit(command(standalone_mode=False, prog_name="domesim"))
         except _UsageError as error:
             told = io.StringIO()
             error.show(told)
             print(*map(shown, told.getvalue().splitlines()), sep="\n", file=sys.stderr)
             sys.exit(error.exit_code)
+
+
+def _typed() -> list[str]:
+    """The command's arguments, or those that a shell wants completed: only a whole first one."""
+    if "_DOMESIM_COMPLETE" not in os.environ:
+        return sys.argv[1:]
+    words = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
+    typed = words.split()[1:]
+    return typed if typed and typed[0] in entry_points(group="domesim.commands").names else []
 
 
 @contextmanager

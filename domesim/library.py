@@ -104,6 +104,8 @@ def save(light: Light, path: Files, scene: Scene, like: Master | None = None) ->
     screen = scene.screen(*light.shape[1:3])
     if like is None:
         like, screen = _linear(light, scene), np.ones_like(screen)
+    if light.shape[1:3] != (size := like.frames[0].pixels.shape[:2]):
+        raise ValueError(f"save takes light of its master's size, {size}, got {light.shape[1:3]}")
     result, clipped = encoded(made_for(like, paths), light, scene, screen)
     write_master(result, paths)
     return clipped

@@ -321,7 +321,8 @@ def _second_opinion(scene: DomeScene, found: Tabulation, console: Console) -> di
         try:
             other = radiosity(theatre)
         except InputError as reason:
-            console.say(f"No second opinion: {reason}")
+            known, _, _ = str(reason).partition(";")  # its way out is what has just been done
+            console.say(f"No second opinion: {known}")
             return None
     gain, first = other.mean_gain(), found.transport.mean_gain()
     # Of a black primary there is nothing to compare.

@@ -7,6 +7,7 @@ import runpy
 import sys
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "docs" / "examples"
@@ -15,14 +16,28 @@ SAYS = {
     "own_observation": r"^Accelerated, as .* got LinearObservation\n(.|\n)*requested accuracy",
     "own_weighting": r"^Accelerated, as .* got LinearWeighting\n(.|\n)*requested accuracy",
     "paper_table1": r"48 GPCG, frozen pollution",
+    "which_setting": r"^night .*\n(.|\n)*^space ",
 }
+
+
+@pytest.fixture(autouse=True)
+def _unseen(monkeypatch):
+    """Figures are drawn, and shown to nobody."""
+
+    def draw():
+        plt.gcf().canvas.draw()
+
+    monkeypatch.setattr(plt, "show", draw)
+    yield
+    assert plt.get_fignums()
+    plt.close("all")
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
 def test_an_example(path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", [str(path), "48"])
     runpy.run_path(str(path), run_name="__main__")
-    assert re.search(SAYS[path.stem], capsys.readouterr().out)
+    assert re.search(SAYS[path.stem], capsys.readouterr().out, re.MULTILINE)
 
 
 def test_errors_fall_where_they_count(monkeypatch):

@@ -1,20 +1,20 @@
-"""The README's commands, code and figures, as they stand there."""
+"""The figures of README and docs, and the README's commands and code, as they stand there."""
 
 from __future__ import annotations
 
 import json
 import os
 import re
-import shlex
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import jsonschema
 import pytest
 from command_line import exit_code
+from documented import commands, play
 from pydantic import BaseModel
 
 from compensate.methods import STEREO
@@ -23,17 +23,13 @@ from domesim.errors import InputError
 from domesim.frames import read_frame, write_frame
 from domesim.pathtrace import tabulate
 from domesim.pathtrace.tracer import Settings
-from validation.readme import RESULTS, brought_up_to_date, readme
+from validation.readme import PAGES, RESULTS, ROOT, brought_up_to_date, written
 from validation.report import schema
 
-ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
-
-
-def blocks(language: str) -> list[str]:
-    """The README's fenced blocks in `language`; every second part between fences is one."""
-    parts = re.split(r"^```", README, flags=re.MULTILINE)[1::2]
-    return [body for head, _, body in (part.partition("\n") for part in parts) if head == language]
+NIGHT = "scenes/masters/night.exr"
+QUICKER = {"0.005": "0.05", "96": "32", "320": "96"}
+"""Errors and sizes that the README's commands ask for, and those that do for a test."""
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +37,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Looks like the repository to the commands, but takes their outputs."""
     path = tmp_path_factory.mktemp("readme")
     (path / "scenes").symlink_to(ROOT / "scenes")
-    (path / "mine.toml").write_text(blocks("toml")[0])
     return path
 
 
@@ -52,38 +47,30 @@ def small_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (path / "scenes" / "masters").mkdir(parents=True)
     night = read_frame(ROOT / NIGHT)
     write_frame(replace(night, pixels=night.pixels[::4, ::4].copy()), path / NIGHT)
-    (path / "mine.toml").write_text(blocks("toml")[0])
     return path
 
 
-NIGHT = "scenes/masters/night.exr"
-QUICKER = {"0.005": "0.05", "96": "32", "320": "96", "360": "90"}
-"""Errors and sizes that the README's commands ask for, and those that do for a test."""
-
-
-def run(folder: Path, *arguments: str) -> str:
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "domesim", *arguments]
     return subprocess.run(
         command, cwd=folder, env=environment, check=True, capture_output=True, text=True
-    ).stdout
+    )
 
 
-COMMANDS = [line for block in blocks("") for line in block.splitlines() if "domesim " in line]
+def test_it_is_short():
+    assert len(README.split()) <= 900
 
 
 def test_there_are_commands():
-    assert len(COMMANDS) >= 4
+    assert len(commands("README.md")) >= 10
 
 
 @pytest.mark.long
-def test_commands(folder):
-    """One after the other, in one process: later ones take what earlier ones wrote."""
-    for command in COMMANDS:
-        arguments = shlex.split(command)[1:]
-        run(folder, *arguments)
-        out = folder / arguments[arguments.index("--out") + 1]
-        assert out.exists() != ("--dry-run" in arguments), command
+def test_as_it_stands(folder, monkeypatch):
+    """Each command is a process of its own; later ones take what earlier ones wrote."""
+    monkeypatch.chdir(folder)
+    play("README.md", lambda *arguments: run(folder, *arguments).returncode, {})
 
 
 @pytest.fixture
@@ -94,19 +81,18 @@ def _few_walks(monkeypatch):
 
 
 @pytest.mark.usefixtures("_few_walks")
-def test_commands_on_a_small_picture(small_folder, monkeypatch):
-    """As `test_commands`."""
+def test_on_a_small_picture(small_folder, monkeypatch):
+    """In one process."""
     monkeypatch.chdir(small_folder)
-    for command in COMMANDS:
-        arguments = [QUICKER.get(word, word) for word in shlex.split(command)]
-        assert not exit_code(*arguments[1:]), command
-        out = Path(arguments[arguments.index("--out") + 1])
-        assert out.exists() != ("--dry-run" in arguments), command
+    names = play("README.md", exit_code, QUICKER)
+    assert names["seen"].shape == (1, 256, 256, 3)
+    assert Path("project.exr").is_file()
 
 
 @pytest.mark.long
 def test_figures(folder):
-    found = json.loads(run(folder, "demo", "--out", "out/demo", "--json"))["methods"]
+    told = run(folder, "demo", "--out", "out/demo", "--json").stdout
+    found = json.loads(told)["methods"]
     rows = re.findall(r"^\| (.+?) \| \**([0-9.]+)\** \|", README, re.MULTILINE)
     assert [float(error) for _, error in rows] == pytest.approx(
         [found[m]["loss_after"] for m in ("none", "subtractive", "raised-black", "perceptual")],
@@ -116,13 +102,14 @@ def test_figures(folder):
     assert share == pytest.approx(100 * found["none"]["clipped"], abs=0.6)
 
 
-def test_every_figure_is_of_the_kept_results():
+@pytest.mark.parametrize("page", PAGES)
+def test_every_figure_is_of_the_kept_results(page):
     results = json.loads(RESULTS.read_text())
-    assert readme(results) == README, "make readme writes it anew"
+    assert written(page, results) == (ROOT / page).read_text(), "make readme writes it anew"
     jsonschema.validate(results, schema())
 
 
-def test_what_the_readme_says_of_the_judges():
+def test_what_the_evidence_says_of_the_judges():
     """Its words, not only its figures."""
     results = json.loads(RESULTS.read_text())
     figures = {
@@ -141,19 +128,23 @@ def test_what_the_readme_says_of_the_judges():
     assert flip[0] > flip[2] > flip[1]
 
 
+@pytest.mark.parametrize("page", PAGES)
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
         (lambda r: r.update(quick=True), "a quick one"),
         (lambda r: r["experiments"][0].update(status="not as expected"), "others: closed_form"),
-        (lambda r: r["experiments"][0]["finding"]["figures"].clear(), "quotes closed_form.cells"),
+        (
+            lambda r: [e["finding"]["figures"].clear() for e in r["experiments"]],
+            "the results do not",
+        ),
     ],
 )
-def test_results_that_are_not_to_be_quoted(spoil, message):
+def test_results_that_are_not_to_be_quoted(spoil, message, page):
     results = json.loads(RESULTS.read_text())
     spoil(results)
     with pytest.raises(InputError, match=message):
-        readme(results)
+        written(page, results)
 
 
 def test_results_of_some_experiments_replace_those():
@@ -172,16 +163,6 @@ def test_results_of_some_experiments_replace_those():
             assert now["finding"] == was["finding"]
     with pytest.raises(InputError, match="machine"):
         brought_up_to_date(kept, {**new, "machine": {}, "experiments": [one]})
-
-
-def test_python(small_folder, monkeypatch):
-    """As it is printed."""
-    monkeypatch.chdir(small_folder)
-    names: dict[str, Any] = {}
-    for block in blocks("python"):
-        exec(block, names)
-    assert names["seen"].shape == (1, 256, 256, 3)
-    assert Path("project.exr").is_file()
 
 
 def test_the_keys_of_theatres_exist():

@@ -1,9 +1,9 @@
-"""The README, with its figures from ``results.json`` of a full run.
+"""The README and pages of the docs, with their figures from ``results.json`` of a full run.
 
 ``python -m validation.readme [RESULTS]`` takes new results (kept as ``validation/results.json``)
-and writes README.md from ``validation/templates/README.md.j2``; ``make readme``. Results of some
-experiments only replace those experiments' in what is kept; the others are marked with the run that
-they are of.
+and writes each page of `PAGES` from its template in ``validation/templates``; ``make readme``.
+Results of some experiments only replace those experiments' in what is kept; the others are marked
+with the run that they are of.
 """
 
 from __future__ import annotations
@@ -22,14 +22,18 @@ from validation.experiments import EXPERIMENTS
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "validation" / "results.json"
-TEMPLATE = ROOT / "validation" / "templates" / "README.md.j2"
+TEMPLATES = ROOT / "validation" / "templates"
+PAGES = ("README.md", "docs/evidence.md", "docs/limits.md")
+"""From the repository's root; a template is named as its page is."""
 
 
-def readme(results: Mapping[str, Any]) -> str:
-    """The README's text.
+def written(page: str, results: Mapping[str, Any]) -> str:
+    """The text of a page.
 
     Parameters
     ----------
+    page
+        One of `PAGES`.
     results
         What results.json holds.
 
@@ -39,10 +43,10 @@ def readme(results: Mapping[str, Any]) -> str:
         If they are of a quick run, not as expected, or lack a figure.
     """
     if results["quick"]:
-        raise InputError("the README quotes full runs, got the results of a quick one")
+        raise InputError("the pages quote full runs, got the results of a quick one")
     bad = [one["name"] for one in results["experiments"] if one["status"] != "as expected"]
     if bad:
-        raise InputError(f"the README quotes what is as expected, got others: {', '.join(bad)}")
+        raise InputError(f"the pages quote what is as expected, got others: {', '.join(bad)}")
     figures = {
         name: figure
         for one in results["experiments"]
@@ -51,7 +55,7 @@ def readme(results: Mapping[str, Any]) -> str:
 
     def quoted(name: str, form: str) -> str:
         if name not in figures:
-            raise InputError(f"the README quotes {name}, which the results do not have")
+            raise InputError(f"{page} quotes {name}, which the results do not have")
         return "never" if figures[name] is None else form.format(figures[name])
 
     environment = Environment(
@@ -59,7 +63,8 @@ def readme(results: Mapping[str, Any]) -> str:
     )
     environment.filters["figure"] = quoted
     facts = {"machine": results["machine"], "seconds": results["seconds"]}
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(facts)
+    template = TEMPLATES / f"{Path(page).name}.j2"
+    return environment.from_string(template.read_text(encoding="utf-8")).render(facts)
 
 
 def brought_up_to_date(kept: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
@@ -91,15 +96,16 @@ def brought_up_to_date(kept: Mapping[str, Any], new: Mapping[str, Any]) -> dict[
 
 
 def main(source: Path) -> None:
-    """Write README.md, and keep the results that it quotes."""
+    """Write the pages, and keep the results that they quote."""
     results = json.loads(source.read_text(encoding="utf-8"))
     if source != RESULTS and results["planned"] < results["available"]:
         kept = json.loads(RESULTS.read_text(encoding="utf-8"))
         results = brought_up_to_date(kept, results)
-    page = readme(results)
+    pages = {page: written(page, results) for page in PAGES}
     text = json.dumps(results, indent=1, ensure_ascii=False) + "\n"
     write_whole(RESULTS, text.encode())
-    write_whole(ROOT / "README.md", page.encode())
+    for page, body in pages.items():
+        write_whole(ROOT / page, body.encode())
 
 
 if __name__ == "__main__":

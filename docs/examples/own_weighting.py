@@ -1,13 +1,18 @@
-"""Say yourself how much an error matters: here the front of the dome counts four times the back.
+"""
+A weighting of your own
+=======================
+
+Say yourself how much an error matters: here the front of the dome counts four times the back.
 
 A weighting is a linear map of the residual (what is seen minus what is desired) and its adjoint;
 the sum of squares of what it returns is minimised. One that multiplies pixels is its own adjoint.
 
-    python docs/examples/own_weighting.py [SIZE]
+``python docs/examples/own_weighting.py [SIZE]`` runs it.
 """
 
 import sys
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 from compensate import compensate
@@ -39,3 +44,11 @@ error = np.abs(observe(result.light, scene) - desired) * on
 half = size // 2
 print(f"mean error: back {error[:, :half].mean():.2e}, front {error[:, half:].mean():.2e} of white")
 print(result.status.value)
+
+# %%
+# Where the errors lie: below is the front, which has been spared.
+figure, axis = plt.subplots(figsize=(4.5, 3.5), layout="constrained")
+shown = axis.imshow(error[0].mean(-1))
+axis.set(title="error of what is seen, of white", xticks=(), yticks=())
+figure.colorbar(shown)
+plt.show()

@@ -330,7 +330,7 @@ class Tracer:
     ) -> NDArray[np.float64]:
         """(row, col, primary): the lamps themselves in a `view`, but for what stands before them.
 
-        Analytic, by `finer`² rays a pixel; light that lamps throw on the room is traced.
+        Analytic, by `finer` squared rays a pixel; light that lamps throw on the room is traced.
         """
         eye = np.asarray(viewpoint.position)
         ray = view_rays(viewpoint, width, height)

@@ -63,6 +63,9 @@ def test_light_of_no_file_is_stored_linearly(name, shape, tmp_path):
 def test_the_wrong_shape_is_refused(tmp_path):
     with pytest.raises(ValueError, match="observe takes axes"):
         observe(picture(1, 8, 8)[0], DOME)
+    _, master = load_master(stored(tmp_path / "master.png"), DOME)
+    with pytest.raises(ValueError, match=r"save takes light of its master's size, \(24, 24\), got"):
+        save(picture(1, 12, 12), tmp_path / "a.png", DOME, master)
     with pytest.raises(ValueError, match="save takes axes"):
         save(picture(1, 8, 8)[0], tmp_path / "a.exr", DOME)
 

@@ -67,3 +67,26 @@ def test_no_line_of_help_is_cut_off(
     entries = told.partition("Commands:\n")[2].split("\n  ")
     assert len(entries) > 4
     assert told.rstrip().endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        ("domesim comp", {"compare", "compensate"}),
+        ("domesim measure resp", {"response"}),
+        ("domesim observe --outp", {"--output-encoding", "--output-bits"}),
+        ("domesim observe a.exr --scene dome_d", {"dome_dark"}),
+        ("domesim observe a.exr --scene ./dome_d", set()),  # files are the shell's own matter
+    ],
+)
+def test_a_shell_completes(
+    typed: str,
+    completed: set[str],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("_DOMESIM_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", typed)
+    monkeypatch.setenv("COMP_CWORD", str(typed.count(" ")))
+    assert exit_code() == 0
+    assert set(capsys.readouterr().out.split()) == completed

@@ -462,6 +462,7 @@ def test_what_radiosity_cannot_know_is_said(room: tuple[Path, Path, Outcome]) ->
     (opinion,) = (line for line in outcome.out.splitlines() if "opinion" in line)
     assert opinion.startswith("No second opinion: ")
     assert "solids (seats" in opinion
+    assert "tabulate" not in opinion  # that is what was done
     assert f"Use it: domesim compensate MASTER --scene {scene} --transport {out}" in outcome.out
 
 

@@ -1,0 +1,55 @@
+"""
+Which setting for my content
+============================
+
+Kinds of picture in a giant dome and on a 3D screen, as the audience sees them: untouched, by plain
+subtraction (``--lift 0``), lifted a little (``--lift 1``), and by default (``--lift 2.5``).
+
+- **A dark scene with something in the dark** (night sky, nebula, deep sea, a planet's night side):
+  keep the default. The dark half keeps its contrasts and hues, and gets brighter.
+- **Lit things on pure black** (titles, a window with a film): in a dome the settings hardly differ,
+  and ``--lift 0`` has the deepest black. On a 3D screen take ``--lift 1`` or 0: the veils that hide
+  the edges of ghosts can be seen there.
+- **A scene without black** (street, daylight, snow): subtraction is exact, and all settings are
+  alike.
+- **Flashes, and cuts from dark to bright**: take ``--lift 1``. A flash lifts the dark rest of a
+  dome by up to the lift times the light that it adds there.
+
+*Lost* is what is lost of the picture's quality by the reference model, in just-objectionable
+differences (JOD): 0 is the master. The model likes contrast, and hardly sees that black is
+brighter. So look at the pictures, and then at your screen: ``domesim compare`` makes such a page of
+your frames.
+
+``python docs/examples/which_setting.py [SIZE]`` makes the pictures.
+"""
+
+import sys
+from importlib import resources
+
+import numpy as np
+
+from domesim import load_master, load_scene
+from validation.content import DOMES, PAIRS
+from validation.settings import show_settings
+
+size = int(sys.argv[1]) if len(sys.argv) > 1 else 384
+
+# %%
+# A giant dome
+# ------------
+# Two stops brighter than they are.
+dome = load_scene("dome_imax")
+with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
+    night, _ = load_master(path, dome)
+nearest = np.linspace(0, night.shape[1] - 1, size).round().astype(int)
+pictures = {"night": night[:, nearest][:, :, nearest]}
+for name in ("planetary limb", "underwater", "text and credits"):
+    pictures[name] = DOMES[name](size)
+show_settings(pictures, dome)
+
+# %%
+# A 3D screen
+# -----------
+# The left eye's pictures, at the crosstalk of a silver screen.
+cinema = load_scene("stereo_cinema_silver")
+show_settings({name: PAIRS[name](size) for name in ("snow", "credits", "space")}, cinema)
