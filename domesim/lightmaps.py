@@ -108,7 +108,7 @@ def _disc(figure: Any, number: int, parts: int, title: str, values: NDArray[np.f
               transform=axes.transAxes)  # fmt: skip
     low, high = np.nanmin(values), np.nanmax(values)
     if values.ndim == 2 and high - low < 1e-3 * high:  # rounding is no pattern
-        low, high = 0.99 * low, 1.01 * high
+        low, high = 0.9 * low, 1.1 * high
     return axes.imshow(values, interpolation="none", cmap="viridis", vmin=low, vmax=high)
 
 
