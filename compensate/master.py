@@ -227,7 +227,7 @@ class Posed:
         return int(np.count_nonzero(found & self.screen[rows]))
 
     def residual(self, light: Light) -> Light:
-        """psi(x) - seen, of all seats: (seen view, row, col, primary)."""
+        """psi(x) - wanted, of all seats: (seen view, row, col, primary)."""
         residual = self.observation.observe(light)
         residual -= self.wanted
         return residual

@@ -1,1 +1,1 @@
-"""Solvers: one algorithm a file, all called as ``solver(problem, start) -> Result``."""
+"""Solvers, all called as ``solver(problem, start) -> Result``: a module each, and `admm` a folder."""

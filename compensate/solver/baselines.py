@@ -4,7 +4,7 @@
 Shown once, with the pollution of the unclipped picture, it subtracts too little light where the
 picture was clipped; the exact solution subtracts the pollution of the picture that is *shown*:
 
-    x = clip(D^-1 (seen - ambient - phi(x)))
+    x = clip(D^-1 (wanted - ambient - phi(x)))
 
 phi depends on x through a few sums s = core collect'x only, so this is a small equation
 F(s) = s - core collect' x(s) = 0 with piecewise linear F, solved exactly by Newton's method on its
@@ -92,7 +92,7 @@ class RaisedBlack:
 
 
 def clipped_subtraction(problem: Problem, max_iterations: int = 50) -> tuple[Light, int]:
-    """Light that solves x = clip(D^-1 (seen - ambient - phi(x))), and the Newton steps taken.
+    """Light that solves x = clip(D^-1 (wanted - ambient - phi(x))), and the Newton steps taken.
 
     If those are `max_iterations`, it has not been reached.
     """
