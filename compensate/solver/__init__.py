@@ -1,1 +1,1 @@
-"""Solvers, all called as ``solver(problem, start) -> Result``: a module each, and `admm` a folder."""
+"""Solvers, called as ``solver(problem, start) -> Result``: a module each, and `admm` a folder."""
