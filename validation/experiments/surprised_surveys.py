@@ -121,7 +121,7 @@ def theatre(rng: np.random.Generator, *, wall: bool = False) -> tuple[Theatre, C
     x, y = (float(part) for part in rng.uniform((-0.1, -0.2), (0.1, 0.0)) * radius)
     # Above the floor by a tripod's height, or in its lower half
     z = height + min(1.6, 0.6 * abs(height))
-    walls = Wall(dome.widest, height, dome.lowest, (float(rng.uniform(LOWER, HIGHER)),) * 3)
+    walls = Wall(dome.widest, height, dome.lowest, three(rng.uniform(LOWER, HIGHER, 3)))
     camera = Camera((x, y, z), (x, y + 1.5, z + 1.0), np.radians(220.0))
     real = Theatre(dome, screen, floor=Floor(height, dome.widest, floor))
     return (replace(real, wall=walls) if wall else real), camera
@@ -132,7 +132,7 @@ def described(real: Theatre, rng: np.random.Generator) -> Theatre:
     floor, wall = real.floor, real.wall
     assert floor is not None
     if wall is not None:
-        wall = replace(wall, albedo=(float(rng.uniform(LOWER, HIGHER)),) * 3)
+        wall = replace(wall, albedo=three(rng.uniform(LOWER, HIGHER, 3)))
     return replace(real, albedo=(0.5,) * 3, floor=replace(floor, albedo=(0.15,) * 3), wall=wall)
 
 
