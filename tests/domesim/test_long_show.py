@@ -57,7 +57,11 @@ def test_a_thousand_frames_take_no_memory_handles_or_files(tmp_path: Path) -> No
         assert time.monotonic() - began < 20, new
         time.sleep(0.1)
     left = {path.name for path in out.rglob("*") if path.is_file()} - {
-        *(f"in.{number:04d}.png{end}" for number in range(1, FRAMES + 1) for end in ("", ".json")),
+        *(
+            f"in.{number:04d}.png{end}"
+            for number in range(1, FRAMES + 1)
+            for end in ("", ".json", ".png")
+        ),
         *("settings.json", "report.html", "frames.csv", "frames.parquet", "lock", "SHA256SUMS"),
     }
     assert [name for name in left if len(name) != 64 + len(".json")] == []

@@ -31,12 +31,10 @@ def _half_as_large(monkeypatch):
         "gamma_coded",
         "channels_alone",
         "chroma_floor",
-        pytest.param("photographed_crosstalk", marks=pytest.mark.long),
-        pytest.param("surprised_surveys", marks=pytest.mark.long),
     ],
 )
 def test_experiments_are_as_expected(name):
-    """`convergence` and others are in test_mutations.py."""
+    """`convergence` and others are in test_mutations.py; `make validate` runs them all."""
     finding = load_experiment(name).run(Work(quick=True))
     assert [check for check in finding.checks if not check.passed] == []
 
