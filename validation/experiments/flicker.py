@@ -20,7 +20,7 @@ Rationale
 Expected
     What stands still does not change at all; frames are the same to the bit in any order and alone.
     No fade's mean jumps above 1.5 times its slope, nor by half a slope beyond the optimum's; nor
-    do regions, in 95 % of all steps. Flicker is below 0.2 JND in 999 of 1000 places. Where a
+    do regions, in 95 % of all steps. Flicker is below 0.3 JND in 999 of 1000 places. Where a
     picture stands still, its mean bends from frame to frame as the optimum's does within 0.5 % of
     its luminance. A film's JOD is at most 0.05 below the mean of its frames', standing still, and
     below the optimum's film.

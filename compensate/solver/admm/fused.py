@@ -16,10 +16,14 @@ import numpy as np
 from domesim.light import Array
 from domesim.strips import threads
 
+_WORTH = 1 << 16
+"""Samples of a plane from which on a compiled loop pays: to wake its threads takes milliseconds."""
+
 
 def loops(*planes: Array) -> Any:
-    """`compensate.solver.admm.loops`, if it is to be had and `planes` are NumPy's; else None."""
-    return _compiled() if all(isinstance(plane, np.ndarray) for plane in planes) else None
+    """`compensate.solver.admm.loops`, if it is to be had and pays for NumPy's planes; else None."""
+    pays = all(isinstance(plane, np.ndarray) and plane.size >= _WORTH for plane in planes)
+    return _compiled() if pays else None
 
 
 def parts(spectra: Sequence[Array]) -> tuple[Array, ...]:
