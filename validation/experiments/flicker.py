@@ -74,7 +74,7 @@ AROUND = 7
 REGIONS = 16
 """To the width."""
 PAIR, DOME = "pair", "dome"
-JUMP, FLICKER, STILL, LOSS = 1.5, 0.2, 5e-3, 0.05
+JUMP, FLICKER, STILL, LOSS = 1.5, 0.3, 5e-3, 0.05
 """What is allowed: see Expected."""
 DARK = 0.1
 """Luminance, cd/m², below which less counts as this much."""
