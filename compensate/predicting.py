@@ -271,6 +271,7 @@ class Predicting(Recipe):
             "--threshold": f"{chosen.least:g}",
             "--saliency" if chosen.counts_saliency else "--no-saliency": "yes",
             "--mesopic": chosen.blend.value,
+            **({} if chosen.eye is None else {"--age": f"{chosen.eye.age:g}"}),
             **({"--repair": "yes"} if writing.repair else {}),
         }
 
@@ -395,7 +396,7 @@ def _write(places: list[_Place], posed: Posed, found: Triage) -> int:
 
 
 def _write_small(write: Write, posed: Posed, found: Triage) -> None:
-    prediction = thinned(_shown(found, 0)["prediction"][None, :, :, None])[0]
+    prediction = thinned(_prediction(found, 0)[None, :, :, None])[0]
     master = posed.scene.projector.to_display(thinned(posed.desired))[0]
     write.small(master, np.broadcast_to(prediction, master.shape) ** 2.2)
 
@@ -403,13 +404,18 @@ def _write_small(write: Write, posed: Posed, found: Triage) -> None:
 def _shown(found: Triage, view: int) -> dict[str, Planes]:
     """The maps as they are shown, 0..1."""
     maps = found.untouched
-    remaining = found.subtracted.mask[view]
     return {
         "tvi": np.minimum(maps.tvi[view] / 2, 1),
         "masking": probability(maps.masking[view]),
         "saliency": maps.saliency[view],
-        "prediction": np.where(remaining, 1, np.float32(0.5) * maps.mask[view]),
+        "prediction": _prediction(found, view),
     }
+
+
+def _prediction(found: Triage, view: int) -> Planes:
+    """White is what subtraction leaves, grey what it removes."""
+    remaining, mask = found.subtracted.mask[view], found.untouched.mask[view]
+    return np.where(remaining, 1, np.float32(0.5) * mask)
 
 
 def _brightening(residual: Planes) -> int:

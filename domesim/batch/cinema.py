@@ -19,11 +19,16 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, final
 
-from domesim.batch.film import Films, films_of, place_of, timing_asked
+from domesim.batch.film import (
+    Films,
+    films_of,
+    is_made,
+    note_made,
+    place_of,
+    timing_asked,
+)
 from domesim.batch.job import Job
-from domesim.batch.sealed import read_sealed, write_sealed
 from domesim.batch.work import Order, Writing
-from domesim.checksums import sha256
 from domesim.console import Console
 from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
@@ -82,7 +87,7 @@ class Cinema:
         records = [job.record(order.output) for order in orders]
         sums = [None if record is None else sorted(record.results.items()) for record in records]
         made_of = hashlib.sha256(json.dumps(sums).encode()).hexdigest()
-        if self._is_there(job, made_of):
+        if is_made(self.path, job, made_of):
             console.say(f"{self.path} (made before)")
             return
         temporary = temporary_of(self.path)
@@ -100,8 +105,7 @@ class Cinema:
         finally:
             with suppress(OSError):
                 temporary.unlink()
-        kept = {"made_of": made_of, "sha256": sha256(self.path)}
-        write_sealed(self._record(job), kept)
+        note_made(self.path, job, made_of)
         told = "left and right" if eyes == 2 else "2D"
         console.say(f"-> {self.path} (24 frames a second, {told}, without sound)")
 
@@ -133,16 +137,6 @@ class Cinema:
                 f"{done.returncode}). Frames that are done stay; {_OTHERWISE}"
             )
         return eyes
-
-    def _record(self, job: Job) -> Path:
-        return job.folder / f"{self.path.name}.film"
-
-    def _is_there(self, job: Job, made_of: str) -> bool:
-        try:
-            kept = read_sealed(self._record(job))
-            return bool(kept["made_of"] == made_of and kept["sha256"] == sha256(self.path))
-        except (OSError, ValueError, KeyError):
-            return False
 
 
 def becoming(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films | Cinema | None]:

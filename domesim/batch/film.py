@@ -81,13 +81,12 @@ class Films:
         for view, path in enumerate(self.paths):
             colour, frames = self._frames(orders, view, job)
             made_of = self._digest(colour, frames.values())
-            if _is_there(path, job, made_of):
+            if is_made(path, job, made_of):
                 console.say(f"{path} (made before)")
                 continue
             with console.progress("assembling", len(frames)) as start:
                 lost = self.write(view, path, frames, colour, start)
-            kept = {"made_of": made_of, "sha256": sha256(path)}
-            write_sealed(_record_of(path, job), kept)
+            note_made(path, job, made_of)
             unsaid = [] if is_sayable(colour) else [f"{colour.named}, which the file cannot say"]
             told = "; ".join([f"{float(self.timing.rate):.6g} frames a second", *unsaid, *lost])
             console.say(f"-> {path} ({told})")
@@ -242,8 +241,13 @@ def _record_of(path: Path, job: Job) -> Path:
     return job.folder / f"{path.name}.film"
 
 
-def _is_there(path: Path, job: Job, made_of: str) -> bool:
-    """Whether the video is, of these frames, and as it was written."""
+def note_made(path: Path, job: Job, made_of: str) -> None:
+    """Keep what a video was made of, and its digest, for `is_made`."""
+    write_sealed(_record_of(path, job), {"made_of": made_of, "sha256": sha256(path)})
+
+
+def is_made(path: Path, job: Job, made_of: str) -> bool:
+    """Whether a video is there, of these frames, and as it was written."""
     try:
         kept = read_sealed(_record_of(path, job))
         return bool(kept["made_of"] == made_of and kept["sha256"] == sha256(path))

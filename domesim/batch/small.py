@@ -13,6 +13,7 @@ from domesim.frames.png import with_colour_chunks
 from domesim.frames.whole import write_whole
 from domesim.frames.writing import bare_specification, encode
 from domesim.light import Light
+from domesim.transfer import SRGB
 
 FOLDER = "small"
 """Of the pictures, in the job's folder."""
@@ -53,8 +54,7 @@ def write_small(place: Path, pictures: Sequence[NDArray[np.floating]]) -> None:
     parts = [_reduced(np.clip(picture, 0, 1)) for picture in pictures]
     gap = np.full((len(parts[0]), _GAP, 3), 0.2)
     light = np.hstack([each for part in parts for each in (gap, part)][1:])
-    codes = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    pixels = np.rint(255 * codes).astype(np.uint8)
+    pixels = np.rint(255 * SRGB().encode(light)).astype(np.uint8)
     names, size = ("R", "G", "B"), (pixels.shape[1], pixels.shape[0])
     png = encode(place, "png", [(bare_specification(names, ("uint8",) * 3, size, []), pixels)])
     place.parent.mkdir(exist_ok=True)  # not the job's folder: one that goes away is told

@@ -31,7 +31,7 @@ from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import DomeScene, load_dome
 from validation.experiment import Check, Column, Finding, Table, Work, at_least, at_most
-from validation.experiments.quality.inputs import CHOOSING, DOMEMASTERS, Input, wanted
+from validation.experiments.quality.inputs import Input, reported_domemasters
 from validation.pairs import no_wider
 
 SCENE = "dome_planetarium"
@@ -141,12 +141,7 @@ def _rms(values: NDArray[np.float64], posed: Posed) -> float:
 
 def run(work: Work) -> Finding:
     """Measure, and say whether it is as expected."""
-    inputs, left_out = wanted(work)
-    inputs = {
-        name: one
-        for name, one in inputs.items()
-        if one.kind == DOMEMASTERS and (work.quick or name not in CHOOSING)
-    }
+    inputs, left_out = reported_domemasters(work)
     found = work.each(inputs, dict[str, Seat], partial(measure, size=SIZE))
     pairs = [
         (seats[CENTRE], seat)

@@ -47,13 +47,11 @@ from validation.experiment import (
     between,
 )
 from validation.experiments.quality.inputs import (
-    CHOOSING,
-    DOMEMASTERS,
     USUAL_ALBEDO,
     USUAL_LUMINANCE,
     Input,
     dome_at,
-    wanted,
+    reported_domemasters,
 )
 from validation.judges import colorvideovdp, luminance
 from validation.pairs import no_wider
@@ -179,12 +177,7 @@ def _showing(posed: Posed, seen: Light) -> Light:
 
 def run(work: Work) -> Finding:
     """Measure, and say whether it is as expected."""
-    inputs, left_out = wanted(work)
-    inputs = {
-        name: one
-        for name, one in inputs.items()
-        if one.kind == DOMEMASTERS and (work.quick or name not in CHOOSING)
-    }
+    inputs, left_out = reported_domemasters(work)
     found = work.each(inputs, Seen, partial(measure, size=SIZE))
     mean = _means(found)
     young, old = AGES[0], AGES[-1]

@@ -29,7 +29,7 @@ _OF_THE_BOUND = 2  # roundings of the bound itself, beside those of what it is a
 
 
 @final
-class Bounds:
+class Certificate:
     """The last feasible cost, the best lower bound of the minimum, and what they tell."""
 
     def __init__(self, base: Light, start: float, negligible: float, tolerance: float) -> None:

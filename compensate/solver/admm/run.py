@@ -42,7 +42,7 @@ import numpy as np
 from compensate.fourier import Fourier
 from compensate.problem import Problem
 from compensate.solver.admm.anderson import Anderson
-from compensate.solver.admm.certificate import Bounds
+from compensate.solver.admm.certificate import Certificate
 from compensate.solver.admm.dome import split_dome
 from compensate.solver.admm.hessian import Planes, Spectra, penalty_of
 from compensate.solver.admm.level import Level
@@ -160,7 +160,7 @@ class _Run:
         raised = max(1.0, level.hessian.strength**1.5 / 6)
         self._penalties = [rho * raised for rho in (first, then, last)]
         negligible = split.problem.negligible if settings.stop_when_invisible else 0.0
-        self._bounds = Bounds(split.base, level.cost, negligible, settings.tolerance)
+        self._certificate = Certificate(split.base, level.cost, negligible, settings.tolerance)
         self._checked_at = 0
         self._plain = False
         self._found = split.base
@@ -168,8 +168,8 @@ class _Run:
     def solve(self, start: Light) -> Status | None:
         """Iterate until there is a reason to stop; None where there is none."""
         split, level = self._split, self._level
-        if level.cost <= self._bounds.negligible:
-            self._bounds.cost = level.cost
+        if level.cost <= self._certificate.negligible:
+            self._certificate.cost = level.cost
             return Status.INVISIBLE
         if start is split.base or _same(start, split.base):
             # Without a name for it here, which would keep its planes
@@ -179,17 +179,17 @@ class _Run:
 
     def result(self, status: Status | None) -> Result:
         """What was found, the base where that is better; but for its optimality, and FFTs."""
-        bounds = self._bounds
-        light, cost = self._found, bounds.cost
+        certificate = self._certificate
+        light, cost = self._found, certificate.cost
         if self._level.cost < cost:
             light, cost = self._split.base, self._level.cost
-        gap = bounds.gap_of(cost)
+        gap = certificate.gap_of(cost)
         return Result(
             light,
             cost,
             math.nan,
             status or Status.EXHAUSTED,
-            bounds.iterations,
+            certificate.iterations,
             0,
             gap if math.isfinite(gap) else None,
         )
@@ -256,7 +256,7 @@ class _Run:
     def _due(self, energy: float, iteration: int) -> bool:
         """Whether to compute a certificate."""
         settings = self._settings
-        likely = self._bounds.likely(energy, iteration)
+        likely = self._certificate.likely(energy, iteration)
         late = iteration - self._checked_at >= settings.check_every
         return iteration == settings.max_iterations or (
             iteration >= settings.first_check and (likely or late)
@@ -271,7 +271,7 @@ class _Run:
         spectra = _x_step(level, s, weights)
         along = hessian.dot(spectra, level.target) if due or guess else 0.0
         if guess:
-            self._bounds.expect(level.cost - 0.5 * along)
+            self._certificate.expect(level.cost - 0.5 * along)
         w = _inverse(hessian.fourier, spectra)
         if due:
             known, free = level.cost - 0.5 * along, []
@@ -282,7 +282,7 @@ class _Run:
             sigma = level.damping
             hessian.solve(free, [sigma] * len(free))
             dual = hessian.energy(free) + sigma * hessian.dot(free, free)
-            self._bounds.raise_to(known - 0.5 * dual)
+            self._certificate.raise_to(known - 0.5 * dual)
         return w
 
     def _cost(self, s: Planes, weights: list[float]) -> float:
@@ -304,15 +304,15 @@ class _Run:
 
     def _checked(self, cost: float, iteration: int) -> Status | None:
         """Note a feasible cost; why to stop, if there is a reason, or when to look again."""
-        bounds, settings = self._bounds, self._settings
-        status = bounds.verdict(cost, iteration)
+        certificate, settings = self._certificate, self._settings
+        status = certificate.verdict(cost, iteration)
         self._checked_at = iteration
         if status is Status.STALLED and not self._plain:
             # It may have been the acceleration, and not rounding.
             self._plain, status = True, None
-            bounds.wait(iteration)
+            certificate.wait(iteration)
         if settings.progress:
-            settings.progress(iteration, bounds.gap)
+            settings.progress(iteration, certificate.gap)
         return status
 
 

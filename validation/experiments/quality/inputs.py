@@ -106,6 +106,17 @@ class Input:
         return PAIRED if self.scene is stereo_at else DOMEMASTERS
 
 
+def reported_domemasters(work: Work) -> tuple[Mapping[str, Input], list[str]]:
+    """Those `wanted` on which nothing was chosen; of a quick run, those that it has."""
+    inputs, left_out = wanted(work)
+    found = {
+        name: one
+        for name, one in inputs.items()
+        if one.kind == DOMEMASTERS and (work.quick or name not in CHOOSING)
+    }
+    return found, left_out
+
+
 def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
     """Inputs by name, and why others are not measured."""
     quick = work.quick
