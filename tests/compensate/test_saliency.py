@@ -200,8 +200,8 @@ def test_borders_are_faded():
     )
     np.testing.assert_allclose(_faded(np.ones((4, 1)), 9).T, np.array([[1, 2, 2, 1]]) / 3)
     picture = scene()
-    for col in (4, 96):
-        picture[46:62, col : col + 12] = 0.6
+    for col in (4, 96):  # no intensity, and so no orientation
+        picture[46:62, col : col + 12] = (0.2, 0.1, 0.2)
     saliency = gbvs(picture)
     assert saliency[54, 10] < 0.8 * saliency[54, 102]
 
