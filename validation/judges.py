@@ -158,6 +158,31 @@ def colorvideovdp_map(
     return float(np.mean([quality for quality, _ in found])), np.stack([lost for _, lost in found])
 
 
+def climbable(reference: Light, scene: Scene) -> tuple[Any, Callable[[Any], Any]]:
+    """Torch, and `colorvideovdp` of one view as a function of a tensor, which torch differentiates.
+
+    Raises
+    ------
+    Missing
+        If cvvdp is not installed.
+    """
+    _, torch = _colorvideovdp()
+    rows, cols = reference.shape[1:3]
+    times, _ = enlargement(scene, rows, cols)
+    inside = torch.tensor(scene.screen(rows, cols)[..., None])
+    to_display = torch.tensor(scene.projector.to_display(np.eye(3)), dtype=torch.float32)
+    metric, wanted = _metric(scene, rows, cols), torch.tensor(_shown(reference, scene))
+
+    def quality(light: Any) -> Any:
+        shown = torch.where(inside, torch.clamp(light[0] @ to_display, min=0), 0.0)
+        for axis in (0, 1):
+            shown = shown.repeat_interleave(times, axis)
+        with _unlogged():
+            return metric.predict(shown * scene.projector.white, wanted, dim_order="HWC")[0]
+
+    return torch, quality
+
+
 def if_installed(
     judge: Callable[[Light, Light, Scene], float], reference: Light, test: Light, scene: Scene
 ) -> float | None:
@@ -312,13 +337,19 @@ def _disc(size: int) -> NDArray[np.bool_]:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """No gradients; no log lines below errors: what domes show is below 1 cd/m², and warned of."""
+    """No gradients, and `_unlogged`."""
     _, torch = _colorvideovdp()
+    with _unlogged(), torch.no_grad():
+        yield
+
+
+@contextmanager
+def _unlogged() -> Iterator[None]:
+    """No log lines below errors: what domes show is below 1 cd/m², and warned of."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
-        with torch.no_grad():
-            yield
+        yield
     finally:
         logging.disable(before)
 
