@@ -161,6 +161,8 @@ def colorvideovdp_map(
 def climbable(reference: Light, scene: Scene) -> tuple[Any, Callable[[Any], Any]]:
     """Torch, and `colorvideovdp` of one view as a function of a tensor, which torch differentiates.
 
+    Pixels are not repeated, for speed: what it says is near `colorvideovdp`, and not the same.
+
     Raises
     ------
     Missing
@@ -168,15 +170,13 @@ def climbable(reference: Light, scene: Scene) -> tuple[Any, Callable[[Any], Any]
     """
     _, torch = _colorvideovdp()
     rows, cols = reference.shape[1:3]
-    times, _ = enlargement(scene, rows, cols)
     inside = torch.tensor(scene.screen(rows, cols)[..., None])
     to_display = torch.tensor(scene.projector.to_display(np.eye(3)), dtype=torch.float32)
-    metric, wanted = _metric(scene, rows, cols), torch.tensor(_shown(reference, scene))
+    wanted = torch.tensor(on_display(reference, scene) * np.float32(scene.projector.white))
+    metric = _metric_of(cols, rows, scene.viewing.pixels_per_degree(rows, cols))
 
     def quality(light: Any) -> Any:
         shown = torch.where(inside, torch.clamp(light[0] @ to_display, min=0), 0.0)
-        for axis in (0, 1):
-            shown = shown.repeat_interleave(times, axis)
         with _unlogged():
             return metric.predict(shown * scene.projector.white, wanted, dim_order="HWC")[0]
 
@@ -266,13 +266,18 @@ def _predicted(
 
 def _metric(scene: Scene, rows: int, cols: int, heatmap: str | None = None) -> Any:
     """ColorVideoVDP for pictures of that size, `_shown`."""
-    cvvdp, torch = _colorvideovdp()
     times, density = enlargement(scene, rows, cols)
+    return _metric_of(cols * times, rows * times, density, heatmap)
+
+
+def _metric_of(cols: int, rows: int, density: float, heatmap: str | None = None) -> Any:
+    """ColorVideoVDP for pictures of that size and pixels per degree."""
+    cvvdp, torch = _colorvideovdp()
     return cvvdp.cvvdp(
         display_photometry=cvvdp.vvdp_display_photo_eotf(
             _BRIGHTEST, contrast=_BRIGHTEST / _DARKEST, EOTF="linear"
         ),
-        display_geometry=cvvdp.vvdp_display_geometry([cols * times, rows * times], ppd=density),
+        display_geometry=cvvdp.vvdp_display_geometry([cols, rows], ppd=density),
         heatmap=heatmap,
         device=torch.device("cpu"),
         quiet=True,
