@@ -170,7 +170,9 @@ def of_rank(rank: int) -> Transport:
     return Transport(THEATRE.dome, tables, core, 0 * core, np.zeros((3, 49, 49)))
 
 
-@pytest.mark.parametrize("rank", [1, 3, 5])
+@pytest.mark.parametrize(
+    "rank", [pytest.param(1, marks=pytest.mark.long), 3, pytest.param(5, marks=pytest.mark.long)]
+)
 def test_cross_validation_finds_the_rank(rank):
     told = responses(seen(of_rank(rank), patterns(), noise=0.003))
     ranks = cross_validated(told, [fitted(told, p) for p in range(3)])
