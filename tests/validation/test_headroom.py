@@ -61,7 +61,10 @@ def test_it_climbs_and_obeys(torch, limb, monkeypatch):
     liked, limit = judged(limb.subtractive)
     better, difference = judged(headroom.climbed(limb, limb.subtractive, 1.2 * limit, 40))
     assert better > 1.02 * liked
-    assert 1.1 * limit < difference < 1.205 * limit
+    assert difference < 1.205 * limit
+    free, far = judged(headroom.climbed(limb, limb.subtractive, 100 * limit, 40))
+    assert free > better
+    assert far > 1.5 * limit
     # The screen alone is lit
     dark = headroom.climbed(limb, limb.subtractive, 1.2 * limit, 2)[:, ~limb.screen]
     np.testing.assert_array_equal(dark, limb.subtractive[:, ~limb.screen])
