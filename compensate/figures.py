@@ -291,7 +291,7 @@ class Appraisal:
 
     @cached_property
     def _rulers(self) -> dict[str, Ruler]:
-        """Of each seat."""
+        """Rulers by the seat's name; that of a single seat has none."""
         seats = {"": self.posed.wanted}
         if isinstance(self.posed.observation, SeveralSeats):
             assert isinstance(self._scene, StereoScene)

@@ -102,7 +102,7 @@ def foreseen(residual: Light, changes: Changes, weigh: Callable[[Light], Array])
 
 
 def _roots(square: float | Floats, crossed: Floats, own: Floats, z: Floats) -> Interval:
-    """Of sqrt(square + 2 z'crossed + z'own z) over (draw, change) z."""
+    """Quantiles of sqrt(square + 2 z'crossed + z'own z) over the draws z (draw, change)."""
     drawn = square + 2 * z @ crossed + np.sum((z @ own) * z, axis=1)
     ends = [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2]
     low, likely, high = np.sqrt(np.maximum(np.quantile(drawn, ends), 0))

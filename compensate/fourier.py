@@ -20,7 +20,8 @@ from domesim.light import Array, namespace, total
 from domesim.light.strips import threads
 
 LIBRARIES = ("mkl_fft.interfaces.scipy_fft", "pyfftw.interfaces.scipy_fft")
-"""Of the extra ``fast``: with SciPy's functions, and about twice as fast."""
+"""FFT libraries of the extra ``fast``, the one to prefer first. They have SciPy's functions and are
+about twice as fast."""
 
 
 @final

@@ -394,7 +394,7 @@ class _Eye:
 
     @cached_property
     def _saliency(self) -> Planes:
-        """Of eq. 14: the pollution of one eye is the other's picture."""
+        """(view, row, col) saliency of eq. 14: an eye's pollution is the other's picture."""
         pictures = [self._salient(eye) for eye in self._projector.to_display(self._picture)]
         return np.stack(pictures[::-1])  # eq. 14
 

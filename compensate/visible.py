@@ -19,8 +19,8 @@ from compensate.weighting import Masked
 from domesim.light import Light
 
 SEEN = Prediction(combination=Combination.LOCAL_CONTRAST)
-"""Of the masks that were tried the nearest to what ColorVideoVDP marks (``validate --only
-only_visible``, note 0009)."""
+"""The prediction whose mask, of all that were tried, is nearest to what ColorVideoVDP marks
+(``validate --only only_visible``, note 0009)."""
 
 PAPERS = Prediction(combination=Combination.PAPER)
 """As eqs. 12 to 14 have it."""

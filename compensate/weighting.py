@@ -270,7 +270,7 @@ class CsfWeighting(Weighting):
         return light
 
     def _counting(self, light: Light, support: Array) -> Callable[[int, slice], Array]:
-        """Of rows of a view, (row, col): the root of how much each pixel counts."""
+        """Returns (view, rows) -> (row, col), the root of how much each pixel counts."""
         xp, root = namespace(light), self._like(light)[3]
 
         def counting(view: int, rows: slice) -> Array:
@@ -432,7 +432,8 @@ def csf_gains(
 
 
 Sensitivity: TypeAlias = Callable[[Any, Any], NDArray[np.floating[Any]]]
-"""Of frequency, cycles/degree, and orientation, radians: the same at two that mirror each other."""
+"""Sensitivity at frequency, cycles/degree, and orientation, radians: the same at two that mirror
+each other."""
 
 
 def _daly(viewing: Viewing) -> Sensitivity:

@@ -25,7 +25,7 @@ BRIGHTER = (10, 5, 2)
 TOO_BRIGHT = 0.25
 """Share of a crop that may be shown white."""
 WIDTH = 400
-"""Of a crop on the page, about, pixels."""
+"""Width of a crop on the page, about, pixels."""
 
 
 @final

@@ -10,9 +10,9 @@ from domesim.light import Light
 from domesim.scene import Scene
 
 DISPARITY = 0.02
-"""Of what moves before a stereo pair, in shares of the width."""
+"""Disparity of what moves before a stereo pair, in shares of the width."""
 RADIUS = 0.04
-"""Of what moves, in shares of the width."""
+"""Radius of what moves, in shares of the width."""
 COLOUR = (1.0, 0.9, 0.8)
 
 

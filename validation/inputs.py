@@ -25,19 +25,20 @@ CROSSTALK = (0.02, 0.05, 0.1)
 """Shares of light that reach the other eye."""
 ALBEDOS = (0.3, 0.5, 0.7)
 LUMINANCES = (5.0, 15.0, 48.0)
-"""Of white, cd/m²: a giant dome's, a planetarium's that is bright, a cinema's."""
+"""Luminances of white, cd/m²: a giant dome's, a planetarium's that is bright, a cinema's."""
 CHOSEN_CROSSTALK = ((0.02, 48.0), (0.05, 15.0), (0.1, 48.0), (0.1, 5.0))
 CHOSEN_ALBEDOS = ((0.3, 5.0), (0.5, 15.0), (0.7, 48.0))
 """With luminances of white, where the choosing half is shown."""
 USUAL_CROSSTALK, USUAL_ALBEDO, USUAL_LUMINANCE = 0.05, 0.5, 15.0
-"""Of pictures; and the luminance that variants are tried at."""
+"""Usual crosstalk and albedo, at which pictures are shown; and the luminance of white, cd/m², at
+which variants are tried."""
 SEQUENTIAL_CONTRAST = 2000.0
 """White over black: the least of the reference projector in SMPTE RP 431-2:2011 (doi
 10.5594/SMPTE.RP431-2.2011), which allows theatres less."""
 ADAPTATION = 0.1
 """Adaptation luminance, of white."""
 PAIRS = ("trunks", "fog", "motorcycle", pairs.SEQUENCE[0])
-"""Of the test data."""
+"""Pairs of the test data."""
 DOMES: Mapping[str, str] = {
     "full dome": "dm3d_fulldome_2K.jpg",
     "pillars": "dm3d_pillars_hdr_512.exr",
@@ -69,7 +70,7 @@ CHOOSING = frozenset(
 WIDEST, DOME_SIZE = 512, 384
 """Pixels."""
 QUICK_WIDTH, QUICK_SIZE = 96, 64
-"""Of the pair and the domemaster of a quick run."""
+"""Width of the pair and size of the domemaster of a quick run, pixels."""
 
 PAIRED, DOMEMASTERS = "pairs", "domemasters"
 """Kinds of inputs."""

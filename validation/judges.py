@@ -225,7 +225,7 @@ def _of_both(
 def _predicted(
     reference: Light, test: Light, scene: Scene, heatmap: str | None = None
 ) -> tuple[float, NDArray[np.float32]]:
-    """Of one view, ColorVideoVDP's JOD and (row, col) heatmap: JOD lost, 0 if not asked for."""
+    """ColorVideoVDP's JOD of one view and a (row, col) heatmap: JOD lost, 0 if not asked for."""
     rows, cols = reference.shape[1:3]
     shown = [_shown(light, scene) for light in (test, reference)]
     with quiet():

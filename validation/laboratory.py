@@ -66,9 +66,9 @@ class Faults:
 
 
 NOISE = 0.01
-"""Of a pixel of an ordinary camera's, as of `Faults`."""
+"""Noise of a pixel of an ordinary camera, as in `Faults`."""
 ORDINARY = Faults(NOISE, vignetting=0.02, camera_m=(0.02, -0.01, 0.02), turn_deg=(0.2, 0.3, -0.2))
-"""Of a camera that was placed with some care."""
+"""Faults of a camera that was placed with some care."""
 
 
 def patterns_for(dome: Dome, size: int) -> Floats:

@@ -51,7 +51,7 @@ class Agreement:
     veils: tuple[int, int]
 
     def __add__(self, other: Agreement) -> Agreement:
-        """Of both."""
+        """Agreement over the pixels of both."""
 
         def summed(one: Iterable[int], two: Iterable[int]) -> tuple[int, ...]:
             return tuple(a + b for a, b in zip(one, two, strict=True))
@@ -77,7 +77,7 @@ class Agreement:
 
 
 def agreement(posed: Posed, light: Light) -> Agreement:
-    """Of what is projected.
+    """Compares the prediction's masks with the judge's marks for light that is projected.
 
     Raises
     ------

@@ -38,7 +38,7 @@ FINEST = 65535
 STEPS = 16
 """How often `top` may be divided by the root of 2."""
 LEAST, PER_OCTAVE = 0.05, 16
-"""Of maps: the faintest difference, JND, and codes of an octave."""
+"""Faintest difference of a map, JND; and codes in an octave of differences."""
 
 _ESCAPE = 255  # what does not fit into a byte follows in two
 _SAMPLE = 8  # sizes are estimated from one row of so many

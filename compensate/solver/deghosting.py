@@ -65,7 +65,7 @@ from domesim.observation.stereo import StereoObservation
 Floats = NDArray[np.float64]
 
 PIXELS_AT_ONCE = 65536
-"""Of perceptual subtraction, which needs about 1 kB a pixel."""
+"""Pixels that perceptual subtraction does at a time: it needs about 1 kB for each."""
 
 NEGLIGIBLE_DELTA_E = 1e-3
 """A thousandth of a just-noticeable difference, and about float32's rounding."""

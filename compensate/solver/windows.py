@@ -111,7 +111,7 @@ def joined(boxes: Iterable[Box], reach: int, overhead: int) -> tuple[Box, ...]:
 
 
 def _pixels(box: Box, reach: int) -> int:
-    """Of a window's padded plane."""
+    """Pixels of a window's padded plane."""
     rows, cols = (side.stop - side.start + 2 * reach for side in box)
     return int(rows * cols)
 
@@ -224,6 +224,6 @@ def _padded(side: slice, outer: slice, reach: int) -> int:
 
 
 def _sampled(gain: NDArray[Any], places: Any) -> NDArray[np.floating[Any]]:
-    """Of one channel at (row, column) frequencies; it is even in both."""
+    """Interpolates the gain of one channel at (row, column) frequencies; it is even in both."""
     half = gain[: gain.shape[0] // 2 + 1]
     return np.asarray(map_coordinates(half, places, order=1, mode="nearest"))

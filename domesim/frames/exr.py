@@ -32,7 +32,7 @@ Attributes: TypeAlias = dict[bytes, bytes]
 
 
 def carried_of(content: bytes | mmap) -> tuple[bytes, ...]:
-    """Of each part: its attributes that say nothing of how, or what, pixels are stored.
+    """Returns, for each part, its attributes that say nothing of how, or what, pixels are stored.
 
     Raises
     ------

@@ -139,7 +139,7 @@ def stated_views(attributes: Sequence[tuple[str, str, Any]]) -> tuple[str, ...]:
 
 
 def channels_by_view(channels: Sequence[str], views: Sequence[str]) -> tuple[dict[int, str], ...]:
-    """Of each view: which channels are its own -> what they are called without its name.
+    """Maps each view's own channels, by index, to their names without the view's name.
 
     What belongs to no view (``disparity.x``) goes with the default view, which comes first.
     """

@@ -63,7 +63,7 @@ class Photometry:
 
     @property
     def white(self) -> float:
-        """Of a white frame, cd/m²."""
+        """Luminance of a white frame, cd/m²: direct, reflected and black together."""
         return self.direct + self.reflected + self.black
 
     @property

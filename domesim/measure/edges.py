@@ -29,7 +29,7 @@ and a picture whose last pixels are not like the others."""
 _SHARE = 1 / 6
 """The same as a share of the shortest side, at most."""
 _ENDS = 0.9
-"""Of a side's half: beyond, the neighbouring side is near."""
+"""Share of each half of a side that is looked at; beyond, the neighbouring side is near."""
 _LEAST_STEP = 5.0
 """Height of a step over its residuals (root mean square) from which it is one."""
 _WIDEST_BLUR = 3.0

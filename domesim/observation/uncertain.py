@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 SIGMAS = 1.96
 """Standard errors to either side of a 95 % interval."""
 _RINGS = 48
-"""Of the points by which means over a dome are taken."""
+"""Rings of points by which means over a dome are taken."""
 
 
 class Changes(ABC):
@@ -225,7 +225,7 @@ class _PairChanges(Changes):
 
 @final
 class _SeatChanges(Changes):
-    """Of the matrices, the first changes; of this seat's map, those from `start`."""
+    """Changes of a seat: those of the matrices are first, those of its map begin at `start`."""
 
     def __init__(
         self,

@@ -48,7 +48,7 @@ class Observed:
 
     @property
     def standard_error(self) -> Light:
-        """Of `mean`."""
+        """Standard error of `mean`, in the same shape."""
         square = self.indirect.standard_error[None] ** 2
         if self.ambient is not None:
             square = square + self.ambient.standard_error[None] ** 2

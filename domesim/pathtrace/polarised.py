@@ -40,7 +40,7 @@ _Floats = NDArray[np.float64]
 _LAUNCH = 1 << 18
 """Paths that are computed before anyone may interrupt: a second or few."""
 _LENS_RADIUS = 0.05
-"""Of the outer sphere round a lens, m, at least."""
+"""Least radius of the outer sphere round a lens, m."""
 _APART = 4e-4
 """And at least so many times the largest of its coordinates, and a metre: Mitsuba lets a ray go on
 from a quarter of that beyond what it has met, and must not miss the other sphere."""

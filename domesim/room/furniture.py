@@ -30,9 +30,9 @@ from domesim.host.files import read_plain
 from domesim.room.theatre import Albedo, Point, Solid, Viewpoint
 
 EYE_HEIGHT = 1.2
-"""Of the eyes of a seated person above their feet, m."""
+"""Height of the eyes of a seated person above their feet, m."""
 MANIKIN_HEIGHT = 1.75
-"""Of a standing person, m."""
+"""Height of a standing person, m."""
 
 _AISLE = 0.6  # of a riser beyond the outermost seats, m
 _BEHIND = 0.5  # from a seat's place to the end of its riser, m

@@ -24,7 +24,8 @@ from domesim.scene.writing import as_toml
 GIVEN = "given"
 
 ALBEDO, PERFORATION, WHITE, CONTRAST = 0.58, 0.216, 7.0, 5000.0
-"""Of a dome whose owner does not say: as of the bundled `dome_planetarium`."""
+"""Albedo, open share, white (cd/m²) and contrast of a dome whose owner does not say: those of the
+bundled `dome_planetarium`."""
 MATTE = 0.95
 """Largest gain that a matte surface is believed to have."""
 _ROUGHNESS = 0.3

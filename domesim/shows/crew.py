@@ -218,7 +218,7 @@ def be_quiet() -> None:
 
 
 def _environment(threads: int) -> dict[str, str]:
-    """Of workers: one frame's threads, and BLAS within them."""
+    """Environment of workers: threads of one frame, and BLAS within them."""
     single = dict.fromkeys(("MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     return {**single, "OMP_NUM_THREADS": str(threads), "PYTHONWARNINGS": "ignore"}
 

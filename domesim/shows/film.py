@@ -150,7 +150,7 @@ class Films:
         return ColourTag(*colours.pop(), "domesim"), frames
 
     def _digest(self, colour: ColourTag, frames: Iterable[str]) -> str:
-        """Of all that a video depends on."""
+        """Digest of all that a video depends on."""
         how = asdict(self.format), str(self.timing), self.dither, str(self.sounds)
         told = [list(frames), asdict(colour), *how]
         return hashlib.sha256(json.dumps(told).encode()).hexdigest()

@@ -332,7 +332,7 @@ def _refusal(
 
 @cache
 def versions() -> dict[str, str]:
-    """Of what results are made with."""
+    """Versions of Python and of the packages that results are made with."""
     found = {"python": platform.python_version()}
     for package in _PACKAGES:
         with suppress(PackageNotFoundError):

@@ -507,7 +507,7 @@ class _Telling:
         return all(order in self._ended for order in orders)
 
     def done(self) -> Done:
-        """Of all, in order."""
+        """Sums up all frames, in order."""
         done, left = Done(), 0
         for order in self._orders:
             outcome = self._ended.get(order)

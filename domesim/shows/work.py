@@ -36,7 +36,7 @@ from domesim.shows.show import Show
 from domesim.shows.small import small_of, write_small
 
 Files: TypeAlias = tuple[Path, ...]
-"""Of one moment: one, or left and right."""
+"""Files of one moment: one, or left and right."""
 
 Note: TypeAlias = Callable[[str], None]
 """Told how the frame under way gets on."""
@@ -464,7 +464,7 @@ class _Writer:
 
 
 def _maker() -> dict[str, Any]:
-    """Of `Finished`: the process itself."""
+    """Fields of `Finished` about this process; memory is in bytes."""
     return {
         "host": socket.gethostname(),
         "pid": os.getpid(),

@@ -26,7 +26,7 @@ QUARTER = 90.0
 """Retardance of a quarter of a wave, degrees."""
 
 Hand = Literal["left", "right"]
-"""Of circularly polarised light; a reflection near the normal turns one into the other."""
+"""Sense of circularly polarised light; a reflection near the normal turns one into the other."""
 
 
 @final

@@ -383,7 +383,7 @@ class _Units:
         self._units, self._repeats = (pair, clip), repeats
 
     def times(self, run: Callable[[], float]) -> _Times:
-        """Of `run`, which says how many seconds it took; each between measurements of the units.
+        """Median of the times that `run` returns; units are measured before and after each.
 
         A machine that others use, too, is now faster and now slower.
         """
@@ -431,7 +431,7 @@ def _remembered(case: Case, path: Path) -> float:
 
 
 def _digest(task: Task) -> str:
-    """Of all that the least cost depends on."""
+    """Digest of all that the least cost depends on."""
     problem = task.problem
     found = hashlib.sha256(np.ascontiguousarray(problem.desired).tobytes())
     # What is seen of noise and how it is weighted stand for observation and weighting

@@ -41,7 +41,7 @@ from validation.seen import BANDS, halos, mean_within, saturation_and_hue, struc
 Floats = NDArray[np.floating[Any]]
 
 THEATRE = "dome_imax"
-"""Of the demo; the others are looked at when there is time."""
+"""Theatre of the demo; the others are looked at when there is time."""
 OTHERS = ("dome_planetarium", "dome_hemisphere")
 TITLES: Mapping[str, str] = {
     "master": "Master",
@@ -49,12 +49,12 @@ TITLES: Mapping[str, str] = {
     "subtractive": "Seen, subtractive",
     "perceptual": "Seen, perceptual",
 }
-"""Of the pictures."""
+"""Titles of the pictures, by method."""
 ROWS: Mapping[str, str] = {**TITLES, "raised-black": "Seen, raised black"}
 BRIGHTER = 8
 """How many times brighter than they are the pictures are shown."""
 REACH = 1.0
-"""Of detail, degrees."""
+"""Reach of detail (sigma of the mean that is subtracted), degrees."""
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ STANDING = 6
 START, END = (0.7, 0.3), (0.9, 0.3)
 """Way of the disc."""
 STANDS = 0.4
-"""Of the width, from the left: what stands still, far from the disc."""
+"""Share of the width, from the left, that stands still, far from the disc."""
 
 ALONE, TIGHTER, WARM, WARM_TIGHTER = (
     "alone, 1e-3 (the product's)",
@@ -133,7 +133,7 @@ class Shown:
 
     @property
     def ffts(self) -> float:
-        """Of planes, a frame."""
+        """Mean number of FFTs of planes a frame."""
         return float(np.mean([result.ffts for result in self.results]))
 
 

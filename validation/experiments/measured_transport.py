@@ -104,7 +104,7 @@ _SMALL: Mapping[str, Any] = {
 @final
 @dataclass(frozen=True)
 class Effort:
-    """Of photographs and of what they are compared with.
+    """Effort spent on photographs and on what they are compared with.
 
     Parameters
     ----------

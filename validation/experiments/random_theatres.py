@@ -45,7 +45,7 @@ ENERGY, TABULATED, OTHER = "energy", "render and tabulate", "render and Radiance
 SIZE = 32
 """Pixels a side of the pictures."""
 BATCHES = 12
-"""Of walks that an energy balance takes."""
+"""Batches of walks that an energy balance takes."""
 
 
 @final

@@ -44,7 +44,8 @@ Noise = Callable[[np.random.Generator, Floats], Floats]
 QUICK, FULL = 2, 40
 """Theatres a case."""
 RESOLUTION = 6
-"""Of radiosity, in which photographs are computed and explained: what differs is nobody's error."""
+"""Resolution of radiosity, in which photographs are computed and explained: what differs is
+nobody's error."""
 PATTERN, PHOTOGRAPH = 128, 96
 GAIN = (0.6, 0.8, 1.0)
 AMBIENT = 0.003

@@ -45,7 +45,7 @@ VIDEOS, CHOICES = 6, 20
 """Choices between stills; videos, and choices between two conditions of each."""
 
 FALSE_ALARM = 0.05
-"""Of all three pairs together."""
+"""Probability of a false alarm in any of the three pairs together."""
 
 
 @dataclass(frozen=True)

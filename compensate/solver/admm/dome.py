@@ -110,7 +110,7 @@ def _hessian(
 
 @final
 class DomeHessian(Hessian):
-    """Of one view with low-rank pollution, on padded planes (primary).
+    """Hessian of one view with low-rank pollution, on padded planes (primary).
 
     Parameters
     ----------
@@ -334,7 +334,7 @@ class DomeHessian(Hessian):
         return self._arranged(np.einsum("pq,jk->pqjk", np.eye(count), one))
 
     def _small_inverse(self, sigma: tuple[float, ...]) -> Any:
-        """Of M^-1 + Z' B^-1 Z, M^-1 = [[0, I], [I, -U'WU]]; rows and columns (primary, mode)."""
+        """Inverse of M^-1 + Z' B^-1 Z by (primary, mode); M^-1 = [[0, I], [I, -U'WU]]."""
         if sigma not in self._small:
             count, modes = len(self.metric), self.core.shape[-1]
 

@@ -118,7 +118,7 @@ class Hessian(ABC):
 
 @final
 class ViewsHessian(Hessian):
-    """Of views that are seen by themselves: whatever is not in w mixes no frequencies.
+    """Hessian of views that are seen by themselves: whatever is not in w mixes no frequencies.
 
     Parameters
     ----------

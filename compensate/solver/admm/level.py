@@ -60,7 +60,7 @@ class Mixing(ABC):
 
     @abstractmethod
     def curvature(self, p: int, rows: slice) -> Value:
-        """Of a light plane, <M u, M u> of each pixel."""
+        """<M u, M u> of each pixel, where u is 1 in light plane `p` and 0 in all others."""
 
     @abstractmethod
     def coarser(self) -> Mixing:

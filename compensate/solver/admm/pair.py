@@ -38,7 +38,7 @@ from domesim.observation.seats import SeveralSeats
 from domesim.observation.stereo import StereoObservation
 
 Two: TypeAlias = tuple[Any, Any]
-"""Of the left view, and of the right one."""
+"""Values of the left view, and of the right one."""
 
 _ROUNDS = 60  # of leaks into other primaries: each makes them less by a factor of them
 _SWEEPS = 4  # over mixed primaries: ADMM does with nearly the best, its certificate holds for any
@@ -345,7 +345,7 @@ def _scaled(plane: Any, value: Value) -> Any:
 
 
 def _sum(weights: Sequence[float], planes: Planes) -> Any:
-    """Of planes times weights; None where all are 0."""
+    """Weighted sum of planes; None where all weights are 0."""
     result = None
     for weight, plane in zip(weights, planes, strict=True):
         if weight:

@@ -9,7 +9,7 @@ from compensate.solver.admm.hessian import each_strip
 from domesim.light import Array, namespace
 
 Value: TypeAlias = float | Array
-"""Of all pixels, or (row, col)."""
+"""One value for all pixels, or a (row, col) plane of them."""
 
 
 def padded(picture: Array, fourier: Fourier) -> Array:

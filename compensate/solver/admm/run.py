@@ -286,7 +286,7 @@ class _Run:
         return w
 
     def _cost(self, s: Planes, weights: list[float]) -> float:
-        """Of s's feasible planes."""
+        """Cost of the feasible planes that belong to s."""
         level, hessian = self._level, self._level.hessian
         planes = level.feasible(s, weights)
         regulariser, spectra = level.regulariser(planes), []

@@ -134,7 +134,7 @@ class Camera:
 
 
 def folding(field: float) -> float:
-    """Of a pinhole of that field: the distortion at which its picture's corners fold back."""
+    """Distortion (< 0) with which a pinhole's corners fold back; its field is in radians."""
     return float(-1 / (3 * (_CORNER * np.tan(field / 2)) ** 2))
 
 

@@ -298,7 +298,7 @@ class _Problem:
 
     @property
     def degrees(self) -> int:
-        """Of freedom: data less ambient light and parameters."""
+        """Degrees of freedom: the number of data less those of ambient lights and parameters."""
         free = 3 * sum(name not in self._known for name in self._names)
         if self._white:
             free += 3 if GAIN in self._known else 1
@@ -488,7 +488,7 @@ class _Problem:
         return True
 
     def _confusions(self, covariance: Floats, answered: NDArray[np.bool_]) -> tuple[str, ...]:
-        """Of each primary that is not answered: the change that the data notice least."""
+        """Tells, for each primary that is not answered, the change that the data notice least."""
         count, lines = self._count, []
         scales = self._scales()[:count]
         for p in np.flatnonzero(~answered.all(1)):

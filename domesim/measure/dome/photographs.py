@@ -343,7 +343,7 @@ def _like_their_cells(places: Floats, cell: NDArray[np.int64], chosen: NDArray[n
 def _noise(
     light: Floats, label: NDArray[np.int64], value: Floats, pixels: NDArray[np.int64]
 ) -> list[list[PixelNoise]]:
-    """Of each photograph and primary, from differences of neighbours."""
+    """Noise by photograph and primary, from differences of neighbouring pixels."""
     pairs = (label[:, 1:] == label[:, :-1]) & (label[:, 1:] >= 0)
     own = label[:, 1:][pairs]
     count = np.bincount(own, minlength=len(pixels))

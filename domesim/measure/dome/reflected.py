@@ -41,7 +41,7 @@ from domesim.measure.dome.responses import Responses
 Floats = NDArray[np.float64]
 
 DECAY, MIXING = 0.4, 0.25
-"""Of tabulated theatres, about."""
+"""DECAY and MIXING of the module's docstring: about those of tabulated theatres."""
 CAUTION = 2.0
 TRIED = {
     "size": (0.003, 0.006, 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4),
@@ -345,7 +345,7 @@ class _System:
         return np.asarray(found.reshape(self._count, -1))
 
     def uncertainty(self, expectation: Expectation, mean: float) -> Uncertainty:
-        """Of the most probable core."""
+        """Uncertainty of the most probable core."""
         return Uncertainty(self._factor(expectation, mean), self._turn)
 
     def most_probable(self, start: Expectation, mean: float) -> Expectation:

@@ -37,7 +37,7 @@ BINS = 72
 _CELLS = 4
 """Areas a side of a photograph in which noise is measured."""
 _MEDIAN = float(chi2.median(1))
-"""Of the square of a standard normal number."""
+"""Median of the square of a standard normal number."""
 _FINEST = 256
 """Pixels a side of patterns, of which finer detail does not show in reflected light."""
 

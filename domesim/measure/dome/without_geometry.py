@@ -30,7 +30,7 @@ from domesim.scene.writing import as_toml
 Floats = NDArray[np.float64]
 
 DEGREE = 6
-"""Of the functions on the screen, as of tabulated transports."""
+"""Degree of the functions on the screen, the same as that of tabulated transports."""
 _AMBIENT_DEGREE = 3
 _FADING = 0.4
 """Standard deviation of ambient light's parts of one degree over that of the degree below."""

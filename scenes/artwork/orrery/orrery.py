@@ -27,7 +27,7 @@ from domesim.pathtrace.solids import (
 from scenes.artwork.night.noise import Floats
 
 CENTRE = np.array([0.0, 3.2, 6.6])
-"""Of the sun, in the hall."""
+"""Place of the sun in the hall, m."""
 
 LEAN = np.radians(15.0)
 FRAME = np.array(
@@ -91,7 +91,7 @@ PLANETS = (
 )  # fmt: skip
 
 RINGS = ((0.64, 0.76, 0.30), (0.78, 0.96, 0.85), (1.00, 1.13, 0.60), (1.15, 1.18, 0.35))
-"""Of the ringed planet: inner and outer radius (m), and how bright."""
+"""Rings of the ringed planet: inner and outer radius (m), and brightness."""
 
 
 @final
