@@ -23,7 +23,7 @@ def faded(first: Light, last: Light, count: int) -> Iterator[Light]:
 
 
 def even_grey(picture: Light, scene: Scene, level: float) -> Light:
-    """That much light on the screen, of a picture's shape."""
+    """Even light of a level on the screen, in a picture's shape."""
     inside = scene.screen(*picture.shape[1:3])[None, :, :, None]
     return np.where(inside, np.float32(level), np.zeros_like(picture))
 
@@ -40,7 +40,7 @@ def moving_disc(
     start, end
         (x, y) of the disc's centre, in shares of the width.
     count
-        Of frames.
+        Number of frames.
     """
     rows, cols = picture.shape[1:3]
     y, x = (np.mgrid[:rows, :cols] + 0.5) / cols

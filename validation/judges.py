@@ -46,7 +46,7 @@ DISC = 0.2
 """Radius of the black disc around the zenith, that of the picture's circle = 1."""
 
 _BRIGHTEST, _DARKEST = 1e4, 0.005
-"""cd/m²: ColorVideoVDP clips below 0.005 in any case."""
+"""Range of luminances, cd/m²: ColorVideoVDP clips below 0.005 in any case."""
 
 
 def flip(reference: Light, test: Light, scene: Scene) -> float:
@@ -312,7 +312,7 @@ def _disc(size: int) -> NDArray[np.bool_]:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """No gradients; no log lines below errors: what domes show is below 1 cd/m², and warned of."""
+    """Turns off gradients, and log lines below errors: pictures below 1 cd/m² are warned of."""
     _, torch = _colorvideovdp()
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
@@ -325,7 +325,7 @@ def quiet() -> Iterator[None]:
 
 @cache
 def _colorvideovdp() -> tuple[Any, Any]:
-    """Its module and torch, which take seconds to import."""
+    """ColorVideoVDP's module and torch, which take seconds to import."""
     try:
         import torch  # noqa: PLC0415
 

@@ -144,7 +144,7 @@ def validate(
     quick
         Whether minutes matter more than accuracy.
     seed
-        Of all random numbers.
+        Seed of all random numbers.
     fresh
         Measure everything anew.
 

@@ -52,10 +52,11 @@ class Windows:
     reach
         How far around each is looked, pixels.
     solver
-        Of each.
+        Solver of each rectangle.
     overhead
-        Pixels that take as long as what a window takes whatever its size. The least of what was
-        tried that makes no picture slower than as a whole (``validation/notes/0009``).
+        Cost of a window that does not depend on its size, as the pixels that take as long. It is
+        the least value tried that makes no picture slower than as a whole
+        (``validation/notes/0009``).
     """
 
     boxes: tuple[Box, ...]
@@ -64,7 +65,7 @@ class Windows:
     overhead: int = 10_000
 
     def __call__(self, problem: Problem, start: Light) -> Result:
-        """Solve it, from a NumPy `start`.
+        """Solve the problem from a NumPy `start`.
 
         Raises
         ------

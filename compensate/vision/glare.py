@@ -129,11 +129,11 @@ class StrayLight:
         light
             (..., row, col), any unit, 0 off the screen.
         pixels_per_degree
-            Of the picture.
+            Resolution of the picture.
 
         Returns
         -------
-        Of the same shape, float32; also off the screen.
+        y, of the same shape, float32; also off the screen.
 
         Raises
         ------

@@ -56,13 +56,14 @@ class Sequence:
     Attributes
     ----------
     seconds
-        Of its first `FRAMES`, from the first file to the last, with some seconds of the start.
+        Seconds of its first `FRAMES`, from the first file to the last, with some seconds of the
+        start.
     longer
-        Of all `MORE` frames, likewise.
+        Seconds of all `MORE` frames, likewise.
     solver
-        Of the solver alone, `FRAMES` one after the other.
+        Seconds of the solver alone, `FRAMES` one after the other.
     files
-        Of reading the masters and writing the results, likewise.
+        Seconds of reading the masters and writing the results, likewise.
     """
 
     seconds: float

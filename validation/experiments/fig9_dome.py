@@ -52,7 +52,7 @@ TITLES: Mapping[str, str] = {
 """Titles of the pictures, by method."""
 ROWS: Mapping[str, str] = {**TITLES, "raised-black": "Seen, raised black"}
 BRIGHTER = 8
-"""How many times brighter than they are the pictures are shown."""
+"""Factor by which the pictures are brightened."""
 REACH = 1.0
 """Reach of detail (sigma of the mean that is subtracted), degrees."""
 

@@ -167,7 +167,7 @@ class Fade:
     flicker
         In it.
     ffts
-        Of planes, a frame.
+        FFTs of planes, a frame.
     """
 
     wanted: list[float]
@@ -190,7 +190,7 @@ class Way:
     Attributes
     ----------
     ffts
-        Of planes, a frame.
+        FFTs of planes, a frame.
     flicker
         In the whole picture.
     standing

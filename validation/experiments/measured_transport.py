@@ -111,9 +111,9 @@ class Effort:
     photograph, walks
         Pixels a side, and walks a pixel.
     degree
-        Of functions on the screen.
+        Degree of functions on the screen.
     error, most
-        Of tabulation: error to reach, and most walks.
+        Error to reach in tabulation, and most walks.
     size, walks_seen
         Pixels a side of masters, and walks a pixel when they are looked at.
     """

@@ -91,7 +91,7 @@ class Area:
     Attributes
     ----------
     share
-        Of the picture.
+        Share of the picture.
     ffts, iterations, seconds
         As the paper's columns; FFTs of the whole picture's planes, and shares of them.
     """

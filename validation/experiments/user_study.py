@@ -59,7 +59,7 @@ class Totals:
     ways
         In which the choices of the three pairs can add up to them.
     concluded
-        Of these, in how many perceptual compensation is significantly preferred to both others.
+        Number of these in which perceptual compensation is significantly preferred to both others.
     """
 
     wins: tuple[int, ...]
