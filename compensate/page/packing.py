@@ -59,9 +59,9 @@ class Packed:
     top, peak
         As in the module's docstring; `peak` in units of projector white.
     bases
-        Of each picture, the numbers of those that it is predicted from.
+        Numbers of the pictures that each picture is predicted from.
     payloads
-        Of each picture, base64.
+        The pictures, in base64.
     """
 
     top: int

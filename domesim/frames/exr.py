@@ -84,7 +84,7 @@ def _headers(content: bytes | mmap) -> tuple[list[Attributes], int]:
 
 
 def _attributes(content: bytes | mmap, position: int) -> tuple[Attributes, int]:
-    """Those from a place on up to the end of their header, and the place behind it."""
+    """Attributes from a place on up to the end of their header, and the place behind it."""
     found: Attributes = {}
     while (letter := content[position : position + 1]) != b"\0":
         named = content.find(b"\0", position)

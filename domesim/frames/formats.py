@@ -51,7 +51,7 @@ DEPTHS = {
 LARGEST_SIDE = 32768
 """Pixels; a header that claims more is taken for damaged, before memory is asked for."""
 SQUARE = 0.01
-"""By how much a pixel's sides may differ, of 1: ratios are told in few digits."""
+"""Largest difference of a pixel's sides, relative: ratios are told in few digits."""
 INTEGER = {"uint8": 8, "uint16": 16}
 FLOATING = {"half": 16, "float": 32}
 _LARGEST_HALF = 65504.0

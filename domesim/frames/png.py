@@ -14,7 +14,7 @@ from typing import Any, final
 # What libpng knows of colour; OpenImageIO writes its own in their place and loses cHRM.
 COLOUR_CHUNKS = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
 CARRIED_CHUNKS = (b"tEXt", b"zTXt", b"iTXt", b"eXIf", b"tIME", b"pHYs", b"oFFs", b"sCAL")
-"""Those that tell of the picture what is true of another one in its place."""
+"""Chunks that tell of the picture what is true of another one in its place."""
 _KEPT = (b"IHDR", b"PLTE", b"iCCP", b"IDAT", b"IEND")
 
 

@@ -341,7 +341,7 @@ def _is_straight(spec: Any, name: str, container: Container) -> bool:
 
 
 def _pixel_notes(path: Path, spec: Any, name: str, container: Container) -> tuple[str, ...]:
-    """What is to be said of the pixels' shape; refuse pictures that are not of square ones."""
+    """Notes on the pixels' shape; refuses pictures whose pixels are not square."""
     stated = spec.getattribute("PixelAspectRatio")
     if container.radiance is not None:
         stated = container.radiance.pixel_aspect

@@ -156,7 +156,7 @@ def channels_by_view(channels: Sequence[str], views: Sequence[str]) -> tuple[dic
 
 
 def _is_exr(path: Path) -> bool:
-    """By its first bytes, as OpenImageIO knows it; what cannot be read is for others to say."""
+    """Whether the first bytes are an EXR's, as for OpenImageIO; errors are for others to tell."""
     try:
         with path.open("rb") as file:
             return file.read(4) == b"v/1\x01"

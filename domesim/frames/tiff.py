@@ -45,7 +45,7 @@ class Entry:
     Parameters
     ----------
     place
-        Of its twelve bytes (twenty in BigTIFF).
+        Place of its twelve bytes (twenty in BigTIFF).
     kind
         Type of its values.
     values

@@ -235,7 +235,7 @@ def _refused(path: Path) -> Iterator[None]:
 
 
 def _opened(video: Path) -> tuple[Any, Stream]:
-    """Its container and picture."""
+    """The container and the picture of a video."""
     av = pyav(video)
     with _refused(video):
         # No playlists and the like, which name other files

@@ -71,8 +71,8 @@ def write_frame(
         ``.exr``, ``.png``, ``.tif``, ``.tiff``, ``.dpx``, ``.jpg``, ``.jpeg``, ``.jp2``, ``.j2k``,
         ``.j2c``, ``.jpc``.
     bits
-        Of a sample: EXR 16 or 32 (float), PNG 8 or 16, TIFF 8 or 16 (integer) or 32 (float), DPX
-        and JPEG 2000 8, 10, 12 or 16, JPEG 8.
+        Bits of a sample: EXR 16 or 32 (float), PNG 8 or 16, TIFF 8 or 16 (integer) or 32 (float),
+        DPX and JPEG 2000 8, 10, 12 or 16, JPEG 8.
     dither
         Round to integers with noise instead (`domesim.frames.dithering`), seeded by the numbers in
         the name of the file that `frame` came from.

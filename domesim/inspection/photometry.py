@@ -38,11 +38,11 @@ class Photometry:
     Parameters
     ----------
     direct, reflected
-        Of a white frame, cd/m².
+        Direct and reflected luminance of a white frame, cd/m².
     black
-        Of a black frame, cd/m².
+        Luminance of a black frame, cd/m².
     lit, dark
-        Of the fields of a checkerboard, cd/m².
+        Luminances of the fields of a checkerboard, cd/m².
     lumens
         Flux of white on the screen, lm.
     evened

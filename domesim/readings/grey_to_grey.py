@@ -36,7 +36,7 @@ slopes between them."""
 @final
 @dataclass(frozen=True, eq=False)
 class MeasuredGreyToGrey:
-    """What leaks to one eye, for each pair of levels.
+    """Light that leaks to one eye, for each pair of levels.
 
     Parameters
     ----------

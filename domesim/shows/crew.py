@@ -47,7 +47,7 @@ class Crew:
     workers
         Processes on this machine.
     threads
-        Of each.
+        Threads of each worker.
     scheduler
         Address of a Dask scheduler whose workers are used instead, such as ``tcp://node1:8786``.
     resources
@@ -104,7 +104,7 @@ def client_of(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
 
 @contextmanager
 def _own_workers(crew: Crew) -> Iterator[Client]:
-    """Those of this machine."""
+    """Client of workers on this machine."""
     from distributed import Client, LocalCluster  # noqa: PLC0415
 
     with contextlib.ExitStack() as stack:

@@ -228,7 +228,7 @@ def place_of(output: Path, suffix: str) -> Path:
 
 
 def timing_asked(show: Show, fps: float | None) -> Timing:
-    """As asked for, as the first master says, or the usual."""
+    """Timing as asked for, as the first master says, or the usual."""
     found = timing_of(show.moments[0][0], USUAL_RATE)
     if fps is None or abs(fps - found.rate) < 1e-3:
         return found

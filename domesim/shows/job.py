@@ -50,7 +50,7 @@ class Record:
     figures, line, seconds
         As of `Finished`.
     sources
-        Of each file of the master: size, time of its last change (ns), SHA-256.
+        Facts of each file of the master: size, time of its last change (ns), SHA-256.
     maker
         As of `Finished`.
     results
@@ -59,7 +59,7 @@ class Record:
     settings
         SHA-256 of the settings it was made with.
     versions
-        Of what made it.
+        Versions of what made it.
     """
 
     figures: dict[str, Any]

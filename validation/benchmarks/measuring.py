@@ -103,7 +103,7 @@ class Cost:
     seen
         The lights on the way.
     stops
-        Of the product's solver.
+        Stops of the product's solver.
     """
 
     problem: str
@@ -217,7 +217,7 @@ def measure(case: Case, name: str, least: float | None, settings: Settings) -> C
     case
         The problem.
     name
-        Of the solver.
+        Name of the solver.
     least
         The least cost; None to measure only how the product's solver runs.
     settings
@@ -271,7 +271,7 @@ def traced(
     case
         The problem.
     name
-        Of the solver, in `SOLVERS`.
+        Name of the solver, in `SOLVERS`.
     least
         The least cost.
     goal, budget

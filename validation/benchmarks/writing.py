@@ -39,7 +39,7 @@ class Growth:
     a, b
         s, and s for each n log2 n.
     r_squared
-        Of the fit.
+        R² of the fit.
     ratios
         Measured over fitted seconds, by size.
     """

@@ -108,7 +108,7 @@ class Cell:
     flip, quality
         FLIP, and ColorVideoVDP in JOD: means of both eyes; None if not installed.
     seconds, ffts
-        Of the solution.
+        Seconds and FFTs of the solution.
     status
         Name of the solver's `Status`.
     gap

@@ -70,7 +70,7 @@ class Seen:
     coarse_detail
         The same of structure of 2 to 10 degrees, outside the lit buildings.
     correlation
-        Of the (fine) dark detail.
+        Correlation of the (fine) dark detail with that of the master.
     fine_contrast
         Rms of the dark detail over the mean of dark pixels within about a degree.
     contrast

@@ -196,11 +196,11 @@ class Way:
     standing
         In a master that stands still, the largest change of projected light.
     change, change_best
-        Of the part that stands still: JND that 99.9 % of the changes of what is seen there do not
-        exceed, and the optimum's.
+        JND that 99.9 % of the changes of what is seen in the part that stands still do not exceed,
+        and the optimum's.
     codes
-        Of the same part, the largest change of what is seen in 10 bit codes (gamma 2.4) and in 12
-        bit codes (gamma 2.6) that 99.9 % do not exceed, and the optimum's.
+        Change of what is seen in that part, in 10 bit codes (gamma 2.4) and in 12 bit codes (gamma
+        2.6), that 99.9 % do not exceed, and the optimum's.
     level, level_best
         Mean luminance that is seen there, frame by frame; white = 1.
     """
@@ -228,7 +228,7 @@ class Judged:
     Attributes
     ----------
     film, best
-        Of what is seen, and would be seen of the optimum.
+        JOD of what is seen, and of what would be seen of the optimum.
     standing
         Mean of its frames, each standing still as a film.
     stills

@@ -147,7 +147,8 @@ class Room:
     exhausted
         Whether more patterns were asked for.
     reflected
-        Of white, in the second primary: measured, its standard error, tabulated.
+        Mean reflected light of white in the second primary: measured, its standard error,
+        tabulated.
     off, closed_off
         Relative rms errors of the reflected light of a night and a day: measured; closed form.
     held

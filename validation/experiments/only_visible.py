@@ -110,7 +110,7 @@ class Shown:
     Attributes
     ----------
     pixels
-        Of a view.
+        Pixels of a view.
     mask, windows
         Shares of the screen that are predicted to be seen after subtraction, and that changed.
     ffts, seconds

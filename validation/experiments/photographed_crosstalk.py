@@ -71,7 +71,7 @@ class Screen:
     off
         Way -> rms relative error of the cells.
     corners_off, corners_z
-        Of corners found by edges: rms error in pixels, and in standard errors; NaN if not found.
+        Rms error of corners found by edges, in pixels, and in standard errors; NaN if not found.
     """
 
     held: dict[str, float]

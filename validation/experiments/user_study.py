@@ -149,7 +149,8 @@ def videos(wins: int, false_alarm: float, *, correct: bool) -> Videos:
     wins
         Choices for perceptual compensation in all six.
     false_alarm
-        Of two-sided binomial tests: of each; or of all together, with Holm's correction.
+        Probability of a false alarm in two-sided binomial tests: of each; or of all together, with
+        Holm's correction.
     correct
         Whether with it.
     """

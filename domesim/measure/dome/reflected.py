@@ -85,7 +85,7 @@ class Core:
     expectation
         What was expected.
     uncertainty
-        Of C.
+        Uncertainty of C.
     """
 
     core: Floats

@@ -70,7 +70,7 @@ class Responses:
     functions: Floats
 
     def only(self, kept: NDArray[np.bool_]) -> Responses:
-        """Those of some photographs (photograph,) bool."""
+        """Responses of some photographs, chosen by (photograph,) bool."""
         return replace(
             self,
             value=self.value[kept],
@@ -100,7 +100,7 @@ def responses_of(
     photographs
         What was seen of them.
     degree
-        Of the functions on the screen.
+        Degree of the functions on the screen.
     margin
         Distance that is kept from edges, radians of the camera's view.
 

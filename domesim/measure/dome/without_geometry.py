@@ -83,7 +83,7 @@ class Found:
 
     @property
     def misfit(self) -> float:
-        """By which standard errors have been widened for residuals beyond noise."""
+        """Factor by which standard errors have been widened for residuals beyond noise."""
         return float(np.sqrt(max(1.0, self.chi2 / self.degrees)))
 
 

@@ -52,7 +52,7 @@ class Body:
     name
         Which surface it has.
     radius
-        Of the ball, m.
+        Radius of the ball, m.
     orbit
         Radius of its orbit, m.
     turns
@@ -62,7 +62,7 @@ class Body:
     spins
         Turns about its own axis in a loop.
     tilt
-        Of that axis, degrees.
+        Tilt of that axis, degrees.
     moons
         Bodies that go round it.
     """
@@ -122,7 +122,7 @@ class Orrery:
     Parameters
     ----------
     seed
-        Of everything random: where the planets start, their surfaces, the stars.
+        Seed of everything random: where the planets start, their surfaces, the stars.
     loop
         Seconds after which everything is where it was.
     """
