@@ -276,13 +276,14 @@ def _write_pages(folder: Path, study: Study, sittings: int) -> None:
         "script": Markup(template("play.js")),
         "data": Markup(_data(study)),
     }
-    for name, more in {
-        "index.html": ("play.html.j2", play),
-        "print.html": ("print.html.j2", {}),
-        "preregistration.md": ("preregistration.md.j2", {"masters": study.masters}),
-    }.items():
-        text = pages.get_template(more[0]).render({**facts, **more[1]})
-        write_whole(folder / name, text.encode())
+    sources: dict[str, dict[str, Any]] = {
+        "index.html": play,
+        "print.html": {},
+        "preregistration.md": {"masters": study.masters},
+    }
+    for name, more in sources.items():
+        source = pages.get_template(f"{name.replace('index', 'play')}.j2")
+        write_whole(folder / name, source.render({**facts, **more}).encode())
 
 
 def _data(study: Study) -> str:

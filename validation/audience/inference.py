@@ -23,10 +23,10 @@ viewers, and needs six for p < 0.05. Pairs are corrected after Holm.
 those of viewers, by the sandwich B^-1 M B^-1 [5] with B the information of all choices and
 M = V / (V - 1) sum s_i s_i' of the viewers' scores.
 
-[1] J. N. K. Rao and A. J. Scott, J. Am. Stat. Assoc. 76, 221 (1981). [2] E. B. Wilson, J. Am. Stat.
-Assoc. 22, 209 (1927). [3] E. L. Korn and B. I. Graubard, Survey Methodology 24, 193 (1998), who take
-Clopper's and Pearson's interval. [4] R. A. Fisher, The Design of Experiments (1935), section 21.
-[5] K.-Y. Liang and S. L. Zeger, Biometrika 73, 13 (1986).
+[1] J. N. K. Rao and A. J. Scott, J. Am. Stat. Assoc. 76, 221 (1981). [2] E. B. Wilson, J. Am.
+Stat. Assoc. 22, 209 (1927). [3] E. L. Korn and B. I. Graubard, Survey Methodology 24, 193 (1998),
+who take Clopper's and Pearson's interval. [4] R. A. Fisher, The Design of Experiments (1935),
+section 21. [5] K.-Y. Liang and S. L. Zeger, Biometrika 73, 13 (1986).
 """
 
 from __future__ import annotations

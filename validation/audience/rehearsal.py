@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import expit
 
+from validation.audience.design import plan
 from validation.audience.files import Answer, Answers, Study
 
 
@@ -48,3 +49,35 @@ def one_key(study: Study, number: int, choice: int) -> Answers:
 def _answered(study: Study, number: int, choices: Sequence[int]) -> Answers:
     given = tuple(Answer(trial=k, choice=choice) for k, choice in enumerate(choices))
     return Answers(study=study.digest, viewer=number, name=str(number), answers=given)
+
+
+def planned(
+    masters: Sequence[str], methods: Sequence[str], *, viewers: int, seed: int = 0, repeats: int = 2
+) -> Study:
+    """A study without pictures, of which only the plan matters.
+
+    Parameters
+    ----------
+    masters, methods, viewers, seed, repeats
+        As of `design.plan`; the number of viewers.
+    """
+    plans = (
+        plan(masters, methods, viewer=number, seed=seed, repeats=repeats)
+        for number in range(1, viewers + 1)
+    )
+    return Study(
+        version="",
+        scene="",
+        show="display",
+        stereo=True,
+        question="",
+        together=False,
+        seconds=1.0,
+        white=1.0,
+        seed=seed,
+        repeats=repeats,
+        methods=tuple(methods),
+        masters=dict.fromkeys(masters, ()),
+        pictures={},
+        viewers=tuple(plans),
+    )

@@ -1,13 +1,13 @@
 """The pictures of a study: each master by each method, and once spoilt.
 
-For a *room* they are what the theatre is sent: the room itself adds the stray light. For a *display*
-at home they are what is seen in the theatre, stray light and all. Both are in the display's own
-light, BT.709 primaries and 1.0 = white. Pictures of a room's seen light may be brighter than the
+For a *room* they are what the theatre is sent: the room itself adds the stray light. For a
+*display* at home they are what is seen in the theatre, stray light and all. Both are in the
+display's own light, BT.709 primaries and 1.0 = white. What is seen may be brighter than the
 projector's white; then all pictures of the study are divided by one factor, and the display's white
 must be that much brighter.
 
-The *spoilt* picture is for trials with a right answer. It has half of the light of both eyes in each
-view and a veil of `VEIL` of white, and is dimmed by as much as that adds: whoever looks sees it.
+The *spoilt* picture is for trials with a right answer. Each view has half of the light of both eyes
+and a veil of `VEIL` of white, and is dimmed by as much as that adds: whoever looks sees it.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _picture(master: Master, posed: Posed, condition: str, light: Light, *, room
 
 
 def write_picture(shown: Light, stem: Path, *, white: float) -> None:
-    """Write a picture for a browser: 8 bit sRGB, dithered; ``..._L.png`` and ``..._R.png`` of pairs.
+    """Write a picture for a browser, 8 bit sRGB and dithered; a file for each view.
 
     Parameters
     ----------

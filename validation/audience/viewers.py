@@ -1,13 +1,13 @@
 """How each viewer answered: told beside the results, and a reason to look, never to drop anybody.
 
-*Catch trials* have a right answer. Who guesses gets each right by 1/2; a viewer whose number of
-right ones is likelier than 5 % by guessing, and who got one wrong, is told to have guessed. *Sides*: first and second are
-shown equally often; who chooses one of them so often that a fair coin does it in 1 of 1000 viewers
-is told to prefer a side. *Agreement* is the share of pairs that were shown twice and got the same
-answer; by guessing it is 1/2. *Circles* are masters of which A was preferred to B, B to C and C to A
-(Kendall and Babington Smith, Biometrika 31, 324, 1940), of all triples of methods that were decided.
-*Otherwise* than others: the log-likelihood of the viewer's choices by the shares of all, over what
-it would be of the average viewer, in its standard deviations; below -3 it is told.
+*Catch trials* have a right answer. Who guesses gets each right by 1/2. It is told of a viewer who
+got one wrong, if as many right ones are likelier than 5 % by guessing. *Sides*: first and second
+are right equally often. It is told of who chooses one of them so often that a fair coin does it in
+1 of 1000 viewers. *Agreement* is the share of pairs that were shown twice and got the same answer;
+by guessing it is 1/2. *Circles* are masters of which A was preferred to B, B to C and C to A
+(Kendall and Babington Smith, Biometrika 31, 324, 1940), of all triples of methods that were
+decided. *Otherwise* than others: the log-likelihood of the viewer's choices by the shares of all,
+over what it would be of the average viewer, in its standard deviations; below -3 it is told.
 """
 
 from __future__ import annotations

@@ -43,6 +43,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "table1",
         "only_visible",
         "user_study",
+        "audiences",
     ),
     "What it costs": ("costs", "shows"),
 }
