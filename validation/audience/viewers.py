@@ -182,7 +182,7 @@ def _circles(study: Study, answers: Answers) -> tuple[int, int]:
             leads = [lead[master, a, b], lead[master, b, c], lead[master, c, a]]
             if all(leads):
                 triples += 1
-                circles += abs(sum(np.sign(leads))) == 3
+                circles += len(set(np.sign(leads).tolist())) == 1
     return circles, triples
 
 
