@@ -16,9 +16,7 @@ from compensate.compensating import Compensating, line_of
 from compensate.devices import CPU
 from compensate.master import Figures
 from compensate.methods import METHODS, Solver
-from domesim.batch.run import FRAME_TIMEOUT, Running
-from domesim.choice import SceneChoice
-from domesim.cli import (
+from domesim.commands.options import (
     TPDF,
     Anew,
     Bits,
@@ -53,12 +51,14 @@ from domesim.cli import (
     scene_of,
     writing_of,
 )
-from domesim.console import Console, about
-from domesim.console import prepare as prepare_folder
 from domesim.errors import InputError
 from domesim.frames import Master, read_master, write_master
+from domesim.host.console import Console, about
+from domesim.host.console import prepare as prepare_folder
 from domesim.scene import DomeScene, Scene
-from domesim.shows import find_show
+from domesim.scene.choice import SceneChoice
+from domesim.shows.run import FRAME_TIMEOUT, Running
+from domesim.shows.show import find_show
 
 Method = Annotated[
     str, typer.Option(help=f"What to project: {', '.join(METHODS)}.", show_default=True)

@@ -17,7 +17,7 @@ from compensate.page import Figure, View, write_page
 from domesim.frames import Master
 from domesim.light import Light
 from domesim.scene import DomeScene, Scene
-from domesim.screening import encoded
+from domesim.scene.screening import encoded
 
 PERCEPTUAL = ("Seen, perceptual", "the master's contrasts and hues, over the black that is left")
 DOME = {

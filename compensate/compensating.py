@@ -16,12 +16,12 @@ from compensate.methods import Solver, perceptual, require_method
 from compensate.visible import OnlyVisible
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
-from domesim.batch.small import thinned
-from domesim.batch.work import Column, Judged, Note, Recipe, Work, Write, Writing
-from domesim.choice import SceneChoice
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.scene import Scene, StereoScene
+from domesim.scene.choice import SceneChoice
+from domesim.shows.small import thinned
+from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
 
 PAPER, CONTRAST = "paper", "contrast"
 """What a picture can be made for: the paper's least squares, or its contrasts (the aim)."""

@@ -20,8 +20,8 @@ import psutil
 
 import domesim
 from compensate.fourier import transforms
-from domesim.cli import Json, Quiet
-from domesim.console import Console, sized
+from domesim.commands.options import Json, Quiet
+from domesim.host.console import Console, sized
 
 _LIBRARIES = ("numpy", "scipy", "openimageio", "mitsuba", "drjit", "typer", "pydantic")
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")

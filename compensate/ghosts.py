@@ -63,7 +63,7 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d
 from compensate.problem import Problem
 from compensate.solver.deghosting import clipped_subtraction, uncorrectable
 from domesim.light import Light
-from domesim.strips import in_strips
+from domesim.light.strips import in_strips
 
 BEST_FREQUENCY = 3.0
 """Where the eye's contrast sensitivity is highest, cycles/degree."""

@@ -33,6 +33,7 @@ from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighti
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Light, require_light
+from domesim.light.strips import all_within, in_strips
 from domesim.observation.base import AdjointObservation, Observation
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -40,8 +41,7 @@ from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.seats import SeveralSeats
 from domesim.observation.uncertain import Uncertain
 from domesim.scene import Scene, StereoScene
-from domesim.screening import decoded, encoded, mean_luminance, within_range
-from domesim.strips import all_within, in_strips
+from domesim.scene.screening import decoded, encoded, mean_luminance, within_range
 
 NEGLIGIBLE = 0.001
 """Visible error, JND rms, for which no solver need go on."""
@@ -405,8 +405,8 @@ def compensate(
     Raises
     ------
     InputError
-        If the master leaves 0..1 on the screen (see `domesim.screening.within_range`), or an aim
-        is asked for with an observation of one's own.
+        If the master leaves 0..1 on the screen (see `domesim.scene.screening.within_range`), or an
+        aim is asked for with an observation of one's own.
     """
     if observation is not None or isinstance(weighting, Weighting):
         if isinstance(weighting, Aim):
@@ -633,7 +633,7 @@ def _require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:
     if outside:
         raise InputError(
             f"desired light must lie in 0..1 on the screen, got {outside} values that do not; "
-            f"bring it within range first (domesim.screening.within_range)"
+            f"bring it within range first (domesim.scene.screening.within_range)"
         )
 
 

@@ -41,7 +41,7 @@ from compensate.packing import (
 from compensate.vision.differences import EXPONENT, JOD, STILL, in_thresholds
 from domesim.errors import InputError
 from domesim.frames import write_whole
-from domesim.theatre import Theatre
+from domesim.room.theatre import Theatre
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 Mask: TypeAlias = NDArray[np.bool_]

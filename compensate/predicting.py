@@ -28,11 +28,7 @@ from compensate.prediction import (
 )
 from compensate.vision.glare import StrayLight
 from compensate.vision.tvi import MesopicBlend
-from domesim.batch.run import FRAME_TIMEOUT, Done, Running
-from domesim.batch.small import thinned
-from domesim.batch.work import Column, Judged, Note, Recipe, Work, Write, Writing
-from domesim.choice import SceneChoice
-from domesim.cli import (
+from domesim.commands.options import (
     Anew,
     Checksums,
     DryRun,
@@ -60,15 +56,19 @@ from domesim.cli import (
     require_one_seat,
     scene_of,
 )
-from domesim.console import Console
 from domesim.errors import InputError
 from domesim.frames import ColourTag
 from domesim.frames.colour import colour_chunks
 from domesim.frames.png import with_colour_chunks
 from domesim.frames.whole import write_together
 from domesim.frames.writing import bare_specification, encode, state_exr_compression
+from domesim.host.console import Console
 from domesim.observation.stereo import VIEWS
-from domesim.shows import Show, find_show
+from domesim.scene.choice import SceneChoice
+from domesim.shows.run import FRAME_TIMEOUT, Done, Running
+from domesim.shows.show import Show, find_show
+from domesim.shows.small import thinned
+from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
 
 Threshold = Annotated[
     float | None,

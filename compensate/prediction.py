@@ -69,8 +69,8 @@ from compensate.vision.saliency import gbvs
 from compensate.vision.tvi import MesopicBlend, threshold
 from domesim.errors import InputError
 from domesim.light import Light
-from domesim.strips import in_strips
-from domesim.viewing import DomeSeat, Viewing
+from domesim.light.strips import in_strips
+from domesim.room.viewing import DomeSeat, Viewing
 
 Planes = NDArray[np.float32]
 Mask = NDArray[np.bool_]

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from compensate.fourier import Fourier, padded_size
 from compensate.vision.csf import LowFrequencyFloor, daly
 from domesim.light import Array, Light, dot, kind, namespace, require_light
-from domesim.projector import Projector
-from domesim.strips import in_parts, in_strips
-from domesim.viewing import Viewing
+from domesim.light.strips import in_parts, in_strips
+from domesim.observation.projector import Projector
+from domesim.room.viewing import Viewing
 
 Gains: TypeAlias = NDArray[np.floating[Any]]
 

@@ -33,7 +33,7 @@ from domesim.frames import read_master
 from domesim.frames.jpeg import joined_pair
 from domesim.frames.png import chunk
 from domesim.frames.video import is_video
-from domesim.sequences import find_moments
+from domesim.shows.sequences import find_moments
 
 ROWS, COLS = 40, 53
 PROFILE = (f"uint8[{icc_profile('a').size}]", icc_profile("a", "P3-D65"))

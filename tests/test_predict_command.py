@@ -16,9 +16,9 @@ from compensate.master import pose_frame
 from compensate.predicting import Predicting
 from compensate.prediction import MARKED, Prediction, regions, remaining, triage
 from compensate.visible import SEEN
-from domesim.choice import SceneChoice
 from domesim.frames import read_master
 from domesim.scene import load_scene
+from domesim.scene.choice import SceneChoice
 
 DOME, STEREO = "dome_hemisphere", "stereo_polarised_paper"
 ROWS, COLS = 60, 96

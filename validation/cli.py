@@ -9,10 +9,10 @@ from typing import Annotated, final
 
 import typer
 
-from domesim.cli import Json, Quiet
-from domesim.console import Console, prepare
+from domesim.commands.options import Json, Quiet
 from domesim.errors import InputError
-from domesim.strips import cores
+from domesim.host.console import Console, prepare
+from domesim.light.strips import cores
 from validation.benchmarks import writing
 from validation.benchmarks.measuring import Cost, Settings, costs
 from validation.benchmarks.problems import PROBLEMS

@@ -26,7 +26,7 @@ from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, linear_ycbcr
 from domesim.light import Light
 from domesim.observation.crosstalk import Crosstalk
-from domesim.viewing import Viewing
+from domesim.room.viewing import Viewing
 
 RANGES = ((0.0, 1.0), (-0.5, 0.5), (-0.5, 0.5))
 """Of Y, Cb and Cr."""

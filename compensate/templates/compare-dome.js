@@ -1,7 +1,7 @@
 "use strict";
 // The dome from a seat: rays from the eye to the screen, whose light is the picture's there. It is the
 // same from everywhere, for the screen is matt. Lengths are in metres, in the room's frame: x to the
-// audience's right, y to their front, z up; the dome's frame leans by its tilt (domesim/dome.py).
+// audience's right, y to their front, z up; the dome's frame leans by its tilt (domesim/room/dome.py).
 const domesimDome = (() => {
   const { page } = domesimLight;
   const { dome } = page;

@@ -29,8 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 from compensate.fourier import Fourier
 from compensate.vision.csf import daly
 from domesim.errors import InputError
-from domesim.strips import in_strips
-from domesim.viewing import Viewing
+from domesim.light.strips import in_strips
+from domesim.room.viewing import Viewing
 
 Floats = NDArray[np.floating[Any]]
 Planes = NDArray[np.float32]

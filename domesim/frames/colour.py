@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
-from domesim import ocio
 from domesim.errors import InputError
 from domesim.frames import icc
 from domesim.frames.formats import FLOATING, label
@@ -26,6 +25,7 @@ from domesim.frames.jpeg2000 import states_srgb
 from domesim.frames.messages import one_line
 from domesim.frames.png import chunk, chunks_of
 from domesim.frames.radiance import Radiance
+from domesim.light import ocio
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ColourTag:
     ----------
     transfer
         "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084" or "dcdm"; or a
-        space of OpenColorIO, whose light is in ACES AP0 (`domesim.ocio`).
+        space of OpenColorIO, whose light is in ACES AP0 (`domesim.light.ocio`).
     primaries
         "BT.709", "P3-D65", "P3-DCI", "BT.2020", "XYZ", "ACES AP0" or "ACES AP1".
     source

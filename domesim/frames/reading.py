@@ -31,7 +31,7 @@ from domesim.frames.jpeg2000 import is_associated
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
 from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size
-from domesim.strips import converted
+from domesim.light.strips import converted
 
 
 def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:

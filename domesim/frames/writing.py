@@ -41,7 +41,7 @@ from domesim.frames.messages import problem_of
 from domesim.frames.orientation import UPRIGHT, turned_back
 from domesim.frames.png import with_carried_chunks, with_colour_chunks, with_utf8_text
 from domesim.frames.whole import write_whole
-from domesim.strips import converted
+from domesim.light.strips import converted
 
 
 def write_frame(

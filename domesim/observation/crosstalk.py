@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
 from domesim.light import Array, Light, kind, namespace
+from domesim.light.strips import in_strips
 from domesim.observation.stereo import VIEWS, StereoObservation, require_black
-from domesim.strips import in_strips
 
 
 @final

@@ -17,10 +17,10 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.light import Array, Light
 from domesim.observation.lowrank import LowRank, LowRankObservation
+from domesim.room.dome import Dome
 
 
 def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:

@@ -15,15 +15,15 @@ from compensate.aim import Aim
 from compensate.compensating import CONTRAST, PAPER, Compensating
 from compensate.master import preferred
 from compensate.weighting import PerceptualWeighting
-from domesim.batch.estimate import estimate
-from domesim.batch.run import Done, Running, each_frame
-from domesim.batch.work import Recipe, Writing
-from domesim.choice import SceneChoice
-from domesim.console import Console
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, write_frame
+from domesim.host.console import Console
 from domesim.scene import load_scene
-from domesim.shows import Show, find_show
+from domesim.scene.choice import SceneChoice
+from domesim.shows.estimate import estimate
+from domesim.shows.run import Done, Running, each_frame
+from domesim.shows.show import Show, find_show
+from domesim.shows.work import Recipe, Writing
 from validation.benchmarks.schedulers import scheduler
 
 LINEAR = ColourTag("linear", "BT.709", "the test")

@@ -25,8 +25,8 @@ from compensate.solver.result import Status
 from compensate.weighting import CsfWeighting
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.projector import conversion
 from domesim.observation.seats import SeveralSeats
-from domesim.projector import conversion
 
 ROWS, COLS = 9, 11
 SHARE = 0.5 + np.random.default_rng(1).random((2, ROWS, COLS))

@@ -10,9 +10,9 @@ import pytest
 from foreseeing import held, left, night, posed_in
 
 from domesim.observation.radiosity import radiosity
+from domesim.room.theatre import Floor
 from domesim.scene import DomeScene, load_scene
 from domesim.scene.dome_file import MeasuredSection
-from domesim.theatre import Floor
 
 SIZE = 32
 

@@ -19,7 +19,7 @@ from compensate.vision.masking import (
     transducer,
 )
 from domesim.errors import InputError
-from domesim.viewing import Viewing
+from domesim.room.viewing import Viewing
 
 ROWS, COLS, PER_DEGREE = 96, 128, 16.0
 SEAT = Viewing(extent=COLS / PER_DEGREE, image_area=48.0, distance=3.0, adaptation=5.0)

@@ -31,10 +31,10 @@ from domesim.frames import (
     write_frame,
     write_master,
 )
-from domesim.projector import Projector
+from domesim.observation.projector import Projector
+from domesim.room.theatre import Theatre
 from domesim.scene import load_scene
-from domesim.screening import decoded, encoded, within_range
-from domesim.theatre import Theatre
+from domesim.scene.screening import decoded, encoded, within_range
 from validation.masters import night
 
 SRGB = ColourTag("srgb", "BT.709", "the test")

@@ -18,9 +18,9 @@ from scipy.ndimage import map_coordinates
 from viewer import Viewer, assert_shown, open_page, srgb
 
 from compensate.page import Figure, View, _reduce, write_page
-from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.theatre import Floor, Theatre, Viewpoint
+from domesim.room.dome import Dome
+from domesim.room.theatre import Floor, Theatre, Viewpoint
 
 ROWS, COLS, WHITE = 60, 84, 48.0  # not square: rows and columns cannot be mistaken
 LUMA = np.array([0.2126, 0.7152, 0.0722])

@@ -18,8 +18,8 @@ from viewer import Viewer, assert_shown, open_page, srgb
 
 from compensate.page import Figure, View, write_page
 from compensate.vision.differences import EXPONENT, JOD, STILL
-from domesim.dome import Dome
-from domesim.theatre import Floor, Theatre, Viewpoint, Wall
+from domesim.room.dome import Dome
+from domesim.room.theatre import Floor, Theatre, Viewpoint, Wall
 
 SIDE, WHITE = 96, 48.0
 SEATS = {

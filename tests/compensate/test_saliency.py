@@ -13,7 +13,7 @@ from compensate.vision.saliency import (
     gbvs,
 )
 from domesim.errors import InputError
-from domesim.transfer import SRGB
+from domesim.light.transfer import SRGB
 
 RNG = np.random.default_rng(7)
 GRID = (5, 7)

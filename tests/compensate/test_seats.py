@@ -11,10 +11,10 @@ from compensate.master import pose
 from compensate.prediction import Combination, Prediction, predict, remaining
 from compensate.vision.differences import visible_difference
 from compensate.vision.resolution import by_resolution
-from domesim.dome import Dome
 from domesim.errors import InputError
+from domesim.room.dome import Dome
+from domesim.room.viewing import DomeSeat, from_dome_centre
 from domesim.scene import load_dome
-from domesim.viewing import DomeSeat, from_dome_centre
 
 
 def test_the_scale_is_that_of_the_solid_angle_from_the_seat():

@@ -26,9 +26,9 @@ from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
 from compensate.weighting import PerceptualWeighting
-from domesim.dome import Dome
+from domesim.room.dome import Dome
+from domesim.room.theatre import Theatre
 from domesim.scene import load_dome
-from domesim.theatre import Theatre
 from validation.benchmarks import problems
 from validation.experiments.convergence import dense
 from validation.masters import night
@@ -431,7 +431,7 @@ def test_nothing_is_of_double_precision_on_the_way(monkeypatch):
 )
 def test_the_memory_that_large_frames_take_is_planned(name, large, most, monkeypatch):
     """In padded planes; strips are made small, for they are as large as such a small picture."""
-    monkeypatch.setattr("domesim.strips.SAMPLES", 10_000)
+    monkeypatch.setattr("domesim.light.strips.SAMPLES", 10_000)
     monkeypatch.setattr("compensate.solver.admm.level.is_large", lambda plane: large)
     task = problems.PROBLEMS[name][1](512).single
     fourier = task.problem.weighting.fourier

@@ -17,12 +17,12 @@ from compensate.ruler import Ruler
 from compensate.solver.deghosting import clipped_subtraction
 from compensate.solver.result import Status
 from compensate.weighting import PerceptualWeighting
-from domesim import transfer
 from domesim.frames import ColourTag, Frame, Master
+from domesim.light import transfer
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.scene import Scene, load_scene
+from domesim.scene.screening import decoded, encoded, mean_luminance, within_range
 from domesim.scene.stereo import StereoScene
-from domesim.screening import decoded, encoded, mean_luminance, within_range
 
 LINEAR = ColourTag("linear", "BT.709", "the test")
 SRGB = ColourTag("srgb", "P3-D65", "the test")

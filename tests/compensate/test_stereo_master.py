@@ -20,8 +20,8 @@ from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, Master
 from domesim.observation.crosstalk import leak_matrices
 from domesim.scene import StereoScene, load_stereo
+from domesim.scene.screening import decoded
 from domesim.scene.stereo import Seat
-from domesim.screening import decoded
 
 LINEAR = ColourTag("linear", "BT.709", "the test")
 ROWS, COLS = 40, 64

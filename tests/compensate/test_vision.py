@@ -11,7 +11,7 @@ from theatres import BT709
 from compensate.vision.csf import LowFrequencyFloor, daly
 from compensate.weighting import CsfWeighting, PerceptualWeighting, csf_gains, linear_ycbcr
 from domesim.errors import InputError
-from domesim.viewing import of_flat_screen
+from domesim.room.viewing import of_flat_screen
 
 PAPER = {"adaptation": 5.0, "distance": 3.0, "image_area": 1282.28}
 

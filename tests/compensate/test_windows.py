@@ -24,11 +24,11 @@ from compensate.solver.result import Result, Status
 from compensate.solver.windows import Windows, joined
 from compensate.visible import SEEN, OnlyVisible
 from compensate.weighting import PerceptualWeighting
-from domesim.dome import Dome
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.spherical import ClosedFormDome
+from domesim.room.dome import Dome
+from domesim.room.viewing import Viewing
 from domesim.scene import load_dome, load_stereo
-from domesim.viewing import Viewing
 
 ROWS, COLS = 120, 200
 DENSITY = 20.0

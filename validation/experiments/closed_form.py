@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from domesim.dome import Dome
 from domesim.observation.base import AdjointObservation
 from domesim.observation.spherical import ClosedFormDome, bare_gain
 from domesim.pathtrace.tracer import Settings, Traced, Tracer
-from domesim.theatre import Theatre
+from domesim.room.dome import Dome
+from domesim.room.theatre import Theatre
 from validation.drawing import plot
 from validation.experiment import (
     Check,

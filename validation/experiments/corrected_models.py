@@ -26,13 +26,13 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import ClosedFormDome
 from domesim.observation.transport import Transport
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Traced, Tracer
-from domesim.theatre import Floor, Lobe, Theatre, Wall
+from domesim.room.dome import Dome
+from domesim.room.theatre import Floor, Lobe, Theatre, Wall
 from validation.drawing import plot
 from validation.experiment import (
     Check,

@@ -44,7 +44,7 @@ from compensate.solver.result import Result, Status
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
-from domesim.screening import decoded, within_range
+from domesim.scene.screening import decoded, within_range
 from validation import drawing, films, judges, masters, pairs
 from validation.experiment import (
     Check,

@@ -34,7 +34,7 @@ from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.scene import DomeScene, load_dome
-from domesim.screening import decoded, mean_luminance, within_range
+from domesim.scene.screening import decoded, mean_luminance, within_range
 from validation import judges
 from validation.drawing import pictures, plot
 from validation.experiment import (

@@ -17,7 +17,7 @@ from image_files import store
 from domesim.frames import read_frame, write_frame
 from domesim.frames.encodings import encoding_named
 from domesim.frames.jpeg2000 import boxes_of
-from domesim.transfer import named
+from domesim.light.transfer import named
 
 ROWS, COLS = 33, 40
 NOTE = "over black where its alpha lets it through"

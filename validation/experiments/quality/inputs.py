@@ -13,7 +13,7 @@ import numpy as np
 from domesim.frames import Master, read_master
 from domesim.light import Light
 from domesim.scene import DomeScene, Scene, StereoScene, load_scene
-from domesim.screening import decoded, within_range
+from domesim.scene.screening import decoded, within_range
 from validation import content, masters, pairs
 from validation.experiment import Work
 from validation.experiments.deghosting import SCENE as STEREO_SCENE
