@@ -13,7 +13,7 @@ from statsmodels.genmod.generalized_linear_model import GLM
 
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
-from domesim.transfer import named
+from domesim.light.transfer import named
 from validation.audience import power
 from validation.audience.analysis import analyse_study
 from validation.audience.design import CATCH, SPOILT, TRAINING, plan

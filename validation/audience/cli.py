@@ -10,8 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from compensate.methods import methods_of
-from domesim.choice import SceneChoice
-from domesim.cli import (
+from domesim.commands.options import (
     EncodingName,
     Identical,
     Json,
@@ -21,10 +20,11 @@ from domesim.cli import (
     TransportFile,
     scene_of,
 )
-from domesim.console import Console, prepare
 from domesim.errors import InputError
 from domesim.frames import Master, write_whole
-from domesim.shows import Show, find_show
+from domesim.host.console import Console, prepare
+from domesim.scene.choice import SceneChoice
+from domesim.shows.show import Show, find_show
 from validation.audience.analysis import analyse_study
 from validation.audience.files import names_of, read_answers, read_study
 from validation.audience.folder import Settings, make, minutes

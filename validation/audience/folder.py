@@ -28,11 +28,11 @@ from typing import Any, final
 
 import numpy as np
 
-from domesim.checksums import sha256
 from domesim.errors import InputError
 from domesim.frames import Master, write_master, write_whole
 from domesim.light import Light
 from domesim.scene import Scene
+from domesim.shows.checksums import sha256
 from validation.audience.design import CATCH, SPOILT, TRAINING, Trial, plan
 from validation.audience.files import ANSWERS, STUDY, Study
 from validation.audience.stimuli import brightest, pictures, write_picture

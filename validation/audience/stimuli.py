@@ -22,9 +22,9 @@ import numpy as np
 from compensate.master import Posed, pose_frame, solved
 from domesim.frames import ColourTag, Frame, Master, write_frame
 from domesim.light import Light
+from domesim.light.transfer import named
 from domesim.scene import Scene
-from domesim.screening import encoded
-from domesim.transfer import named
+from domesim.scene.screening import encoded
 from validation.audience.design import SPOILT
 
 VEIL = 0.15
