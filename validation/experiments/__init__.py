@@ -32,6 +32,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "chroma_floor",
         "deghosting",
         "quality",
+        "two_eyes",
         "flicker",
         "convergence",
     ),
