@@ -8,6 +8,8 @@ from itertools import combinations, pairwise, product
 
 import numpy as np
 import pytest
+from command_line import exit_code
+from documented import commands
 from statsmodels.genmod.families import Binomial
 from statsmodels.genmod.generalized_linear_model import GLM
 
@@ -415,3 +417,28 @@ def test_power_is_told(run):
 def test_answers_have_no_gaps():
     with pytest.raises(ValueError, match="0, 1, 2"):
         Answers(study="x", viewer=1, answers=(Answer(trial=1, choice=1),))
+
+
+@pytest.mark.long
+def test_the_page_of_the_documents_does_what_it_says(monkeypatch, tmp_path):
+    """Its commands but `play`, which would wait for viewers; these are simulated."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "out" / "show").mkdir(parents=True)
+    colour = ColourTag("srgb", "BT.709", "test")
+    for number in (1, 2):
+        pixels = np.full((32, 32, 3), 0.02 * number, np.float32)
+        pixels[10:14, 12:20] = 0.8
+        path = tmp_path / "out" / "show" / f"orrery.{number:04}.exr"
+        write_frame(Frame(pixels, path, colour, 16, floating=True), path)
+    for words in commands("docs/audience.md"):
+        if words[2] == "play":
+            folder = tmp_path / words[3]
+            study = read_study(folder)
+            random = np.random.default_rng(0)
+            for number in range(1, 7):
+                one = attentive(study, number, [0.0, 0.5, 1.0], random)
+                path = folder / "answers" / f"viewer-{number:03}.json"
+                path.write_text(one.model_dump_json())
+        elif words[1] == "study":
+            assert exit_code(*words[1:]) == 0
+    assert (folder / "results.html").is_file()

@@ -182,10 +182,15 @@ def test_pictures_are_the_eyes_own_and_readings_are_compared(browser, folder, ad
     # In both halves of the screen
     boxes = [page.locator(f".eye.{eye}").bounding_box() for eye in ("left", "right")]
     assert boxes[0]["y"] + boxes[0]["height"] == boxes[1]["y"]
-    answer(page, 1)
+    page.evaluate(
+        "navigator.getGamepads = () => [{buttons: Array.from({length: 17}, (_, k) => "
+        "({pressed: k === 15}))}]"
+    )
+    answer(page, 1, ("x",))
     kept_before(page)
     page.close()
     (kept,) = read_answers(folder, read_study(folder))
+    assert kept.answers[0].choice == 2
     assert kept.white == pytest.approx(white, rel=1e-4)
     assert (kept.layout, kept.black) == ("tb-half", 0)
 

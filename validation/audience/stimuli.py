@@ -108,10 +108,13 @@ def write_picture(shown: Light, stem: Path, *, white: float) -> None:
     curve = named("srgb", white=1.0)
     colour = ColourTag("srgb", "BT.709", "a study's picture")
     ends = ("",) if len(shown) == 1 else ("_L", "_R")
-    for view, end in zip(shown, ends, strict=True):
+    for number, (view, end) in enumerate(zip(shown, ends, strict=True)):
         codes = np.asarray(np.clip(curve.encode(np.clip(view / white, 0, 1)), 0, 1), np.float32)
+        # Whose numbers the noise depends on: two eyes have noise of their own
+        source = stem.with_name(f"{stem.name}-{number}.png")
+        frame = Frame(codes, source, colour, 8, floating=False)
         path = stem.with_name(f"{stem.name}{end}.png")
-        write_frame(Frame(codes, path, colour, 8, floating=False), path, bits=8, dither=True)
+        write_frame(frame, path, bits=8, dither=True)
 
 
 def brightest(shown: Mapping[str, Light]) -> float:
