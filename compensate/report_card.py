@@ -1,4 +1,4 @@
-"""``domesim report-card``: crosstalk of a stereo system, and of a pair in it, in others' words.
+"""The report card: crosstalk of a stereo system, and of a pair in it, in others' words.
 
 Of the *system*, by what each eye sees of four plain frames (own picture black or white, the other's
 black or white; L_KW: own black, other white), in the words of Woods [1]:
@@ -21,34 +21,18 @@ abstract.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.master import Posed, pose_frame, solved
+from compensate.figures import Appraisal
+from compensate.pose import Posed
+from compensate.solve import solved
 from compensate.vision.binocular.pair import Pair
-from domesim.commands.options import (
-    EncodingName,
-    Identical,
-    Json,
-    Left,
-    MasterName,
-    PackingName,
-    Quiet,
-    Right,
-    SeatName,
-    TransportFile,
-    require_one_seat,
-)
-from domesim.commands.render import SceneArgument
-from domesim.errors import InputError
-from domesim.host.console import Console, about
 from domesim.light import Light
 from domesim.scene import StereoScene
-from domesim.scene.choice import SceneChoice
-from domesim.shows.show import find_show
 
 VISIBLE, ANNOYING, ACCEPTABLE = 0.01, 0.058, 0.1
 """Crosstalk that is a visible step; that does not annoy yet; the most that is often acceptable."""
@@ -140,111 +124,16 @@ def ways(posed: Posed) -> dict[str, Way]:
         If it is no pair, or OpenCV is not installed.
     """
     pair = Pair(posed.wanted[: posed.scene.views], posed.scene)
-    found = {}
+    appraisal, found = Appraisal(posed), {}
     for method in METHODS:
         light = solved(posed, method).light
         two = pair.two_eyes(posed.seen(light))
-        found[method] = Way(two.fused_loss, two.contrast, two.rivalry, posed.loss(light))
+        found[method] = Way(two.fused_loss, two.contrast, two.rivalry, appraisal.loss(light))
     return found
 
 
-def report_card(
-    scene: SceneArgument,
-    pair: MasterName = None,
-    left: Left = None,
-    right: Right = None,
-    packing: PackingName = None,
-    encoding: EncodingName = None,
-    seat: SeatName = None,
-    transport: TransportFile = None,
-    allow_identical: Identical = False,
-    quiet: Quiet = False,
-    json: Json = False,
-) -> None:
-    """Tell a stereo system's crosstalk, and what two eyes see of a pair in it."""
-    console = Console(quiet=quiet, json=json)
-    system = SceneChoice(scene, transport, seat).load()
-    if not isinstance(system, StereoScene):
-        raise InputError(
-            f"{scene}: a report card is of a stereo system, got a dome; for that use 'domesim "
-            f"scene check {scene}'"
-        )
-    require_one_seat(system, seat, "a report card is of one seat")
-    found = crosstalk(system)
-    console.say(f"{system.name}, {system.chosen[0]}: {system.model}")
-    for eye, each in found.items():
-        console.say(*_told(eye, each))
-    figures: dict[str, Any] = {
-        "scene": system.name,
-        "seat": system.chosen[0],
-        "crosstalk": {
-            eye: {**asdict(each), "verdict": each.verdict} for eye, each in found.items()
-        },
-    }
-    if pair is not None or left is not None or right is not None:
-        figures["pair"] = _of_pair(
-            system, console, pair, left, right, packing, encoding, allow_identical=allow_identical
-        )
-    console.figures(figures)
-
-
-def _told(eye: str, each: Crosstalk) -> tuple[str, ...]:
-    extinction = "infinite" if each.extinction is None else f"{each.extinction:.0f} : 1"
-    return (
-        f"{eye} eye: system crosstalk {each.system:.2%} (worst place {each.worst:.2%}), extinction "
-        f"ratio {extinction}",
-        f"  {each.verdict}",
-    )
-
-
-def _of_pair(
-    scene: StereoScene,
-    console: Console,
-    pair: str | None,
-    left: str | None,
-    right: str | None,
-    packing: str | None,
-    encoding: str | None,
-    *,
-    allow_identical: bool,
-) -> dict[str, Any]:
-    """Figures of a pair, which are said, too."""
-    show = find_show(
-        pair, left, right, packing=packing, encoding=encoding, allow_identical=allow_identical
-    )
-    if len(show.moments) > 1:
-        raise InputError(
-            f"{pair or left}: a report card is of one pair, got {len(show.moments)}; name one"
-        )
-    (moment,) = show.moments
-    with about(moment[0]):
-        posed, _ = pose_frame(show.read(moment, repair=False), scene)
-        found = ways(posed)
-    disparity, viewer = _disparity(posed), _viewer_crosstalk(posed)
-    console.say(
-        f"{moment[0].name}: disparity {disparity['nearest_deg']:+.2f}° to "
-        f"{disparity['farthest_deg']:+.2f}° (+ is before the screen), sure on "
-        f"{disparity['sure']:.0%} of the picture; too dark for exact subtraction on "
-        f"{posed.clipped:.1%}",
-        f"  viewer crosstalk: median {viewer['median']:.1%}, above 10 % on "
-        f"{viewer['share_above_10']:.1%} of the picture",
-    )
-    for method, each in found.items():
-        console.say(
-            f"  {METHODS[method]:<12} fused {each.fused_loss:.3f} JOD lost, each eye alone "
-            f"{each.one_eye:.3f} JOD; contrast off by {each.contrast:.2f} thresholds; rivalry on "
-            f"{each.rivalry:.1%} of the picture"
-        )
-    return {
-        "clipped": posed.clipped,
-        "disparity": dict(disparity),
-        "viewer_crosstalk": dict(viewer),
-        "methods": {method: asdict(each) for method, each in found.items()},
-    }
-
-
-def _viewer_crosstalk(posed: Posed) -> Mapping[str, float]:
-    """Leaked over own light, of the untouched pair."""
+def viewer_crosstalk(posed: Posed) -> Mapping[str, float]:
+    """Leaked over own light of the untouched pair: median, and share of the picture above 10 %."""
     scene = posed.scene
     assert isinstance(scene, StereoScene)
     weights = scene.projector.luminance_weights
@@ -259,7 +148,7 @@ def _viewer_crosstalk(posed: Posed) -> Mapping[str, float]:
     }
 
 
-def _disparity(posed: Posed) -> Mapping[str, float]:
+def disparity(posed: Posed) -> Mapping[str, float]:
     """Ends of the disparity that is sure, and the share that is."""
     left, _ = Pair(posed.wanted[: posed.scene.views], posed.scene).disparity
     sure = left.shift[left.sure] if left.sure.any() else np.zeros(1)

@@ -149,7 +149,7 @@ def test_what_cannot_be_written_is_not_solved(
     writer.write_image(np.concatenate([view(0), view(1)], 2).astype(np.float32))
     writer.close()
     solved: list[int] = []
-    for solve in ("compensate.compensating.solve_frame", "domesim.shows.observing.decoded"):
+    for solve in ("compensate.shows.compensating.solve_frame", "domesim.shows.observing.decoded"):
         monkeypatch.setattr(solve, lambda *_, **__: solved.append(1))
     for command in ("compensate", "observe"):
         outcome = run(command, source, "--scene", SCENE, "--out", out, "--format", "png")

@@ -14,7 +14,7 @@ from typing import TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.master import pose
+from compensate.pose import pose
 from domesim.measure.dome.camera import Camera, places_in
 from domesim.measure.dome.photographs import Photographs
 from domesim.measure.patterns import Codes

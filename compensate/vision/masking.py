@@ -269,7 +269,7 @@ def _add_responses(
                 local = lightness[view, rows]
                 before = transducer(signals[view, rows] * local)
                 after = transducer(signals[views + view, rows] * local)
-                total[view, rows] += (after - before) ** 2
+                total[view, rows] += (after - before) ** 2  # eq. 11
 
             in_strips(add, total.shape)
 

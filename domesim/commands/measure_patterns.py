@@ -10,7 +10,8 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from domesim.commands.options import Json, OutFolder, Quiet, finish, suffix_of
+from domesim.commands.options import Json, OutFolder, Quiet, finish
+from domesim.commands.shows import suffix_of
 from domesim.errors import InputError
 from domesim.frames import LARGEST_SIDE, ColourTag, Frame, Pixels, write_frame, write_whole
 from domesim.frames.encodings import encoding_named

@@ -52,7 +52,7 @@ def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
         )
     if albedo * screen_area >= sphere:
         raise InputError("a closed sphere of albedo 1 never loses light; lower the albedo")
-    return float(albedo / (sphere - albedo * screen_area))
+    return float(albedo / (sphere - albedo * screen_area))  # eq. 15
 
 
 def bare_gain(albedo: float, dome: Dome) -> float:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -81,13 +81,9 @@ def ti3_table(text: str, mistakes: Mistakes) -> Table:
             continue
         cells = dict(zip(names, tokens, strict=True))
         row = Row(line, cells)
-        percent = [_number(cells[name]) for name in _RGB]
-        for name, value in zip(_RGB, percent, strict=True):
-            if value is None or not 0 <= value <= 100:
-                mistakes.add(line, f"{name} must be 0 to 100 (percent), got {cells[name]}")
-        if any(value is None or not 0 <= value <= 100 for value in percent):
+        levels = _levels(cells, line, mistakes)
+        if levels is None:
             continue
-        levels = [value / 100 for value in percent if value is not None]
         brightest = max(brightest, *levels)
         channel = _channel(levels)
         if channel is None:
@@ -100,6 +96,18 @@ def ti3_table(text: str, mistakes: Mistakes) -> Table:
         mistakes.add(0, f"RGB must be in percent, got at most {100 * brightest:g}; multiply by 100")
     given = frozenset(("channel", "level", *"XYZ"))
     return Table(tuple(found), given, columns[0][0], {}, mistakes, left_out)
+
+
+def _levels(cells: Mapping[str, str], line: int, mistakes: Mistakes) -> list[float] | None:
+    """R, G and B of a row, 0..1; None if one of them is none."""
+    levels = []
+    for name in _RGB:
+        value = _number(cells[name])
+        if value is not None and 0 <= value <= 100:
+            levels.append(value / 100)
+        else:
+            mistakes.add(line, f"{name} must be 0 to 100 (percent), got {cells[name]}")
+    return levels if len(levels) == len(_RGB) else None
 
 
 def _parts(source: str, lines: Sequence[_Line]) -> tuple[dict[str, str], list[_Line], list[_Line]]:

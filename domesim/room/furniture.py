@@ -38,7 +38,7 @@ _AISLE = 0.6  # of a riser beyond the outermost seats, m
 _BEHIND = 0.5  # from a seat's place to the end of its riser, m
 
 
-def seating(
+def seating(  # noqa: PLR0913 - as scene files have them
     *,
     floor_height: float,
     rows: int,

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import brentq, curve_fit
 from scipy.stats import norm
 
-from compensate.master import pose
+from compensate.pose import pose
 from compensate.vision.binocular.contrast import (
     BINOCULAR,
     MONOCULAR,

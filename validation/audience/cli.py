@@ -3,28 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, final
 
 import typer
 
 from compensate.methods import methods_of
-from domesim.commands.options import (
-    EncodingName,
-    Identical,
-    Json,
-    PackingName,
-    Quiet,
-    SceneName,
-    TransportFile,
-    scene_of,
-)
+from domesim.commands.options import SceneName, Telling, TransportFile, grouped, scene_of
 from domesim.errors import InputError
 from domesim.frames import Master, write_whole
-from domesim.host.console import Console, prepare
+from domesim.host.console import prepare
+from domesim.scene import Scene
 from domesim.scene.choice import SceneChoice
-from domesim.shows.show import Show, find_show
+from domesim.shows.show import PACKINGS, find_show
 from validation.audience.analysis import analyse_study
 from validation.audience.files import names_of, read_answers, read_study
 from validation.audience.folder import Settings, make, minutes
@@ -43,45 +36,96 @@ Folder = Annotated[
 ]
 
 
-@app.command()
-def new(
-    scene: SceneName,
-    out: Annotated[Path, typer.Option("--out", help="The study's folder.", show_default=False)],
+@final
+@dataclass(frozen=True)
+class Masters:
+    """Which masters a study shows."""
+
     master: Annotated[
         list[str] | None,
         typer.Argument(
             help="Domemasters, or files of two views. Numbered sequences give a master a frame.",
             show_default=False,
         ),
-    ] = None,
+    ] = None
     left: Annotated[
         list[str] | None,
         typer.Option(
             "--left", help="Stereo: a left eye's file; once for each pair.", show_default=False
         ),
-    ] = None,
+    ] = None
     right: Annotated[
         list[str] | None,
         typer.Option(
             "--right", help="Stereo: its right eye's file, in that order.", show_default=False
         ),
-    ] = None,
+    ] = None
+    packing: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Stereo, in one file: {', '.join(PACKINGS)}. EXR files say so themselves.",
+            show_default=False,
+        ),
+    ] = None
+    encoding: Annotated[
+        str | None,
+        typer.Option(
+            help="What the masters' code values are, as for 'domesim compensate'.",
+            show_default=False,
+        ),
+    ] = None
+
+    def readers(self) -> dict[str, Callable[[], Master]]:
+        """Name of each master -> reads it.
+
+        Raises
+        ------
+        InputError
+            If none is named, a left one has no right one, or as for `find_show`.
+        """
+        left, right = self.left or [], self.right or []
+        if not self.master and not left and not right:
+            raise InputError("a study wants masters, or --left and --right, got none; name some")
+        if len(left) != len(right):
+            raise InputError(
+                f"wanted a --right for each --left, got {len(left)} --left and {len(right)} --right"
+            )
+        shows = [
+            find_show(name, packing=self.packing, encoding=self.encoding)
+            for name in self.master or []
+        ]
+        shows += [
+            find_show(None, *pair, encoding=self.encoding) for pair in zip(left, right, strict=True)
+        ]
+        moments = [(show, moment) for show in shows for moment in show.moments]
+        names = names_of([moment[0] for _, moment in moments])
+        return {
+            name: partial(show.read, moment, repair=False)
+            for name, (show, moment) in zip(names, moments, strict=True)
+        }
+
+
+@final
+@dataclass(frozen=True)
+class Asking:
+    """What viewers see, and are asked."""
+
     methods: Annotated[
         str, typer.Option(help="What is compared, by commas: methods of 'domesim compensate'.")
-    ] = "none,subtractive,perceptual",
+    ] = "none,subtractive,perceptual"
     show: Annotated[
         str,
         typer.Option(
             help="room: frames to project in the theatre, which adds its stray light; display: "
             "what is seen there, to be shown on one display at home."
         ),
-    ] = "room",
+    ] = "room"
     viewers: Annotated[
         int, typer.Option(help="How many viewers at most; each has an order.", min=2, max=9999)
-    ] = 40,
+    ] = 40
     repeats: Annotated[
         int, typer.Option(help="How often each pair of methods is shown of each master.", min=1)
-    ] = 2,
+    ] = 2
     question: Annotated[
         str,
         typer.Option(
@@ -89,14 +133,14 @@ def new(
             "at, for domes which one looks better.",
             show_default=False,
         ),
-    ] = "",
+    ] = ""
     together: Annotated[
         bool,
         typer.Option(
             "--side-by-side", help="Show both pictures of a trial at once, not one after the other."
         ),
-    ] = False,
-    seconds: Annotated[float, typer.Option(help="How long each picture is seen.")] = 4.0,
+    ] = False
+    seconds: Annotated[float, typer.Option(help="How long each picture is seen.")] = 4.0
     sittings: Annotated[
         int,
         typer.Option(
@@ -104,47 +148,58 @@ def new(
             "given on paper.",
             min=0,
         ),
-    ] = 0,
-    seed: Annotated[int, typer.Option(help="Of all orders.", min=0)] = 0,
-    packing: PackingName = None,
-    encoding: EncodingName = None,
+    ] = 0
+    seed: Annotated[int, typer.Option(help="Of all orders.", min=0)] = 0
+
+    def settings(self, scene: Scene) -> Settings:
+        """The same for `make`.
+
+        Raises
+        ------
+        InputError
+            If the scene has no such method, or there is no such show.
+        """
+        if self.show not in ("room", "display"):
+            raise InputError(f"--show is room or display, got {self.show!r}")
+        methods = tuple(name.strip() for name in self.methods.split(","))
+        known = methods_of(scene)
+        for name in methods:
+            if name not in known:
+                raise InputError(
+                    f"--methods: {name!r} is not known for {scene.name}; use some of "
+                    f"{', '.join(known)}"
+                )
+        return Settings(
+            methods,
+            self.show == "room",
+            self.viewers,
+            self.repeats,
+            self.seed,
+            self.question.strip(),
+            self.together,
+            self.seconds,
+            self.sittings,
+        )
+
+
+@app.command()
+@grouped
+def new(
+    scene: SceneName,
+    masters: Masters,
+    asking: Asking,
+    telling: Telling,
+    out: Annotated[Path, typer.Option("--out", help="The study's folder.", show_default=False)],
     transport: TransportFile = None,
-    allow_identical: Identical = False,
-    quiet: Quiet = False,
-    json: Json = False,
 ) -> None:
     """Make a study: a folder to play in the room, and to print.
 
     Each viewer sees all pairs of methods of all masters, in an order of their own, and chooses. See
     docs/audience.md.
     """
-    console = Console(quiet=quiet, json=json)
-    if show not in ("room", "display"):
-        raise InputError(f"--show is room or display, got {show!r}")
+    console = telling.console()
     theatre = scene_of(SceneChoice(scene, transport), console)
-    wanted = tuple(name.strip() for name in methods.split(","))
-    known = methods_of(theatre)
-    for name in wanted:
-        if name not in known:
-            raise InputError(
-                f"--methods: {name!r} is not known for {theatre.name}; use some of "
-                f"{', '.join(known)}"
-            )
-    shows = _shows(
-        master or [], left or [], right or [], packing, encoding, allow_identical=allow_identical
-    )
-    readers = _readers(shows)
-    settings = Settings(
-        wanted,
-        show == "room",
-        viewers,
-        repeats,
-        seed,
-        question.strip(),
-        together,
-        seconds,
-        sittings,
-    )
+    settings, readers = asking.settings(theatre), masters.readers()
     prepare(out)
     with console.progress("making", len(readers)) as start:
         study = make(out, readers, theatre, settings, start)
@@ -161,28 +216,29 @@ def new(
             "study": study.digest,
             "folder": str(out),
             "masters": list(study.masters),
-            "methods": list(wanted),
+            "methods": list(study.methods),
             "trials": trials,
             "minutes": minutes(study),
             "white": study.white,
-            "sittings": sittings,
+            "sittings": settings.sittings,
         }
     )
 
 
 @app.command()
+@grouped
 def play(
     folder: Folder,
+    telling: Telling,
     port: Annotated[
         int, typer.Option(help="Of the page's address; 0 for any that is free.", min=0, max=65535)
     ] = 8642,
-    quiet: Quiet = False,
 ) -> None:
     """Play a study to viewers in a browser of this machine, and keep each answer at once.
 
     Nobody else can reach it, and nothing is sent anywhere. Ctrl-C ends it.
     """
-    console = Console(quiet=quiet)
+    console = telling.console()
     study = read_study(folder)
     prepare(folder)
     with server(folder, study, port) as running:
@@ -191,7 +247,9 @@ def play(
 
 
 @app.command()
+@grouped
 def power(
+    telling: Telling,
     share: Annotated[
         float,
         typer.Option(help="Share of choices for the best method over each other one, 0.5 to 1."),
@@ -215,14 +273,12 @@ def power(
         int, typer.Option(help="How many are simulated for each number.", min=100)
     ] = 1000,
     seed: Annotated[int, typer.Option(help="Of all random numbers.", min=0)] = 0,
-    quiet: Quiet = False,
-    json: Json = False,
 ) -> None:
     """Tell how many viewers are enough, by simulated audiences.
 
     Power is the probability that the best method is significantly preferred to all others.
     """
-    console = Console(quiet=quiet, json=json)
+    console = telling.console()
     situation = Situation(share=share, spread=spread, methods=methods, each=masters * repeats)
     situation.require()
     try:
@@ -250,51 +306,19 @@ def power(
 
 
 @app.command()
+@grouped
 def analyse(
     folder: Folder,
-    quiet: Quiet = False,
-    json: Json = False,
+    telling: Telling,
 ) -> None:
     """Tell what a study shows: results.html in its folder, with diagrams.
 
     All viewers count. Whose answers are odd is told, and the results without them beside.
     """
-    console = Console(quiet=quiet, json=json)
+    console = telling.console()
     study = read_study(folder)
     found = analyse_study(study, read_answers(folder, study))
     page = folder / "results.html"
     write_whole(page, found.page().encode())
     console.say(*found.lines(), f"Open {page.resolve()}")
     console.figures({**found.figures(), "page": str(page)})
-
-
-def _shows(
-    masters: list[str],
-    left: list[str],
-    right: list[str],
-    packing: str | None,
-    encoding: str | None,
-    *,
-    allow_identical: bool,
-) -> list[Show]:
-    """What the command's arguments name."""
-    if not masters and not left and not right:
-        raise InputError("a study wants masters, or --left and --right, got none; name some")
-    if len(left) != len(right):
-        raise InputError(
-            f"wanted a --right for each --left, got {len(left)} --left and {len(right)} --right"
-        )
-    options: Any = {"allow_identical": allow_identical, "encoding": encoding}
-    found = [find_show(name, packing=packing, **options) for name in masters]
-    found += [find_show(None, *pair, **options) for pair in zip(left, right, strict=True)]
-    return found
-
-
-def _readers(shows: list[Show]) -> dict[str, Callable[[], Master]]:
-    """Name of each master -> reads it."""
-    moments = [(show, moment) for show in shows for moment in show.moments]
-    names = names_of([moment[0] for _, moment in moments])
-    return {
-        name: partial(show.read, moment, repair=False)
-        for name, (show, moment) in zip(names, moments, strict=True)
-    }

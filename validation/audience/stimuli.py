@@ -19,7 +19,8 @@ from typing import final
 
 import numpy as np
 
-from compensate.master import Posed, pose_frame, solved
+from compensate.pose import Posed, Stage
+from compensate.solve import solved
 from domesim.frames import ColourTag, Frame, Master, write_frame
 from domesim.light import Light
 from domesim.light.transfer import named
@@ -70,7 +71,7 @@ def pictures(
     InputError
         If the scene has no such method, or the frame is no master for it.
     """
-    posed, _ = pose_frame(master, scene)
+    posed, _ = Stage(scene).pose_frame(master)
     for method in methods:
         light = solved(posed, method).light
         if method == methods[0]:

@@ -27,7 +27,7 @@ from scipy.ndimage import zoom
 
 from compensate.aim import Eye
 from compensate.fourier import padded_size
-from compensate.master import Posed, pose
+from compensate.pose import Posed, pose
 from compensate.problem import Problem
 from compensate.solver import baselines, deghosting
 from compensate.weighting import (

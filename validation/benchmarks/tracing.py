@@ -19,7 +19,7 @@ from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.room.theatre import Theatre
 from domesim.scene import load_dome
 from validation.benchmarks.commands import Job, run_command
-from validation.experiments.corrected_models import THEATRES
+from validation.theatres import THEATRES
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ from validation.experiment import (
     at_most,
     require_tracer,
 )
-from validation.experiments.closed_form import patch, reflected
+from validation.reflection import patch, reflected
 from validation.statistics import rms_difference
 
 SIZE = 64

@@ -35,7 +35,7 @@ from validation.experiment import (
     between,
     require_tracer,
 )
-from validation.experiments.closed_form import reflected
+from validation.reflection import reflected
 
 SIZE = 64
 ALBEDO = 0.5

@@ -26,12 +26,13 @@ from typing import Any, final
 import numpy as np
 
 from compensate.aim import Aim, Eye
-from compensate.master import Posed, pose, solved
+from compensate.pose import Posed, pose
+from compensate.solve import solved
 from compensate.vision.binocular.pair import Pair, TwoEyes
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene
-from validation import judges
+from validation import inputs, judges
 from validation.drawing import COLOURS, panel, plot
 from validation.experiment import (
     Check,
@@ -46,11 +47,11 @@ from validation.experiment import (
     at_least,
     at_most,
 )
-from validation.experiments.quality import inputs
-from validation.experiments.quality.inputs import CHOOSING, PAIRED, VARIANTS, Input, stereo_at
-from validation.experiments.quality.measuring import DEFAULT, NOTHING, PAPER, SUBTRACTION
+from validation.inputs import CHOOSING, PAIRED, VARIANTS, Input, stereo_at
 from validation.statistics import Estimate, estimate
 
+DEFAULT, NOTHING, SUBTRACTION, PAPER = "contrast", "nothing", "subtraction", "paper's weighting"
+"""Names of ways, as in `quality`; the first is the product's default."""
 WAYS: Mapping[str, tuple[str, Eye]] = {
     NOTHING: ("none", Aim()),
     SUBTRACTION: ("subtractive", Aim()),

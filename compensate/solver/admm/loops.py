@@ -76,7 +76,7 @@ def move(s: Any, w: Any, z: Any, relaxation: Any) -> None:
 
 
 @_COMPILED
-def nearest_pair(
+def nearest_pair(  # noqa: PLR0913 - Numba takes plain values
     z: Any, other_z: Any, s: Any, other_s: Any, lower: Any, other_lower: Any, own: Any,
     other_own: Any, other: Any, other_other: Any, width: Any, other_width: Any, shrink: Any,
 ) -> None:  # fmt: skip

@@ -10,6 +10,7 @@ from foreseeing import held, left, night, posed_in
 from rigs import LEFT, RIGHT, TO_LEFT, TO_RIGHT, Rig, masters
 from studio import NOISE, Studio, random_maps, store_all
 
+from compensate.figures import Appraisal
 from domesim.observation.crosstalk import Crosstalk
 from domesim.readings.meter import Noise, read_readings
 from domesim.readings.pair import measured_pair
@@ -43,7 +44,7 @@ def test_pairs_by_readings(tmp_path, noise):
         scene = scene_of_text(RIG_TOML, "rig", tmp_path)
         assert isinstance(scene, StereoScene)
         posed = posed_in(scene, night(scene, 27, 48, lift=0.2))
-        found.append(posed.foreseen(posed.subtractive))
+        found.append(Appraisal(posed).foreseen(posed.subtractive))
         pair = measured_pair(read_readings(tmp_path / "rig.csv"), allow_negative=True)
         # Ghosts as the rig has them, in the common gamut that was found
         inverse, mixed = np.linalg.inv(pair.gamut.primaries), pair.gamut.matrices
@@ -92,7 +93,7 @@ def test_pairs_by_photographs(tmp_path, run, primaries):
         assert (code, err) == (0, "")
         scene = load_stereo(out).with_maps(load_maps(out.with_suffix(".npz")))
         posed = posed_in(scene, night(scene, rows, cols, lift=0.2))
-        found.append(posed.foreseen(posed.subtractive))
+        found.append(Appraisal(posed).foreseen(posed.subtractive))
         black = scene.ambient / scene.projector.white
         room = Crosstalk(rows, cols, np.stack(leaks), share=maps, black=black)
         seen.append(left(posed, posed.subtractive, room))

@@ -14,7 +14,7 @@ from batches import do_show, harmful_in
 from numpy.typing import NDArray
 from videos import KINDS, number_of, write_numbered
 
-from domesim.commands.options import suffix_of
+from domesim.commands.shows import suffix_of
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.frames.encodings import encoding_named

@@ -12,10 +12,11 @@ import typer
 from command_line import exit_code
 from PIL import Image
 
-from compensate.cli import compensate
-from compensate.compensating import Compensating
-from compensate.predicting import Predicting, predict
+from compensate.commands.compensate import compensate
+from compensate.commands.predict import predict
 from compensate.prediction import Prediction
+from compensate.shows.compensating import Compensating
+from compensate.shows.predicting import Predicting
 from domesim.frames import read_master
 from domesim.scene.choice import SceneChoice
 from domesim.shows.small import SIDE, small_of, write_small

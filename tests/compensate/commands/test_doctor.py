@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from compensate import doctor
+from compensate.commands import doctor
 from compensate.fourier import transforms
 
 

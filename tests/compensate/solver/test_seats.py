@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compensate.master import pose
+from compensate.figures import Appraisal
+from compensate.pose import pose
 from compensate.prediction import Combination, Prediction, predict, remaining
 from compensate.vision.differences import visible_difference
 from compensate.vision.resolution import by_resolution
@@ -119,6 +120,6 @@ def test_quality_is_that_of_the_seat(night):
         replace(scene, viewing=replace(scene.viewing, extent=scene.viewing.extent / float(factor)))
         for factor in (scale.min(), scale.max())
     ]
-    least, most = sorted(pose(night, end).loss(assumed.desired) for end in ends)
-    assert 0.9 * least < seated.loss(seated.desired) < 1.1 * most
-    assert seated.loss(seated.desired) != assumed.loss(assumed.desired)
+    least, most = sorted(Appraisal(pose(night, end)).loss(assumed.desired) for end in ends)
+    assert 0.9 * least < Appraisal(seated).loss(seated.desired) < 1.1 * most
+    assert Appraisal(seated).loss(seated.desired) != Appraisal(assumed).loss(assumed.desired)

@@ -37,7 +37,7 @@ const domesimLight = (() => {
     }
   }
 
-  // As compensate/packing.py writes: coefficients of the prediction, then what is off it.
+  // As compensate/page/packing.py writes: coefficients of the prediction, then what is off it.
   function decode(buffer, bases, alpha) {
     const plane = rows * cols, tiles = Math.ceil(rows / tile) * Math.ceil(cols / tile);
     const grids = bases.length ? 3 * (bases.length + 1) * tiles : 0, start = 4 * (grids + 3);

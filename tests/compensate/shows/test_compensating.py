@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from compensate.aim import Aim
-from compensate.compensating import CONTRAST, PAPER, Compensating
-from compensate.master import preferred
+from compensate.pose import preferred
+from compensate.shows.compensating import CONTRAST, PAPER, Compensating
 from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, write_frame

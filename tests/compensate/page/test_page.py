@@ -17,7 +17,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 from viewer import Viewer, assert_shown, open_page, srgb
 
-from compensate.page import Figure, View, _reduce, write_page
+from compensate.page.page import Figure, View, _reduce, write_page
 from domesim.errors import InputError
 from domesim.room.dome import Dome
 from domesim.room.theatre import Floor, Theatre, Viewpoint
@@ -94,7 +94,7 @@ def unpack(html: str) -> tuple[np.ndarray, np.ndarray]:
 def unpack_picture(
     blob: bytes, bases: list[np.ndarray], mask: np.ndarray, data: dict[str, Any]
 ) -> np.ndarray:
-    """(primary, row, col) light of a payload, as `compensate.packing` describes it."""
+    """(primary, row, col) light of a payload, as `compensate.page.packing` describes it."""
     shape, tile, peak, top = mask.shape, data["tile"], data["peak"], data["top"]
     tiles = tuple(-(-side // tile) for side in shape)
     count = 3 * (len(bases) + 1) * tiles[0] * tiles[1] if bases else 0

@@ -1,4 +1,4 @@
-"""The subcommand that says which frames of a show need what: predict.
+"""What ``domesim predict`` does to each frame: tells whether it needs compensation, and where.
 
 For each frame it writes the maps of `compensate.prediction` twice: as an EXR of floats, and as the
 four pictures of the paper's Fig. 8, to look at.
@@ -10,14 +10,12 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, final
+from typing import Any, final
 
 import numpy as np
-import typer
 
-from compensate.master import Posed, Stage
+from compensate.pose import Posed, Stage
 from compensate.prediction import (
-    Combination,
     Planes,
     Prediction,
     Triage,
@@ -26,92 +24,18 @@ from compensate.prediction import (
     regions,
     triage,
 )
-from compensate.vision.glare import StrayLight
-from compensate.vision.tvi import MesopicBlend
-from domesim.commands.options import (
-    Anew,
-    Checksums,
-    DryRun,
-    EncodingName,
-    Frames,
-    FrameTimeout,
-    Identical,
-    Json,
-    Left,
-    MasterName,
-    Mix,
-    OutFolder,
-    PackingName,
-    Quiet,
-    Repair,
-    Right,
-    SceneName,
-    Scheduler,
-    SeatName,
-    Threads,
-    TransportFile,
-    Workers,
-    about_scene,
-    do_show,
-    require_one_seat,
-    scene_of,
-)
 from domesim.errors import InputError
 from domesim.frames import ColourTag
 from domesim.frames.colour import colour_chunks
 from domesim.frames.png import with_colour_chunks
 from domesim.frames.whole import write_together
 from domesim.frames.writing import bare_specification, encode, state_exr_compression
-from domesim.host.console import Console
 from domesim.observation.stereo import VIEWS
 from domesim.scene.choice import SceneChoice
-from domesim.shows.run import FRAME_TIMEOUT, Done, Running
-from domesim.shows.show import Show, find_show
+from domesim.shows.run import Done
+from domesim.shows.show import Show
 from domesim.shows.small import thinned
 from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
-
-Threshold = Annotated[
-    float | None,
-    typer.Option(
-        help="Prediction, 0..1, above which pollution counts as visible; by default as the "
-        "combination has it.",
-        show_default=False,
-    ),
-]
-CombinationName = Annotated[
-    str,
-    typer.Option(
-        "--combination",
-        help="How the maps are combined: with-veils; paper (eqs. 12-14), which is blind to "
-        "uniform veils and counts saliency; or instead of them local-contrast, where "
-        "compensate --only-visible solves.",
-    ),
-]
-Saliency = Annotated[
-    bool | None,
-    typer.Option(
-        "--saliency/--no-saliency",
-        help="Count pollution only where a viewer looks first (of a pair, by the other eye's "
-        "picture); by default as the combination has it.",
-        show_default=False,
-    ),
-]
-BlendName = Annotated[
-    str,
-    typer.Option(
-        "--mesopic",
-        help="Whose threshold holds in dim light: more-sensitive (of rods and cones), or cie-191.",
-    ),
-]
-
-Age = Annotated[
-    float | None,
-    typer.Option(
-        help="Count the stray light of a viewer's eyes of that age in years (CIE 146:2002), which "
-        "covers pollution beside bright things; by default none.",
-        show_default=False,
-    ),
-]
 
 MAPS = ".maps.exr"
 """What the EXR's name ends in: it must not replace a frame that another command wrote there."""
@@ -141,79 +65,6 @@ MARGIN = 1.0
 
 TOLD = 5
 """Worst frames that the summary names."""
-
-
-def predict(
-    scene: SceneName,
-    out: OutFolder,
-    master: MasterName = None,
-    left: Left = None,
-    right: Right = None,
-    packing: PackingName = None,
-    encoding: EncodingName = None,
-    seat: SeatName = None,
-    transport: TransportFile = None,
-    threshold: Threshold = None,
-    combination: CombinationName = Combination.WITH_VEILS.value,
-    saliency: Saliency = None,
-    mesopic: BlendName = MesopicBlend.MORE_SENSITIVE.value,
-    age: Age = None,
-    frames: Frames = None,
-    checksums: Checksums = None,
-    repair: Repair = False,
-    allow_identical: Identical = False,
-    workers: Workers = None,
-    threads: Threads = None,
-    scheduler: Scheduler = None,
-    anew: Anew = False,
-    mix: Mix = False,
-    frame_timeout: FrameTimeout = FRAME_TIMEOUT,
-    dry_run: DryRun = False,
-    quiet: Quiet = False,
-    json: Json = False,
-) -> None:
-    """Tell which frames need compensation, and where: maps of visible light pollution."""
-    console = Console(quiet=quiet, json=json)
-    settings = _settings(threshold, combination, saliency, mesopic, age)
-    choice = SceneChoice(scene, transport, seat)
-    theatre = scene_of(choice, console)
-    require_one_seat(theatre, seat, "pollution is predicted for one seat")
-    show = find_show(
-        master,
-        left,
-        right,
-        packing=packing,
-        frames=frames,
-        allow_identical=allow_identical,
-        encoding=encoding,
-    ).listed_in(checksums)
-    _require_free(show, out, theatre.views)
-
-    def summary(done: Done) -> dict[str, Any]:
-        worst = _worst(done)
-        if len(show.moments) > 1 and done.frames:
-            console.say(_summary(done, worst))
-        return {"worst": [frame["input"] for frame in worst]}
-
-    do_show(
-        show,
-        out,
-        Predicting(choice.settled(theatre), settings),
-        console,
-        what="predicting",
-        writing=Writing(MAPS, repair=repair),
-        running=Running(workers, threads, scheduler, anew, mix, frame_timeout=frame_timeout),
-        facts={
-            **about_scene(theatre, seat),
-            "threshold": settings.least,
-            "combination": settings.combination.value,
-            "saliency": settings.counts_saliency,
-            "mesopic": settings.blend.value,
-            "age": age,
-        },
-        summary=summary,
-        dry_run=dry_run,
-    )
 
 
 @final
@@ -296,37 +147,6 @@ class Predicting(Recipe):
         return 500_000_000 + 115 * 4 * rows * cols
 
 
-def _settings(
-    threshold: float | None,
-    combination: str,
-    saliency: bool | None,
-    mesopic: str,
-    age: float | None,
-) -> Prediction:
-    combinations = {each.value: each for each in Combination}
-    blends = {each.value: each for each in MesopicBlend}
-    if combination not in combinations:
-        raise InputError(
-            f"--combination {combination!r} is not known; use one of {', '.join(combinations)}"
-        )
-    if mesopic not in blends:
-        raise InputError(f"--mesopic {mesopic!r} is not known; use one of {', '.join(blends)}")
-    return Prediction(
-        threshold,
-        combinations[combination],
-        saliency,
-        blends[mesopic],
-        eye=None if age is None else _eye(age),
-    )
-
-
-def _eye(age: float) -> StrayLight:
-    try:
-        return StrayLight(age)
-    except InputError as error:
-        raise InputError(f"--age {age:g}: {error}") from None
-
-
 # Where it goes.
 
 
@@ -355,7 +175,7 @@ def _places_of(outputs: tuple[Path, ...], views: int) -> list[_Place]:
     return [_Place(output, {"": k}) for k, output in enumerate(outputs)]
 
 
-def _require_free(show: Show, folder: Path, views: int) -> None:
+def require_free(show: Show, folder: Path, views: int) -> None:
     """See that no picture goes over an input.
 
     Raises
@@ -510,7 +330,7 @@ def _percent(share: float) -> str:
     return f"{share:.2%}" if 0 < share < 0.1 else f"{share:.0%}"
 
 
-def _worst(done: Done) -> list[dict[str, Any]]:
+def worst(done: Done) -> list[dict[str, Any]]:
     """The frames, those first that need most."""
     order = [each.name.lower() for each in Verdict]
 
@@ -521,13 +341,14 @@ def _worst(done: Done) -> list[dict[str, Any]]:
     return sorted(done.frames, key=need)
 
 
-def _summary(done: Done, worst: list[dict[str, Any]]) -> str:
+def summary_of(done: Done, found: list[dict[str, Any]]) -> str:
+    """A line on all frames, of which those that need most come first in `found`."""
     counts = Counter(frame["verdict"] for frame in done.frames)
     parts = [f"{count} {each.value}" for each in Verdict if (count := counts[each.name.lower()])]
     named = [
         f"{_name(frame['input'])} ({_percent(frame['visible'])}, "
         f"{_percent(frame['visible_subtracted'])} after subtraction)"
-        for frame in worst[:TOLD]
+        for frame in found[:TOLD]
         if frame["verdict"] != Verdict.NOTHING.name.lower()
     ]
     text = f"{len(done.frames)} frames: {'; '.join(parts)}"

@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 import pytest
 
-from compensate.packing import FINEST, LEAST, PER_OCTAVE, Packed, pack, packed_map
+from compensate.page.packing import FINEST, LEAST, PER_OCTAVE, Packed, pack, packed_map
 
 SIDE = 96
 MASK = np.hypot(*(np.mgrid[:SIDE, :SIDE] + 0.5 - SIDE / 2)) < SIDE / 2

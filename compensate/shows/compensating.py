@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any, final
 
 from compensate.aim import Aim, Eye
-from compensate.comparison import compare_methods
 from compensate.devices import CPU, on_device
-from compensate.master import Figures, Posed, Solution, Stage, preferred, solve_frame
+from compensate.figures import Appraisal, Figures
+from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
-from compensate.visible import OnlyVisible
+from compensate.page.comparison import compare_methods
+from compensate.pose import Posed, Stage, preferred
+from compensate.solver.accelerated import Accelerated
+from compensate.visible import OnlyVisible, SpatiallyWeighted
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
@@ -56,6 +59,8 @@ class Compensating(Recipe):
         What computes.
     only_visible
         Solve only where what subtraction leaves is predicted to be seen.
+    spatial
+        Count errors by how visible the pollution is there (eq. 7).
     """
 
     scene: SceneChoice
@@ -66,6 +71,7 @@ class Compensating(Recipe):
     low_frequency_gain: float | None = None
     device: str = CPU
     only_visible: bool = False
+    spatial: bool = False
 
     def work(self, note: Note) -> Work[Any, Any]:
         """See `Recipe`."""
@@ -79,6 +85,8 @@ class Compensating(Recipe):
         def solve(given: tuple[Master, Posed, float]) -> Solution:
             source, posed, out_of_range = given
             chosen = OnlyVisible(posed, solver) if self.only_visible and solver else solver
+            if self.spatial:
+                chosen = SpatiallyWeighted(posed, self._masked(posed))
             return solve_frame(source, posed, out_of_range, self.method, chosen)
 
         return Work(prepare, solve, _end)
@@ -100,6 +108,8 @@ class Compensating(Recipe):
             raise InputError(
                 f"--only-visible and --device are of --weighting {PAPER}: contrasts need no solver"
             )
+        if self.spatial:
+            self._require_spatial(theatre, aimed=aimed)
         if self.only_visible:
             table = isinstance(theatre, StereoScene) and theatre.table is not None
             if self.method != "perceptual" or theatre.several_seats or table or self.device != CPU:
@@ -117,6 +127,28 @@ class Compensating(Recipe):
                     f"--seat worst: {self.method} knows one seat or the mean of all; use "
                     f"--seat all, name one, or leave --method out"
                 )
+
+    def _require_spatial(self, theatre: Scene, *, aimed: bool) -> None:
+        """See that eq. 7 is asked for where it can be."""
+        least_squares = self.method == "paper" or (self.method == "perceptual" and not aimed)
+        table = isinstance(theatre, StereoScene) and theatre.table is not None
+        if (
+            not least_squares
+            or theatre.several_seats
+            or table
+            or self.device != CPU
+            or self.only_visible
+        ):
+            raise InputError(
+                f"--spatial-weights is for --weighting {PAPER} or --method paper, one seat without "
+                f"a grey-to-grey table, the processor, and not --only-visible; leave it out"
+            )
+
+    def _masked(self, posed: Posed) -> Solver:
+        """What solves masked problems."""
+        if self.method == "paper":
+            return require_method("paper", posed.scene)(posed.scene, posed.single)
+        return Accelerated(self.tolerance)
 
     def weighting(self, theatre: Scene) -> Eye:
         """What pictures are made for.
@@ -180,7 +212,7 @@ class Compensating(Recipe):
         theatre = self.scene.load()
         found = {**self.scene.options(), "--method": self.method}
         if self.method != "perceptual":
-            return found
+            return found | ({"--spatial-weights": "yes"} if self.spatial else {})
         weighting = self.weighting(theatre)
         if isinstance(weighting, Aim):
             return {**found, "--weighting": CONTRAST, "--lift": f"{weighting.lift:g}"}
@@ -188,7 +220,8 @@ class Compensating(Recipe):
         gain = self.low_frequency_gain
         found["--low-frequency-gain"] = f"{LowFrequencyFloor().gain if gain is None else gain:g}"
         found["--device"] = self.device
-        return found | ({"--only-visible": "yes"} if self.only_visible else {})
+        found |= {"--only-visible": "yes"} if self.only_visible else {}
+        return found | ({"--spatial-weights": "yes"} if self.spatial else {})
 
     def judged(self, figures: Mapping[str, Any]) -> Judged | None:
         """See `Recipe`: by what is lost of the quality, as stored where that is known."""
@@ -251,7 +284,8 @@ class Compensating(Recipe):
 
 def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     """Write it; of what subtraction shows, only figures that take no longer than that."""
-    outcome = solution.outcome(brief=True)
+    appraisal = Appraisal(solution.posed)
+    outcome = solution.outcome(appraisal, brief=True)
     write(outcome.frame)
     show = solution.posed.scene.projector.to_display
     write.small(*(show(thinned(each))[0] for each in (solution.posed.desired, outcome.light)))
@@ -261,7 +295,7 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     if found.loss_before is None:
         return {**figures, "loss_stored": None}, line
     stored = write.stored()
-    lost = solution.posed.stored_loss(stored)
+    lost = appraisal.stored_loss(stored)
     line += f" As stored: {lost:.3g} JOD"
     if _rounding_shows(found.loss_after, lost):
         line += f" (rounding to {stored.bits} bit {stored.path.suffix} shows: --format, --bits)"

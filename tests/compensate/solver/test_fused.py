@@ -12,7 +12,7 @@ from pairs import COLOURED, share
 from pairs import pair as pictures
 from theatres import weighting
 
-from compensate.master import pose
+from compensate.pose import pose
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM, anderson, dome, fused, hessian, level, pair
 from compensate.solver.deghosting import clipped_subtraction

@@ -11,9 +11,11 @@ from typing import Any, final
 import numpy as np
 
 from compensate.aim import Eye
-from compensate.master import Outcome, Posed, pose_frame, solve_frame
+from compensate.figures import Appraisal
+from compensate.master import Outcome, solve_frame
 from compensate.methods import Solver
-from compensate.page import Figure, View, write_page
+from compensate.page.page import Figure, View, write_page
+from compensate.pose import Posed, Stage
 from domesim.frames import Master
 from domesim.light import Light
 from domesim.scene import DomeScene, Scene
@@ -41,8 +43,13 @@ class Comparison:
     """The outcomes of the methods that are shown, for one master in one scene."""
 
     frame: Master
-    posed: Posed
+    appraisal: Appraisal
     outcomes: Mapping[str, Outcome]
+
+    @property
+    def posed(self) -> Posed:
+        """The master in its scene."""
+        return self.appraisal.posed
 
     def figures(self) -> dict[str, dict[str, Any]]:
         """Method -> figures."""
@@ -50,7 +57,7 @@ class Comparison:
 
     def frames(self) -> Iterator[tuple[str, Master]]:
         """Name and frame of what to project, and of what is seen with each method."""
-        posed = self.posed
+        posed = self.appraisal.posed
         yield "project", self.outcomes["perceptual"].frame
         for method, seen in self._seen():
             yield f"seen-{method}", encoded(self.frame, seen, posed.scene, posed.screen)[0]
@@ -68,7 +75,7 @@ class Comparison:
         views = [self._view("Master", self._wanted, "what the audience should see", "master")]
         for method, seen in self._seen():
             view = self._view(titles[method][0], seen, titles[method][1], "seen")
-            views.append(replace(view, lost=self.posed.lost_map(seen)))
+            views.append(replace(view, lost=self.appraisal.lost_map(seen)))
         views.append(
             self._view(
                 "Projected, perceptual",
@@ -146,7 +153,7 @@ class Comparison:
         """What is left of the ghosts, as `compensate.ghosts` and the documents define it."""
         contours: dict[str, str] = {}
         for method, outcome in self.outcomes.items():
-            found = self.posed.ghost_contour(outcome.light)
+            found = self.appraisal.ghost_contour(outcome.light)
             if found is not None:
                 contours[names[method]] = f"{found:.0%}"
         edges = {
@@ -207,11 +214,12 @@ def compare_methods(
     InputError
         If the frame is no master for the scene.
     """
-    posed, out_of_range = pose_frame(frame, scene, weighting)
+    posed, out_of_range = Stage(scene, weighting).pose_frame(frame)
+    appraisal = Appraisal(posed)
     outcomes = {}
     for method in shown_methods(scene):
         progress(method)
         outcomes[method] = solve_frame(
             frame, posed, out_of_range, method, solver if method == "perceptual" else None
-        ).outcome()
-    return Comparison(frame, posed, outcomes)
+        ).outcome(appraisal)
+    return Comparison(frame, appraisal, outcomes)

@@ -16,7 +16,7 @@ from command_line import exit_code
 from scipy.ndimage import map_coordinates
 from viewer import Viewer, assert_shown, open_page, srgb
 
-from compensate.page import Figure, View, write_page
+from compensate.page.page import Figure, View, write_page
 from compensate.vision.differences import EXPONENT, JOD, STILL
 from domesim.room.dome import Dome
 from domesim.room.theatre import Floor, Theatre, Viewpoint, Wall

@@ -12,15 +12,15 @@ import numpy as np
 
 from domesim.frames import Master, read_master
 from domesim.light import Light
+from domesim.observation.crosstalk import leak_matrices
 from domesim.scene import DomeScene, Scene, StereoScene, load_scene
 from domesim.scene.screening import decoded, within_range
 from validation import content, masters, pairs
 from validation.experiment import Work
-from validation.experiments.deghosting import SCENE as STEREO_SCENE
-from validation.experiments.deghosting import scene_at
 
 DOME_SCENE = "dome_hemisphere"
-"""That of pairs is the one of `deghosting`."""
+STEREO_SCENE = "stereo_polarised_paper"
+"""Where inputs are shown, with other figures of theirs."""
 CROSSTALK = (0.02, 0.05, 0.1)
 """Shares of light that reach the other eye."""
 ALBEDOS = (0.3, 0.5, 0.7)
@@ -221,3 +221,12 @@ def domemaster(read: Callable[[], Master], size: int) -> Light:
     light = decoded(read(), scene)
     light = pairs.no_wider(light, size)
     return within_range(light, scene.screen(*light.shape[1:3]))[0]
+
+
+def scene_at(crosstalk: float) -> StereoScene:
+    """The scene with that share of light reaching the other eye, at all seats."""
+    scene = load_scene(STEREO_SCENE)
+    assert isinstance(scene, StereoScene)
+    matrices = leak_matrices(crosstalk)
+    seats = {name: replace(seat, matrices=matrices) for name, seat in scene.seats.items()}
+    return replace(scene, seats=seats)

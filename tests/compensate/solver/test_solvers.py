@@ -16,7 +16,7 @@ from scipy.optimize import lsq_linear, minimize
 from theatres import closed_form, picture, problem, unequal_weighting, weighting
 
 from compensate.fourier import LIBRARIES, Fourier
-from compensate.master import pose
+from compensate.pose import pose
 from compensate.problem import Problem
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM

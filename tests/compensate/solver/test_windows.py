@@ -15,9 +15,10 @@ from theatres import BT709
 
 from compensate import visible
 from compensate.fourier import padded_size
-from compensate.master import Posed, Stage, solved
+from compensate.pose import Posed, Stage
 from compensate.prediction import Prediction, Visible
 from compensate.problem import Problem
+from compensate.solve import solved
 from compensate.solver import baselines, deghosting
 from compensate.solver.admm import ADMM
 from compensate.solver.result import Result, Status

@@ -1,10 +1,10 @@
 """The compare page: one HTML file in which master and results are looked at, into the dark.
 
 An 8-bit picture has no steps left where light pollution does its harm: from black to 1/100 of
-white, sRGB has 25 codes. So the page carries linear light in finer codes (`compensate.packing`),
-which the browser turns into display codes under the exposure that the reader chooses. The page is
-no larger than `BYTES` for up to 1024 x 1024 pixels: noisy pictures get coarser codes, and the page
-says how coarse.
+white, sRGB has 25 codes. So the page carries linear light in finer codes
+(`compensate.page.packing`), which the browser turns into display codes under the exposure that the
+reader chooses. The page is no larger than `BYTES` for up to 1024 x 1024 pixels: noisy pictures get
+coarser codes, and the page says how coarse.
 
 Beside the light it carries maps of what is seen of the differences from the master. In a stereo
 page each view has two pictures. What two eyes make of a view (their difference, an anaglyph, the
@@ -27,7 +27,7 @@ from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from compensate.packing import (
+from compensate.page.packing import (
     FINEST,
     LEAST,
     PER_OCTAVE,
@@ -385,4 +385,4 @@ def _environment() -> Environment:
 
 
 def _resource(name: str) -> str:
-    return files("compensate").joinpath("templates", name).read_text(encoding="utf-8")
+    return files("compensate.page").joinpath("templates", name).read_text(encoding="utf-8")
