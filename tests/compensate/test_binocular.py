@@ -248,3 +248,22 @@ def test_pairs_are_refused_that_are_none(pair):
     # Where it is shown does not change what it is compared with
     seen = pose(light, scene).wanted
     assert compared.two_eyes(np.asarray(seen)).fused_loss < 1e-3
+
+
+def test_crosstalk_is_worse_with_contrast_and_with_disparity(pair):
+    """Wang et al. 2011, abstract: less crosstalk is allowed with more of either."""
+    _, scene, _ = pair
+    found = {}
+    for ground in (0.05, 0.25, 0.5):
+        for shift in (0, 4, 8, 12):
+            master = np.full((2, 96, 192, 3), ground, np.float32)
+            for view, sign in ((0, 1), (1, -1)):
+                at = 96 + sign * shift // 2
+                master[view, 34:62, at - 6 : at + 6] = 1.0
+            seen = Pair(master, scene).two_eyes(leaking(master, 0.05))
+            found[ground, shift] = (seen.fused_loss, seen.contrast)
+    table = np.array([[found[g, s] for s in (0, 4, 8, 12)] for g in (0.05, 0.25, 0.5)])
+    assert np.all(np.diff(table, axis=1) > 0)
+    assert np.all(np.diff(table[:, 1:], axis=0) < 0)  # brighter ground, less contrast
+    # At the screen both eyes have the ghost on the thing itself
+    assert table[:, 0] == pytest.approx(0, abs=1e-3)
