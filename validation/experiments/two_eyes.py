@@ -24,6 +24,7 @@ from functools import cache, cached_property, partial
 from typing import Any, final
 
 import numpy as np
+from scipy import stats
 
 from compensate.aim import Aim, Eye
 from compensate.pose import Posed, pose
@@ -268,7 +269,26 @@ def _told(cells: Mapping[Any, Cell], pairs: Mapping[str, Input]) -> str:
     judged = _over_pairs(cells, DEFAULT, SUBTRACTION, "judged")
     if judged.inputs:
         text += f"ColorVideoVDP's JOD (more is better) of the default: {judged.written}. "
+        text += (
+            f"All pictures ranked by it and by fused loss: Spearman's {_agreement(cells):.2f}; the "
+            f"four ways of each pair, in the mean: {_agreement_within(cells):.2f}. "
+        )
     return text.rstrip()
+
+
+def _agreement(cells: Mapping[Any, Cell]) -> float:
+    """Rank correlation of fused loss with what ColorVideoVDP finds lost, over all its cells."""
+    heard = [cell for cell in cells.values() if cell.judged is not None]
+    losses = [(cell.fused_loss, -(cell.judged or 0.0)) for cell in heard]
+    return float(stats.spearmanr(losses).statistic)
+
+
+def _agreement_within(cells: Mapping[Any, Cell]) -> float:
+    """The same of the ways of each pair, in the mean over pairs."""
+    names = dict.fromkeys(name for name, _, _ in cells)
+    return float(
+        np.mean([_agreement({k: cell for k, cell in cells.items() if k[0] == n}) for n in names])
+    )
 
 
 def _differences(cells: Mapping[Any, Cell], pairs: Mapping[str, Input]) -> Table:
