@@ -12,7 +12,7 @@ import typer
 from domesim.commands.options import Json, Quiet
 from domesim.errors import InputError
 from domesim.host.console import Console, prepare
-from domesim.light.strips import cores
+from domesim.host.cores import cores
 from validation.benchmarks import writing
 from validation.benchmarks.measuring import Cost, Settings, costs
 from validation.benchmarks.problems import PROBLEMS
