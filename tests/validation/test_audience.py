@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import sys
 from collections import Counter
 from itertools import combinations, pairwise, product
 
@@ -359,7 +360,7 @@ def test_frames_for_a_server_are_named_by_trial_and_interval(made):
             assert content == (out / "server" / "frames" / source).read_bytes()
 
 
-def test_answers_on_paper_and_from_the_page_are_analysed_together(made, run):
+def test_answers_on_paper_and_from_the_page_are_analysed_together(made, run, monkeypatch):
     out, _ = made
     study = read_study(out)
     random = np.random.default_rng(1)
@@ -374,6 +375,8 @@ def test_answers_on_paper_and_from_the_page_are_analysed_together(made, run):
     assert [one["name"] for one in figures["viewers"]] == ["3", "A1, sitting 1", "A2, sitting 1"]
     assert sum(one["trials"] for one in figures["preferences"]) == 3 * 6
     assert "perceptual" in (out / "results.html").read_text()
+    monkeypatch.setitem(sys.modules, "statsmodels.genmod.families", None)
+    run("study", "analyse", out).is_refused("pip install 'domesim[study]'")
 
 
 def test_mistakes_are_one_line(made, pair, run, tmp_path):

@@ -24,6 +24,7 @@ from validation.audience.folder import Settings, make, minutes
 from validation.audience.playing import server
 from validation.audience.power import Situation
 from validation.audience.power import power as power_of
+from validation.experiment import Missing
 
 app = typer.Typer(
     help="Ask an audience which method's pictures it prefers: make, play and analyse a study.",
@@ -317,7 +318,10 @@ def analyse(
     """
     console = telling.console()
     study = read_study(folder)
-    found = analyse_study(study, read_answers(folder, study))
+    try:
+        found = analyse_study(study, read_answers(folder, study))
+    except Missing as missing:
+        raise InputError(f"study analyse {missing}") from None
     page = folder / "results.html"
     write_whole(page, found.page().encode())
     console.say(*found.lines(), f"Open {page.resolve()}")
