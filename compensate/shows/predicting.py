@@ -27,7 +27,7 @@ from compensate.prediction import (
 from domesim.errors import InputError
 from domesim.frames import ColourTag
 from domesim.frames.colour import colour_chunks
-from domesim.frames.png import with_colour_chunks
+from domesim.frames.formats.png import with_colour_chunks
 from domesim.frames.whole import write_together
 from domesim.frames.writing import bare_specification, encode, state_exr_compression
 from domesim.observation.stereo import VIEWS

@@ -20,11 +20,11 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from domesim.errors import InputError
 from domesim.frames import icc
 from domesim.frames.formats import FLOATING, label
+from domesim.frames.formats.hdr import Radiance
+from domesim.frames.formats.jpeg2000 import states_srgb
+from domesim.frames.formats.png import chunk, chunks_of
 from domesim.frames.integrity import Container
-from domesim.frames.jpeg2000 import states_srgb
 from domesim.frames.messages import one_line
-from domesim.frames.png import chunk, chunks_of
-from domesim.frames.radiance import Radiance
 from domesim.light import ocio
 
 

@@ -11,7 +11,7 @@ import struct
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, final
 
-from domesim.frames.png import chunk
+from domesim.frames.formats.png import chunk
 
 Packed: TypeAlias = Literal["side-by-side", "top-bottom"]
 SIDE_BY_SIDE: Packed = "side-by-side"

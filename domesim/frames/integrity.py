@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from domesim.errors import InputError, reason
-from domesim.frames import dpx, exr, eyes, jpeg, jpeg2000, tiff
-from domesim.frames.formats import LARGEST_SIDE
-from domesim.frames.png import CARRIED_CHUNKS, COLOUR_CHUNKS, Picture, chunks_of
-from domesim.frames.radiance import Radiance, header_of
+from domesim.frames import eyes
+from domesim.frames.formats import LARGEST_SIDE, dpx, exr, jpeg, jpeg2000, tiff
+from domesim.frames.formats.hdr import Radiance, header_of
+from domesim.frames.formats.png import CARRIED_CHUNKS, COLOUR_CHUNKS, Picture, chunks_of
 
 
 @dataclass(frozen=True)

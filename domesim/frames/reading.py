@@ -14,10 +14,10 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.frames import dpx
 from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of
-from domesim.frames.formats import FLOATING, INTEGER, LABELS, SQUARE, code_span, label
+from domesim.frames.formats import FLOATING, INTEGER, LABELS, SQUARE, code_span, dpx, label
+from domesim.frames.formats.jpeg2000 import is_associated
 from domesim.frames.frame import Frame, Header, Pixels
 from domesim.frames.integrity import (
     Container,
@@ -27,7 +27,6 @@ from domesim.frames.integrity import (
     refuse_sides,
     stored_otherwise,
 )
-from domesim.frames.jpeg2000 import is_associated
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
 from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size

@@ -21,8 +21,8 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.frames import exr
 from domesim.frames.colour import ColourTag
+from domesim.frames.formats import exr
 from domesim.frames.frame import Frame
 from domesim.frames.integrity import Container, damaged, examine
 from domesim.frames.messages import one_line

@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
-from domesim.frames import jpeg
 from domesim.frames.colour import ColourTag
 from domesim.frames.dithering import seed_of
 from domesim.frames.eyes import Eyes, stated
-from domesim.frames.formats import SUFFIXES, code_range
+from domesim.frames.formats import SUFFIXES, code_range, jpeg
 from domesim.frames.frame import Frame
 from domesim.frames.integrity import enough_memory
 from domesim.frames.mistaken import (

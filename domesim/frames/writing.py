@@ -21,7 +21,6 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError, reason
-from domesim.frames import dpx, exr, jpeg
 from domesim.frames.alpha import is_opaque, straightened
 from domesim.frames.colour import BT709_LUMINANCE, colour_chunks, state_colour
 from domesim.frames.dithering import Seed, dither, seed_of
@@ -33,13 +32,16 @@ from domesim.frames.formats import (
     SUFFIXES,
     code_range,
     code_span,
+    dpx,
+    exr,
+    jpeg,
     label,
 )
+from domesim.frames.formats.jpeg2000 import is_cinema, with_comments, with_metadata
+from domesim.frames.formats.png import with_carried_chunks, with_colour_chunks, with_utf8_text
 from domesim.frames.frame import Frame, Pixels
-from domesim.frames.jpeg2000 import is_cinema, with_comments, with_metadata
 from domesim.frames.messages import problem_of
 from domesim.frames.orientation import UPRIGHT, turned_back
-from domesim.frames.png import with_carried_chunks, with_colour_chunks, with_utf8_text
 from domesim.frames.whole import write_whole
 from domesim.light.strips import converted
 

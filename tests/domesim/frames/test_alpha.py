@@ -16,7 +16,7 @@ from image_files import store
 
 from domesim.frames import read_frame, write_frame
 from domesim.frames.encodings import encoding_named
-from domesim.frames.jpeg2000 import boxes_of
+from domesim.frames.formats.jpeg2000 import boxes_of
 from domesim.light.transfer import named
 
 ROWS, COLS = 33, 40

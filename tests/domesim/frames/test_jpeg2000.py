@@ -15,7 +15,7 @@ from test_frames import SRGB, refusal
 
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
-from domesim.frames.jpeg2000 import boxes_of, comments_of, with_comments
+from domesim.frames.formats.jpeg2000 import boxes_of, comments_of, with_comments
 
 ROWS, COLS = 40, 53
 SIZ = 4  # where its length is, in a codestream
