@@ -1,148 +1,212 @@
-"""TIFFs that are compressed in a way that OpenImageIO does not read: stored anew, as ZIP.
+"""TIFF: whether all tags are there, compressions that OpenImageIO does not read, and DCDMs.
 
-Strips and tiles (TIFF 6.0, sections 3 and 15) are unpacked and packed again as they are: what a
-predictor made of the samples stays, and all other tags. Of ZIP with reversed bits (FillOrder 2)
-OpenImageIO takes the bits as they come.
+libtiff notices missing pixels, but drops a tag (an ICC profile at the end, say) in silence. What it
+does not unpack is stored anew, as ZIP. Strips and tiles (TIFF 6.0, sections 3 and 15) are unpacked
+and packed again as they are: what a predictor made of the samples stays, and all other tags. Of ZIP
+with reversed bits (FillOrder 2) OpenImageIO takes the bits as they come.
 """
 
 from __future__ import annotations
 
 import lzma
+import os
+import re
 import struct
 import sys
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, final
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple, Self, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.frames.colour import ColourTag
+from domesim.frames.formats.base import Format, Target
+from domesim.frames.integrity import DamagedError
 
 if sys.version_info >= (3, 14):
     from compression import zstd
 else:
     from backports import zstd
 
-_COMPRESSION, _FILL_ORDER = 259, 266
+_COMPRESSION, _FILL_ORDER, _EXIF = 259, 266, 34665
 _COLS, _ROWS, _BITS, _ROWS_PER_STRIP, _PLANAR = 256, 257, 258, 278, 284
 _TILE_COLS, _TILE_ROWS = 322, 323
 _PLACES, _SIZES = (273, 324), (279, 325)  # of strips, of tiles
+_BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
 _NAMES = {1: "B", 2: "B", 3: "H", 4: "I", 6: "b", 7: "B", 13: "I", 16: "Q", 18: "Q"}
 _ZIP, _ZSTD, _LZMA = (8, 32946), 50000, 34925
 _LARGEST_RATIO = 40_000
 """Unpacked bytes a byte of file: ZSTD makes a strip of one colour as small as this."""
 
-UNREAD = (_ZSTD, _LZMA)
-"""Compressions that OpenImageIO does not read."""
-
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 _LARGEST = 1 << 27
 """Bytes of an unpacked strip: of 4096 x 4096 in half, all in one."""
 
+_LACKING = re.compile(
+    r"(\w+) compression support is not configured|Compression (scheme \d+) .*not implemented"
+)
+"""What libtiff says of a compression that it was built without."""
+_LOSSLESS = ("none", "lzw", "packbits", "zip")
+_DCDM_BITS = 12  # in 16 (DCI DCSS, 3.2.2)
+
 
 @final
 @dataclass(frozen=True)
-class Entry:
-    """One tag of a directory.
+class TIFF(Format):
+    """Tagged Image File Format, BigTIFF too."""
 
-    Parameters
-    ----------
-    place
-        Of its twelve bytes (twenty in BigTIFF).
-    kind
-        Type of its values.
-    values
-        These, if they are integers.
-    """
+    starts = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+    channels = "alpha"
+    straight = "either"
+    largest_ratio = 1100.0
+    exif = True
+    storage = ("tiff:.*",)
+
+    def examined(self, path: Path, file: BinaryIO) -> Self:
+        return replace(self, stored_anew=_File(file).stored_anew())
+
+    def explain(self, path: Path, problem: str) -> None:
+        lacking = _LACKING.search(problem)
+        if lacking is not None:
+            raise InputError(
+                f"{path}: wanted a TIFF of LZW, ZIP, ZSTD, LZMA, PackBits, JPEG or no compression, "
+                f"got {lacking[1] or f'compression {lacking[2]}'}. It is not damaged: save it with "
+                "LZW or ZIP (ImageMagick: convert IN -compress zip OUT)."
+            )
+
+    def is_padded(self, path: Path, rgb: NDArray[Any], bits: int, colour: ColourTag) -> bool:
+        """As a DCDM's is; ask where nobody says so: sRGB has no reason for 12 bits in 16."""
+        if rgb.dtype != np.uint16 or not (colour.assumed or colour.transfer == "dcdm"):
+            return False
+        used = np.bitwise_or.reduce(rgb, axis=None)
+        if colour.assumed and used & 0xF0 and not used & 0x0F:
+            raise InputError(
+                f"{path}: wanted to know what its code values are, got 12 bits in 16, as a DCDM's "
+                "X'Y'Z', and no word of it. Add --encoding dcdm, or --encoding srgb (or what it "
+                "is) if it is none."
+            )
+        return colour.transfer == "dcdm" and bits == 16 and not used & 0x0F
+
+    def fitting_depth(self, bits: int, transfer: str, *, floating: bool) -> int:
+        if transfer == "dcdm":
+            return _DCDM_BITS
+        # Few programs read TIFFs of 10 and 12 bits.
+        return 32 if floating else 8 if bits <= 8 else 16
+
+    def is_floating(self, bits: int) -> bool:
+        return bits == 32
+
+    def pads(self, bits: int, transfer: str) -> bool:
+        return transfer == "dcdm" and bits == _DCDM_BITS
+
+    def state_storage(self, spec: Any, target: Target) -> None:
+        compression = target.said.get("compression") if target.same else None
+        spec.attribute("compression", compression if compression in _LOSSLESS else "zip")
+        if target.kinds[0] == "half":
+            spec.attribute("tiff:half", 1)
+
+
+class _Entry(NamedTuple):
+    """One tag of a directory: its place in the file, and type, number and place of its values."""
 
     place: int
     kind: int
-    values: tuple[int, ...]
+    number: int
+    offset: int
 
 
-def stored_anew(content: bytes) -> bytes | None:
-    """The TIFF with its strips as ZIP; None if it can be read as it is.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be unpacked. The message says what was got.
-    """
-    try:
-        file = _File(content)
-        tags = file.directory()
-        compression = _first(tags, _COMPRESSION, 1)
-        backward = _first(tags, _FILL_ORDER, 1) == 2
-        if not (compression in UNREAD or (backward and compression in _ZIP)):
-            return None
-        names = [pair for pair in zip(_PLACES, _SIZES, strict=True) if pair[0] in tags]
-        if len(names) != 1 or names[0][1] not in tags:
-            raise ValueError("one without strips")
-        ((places, sizes),) = names
-        if len(tags[places].values) != len(tags[sizes].values):
-            raise ValueError("one without strips")
-        strips = []
-        for place, size in zip(tags[places].values, tags[sizes].values, strict=True):
-            strip = content[place : place + size]
-            if len(strip) < size:
-                raise ValueError("one that ends early")
-            strips.append(strip.translate(_REVERSED) if backward else strip)
-        return file.with_strips(tags, (places, sizes), strips, compression)
-    except struct.error as error:
-        raise ValueError("one that ends early") from error
-
-
-def _first(tags: Mapping[int, Entry], tag: int, usual: int) -> int:
-    values = tags[tag].values if tag in tags else ()
-    return values[0] if values else usual
+_Tags = Mapping[int, _Entry]
 
 
 @final
 class _File:
-    """A TIFF's bytes, and how its numbers are written."""
+    """A TIFF, and how its numbers are written."""
 
-    def __init__(self, content: bytes) -> None:
-        self._content = content
-        self._order = "<" if content[:2] == b"II" else ">"
-        self._big = content[2:4] in (b"+\0", b"\0+")
+    def __init__(self, file: BinaryIO) -> None:
+        self._file, self._size = file, os.fstat(file.fileno()).st_size
+        start = file.read(4)
+        self._order = "<" if start[:2] == b"II" else ">"
+        self._big = start[2:] in (b"+\0", b"\0+")
         self._word = "Q" if self._big else "I"
 
     def _read(self, form: str, place: int) -> tuple[int, ...]:
-        return struct.unpack_from(self._order + form, self._content, place)
+        count = struct.calcsize(self._order + form)
+        self._require(place, count)
+        self._file.seek(place)
+        return struct.unpack(self._order + form, self._file.read(count))
 
-    def directory(self) -> dict[int, Entry]:
-        """The first directory."""
-        (begin,) = self._read(self._word, 8 if self._big else 4)
-        (count,) = self._read("Q" if self._big else "H", begin)
-        head, length = (8, 20) if self._big else (2, 12)
-        tags = {}
-        for place in range(begin + head, begin + head + count * length, length):
-            tag, kind = self._read("HH", place)
-            (number,) = self._read(self._word, place + 4)
-            name = _NAMES.get(kind)
-            values: tuple[int, ...] = ()
-            if name is not None and number <= len(self._content):
-                size = struct.calcsize(f"={number}{name}")
-                inline = place + 4 + struct.calcsize(f"={self._word}")
-                fits = size <= struct.calcsize(f"={self._word}")
-                values = self._read(
-                    f"{number}{name}", inline if fits else self._read(self._word, inline)[0]
-                )
-            tags[tag] = Entry(place, kind, values)
-        return tags
+    def _require(self, place: int, count: int) -> None:
+        if place + count > self._size:
+            raise DamagedError(f"one that ends early, at {self._size} bytes")
 
-    def with_strips(
-        self, tags: Mapping[int, Entry], names: tuple[int, int], strips: list[bytes], how: int
-    ) -> bytes:
-        """The file with these strips, of compression `how`, as ZIP behind all that it had."""
-        made = bytearray(self._content)
-        places, sizes = [], []
-        wanted = _sizes(tags, len(strips))
-        if sum(wanted) > _LARGEST_RATIO * len(self._content):
-            raise ValueError(f"{len(self._content)} bytes for {sum(wanted)}")
-        for strip, size in zip(strips, wanted, strict=True):
-            packed = zlib.compress(_unpacked(strip, size, how), 1)
-            places.append(len(made))
-            sizes.append(len(packed))
-            made += packed
-        for name, values in zip(names, (places, sizes), strict=True):
+    def _directories(self) -> Iterator[_Tags]:
+        """All directories, the picture's first; that all their values are there is seen to."""
+        head, entry = ("Q", "HHQQ") if self._big else ("H", "HHII")
+        room, length = struct.calcsize(f"={self._word}"), struct.calcsize(f"={entry}")
+        begins = list(self._read(self._word, 8 if self._big else 4))
+        seen = {0}
+        while begins:
+            if (begin := begins.pop()) in seen:
+                continue
+            seen.add(begin)
+            (count,) = self._read(head, begin)
+            begin += struct.calcsize(f"={head}")
+            self._require(begin, count * length)
+            tags = {}
+            for place in range(begin, begin + count * length, length):
+                tag, *told = self._read(entry, place)
+                tags[tag] = _Entry(place, *told)
+                size = tags[tag].number * _BYTES.get(tags[tag].kind, 0)
+                if size > room:
+                    self._require(tags[tag].offset, size)
+                elif tag == _EXIF:
+                    begins.append(tags[tag].offset)
+            begins += self._read(self._word, begin + count * length)
+            yield tags
+
+    def _values(self, tags: _Tags, tag: int) -> tuple[int, ...]:
+        """Of a tag of integers; none if there is no such tag."""
+        place, kind, number, offset = tags.get(tag, (0, 0, 0, 0))
+        name = _NAMES.get(kind)
+        if name is None or number > self._size:
+            return ()
+        form, room = f"{number}{name}", struct.calcsize(f"={self._word}")
+        inline = struct.calcsize(f"={form}") <= room
+        return self._read(form, place + 4 + room if inline else offset)
+
+    def stored_anew(self) -> bytes | None:
+        """The TIFF with its strips as ZIP; None if it can be read as it is."""
+        tags: _Tags = [*self._directories(), {}][0]
+        compression = self._first(tags, _COMPRESSION, 1)
+        backward = self._first(tags, _FILL_ORDER, 1) == 2
+        if not (compression in (_ZSTD, _LZMA) or (backward and compression in _ZIP)):
+            return None
+        names = [pair for pair in zip(_PLACES, _SIZES, strict=True) if pair[0] in tags]
+        if len(names) != 1:
+            raise ValueError("one without strips")
+        places, sizes = (self._values(tags, each) for each in names[0])
+        if len(places) != len(sizes):
+            raise ValueError("one without strips")
+        wanted = self._sizes(tags, len(places))
+        if sum(wanted) > _LARGEST_RATIO * self._size:
+            raise ValueError(f"{self._size} bytes for {sum(wanted)}")
+        self._file.seek(0)
+        content = self._file.read()
+        made, moved, packed = bytearray(content), [], []
+        for place, stored, size in zip(places, sizes, wanted, strict=True):
+            strip = content[place : place + stored]
+            if len(strip) < stored:
+                raise ValueError("one that ends early")
+            strip = strip.translate(_REVERSED) if backward else strip
+            anew = zlib.compress(_unpacked(strip, size, compression), 1)
+            moved.append(len(made))
+            packed.append(len(anew))
+            made += anew
+        for name, values in zip(names[0], (moved, packed), strict=True):
             self._put(made, tags[name].place, 16 if self._big else 4, values)
         self._put(made, tags[_COMPRESSION].place, 3, [_ZIP[0]])
         if _FILL_ORDER in tags:
@@ -162,22 +226,24 @@ class _File:
         inline = place + 4 + room
         made[inline : inline + room] = packed.ljust(room, b"\0")
 
+    def _first(self, tags: _Tags, tag: int, usual: int) -> int:
+        return next(iter(self._values(tags, tag)), usual)
 
-def _sizes(tags: Mapping[int, Entry], count: int) -> list[int]:
-    """Bytes of each of so many strips or tiles, unpacked."""
-    cols, rows = _first(tags, _COLS, 0), _first(tags, _ROWS, 0)
-    bits = tags[_BITS].values if _BITS in tags else (1,)
-    apart = _first(tags, _PLANAR, 1) == 2
-    sample = bits[0] if apart else sum(bits)
-    if _TILE_COLS in tags and _TILE_ROWS in tags:
-        across, down = _first(tags, _TILE_COLS, 0), _first(tags, _TILE_ROWS, 0)
-        return [-(-across * sample // 8) * down] * count
-    each = min(_first(tags, _ROWS_PER_STRIP, rows), rows)
-    if not each:
-        raise ValueError("one without strips")
-    plane = -(-rows // each)
-    line = -(-cols * sample // 8)
-    return [line * min(each, rows - each * (k % plane)) for k in range(count)]
+    def _sizes(self, tags: _Tags, count: int) -> list[int]:
+        """Bytes of each of so many strips or tiles, unpacked."""
+        cols, rows = self._first(tags, _COLS, 0), self._first(tags, _ROWS, 0)
+        bits = self._values(tags, _BITS) or (1,)
+        apart = self._first(tags, _PLANAR, 1) == 2
+        sample = bits[0] if apart else sum(bits)
+        if _TILE_COLS in tags and _TILE_ROWS in tags:
+            across, down = self._first(tags, _TILE_COLS, 0), self._first(tags, _TILE_ROWS, 0)
+            return [-(-across * sample // 8) * down] * count
+        each = min(self._first(tags, _ROWS_PER_STRIP, rows), rows)
+        if not each:
+            raise ValueError("one without strips")
+        plane = -(-rows // each)
+        line = -(-cols * sample // 8)
+        return [line * min(each, rows - each * (k % plane)) for k in range(count)]
 
 
 def _unpacked(strip: bytes, size: int, how: int) -> bytes:

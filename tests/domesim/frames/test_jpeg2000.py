@@ -50,7 +50,7 @@ def frame(bits: int = 12) -> Frame:
 def test_every_code_survives(tmp_path: Path, suffix: str, bits: int) -> None:
     write_frame(frame(bits), tmp_path / f"a.{suffix}")
     read = read_frame(tmp_path / f"a.{suffix}")
-    assert (read.bits, read.floating, read.header.format) == (bits, False, "jpeg2000")
+    assert (read.bits, read.floating, read.header.format) == (bits, False, "JPEG 2000")
     np.testing.assert_array_equal(np.rint(read.pixels * (2**bits - 1)), codes(bits))
     write_frame(read, tmp_path / f"b.{suffix}")
     first, second = ((tmp_path / f"{name}.{suffix}").read_bytes() for name in "ab")
