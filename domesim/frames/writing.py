@@ -109,7 +109,9 @@ def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
         floating = form.is_floating(bits)
     kind = kind_of(bits, floating=floating)
     channels, kinds, sources = _channels(frame, form, kind, same=same, kept=kept)
-    as_source = same or form.straight == "either"
+    straight = form.straight == "always"
+    if same or form.straight == "either":
+        straight = header.straight
     return Target(
         format=form,
         same=same,
@@ -120,7 +122,7 @@ def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
         channels=channels,
         kinds=kinds,
         sources=sources,
-        straight=header.straight if as_source else form.straight == "always",
+        straight=straight and not form.is_reduced(),
         zero_padded=header.zero_padded if kept else form.pads(bits, colour.transfer),
         legal=same and header.legal,
         said={name: value for name, _, value in header.attributes},
