@@ -13,7 +13,6 @@ from compensate.devices import CPU, on_device
 from compensate.figures import Appraisal, Figures
 from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
-from compensate.page.comparison import compare_methods
 from compensate.pose import Posed, Stage, preferred
 from compensate.solver.accelerated import Accelerated
 from compensate.visible import OnlyVisible, SpatiallyWeighted
@@ -275,6 +274,8 @@ class Compensating(Recipe):
 
     def compare(self, master: Master, page: Path) -> None:
         """See `Recipe`: master, and what is seen untouched and compensated."""
+        from compensate.page.comparison import compare_methods  # noqa: PLC0415 - slow to import
+
         theatre = self.scene.load()
         weighting = self.weighting(theatre)
         solver = self.solver(theatre, lambda text: None)

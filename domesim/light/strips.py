@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.host.cores import cores
 from domesim.host.memory import KEPT
 
 T = TypeVar("T")
@@ -79,14 +80,6 @@ def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: 
     if isinstance(computes, np.ndarray):
         return in_strips(work, shape)
     return [work(view, slice(0, shape[1])) for view in range(shape[0])]
-
-
-@cache
-def cores() -> int:
-    """Of this machine, that this process may use: by its affinity and its control group."""
-    from dask.system import cpu_count  # noqa: PLC0415
-
-    return int(cpu_count())
 
 
 def threads() -> int:

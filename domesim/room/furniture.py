@@ -316,11 +316,9 @@ def _seat(width: float) -> _Mesh:
 
 def _sitter() -> _Mesh:
     """Head, torso, thighs and shins; the face is just behind the eye at (0, 0, EYE_HEIGHT)."""
-    head = import_module("trimesh").creation.icosphere(subdivisions=0, radius=0.115)
-    head.apply_translation([0.0, -0.14, EYE_HEIGHT - 0.02])
     return _joined(
         [
-            (np.array(head.vertices), np.array(head.faces, np.int64)),
+            _moved(_icosahedron(0.115), (0.0, -0.14, EYE_HEIGHT - 0.02)),
             _leaning(0.2, (0.21, 0.47), (-0.11, 1.03), 0.2),
             _box((-0.17, 0.1, 0.46), (0.17, 0.58, 0.6)),
             _box((-0.15, 0.48, 0.0), (0.15, 0.6, 0.46)),
@@ -343,8 +341,7 @@ def _risers(
             [np.stack([half, along], -1), np.stack([-half[::-1], along[::-1]], -1)]
         )
         levels = [np.column_stack([outline, np.full(len(outline), h)]) for h in (floor_height, z)]
-        hull = import_module("trimesh").convex.convex_hull(np.concatenate(levels))
-        risers.append((np.array(hull.vertices), np.array(hull.faces, np.int64)))
+        risers.append(_rings(levels))
     return risers
 
 
@@ -369,8 +366,32 @@ def _reach(mesh: _Mesh, foot: Point) -> float:
 
 
 def _box(low: ArrayLike, high: ArrayLike) -> _Mesh:
-    mesh = import_module("trimesh").creation.box(bounds=np.array([low, high], np.float64))
-    return np.array(mesh.vertices), np.array(mesh.faces, np.int64)
+    (left, near, bottom), (right, far, top) = np.asarray(low, float), np.asarray(high, float)
+    outline = np.array([(left, near), (right, near), (right, far), (left, far)])
+    return _rings([np.column_stack([outline, np.full(4, z)]) for z in (bottom, top)])
+
+
+def _icosahedron(radius: float) -> _Mesh:
+    """Two tops, and two rings of five between them."""
+    around = np.arange(5) * (2 * np.pi / 5)
+    rings = [
+        np.column_stack([2 * np.cos(a), 2 * np.sin(a), np.full(5, z)])
+        for a, z in ((around, -1), (around + np.pi / 5, 1))
+    ]
+    vertices = np.concatenate([*rings, [[0, 0, -np.sqrt(5)], [0, 0, np.sqrt(5)]]])
+    here = np.arange(5)
+    there = (here + 1) % 5
+    bottom, top = np.full(5, 10), np.full(5, 11)
+    faces = [
+        np.stack(corners, -1)
+        for corners in (
+            (here, there, here + 5),
+            (there, there + 5, here + 5),
+            (there, here, bottom),
+            (here + 5, there + 5, top),
+        )
+    ]
+    return vertices * (radius / np.sqrt(5)), np.concatenate(faces)
 
 
 def _leaning(
@@ -388,18 +409,25 @@ def _leaning(
 def _turned(outline: Sequence[tuple[float, float, float]], sides: int) -> _Mesh:
     """Elliptic rings (half-axes across x and y, z), joined and closed at both ends."""
     around = np.arange(sides) * (2 * np.pi / sides)
-    rings = [
-        np.stack([a * np.cos(around), b * np.sin(around), np.full(sides, z)], -1)
-        for a, b, z in outline
-    ]
+    return _rings(
+        [
+            np.stack([a * np.cos(around), b * np.sin(around), np.full(sides, z)], -1)
+            for a, b, z in outline
+        ]
+    )
+
+
+def _rings(rings: Sequence[NDArray[np.float64]]) -> _Mesh:
+    """Convex rings of (corner, xyz), anticlockwise from above, joined upwards and closed."""
+    sides = len(rings[0])
     here = np.arange(sides)
     there = (here + 1) % sides
     first = np.stack([here, there, there + sides], -1)
     second = np.stack([here, there + sides, here + sides], -1)
     strip = np.concatenate([first, second])
-    faces = [strip + level * sides for level in range(len(outline) - 1)]
+    faces = [strip + level * sides for level in range(len(rings) - 1)]
     cap = np.stack([np.zeros(sides - 2, np.int64), here[2:], here[1:-1]], -1)
-    top = cap[:, ::-1] + (len(outline) - 1) * sides
+    top = cap[:, ::-1] + (len(rings) - 1) * sides
     return np.concatenate(rings), np.concatenate([*faces, cap, top])
 
 

@@ -18,7 +18,7 @@ from typing import Any, final
 from domesim.errors import InputError
 from domesim.frames import ColourTag
 from domesim.host.console import Console, complain, duration, sized
-from domesim.light.strips import cores
+from domesim.host.cores import cores
 from domesim.shows.checksums import sha256
 from domesim.shows.cinema import becoming
 from domesim.shows.film import Films, encoding_of

@@ -22,8 +22,8 @@ from domesim.frames.reading import size_of
 from domesim.frames.video import video_of
 from domesim.frames.whole import sweep
 from domesim.host.console import Console, complain, prepare, sized
+from domesim.host.cores import cores
 from domesim.host.memory import limit_of_group
-from domesim.light.strips import cores
 from domesim.shows.alone import alone
 from domesim.shows.cinema import Cinema, becoming, told_of_dcp
 from domesim.shows.cluster import in_cluster

@@ -30,8 +30,8 @@ from typing import Any, final
 
 import numpy as np
 
+from domesim.host.cores import cores
 from domesim.light import Light
-from domesim.light.strips import cores
 from domesim.shows.checksums import sha256
 from domesim.shows.cluster import in_cluster
 from domesim.shows.crew import Crew
