@@ -2,8 +2,8 @@
 
     file -> frames -> projector.decode -> Light -> problem -> solver -> projector.encode -> file
 
-`compensate` is the engine's one entry for Light. `compensate_frame` adds the file's side: range,
-encoding, and the figures that say what was done and how good it is.
+`compensate` is the engine's one entry for Light. `solve_frame` adds the file's side: encoding, and
+the figures that say what was done and how good it is.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 
 from compensate.aim import Aim, Eye
 from compensate.figures import Appraisal, Figures
-from compensate.methods import Solver, require_method
+from compensate.methods import Solver
 from compensate.own import own_problem
-from compensate.pose import Posed, Stage, pose, require_within_range
+from compensate.pose import Posed, pose, require_within_range
 from compensate.solve import solved
 from compensate.solver.fitting import fitting
 from compensate.solver.result import Result
@@ -97,39 +97,6 @@ def compensate(
         return found
     on = posed.screen[None, :, :, None]
     return replace(found, light=np.where(on, found.light, desired))
-
-
-def compensate_frame(
-    frame: Master,
-    scene: Scene,
-    *,
-    method: str = "perceptual",
-    solver: Solver | None = None,
-    weighting: Eye | None = None,
-) -> Outcome:
-    """The frame to project for a master, in the master's own encoding.
-
-    Parameters
-    ----------
-    frame
-        A domemaster, or left and right.
-    scene
-        The theatre, or stereo system.
-    method
-        One of the scene's methods (`compensate.methods`).
-    solver
-        The method's solver with other settings than its default ones.
-    weighting
-        Settings of the vision model.
-
-    Raises
-    ------
-    InputError
-        If the scene has no such method, or the frame is no master for it.
-    """
-    require_method(method, scene)
-    posed, out_of_range = Stage(scene, weighting).pose_frame(frame)
-    return solve_frame(frame, posed, out_of_range, method, solver).outcome()
 
 
 def solve_frame(

@@ -26,10 +26,10 @@ from compensate.prediction import (
 )
 from domesim.errors import InputError
 from domesim.frames import ColourTag
-from domesim.frames.colour import colour_chunks
-from domesim.frames.png import with_colour_chunks
+from domesim.frames.formats.exr import state_compression
+from domesim.frames.formats.png import colour_chunks, with_colour_chunks
 from domesim.frames.whole import write_together
-from domesim.frames.writing import bare_specification, encode, state_exr_compression
+from domesim.frames.writing import bare_specification, encode
 from domesim.observation.stereo import VIEWS
 from domesim.scene.choice import SceneChoice
 from domesim.shows.run import Done
@@ -287,7 +287,7 @@ def _exr(place: _Place, found: Triage) -> bytes:
     samples = _rounded(samples.astype(np.float32))
     size = (samples.shape[1], samples.shape[0])
     spec = bare_specification(names, ("float",) * len(names), size, [])
-    state_exr_compression(spec, None)
+    state_compression(spec, None)
     return encode(place.maps, "openexr", [(spec, samples)])
 
 

@@ -16,7 +16,7 @@ from domesim.errors import InputError
 from domesim.frames import LARGEST_SIDE, ColourTag, Frame, Pixels, write_frame, write_whole
 from domesim.frames.encodings import encoding_named
 from domesim.frames.film import FILMS
-from domesim.frames.formats import DEPTHS, SUFFIXES
+from domesim.frames.formats import SUFFIXES
 from domesim.frames.frame import Header
 from domesim.host.console import Console, prepare
 from domesim.measure.patterns import Codes, Pattern
@@ -188,11 +188,12 @@ def _codes(name: str, bits: int | None, encoding: str | None) -> tuple[str, Code
     if suffix in FILMS or suffix in (".jpg", ".j2c", ".mxf", None):
         raise InputError(f"--format {name!r} does not keep codes exactly, or is a video; use png")
     assert suffix is not None
-    depths = DEPTHS[SUFFIXES[suffix]]
-    chosen = depths[0] if bits is None else bits
-    if chosen not in depths:
-        raise InputError(f"--bits must be {' or '.join(map(str, depths))} for {name}, got {chosen}")
-    floating = suffix == ".exr" or chosen == 32
+    form = SUFFIXES[suffix]
+    chosen = form.depths[0] if bits is None else bits
+    if chosen not in form.depths:
+        depths = " or ".join(map(str, form.depths))
+        raise InputError(f"--bits must be {depths} for {name}, got {chosen}")
+    floating = form.is_floating(chosen)
     colour = encoding_named(encoding or ("linear" if floating else "srgb"))
     absolute = colour.transfer in ("dcdm", "st2084")
     if absolute or colour.primaries in ("XYZ", "ACES AP0", "ACES AP1"):

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.frames.colour import ColourTag, colour_chunks
-from domesim.frames.png import with_colour_chunks
+from domesim.frames.colour import ColourTag
+from domesim.frames.formats.png import colour_chunks, with_colour_chunks
 from domesim.frames.whole import write_whole
 from domesim.frames.writing import bare_specification, encode
 from domesim.light import Light

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from compensated import compensate_frame
 from theatres import DATA, needs_data
 
 from compensate.commands.aiming import Aiming
 from compensate.figures import Appraisal
-from compensate.master import compensate, compensate_frame
+from compensate.master import compensate
 from compensate.methods import DOME as METHODS
 from compensate.pose import Stage, pose
 from compensate.solver.accelerated import Accelerated

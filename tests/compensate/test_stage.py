@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from compensated import compensate_frame
 from pairs import pair
 
 import compensate.pose as posing
 from compensate.figures import Appraisal
 from compensate.fourier import Fourier
-from compensate.master import compensate_frame, solve_frame
+from compensate.master import solve_frame
 from compensate.pose import Posed, Stage, pose
 from compensate.ruler import Ruler
 from compensate.solver.deghosting import clipped_subtraction

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from compensated import compensate_frame
 from pairs import pair
 
 from compensate.figures import Appraisal
-from compensate.master import compensate, compensate_frame
+from compensate.master import compensate
 from compensate.methods import STEREO
 from compensate.pose import pose
 from compensate.solve import solved

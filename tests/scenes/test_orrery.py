@@ -233,7 +233,7 @@ Run = Callable[..., int]
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch) -> Run:
     entry = EntryPoint("master", "scenes.artwork.command:master", "domesim.commands")
-    other = EntryPoint("observe", "domesim.commands.options:observe", "domesim.commands")
+    other = EntryPoint("observe", "domesim.commands.observe:observe", "domesim.commands")
     monkeypatch.setattr(commands, "entry_points", lambda group: [entry, other])
     return lambda *arguments: exit_code("master", *arguments)
 

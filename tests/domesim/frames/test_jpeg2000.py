@@ -15,7 +15,7 @@ from test_frames import SRGB, refusal
 
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
-from domesim.frames.jpeg2000 import boxes_of, comments_of, with_comments
+from domesim.frames.formats.jpeg2000 import boxes_of, comments_of, with_comments
 
 ROWS, COLS = 40, 53
 SIZ = 4  # where its length is, in a codestream
@@ -50,7 +50,7 @@ def frame(bits: int = 12) -> Frame:
 def test_every_code_survives(tmp_path: Path, suffix: str, bits: int) -> None:
     write_frame(frame(bits), tmp_path / f"a.{suffix}")
     read = read_frame(tmp_path / f"a.{suffix}")
-    assert (read.bits, read.floating, read.header.format) == (bits, False, "jpeg2000")
+    assert (read.bits, read.floating, read.header.format) == (bits, False, "JPEG 2000")
     np.testing.assert_array_equal(np.rint(read.pixels * (2**bits - 1)), codes(bits))
     write_frame(read, tmp_path / f"b.{suffix}")
     first, second = ((tmp_path / f"{name}.{suffix}").read_bytes() for name in "ab")

@@ -8,15 +8,102 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, BinaryIO, Self, final
 
-SIGNATURE = bytes.fromhex("0000000c6a5020200d0a870a")
-CODESTREAM = b"\xff\x4f\xff\x51"  # SOC, and SIZ
+import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
+
+from domesim.errors import InputError
+from domesim.frames.colour import ColourTag
+from domesim.frames.formats.base import Format, Target
+
+_SIGNATURE = bytes.fromhex("0000000c6a5020200d0a870a")
+_CODESTREAM = b"\xff\x4f\xff\x51"  # SOC, and SIZ
 _COMMENT, _TILE, _END = b"\xff\x64", b"\xff\x90", b"\xff\xd9"  # COM, SOT, EOC
 _CINEMA = (3, 4)  # Rsiz of the 2K and the 4K profile
 _HIGH_THROUGHPUT = 0x4000  # of Rsiz (ITU-T T.814, A.2)
 _SRGB, _GREY = 16, 17  # EnumCS
 _PREMULTIPLIED = 2  # of cdef's types
 _DEPTHS = (8, 10, 12, 16)
+_CINEMA_BITS, _CINEMA_SUFFIX = 12, ".j2c"
+_LEAST_SIDE = 32  # OpenJPEG's encoder halves it five times
+
+
+@final
+@dataclass(frozen=True)
+class JPEG2000(Format):
+    """JPEG 2000, written losslessly: .jp2 with boxes, others as a codestream without a profile.
+
+    But a .j2c of X'Y'Z' as a DCP has it: of 12 bits, with the profile of digital cinema, and no
+    more bytes than 250 Mbit/s are at 24 frames a second.
+    """
+
+    boxes: bytes = b""  # without that of the codestream
+    comments: bytes = b""  # whole marker segments
+    cinema: bool = False  # with a profile of digital cinema, which is lossy
+
+    starts = (_SIGNATURE, _CODESTREAM)
+    wanted = "R, G, B at 8, 10, 12 or 16 bits"
+    channels = "alpha"
+    straight = "always"
+
+    def examined(self, path: Path, file: BinaryIO) -> Self:
+        """OpenImageIO decodes it when it is opened: what is wrong must be found before."""
+        content = file.read()
+        cinema, comments = is_cinema(content), comments_of(content)
+        boxes = _metadata_of(content)
+        # cdef: channel, type, association.
+        told = _inside(_inside(boxes, b"jp2h"), b"cdef")[2:]
+        kinds = [kind for _, kind, _ in struct.iter_unpack(">3H", told[: len(told) // 6 * 6])]
+        straight = _PREMULTIPLIED not in kinds
+        return replace(self, cinema=cinema, comments=comments, boxes=boxes, unassociated=straight)
+
+    def _colour(self, path: Path, spec: Any) -> ColourTag:
+        if self.cinema:
+            return ColourTag("dcdm", "XYZ", "file: digital-cinema profile")
+        stated = _enumerated(self.boxes) == _SRGB
+        return ColourTag("srgb", "BT.709", "file: sRGB" if stated else "assumed for JPEG 2000")
+
+    def aimed_at(
+        self, path: Path, colour: ColourTag, sides: tuple[int, ...], bits: int | None
+    ) -> Self:
+        if min(sides) < _LEAST_SIDE:
+            raise InputError(
+                f"{path}: wanted {_LEAST_SIDE} px a side or more for a JPEG 2000, got "
+                f"{sides[1]} x {sides[0]}. Choose another format."
+            )
+        cinema = path.suffix.lower() == _CINEMA_SUFFIX and colour.transfer == "dcdm"
+        if cinema and bits not in (None, _CINEMA_BITS):
+            raise InputError(
+                f"{path}: wanted 12 bits for X'Y'Z' of a DCP, got {bits}. Leave it out."
+            )
+        return replace(self, cinema=cinema, depths=(_CINEMA_BITS,) if cinema else self.depths)
+
+    def is_reduced(self) -> bool:
+        return self.cinema
+
+    def state_storage(self, spec: Any, target: Target) -> None:
+        if self.cinema:
+            profile = "Cinema2K" if spec.width <= 2048 and spec.height <= 1080 else "Cinema4K"
+            spec.attribute(f"jpeg2000:{profile}", oiio.TypeDesc("uint"), 24)
+
+    def encoder_suffix(self, path: Path) -> str:
+        """It tells boxes from a codestream."""
+        return ".jp2" if path.suffix.lower() == ".jp2" else ".j2k"
+
+    def finished(self, content: bytes, path: Path, target: Target) -> bytes:
+        if self.cinema and not is_cinema(content):
+            cols, rows = struct.unpack_from(">2I", content, 8)
+            raise InputError(
+                f"{path}: wanted at most 4096 x 2160 px for a DCP's codestream (.j2c of X'Y'Z'), "
+                f"got {cols} x {rows}. Crop it, or write .tif or .j2k."
+            )
+        if target.same:
+            content = with_comments(content, self.comments)
+        if path.suffix.lower() == ".jp2" and self.boxes:
+            content = _with_metadata(content, self.boxes, colour_holds=target.keeps_colour)
+        return content
 
 
 def is_cinema(content: bytes) -> bool:
@@ -31,7 +118,7 @@ def is_cinema(content: bytes) -> bool:
         The message says what was got.
     """
     codestream = _codestream_of(content)
-    if not codestream.startswith(CODESTREAM) or len(codestream) < 42:
+    if not codestream.startswith(_CODESTREAM) or len(codestream) < 42:
         raise ValueError("one without a picture")
     if not codestream.rstrip(b"\0").endswith(_END):
         raise ValueError("one that ends early")
@@ -47,7 +134,7 @@ def is_cinema(content: bytes) -> bool:
     ((depth, *steps),) = channels
     if depth + 1 not in _DEPTHS or steps != [1, 1]:
         raise ValueError(f"channels of {depth % 128 + 1} bits, signed, or subsampled")
-    model = _enumerated(metadata_of(content))
+    model = _enumerated(_metadata_of(content))
     if model not in (None, _SRGB, _GREY):
         raise ValueError(f"colour space {model}")
     return profile in _CINEMA
@@ -69,21 +156,15 @@ def boxes_of(content: bytes) -> Iterator[tuple[bytes, bytes, bytes]]:
         position = end
 
 
-def metadata_of(content: bytes) -> bytes:
+def _metadata_of(content: bytes) -> bytes:
     """All boxes of a .jp2 but the codestream; nothing of a .j2k."""
-    if not content.startswith(SIGNATURE):
+    if not content.startswith(_SIGNATURE):
         return b""
     return b"".join(whole for kind, whole, _ in boxes_of(content) if kind != b"jp2c")
 
 
 def comments_of(content: bytes) -> bytes:
-    """The comments of a codestream's main header: whole marker segments, one after the other.
-
-    Raises
-    ------
-    ValueError
-        If the header ends early.
-    """
+    """The comments of a codestream's main header: whole marker segments, one after the other."""
     comments, _ = _main_header(_codestream_of(content))
     return b"".join(comments)
 
@@ -94,7 +175,7 @@ def with_comments(encoded: bytes, comments: bytes) -> bytes:
     old, others = _main_header(codestream)
     tiles = codestream[2 + sum(map(len, [*old, *others])) :]
     codestream = codestream[:2] + b"".join(others) + comments + tiles
-    if not encoded.startswith(SIGNATURE):
+    if not encoded.startswith(_SIGNATURE):
         return codestream
     size = 8 + len(codestream)
     box = struct.pack(">I4s", size, b"jp2c")
@@ -120,24 +201,12 @@ def _main_header(codestream: bytes) -> tuple[list[bytes], list[bytes]]:
 
 
 def _codestream_of(content: bytes) -> bytes:
-    if not content.startswith(SIGNATURE):
+    if not content.startswith(_SIGNATURE):
         return content
     return next((inner for kind, _, inner in boxes_of(content) if kind == b"jp2c"), b"")
 
 
-def is_associated(metadata: bytes) -> bool:
-    """Whether boxes say that colours are multiplied by alpha (cdef: channel, type, association)."""
-    told = _inside(_inside(metadata, b"jp2h"), b"cdef")[2:]
-    whole = told[: len(told) // 6 * 6]
-    return any(kind == _PREMULTIPLIED for _, kind, _ in struct.iter_unpack(">3H", whole))
-
-
-def states_srgb(metadata: bytes) -> bool:
-    """Whether boxes say that the picture is sRGB."""
-    return _enumerated(metadata) == _SRGB
-
-
-def with_metadata(encoded: bytes, metadata: bytes, *, colour_holds: bool) -> bytes:
+def _with_metadata(encoded: bytes, metadata: bytes, *, colour_holds: bool) -> bytes:
     """The .jp2 `encoded` with the boxes that another one had, as far as they hold.
 
     Its header's box is taken only if it describes such samples, without a palette, and if
