@@ -159,7 +159,7 @@ class Readings:
     black
         ``included`` in the readings of colours, or ``subtracted`` from them already.
     noise
-        Of one reading.
+        Noise of one reading.
     files
         All that was read.
     left_out
