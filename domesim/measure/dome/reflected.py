@@ -98,6 +98,12 @@ class Core:
     expectation: Expectation
     uncertainty: Uncertainty
 
+    def shown(self, responses: Responses, primary: int) -> Floats:
+        """(photograph, place) light by this fit; what was seen where no place counts."""
+        reflected = responses.excitation[:, primary] @ self.core.T @ responses.functions
+        light = self.gain * (responses.direct[..., primary] + reflected) + self.ambient
+        return np.where(self.counted, light, responses.value[..., primary])
+
 
 @final
 @dataclass(frozen=True, eq=False)

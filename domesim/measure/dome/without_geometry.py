@@ -114,7 +114,11 @@ def found_in(responses: Responses, theatre: Theatre) -> Found:
         If they cannot tell direct from reflected light, if no pattern can be left out, or if they
         are not what light of the patterns can look like.
     """
-    cores = [fitted(responses, p) for p in range(3)]
+    seen = [fitted(responses, p) for p in range(3)]
+    responses = responses.weighed(
+        np.stack([core.shown(responses, p) for p, core in enumerate(seen)], -1)
+    )
+    cores = [fitted(responses, p, core.expectation, core.core) for p, core in enumerate(seen)]
     chi2, degrees = sum(core.chi2 for core in cores), sum(core.degrees for core in cores)
     if degrees <= 0 or chi2 > _MOST_MISFIT * degrees:
         raise InputError(
