@@ -58,7 +58,7 @@ def patterns(
     ] = None,
     levels: Annotated[int, typer.Option(help="Steps of each ramp from black to full.")] = LEVELS,
     file_format: Annotated[
-        str, typer.Option("--format", help="exr, png, tif, dpx, jp2 or j2k.")
+        str, typer.Option("--format", help="exr, png, tif, dpx or jp2.")
     ] = "png",
     bits: Annotated[
         int | None, typer.Option(help="Of a sample; the format's least if none.")

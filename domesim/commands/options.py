@@ -24,9 +24,8 @@ SceneName = Annotated[
     str,
     typer.Option(
         "--scene",
-        help="The theatre: dome_hemisphere, dome_imax, dome_planetarium, dome_led, dome_dark; the "
-        "stereo system: stereo_cinema_silver, stereo_polarised_paper, stereo_shutter, "
-        "stereo_spectral; or the path of a .toml file.",
+        help=f"The theatre or stereo system: {', '.join(scene_names())}; or the path of a .toml "
+        "file.",
         show_default=False,
         autocompletion=scene_names,
     ),

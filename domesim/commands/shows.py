@@ -13,7 +13,7 @@ from domesim.commands.options import OutFolder, Repair, finish
 from domesim.errors import InputError
 from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.film import FILMS
-from domesim.frames.formats import SUFFIXES
+from domesim.frames.formats import SUFFIXES, WRITTEN
 from domesim.host.console import Console
 from domesim.scene import Scene, StereoScene
 from domesim.shows.cinema import SUFFIX as CINEMA
@@ -112,8 +112,8 @@ class Results:
         str | None,
         typer.Option(
             "--format",
-            help="Write exr, png, tif, dpx, jpg, jp2 or j2k instead of the master's format; or, of "
-            "a sequence, besides its frames a video: mov (ProRes 4444) or mkv (FFV1, lossless).",
+            help=f"Write another format than the master's: {', '.join(WRITTEN)}; or, of a sequence, "
+            "besides its frames a video: mov (ProRes 4444) or mkv (FFV1, lossless).",
             show_default=False,
         ),
     ] = None
@@ -279,8 +279,7 @@ def suffix_of(file_format: str | None) -> str | None:
     suffix = f".{file_format.lower().removeprefix('.')}"
     if suffix not in (*SUFFIXES, *FILMS, CINEMA):
         raise InputError(
-            f"--format {file_format!r} is not known; use exr, png, tif, dpx, jpg, jp2, j2k, j2c; "
-            f"mov or mkv; or mxf"
+            f"--format {file_format!r} is not known; use {', '.join(WRITTEN)}; mov or mkv; or mxf"
         )
     return suffix
 

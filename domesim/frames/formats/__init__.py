@@ -36,5 +36,8 @@ FORMATS: dict[str, Format] = {
 SUFFIXES = {suffix: each for each in FORMATS.values() for suffix in each.suffixes}
 """Formats that are written, by their files' suffixes."""
 
+WRITTEN = tuple(each.suffixes[0][1:] for each in FORMATS.values() if each.suffixes)
+"""Names of the formats that are written, as options take them."""
+
 LABELS = ", ".join(each.label for each in FORMATS.values())
 """Names of the formats that are read, for a message."""
