@@ -90,6 +90,26 @@ def guided(
     pixels, weight, first, second = (
         block_sums(each, block) for each in (on, weights, weighted, weighted * plane)
     )
+    slope, offset = coefficients(pixels, weight, first, second, radius, edge)
+    size = plane.shape
+    return enlarged(slope, block, size) * plane + enlarged(offset, block, size)
+
+
+def coefficients(
+    pixels: Array, weight: Array, first: Array, second: Array, radius: int, edge: float
+) -> tuple[Array, Array]:
+    """Slope and offset by which `guided` makes its mean of a value, (row, col) of blocks each.
+
+    Parameters
+    ----------
+    pixels, weight
+        Of each block: how many pixels count, and the sum of their importance.
+    first, second
+        Sums of the value and of its square, by importance.
+    radius, edge
+        As for `guided`.
+    """
+    xp = namespace(pixels)
     within = _mean_over(box_sum(weight, radius), radius)
     middle = within(first)
     # Of each pixel from the middle of its own block
@@ -97,10 +117,7 @@ def guided(
     variance = within(xp.maximum(spread, xp.zeros_like(spread)))
     slope = variance / (variance + edge**2)
     mean = _mean_over(box_sum(pixels, radius), radius)
-    size = plane.shape
-    return enlarged(mean(pixels * slope), block, size) * plane + enlarged(
-        mean(pixels * (1 - slope) * middle), block, size
-    )
+    return mean(pixels * slope), mean(pixels * (1 - slope) * middle)
 
 
 def block_sums(planes: Array, block: int) -> Array:
