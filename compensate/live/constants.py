@@ -8,6 +8,7 @@ crosstalk. `compensate.live.dome`, `pair` and `shader` compute with nothing else
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias, cast, final
 
@@ -161,6 +162,11 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
         f"{scene.name}: live pictures take crosstalk that is linear, got a table from grey to "
         f"grey; compensate such shows as files (domesim compensate)"
     )
+
+
+def rounds_of(strength: float) -> int:
+    """Turns of both eyes after which subtraction is exact to 1e-7, of crosstalk as strong as that."""
+    return 1 + math.ceil(math.log(1e-7) / (2 * math.log(max(strength, 1e-7))))
 
 
 def _of_dome(observation: LowRankObservation, sight: Sight, aim: Aim) -> DomeConstants:

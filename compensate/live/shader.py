@@ -18,7 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.live.coding import Coding
-from compensate.live.constants import DomeConstants, constants_of
+from compensate.live.constants import (
+    DomeConstants,
+    PairConstants,
+    constants_of,
+    rounds_of,
+)
+from compensate.live.smoothing import weights_of
 from domesim import __version__
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
@@ -85,9 +91,7 @@ def shader_of(scene: Scene, width: int, height: int, colour: ColourTag, packing:
     if isinstance(constants, DomeConstants):
         name, found = "dome.glsl.j2", _about_dome(constants)
     else:
-        from compensate.live.pair_shader import about_pair  # noqa: PLC0415
-
-        name, found = "pair.glsl.j2", about_pair(constants, packing)
+        name, found = "pair.glsl.j2", _about_pair(constants, packing)
     about |= found
     said = repr(sorted((key, _told(value)) for key, value in about.items()))
     about["digest"] = hashlib.sha256(said.encode()).hexdigest()[:16]
@@ -187,6 +191,59 @@ def _about_dome(k: DomeConstants) -> dict[str, Any]:
     }
 
 
+def _about_pair(k: PairConstants, packing: str) -> dict[str, Any]:
+    """What the pair's template says of its constants."""
+    fine = k.blocks[-1]
+    fine_cols, fine_rows = -(-k.cols // fine), -(-k.rows // fine)
+    octaves = []
+    for sigma, block in zip(k.sigmas, k.blocks, strict=True):
+        within = block // fine
+        octaves.append(
+            _smoothing(-(-fine_cols // within), -(-fine_rows // within), within, sigma / block)
+        )
+    near = _smoothing(fine_cols, fine_rows, 1, k.nearby / fine)
+    strength = max(
+        float(np.linalg.norm(matrix, 2) * share.max())
+        for matrix, share in zip(k.matrices, k.share, strict=True)
+    )
+    numbers = range(len(octaves))
+    return {
+        "textures": (
+            *("SHARE", "ACROSSNEAR", "DOWNNEAR"),
+            *(f"{name}{number}" for name in ("ACROSS", "DOWN") for number in numbers),
+        ),
+        "share": _texture(k.share.reshape(-1, k.share.shape[2], 1)),
+        "cell": k.cell,
+        "cell_rows": k.share.shape[1],
+        "cell_cols": k.share.shape[2],
+        "rows": k.rows,
+        "cols": k.cols,
+        "fine": fine,
+        "fine_rows": fine_rows,
+        "fine_cols": fine_cols,
+        "beside": packing == "side-by-side",
+        "octaves": octaves,
+        "near": near,
+        "matrices": [_matrix(matrix) for matrix in k.matrices],
+        "black": [_vector(black) for black in k.black],
+        "rounds": rounds_of(strength),
+        "weights": _vector(k.weights),
+        "dark": _glsl(k.dark),
+        "lift": _glsl(k.aim.lift),
+        "faint": _glsl(k.aim.faint),
+    }
+
+
+def _smoothing(cols: int, rows: int, block: int, sigma: float) -> SimpleNamespace:
+    """A plane's size, and how `compensate.means.smooth` weighs its neighbours near its edges."""
+    about: dict[str, Any] = {"cols": cols, "rows": rows, "block": block, "reach": {}, "kept": {}}
+    for name, axis, count in (("across", "x", cols), ("down", "y", rows)):
+        table = weights_of(count, sigma)
+        about[name] = _texture(table[..., None])
+        about["kept"][axis], about["reach"][axis] = len(table), table.shape[1] // 2
+    return SimpleNamespace(**about)
+
+
 def _feedback(k: DomeConstants) -> float:
     """Largest share of a screenful of light that comes back to the screen."""
     rows, cols = k.gain.shape
@@ -208,6 +265,10 @@ def _of_four(values: NDArray[np.floating]) -> NDArray[np.floating]:
 
 def _told(value: Any) -> Any:
     """What a digest is made of."""
+    if isinstance(value, SimpleNamespace):
+        return [(key, _told(each)) for key, each in sorted(vars(value).items())]
+    if isinstance(value, list):
+        return [_told(each) for each in value]
     return value.hex if isinstance(value, _Texture) else value
 
 
