@@ -58,10 +58,10 @@ class CompiledDome:
         self._back = np.linalg.inv(coding.mixing).astype(np.float32)
         self._codes_of = loops.table_of(coding.curve.encode, pixels.largest or 1)
         self._weights, self._dark = k.weights.astype(np.float32), np.float32(k.dark)
-        self._places, self._parts = _along(cols, k.cell, k.gain.shape[1])
+        self._places, self._parts = along(cols, k.cell, k.gain.shape[1])
         self._counted = block_sums(self._on, k.block)
         self._around = box_sum(self._counted, k.radius)
-        self._block_places, self._block_parts = _along(cols, k.block, self._counted.shape[1])
+        self._block_places, self._block_parts = along(cols, k.block, self._counted.shape[1])
         self._found = np.zeros((6, *self._counted.shape), np.float32)
         self._work = np.zeros((12, *self._counted.shape), np.float32)
         self._bases = np.empty((4, self._counted.shape[0], self._counted.shape[1] + 1), np.float32)
@@ -188,7 +188,7 @@ class CompiledDome:
         return k.aim.lift * (level + more / k.aim.darkest)
 
 
-def _along(count: int, side: int, cells: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+def along(count: int, side: int, cells: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """For each column: the coarse one below it, and how far it is towards the next."""
     at = np.clip((np.arange(count) + 0.5) / side - 0.5, 0, cells - 1)
     low = np.floor(at).astype(np.int32)
@@ -200,7 +200,7 @@ def _at_blocks(
 ) -> NDArray[np.floating]:
     """Cells at the middles of blocks, `side` of them along each."""
     for axis in (0, 1):
-        low, part = _along(shape[axis], side, cells.shape[axis])
+        low, part = along(shape[axis], side, cells.shape[axis])
         above = np.minimum(low + 1, cells.shape[axis] - 1)
         parts = part[:, None] if axis == 0 else part
         cells = cells.take(low, axis) * (1 - parts) + cells.take(above, axis) * parts

@@ -15,6 +15,8 @@ import numba
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
+from compensate.live.noise import APART
+
 # See `compensate.solver.admm.loops`
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
@@ -27,7 +29,6 @@ LEAST_LOG = -24
 """Power of 2 of the light at which tables for encoding begin."""
 _SHIFT = 16  # bits of a float32 that do not choose the place in a table
 _FIRST = (127 + LEAST_LOG) << (23 - _SHIFT)
-_APART = 4099  # places of noise between primaries
 _TINY = np.float32(1e-9)
 _LN2 = np.float32(np.log(2))
 
@@ -467,7 +468,7 @@ def written(
             for p in range(3):
                 _encoded(light[p], bits[p], codes_of, a, b)
                 if largest > 0:
-                    begin = shifts[i] + np.uint64(p * _APART)
+                    begin = shifts[i] + np.uint64(p * APART)
                     _rounded(light[p], noise, begin, largest, a, b)
             for j in range(cols):
                 for p in range(codes.shape[2]):

@@ -17,6 +17,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.aim import Aim
 from compensate.live.coding import Coding
 from compensate.live.constants import (
     DomeConstants,
@@ -56,34 +57,43 @@ class _Texture:
         return self.values.astype("<f4").tobytes().hex()
 
 
-def shader_of(scene: Scene, width: int, height: int, colour: ColourTag, packing: str = "") -> str:
+def shader_of(
+    scene: Scene,
+    rows: int,
+    cols: int,
+    colour: ColourTag,
+    *,
+    beside: bool = True,
+    aim: Aim | None = None,
+) -> str:
     """The text of a user shader.
 
     Parameters
     ----------
     scene
         The theatre, or stereo system.
-    width, height
-        Of the video, pixels.
+    rows, cols
+        Of each view, pixels.
     colour
-        What its code values are.
-    packing
-        Of pairs: ``side-by-side`` or ``top-bottom``, of whole views.
+        What code values are.
+    beside
+        Whether the video has both views of a pair side by side, and not one above the other.
+    aim
+        Its settings.
 
     Raises
     ------
     InputError
-        As for `constants_of`; or if the colour is none that a shader knows, or the packing does not
-        fit.
+        As for `constants_of`; or if no shader knows the colour's curve, or the screen has holes.
     """
     coding = Coding(scene.projector, colour)
-    rows, cols = _view(scene, width, height, packing)
-    constants = constants_of(scene, rows, cols)
+    across, down = (scene.views, 1) if beside else (1, scene.views)
+    constants = constants_of(scene, rows, cols, aim)
     about = {
         "scene": scene.name,
         "described": f"domesim {__version__}; {' '.join(scene.description.split())}",
-        "width": width,
-        "height": height,
+        "width": across * cols,
+        "height": down * rows,
         "white": scene.projector.white,
         "density": f"{scene.viewing.pixels_per_degree(rows, cols):.4g}",
         **_about_coding(coding),
@@ -91,28 +101,11 @@ def shader_of(scene: Scene, width: int, height: int, colour: ColourTag, packing:
     if isinstance(constants, DomeConstants):
         name, found = "dome.glsl.j2", _about_dome(constants)
     else:
-        name, found = "pair.glsl.j2", _about_pair(constants, packing)
+        name, found = "pair.glsl.j2", _about_pair(constants, beside=beside)
     about |= found
     said = repr(sorted((key, _told(value)) for key, value in about.items()))
     about["digest"] = hashlib.sha256(said.encode()).hexdigest()[:16]
     return _rendered(name, about)
-
-
-def _view(scene: Scene, width: int, height: int, packing: str) -> tuple[int, int]:
-    """(row, col) of each view in a video of that size."""
-    if scene.views == 1:
-        if packing:
-            raise InputError(f"{scene.name} is a dome, which has one view; leave out --packing")
-        return height, width
-    if packing not in ("side-by-side", "top-bottom"):
-        raise InputError(
-            f"{scene.name} is a stereo system; say how the video holds both views (--packing "
-            f"side-by-side or top-bottom)"
-        )
-    across, down = (2, 1) if packing == "side-by-side" else (1, 2)
-    if width % across or height % down:
-        raise InputError(f"--size {width}x{height}: two views {packing} need an even side")
-    return height // down, width // across
 
 
 def _about_coding(coding: Coding) -> dict[str, Any]:
@@ -191,7 +184,7 @@ def _about_dome(k: DomeConstants) -> dict[str, Any]:
     }
 
 
-def _about_pair(k: PairConstants, packing: str) -> dict[str, Any]:
+def _about_pair(k: PairConstants, *, beside: bool) -> dict[str, Any]:
     """What the pair's template says of its constants."""
     fine = k.blocks[-1]
     fine_cols, fine_rows = -(-k.cols // fine), -(-k.rows // fine)
@@ -221,7 +214,7 @@ def _about_pair(k: PairConstants, packing: str) -> dict[str, Any]:
         "fine": fine,
         "fine_rows": fine_rows,
         "fine_cols": fine_cols,
-        "beside": packing == "side-by-side",
+        "beside": beside,
         "octaves": octaves,
         "near": near,
         "matrices": [_matrix(matrix) for matrix in k.matrices],
