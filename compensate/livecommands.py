@@ -16,7 +16,7 @@ import typer
 from compensate.aim import Aim
 from compensate.cli import Lift
 from compensate.live.coding import PIXEL_FORMATS, Coding, PixelFormat
-from compensate.live.engines import ENGINES, Engine, engine_of
+from compensate.live.engines import engine_of
 from compensate.live.process import Told, read_exactly, read_line, stream
 from compensate.live.y4m import FRAME, LONGEST, Y4M, header_of
 from domesim.choice import SceneChoice
@@ -85,13 +85,16 @@ def live(
     transport: TransportFile = None,
     lift: Lift = None,
     dither: DitherName = TPDF,
-    engine: Annotated[
-        str,
+    device: Annotated[
+        str | None,
         typer.Option(
-            help=f"What computes: {', '.join(ENGINES)}. By default the fastest that there is: a "
-            "GPU by PyTorch (extra gpu), compiled loops (extra fast), NumPy.",
+            "--device",
+            help="What computes: cpu, by compiled loops with the extra fast; cuda or cuda:1, a GPU "
+            "by PyTorch (extra gpu), which is the default where there is one; cupy; torch, the "
+            "processor by PyTorch.",
+            show_default=False,
         ),
-    ] = "auto",
+    ] = None,
     drop: Annotated[
         bool,
         typer.Option(
@@ -110,9 +113,7 @@ def live(
         raise InputError(
             f"--pixel-format {pixel_format!r} is not known; use {', '.join(PIXEL_FORMATS)}"
         )
-    settings = {"aim": Aim() if lift is None else Aim(lift=lift), "dithers": dithered(dither)}
-    if engine not in ENGINES:
-        raise InputError(f"--engine {engine!r} is not known; use {', '.join(ENGINES)}")
+    settings: Any = {"aim": Aim() if lift is None else Aim(lift=lift), "dithers": dithered(dither)}
     if sys.stdin.isatty() or sys.stdout.isatty():
         raise InputError(
             "live: frames come by standard input and go by standard output; name both "
@@ -129,7 +130,7 @@ def live(
     rows, cols, beside = _views(theatre, width, height, packing)
     coding = Coding(theatre.projector, encoding_named(encoding or usual))
     name, compensated = engine_of(
-        theatre, rows, cols, coding, pixels, beside=beside, name=engine, **settings
+        theatre, rows, cols, coding, pixels, beside=beside, device=device, **settings
     )
     compensated(np.zeros((height, width, pixels.channels), pixels.dtype), 0)  # compiles
     if not quiet:
@@ -143,7 +144,7 @@ def live(
         os.write(_OUTPUT, header.line + b"\n")
     told = stream(frames, compensated, _OUTPUT, drop=drop, head=_written(header))
     if json:
-        facts = {**about_scene(theatre, seat), "engine": name, **told.figures(fps)}
+        facts = {**about_scene(theatre, seat), "computed_by": name, **told.figures(fps)}
         print(to_json.dumps(facts, indent=1), file=sys.stderr)
     elif not quiet:
         print(_line(told), file=sys.stderr)
@@ -237,7 +238,7 @@ def _raw(width: int, height: int, pixels: PixelFormat) -> Iterator[Any]:
 def _of_y4m(header: Y4M) -> Iterator[Any]:
     """Frames of a Y4M stream on standard input."""
     number = 0
-    while line := read_line(_INPUT, LONGEST):
+    while line := read_line(_INPUT, LONGEST, _OUTPUT):
         if not line.startswith(FRAME):
             raise InputError(
                 f"standard input, frame {number}: wanted FRAME, got {line[:16]!r}; the stream is "

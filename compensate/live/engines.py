@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.aim import Aim
+from compensate.devices import CPU
 from compensate.live.coding import Coding, PixelFormat
 from compensate.live.constants import DomeConstants, constants_of
 from compensate.master import Stage, solved
-from domesim.errors import InputError
 from domesim.frames.dithering import dither
 from domesim.scene import Scene
 from domesim.screening import within_range
@@ -24,9 +24,8 @@ from domesim.strips import threads
 Engine: TypeAlias = Callable[[NDArray[Any], int], NDArray[Any]]
 """Frame (row, col, channel) and its number -> the frame to project, which the next overwrites."""
 
-AUTO, GPU, FAST, PLAIN = "auto", "torch", "numba", "numpy"
-ENGINES = (AUTO, GPU, FAST, PLAIN)
-"""Names of what computes."""
+FAST, PLAIN = "numba", "numpy"
+"""Names of what computes on the processor."""
 
 
 def engine_of(
@@ -39,7 +38,7 @@ def engine_of(
     beside: bool,
     aim: Aim,
     dithers: bool,
-    name: str = AUTO,
+    device: str | None = None,
 ) -> tuple[str, Engine]:
     """The name of what computes, and itself.
 
@@ -55,27 +54,23 @@ def engine_of(
         Whether views of a pair lie side by side.
     aim, dithers
         Settings of the aim; whether codes are rounded with noise.
-    name
-        Which of `ENGINES`.
+    device
+        As for `compensate.devices.on_device`; a GPU where PyTorch finds one if None.
 
     Raises
     ------
     InputError
-        As for `constants_of`; or if there is no such engine here.
+        As for `constants_of`; or if there is no such device.
     """
     constants = constants_of(scene, rows, cols, aim)
-    if name == AUTO:
-        name = GPU if _has_gpu() else FAST if _compiles() else PLAIN
-    if name == PLAIN:
-        return PLAIN, _plain(scene, coding, pixels, beside=beside, aim=aim, dithers=dithers)
-    if name == GPU:
-        from compensate.live.arrays import ByArrays  # noqa: PLC0415 - of an extra
+    device = device or ("cuda" if _has_gpu() else CPU)
+    how: Any = {"beside": beside, "aim": aim, "dithers": dithers}
+    if device != CPU:
+        from compensate.live.arrays import ByArrays  # noqa: PLC0415 - not for who has no GPU
 
-        return GPU, ByArrays(
-            scene, constants, coding, pixels, beside=beside, aim=aim, dithers=dithers
-        )
+        return device, ByArrays(scene, rows, cols, coding, pixels, device=device, **how)
     if not _compiles():
-        raise InputError(f"--engine {FAST} needs Numba: pip install 'domesim[fast]'")
+        return PLAIN, _plain(scene, coding, pixels, **how)
     if isinstance(constants, DomeConstants):
         from compensate.live.dome import CompiledDome  # noqa: PLC0415 - of an extra
 

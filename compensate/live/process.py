@@ -98,11 +98,11 @@ def read_exactly(source: int, wanted: int, sink: int | None = None) -> bytearray
     return data
 
 
-def read_line(source: int, longest: int) -> bytes:
-    """Bytes up to the next end of a line, which is taken off, or to the end."""
+def read_line(source: int, longest: int, sink: int | None = None) -> bytes:
+    """Bytes up to the next end of a line, which is taken off, or to the end; see `read_exactly`."""
     line = bytearray()
     while len(line) < longest:
-        byte = os.read(source, 1)
+        byte = read_exactly(source, 1, sink)
         if byte in (b"", b"\n"):
             break
         line += byte
