@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from compensate.aim import Aim
 from compensate.live.coding import PIXEL_FORMATS, Coding
-from compensate.live.engines import engine_of
+from compensate.live.engines import Engine, engine_of
 from domesim.frames.encodings import encoding_named
 from domesim.observation.radiosity import radiosity
 from domesim.scene import DomeScene, Scene, load_scene
@@ -32,7 +32,7 @@ def tabulated() -> DomeScene:
     """A theatre whose reflections have several modes."""
     scene = load_scene("dome_imax")
     assert isinstance(scene, DomeScene)
-    theatre = replace(scene.theatre, seating=None, objects=())
+    theatre = replace(scene.theatre, solids=(), lamps=())
     return replace(scene, theatre=theatre, transport=radiosity(theatre, resolution=6))
 
 
@@ -54,9 +54,7 @@ def expected(
     scene: Scene, frame: NDArray[Any], pixels: str = "rgb24", *, beside: bool = True
 ) -> NDArray[Any]:
     """What the library makes of a frame, in NumPy."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DOMESIM_FAST", "0")
-        return made(scene, frame, pixels, beside=beside, by="numpy")
+    return made(scene, frame, pixels, beside=beside, by="numpy")
 
 
 def made(
@@ -73,13 +71,30 @@ def made(
     rows, cols = frame.shape[:2]
     if scene.views == 2:
         rows, cols = (rows, cols // 2) if beside else (rows // 2, cols)
-    coding = Coding(scene.projector, encoding_named(colour))
-    name, engine = engine_of(
-        scene, rows, cols, coding, PIXEL_FORMATS[pixels],
-        beside=beside, aim=Aim(), dithers=False, device=device,
-    )  # fmt: skip
+    name, engine = engine_for(scene, rows, cols, pixels, beside=beside, by=by, device=device, colour=colour)
     assert name == by
     return np.array(engine(frame, 0))
+
+
+def engine_for(
+    scene: Scene,
+    rows: int,
+    cols: int,
+    pixels: str = "rgb24",
+    *,
+    beside: bool = True,
+    by: str,
+    device: str = "cpu",
+    colour: str = "srgb",
+) -> tuple[str, Engine]:
+    """What computes frames without noise, and its name; tests have no compiled loops else."""
+    coding = Coding(scene.projector, encoding_named(colour))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DOMESIM_FAST", "0" if by == "numpy" else "1")
+        return engine_of(
+            scene, rows, cols, coding, PIXEL_FORMATS[pixels],
+            beside=beside, aim=Aim(), dithers=False, device=device,
+        )  # fmt: skip
 
 
 def require_vulkan() -> None:

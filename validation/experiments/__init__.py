@@ -44,7 +44,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "only_visible",
         "user_study",
     ),
-    "What it costs": ("costs", "shows"),
+    "What it costs": ("costs", "shows", "live"),
 }
 """Names of the experiments, in the report's order, by heading."""
 

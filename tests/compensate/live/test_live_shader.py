@@ -104,7 +104,7 @@ def test_a_pair_of_odd_sides(tmp_path, beside):
 
 @pytest.mark.long
 def test_ten_bit_video(tmp_path):
-    """Planes of 10 bits in limited range; within a code of 8 bits, and mostly of 10."""
+    """Planes of 10 bits in limited range: within a code of 8 bits, and mostly of 10."""
     require_vulkan()
     scene, size = load_scene("dome_imax"), 128
     header = header_of(f"YUV4MPEG2 W{size} H{size} F25:1 Ip C444p10".encode())
@@ -112,13 +112,17 @@ def test_ten_bit_video(tmp_path):
     text = shader_of(scene, size, size, encoding_named("bt709"))
     data = shaded(text, tmp_path, master, f"{size}x{size}", "yuv444p10le", "yuv444p10le")
     codes = header.decoded(bytearray(master))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DOMESIM_FAST", "0")
-        wanted = made(scene, codes, "rgb48le", by="numpy", colour="bt709")
+    wanted = made(scene, codes, "rgb48le", by="numpy", colour="bt709")
     found = header.decoded(bytearray(data))
-    apart = np.abs(found.astype(int) - wanted)[scene.screen(size, size)] / 65535 * 1023
-    assert apart.max() < 4.5
-    assert np.median(apart) < 1
+    on = scene.screen(size, size)
+    apart = np.abs(found.astype(int) - wanted)[on] / 65535
+    dark = wanted[on] / 65535 < 0.04
+    assert apart[~dark].max() < 4.5 / 1023
+    assert np.median(apart[~dark]) < 1 / 1023
+    # Players hold what they made of planes in half precision: of light that is as much everywhere,
+    # and beside black a curve of gamma makes many codes of it
+    light = [(codes[on][dark] / 65535) ** 2.4 for codes in (found, wanted)]
+    assert np.abs(light[0] - light[1]).max() < 3e-4
 
 
 def test_another_size_gets_a_red_frame(tmp_path):
