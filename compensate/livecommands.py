@@ -200,9 +200,7 @@ def _size(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def _views(
-    theatre: Scene, width: int, height: int, packing: str | None
-) -> tuple[int, int, bool]:
+def _views(theatre: Scene, width: int, height: int, packing: str | None) -> tuple[int, int, bool]:
     """(row, col) of each view, and whether they lie side by side."""
     if theatre.views == 1:
         if packing is not None:

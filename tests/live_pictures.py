@@ -32,11 +32,15 @@ def tabulated() -> DomeScene:
     """A theatre whose reflections have several modes."""
     scene = load_scene("dome_imax")
     assert isinstance(scene, DomeScene)
-    theatre = replace(scene.theatre, solids=(), lamps=())
+    assert scene.theatre.floor is not None
+    floor = replace(scene.theatre.floor, albedo=(0.6, 0.5, 0.4))
+    theatre = replace(scene.theatre, floor=floor, solids=(), lamps=())
     return replace(scene, theatre=theatre, transport=radiosity(theatre, resolution=6))
 
 
-def frame_of(scene: Scene, size: int, pixels: str = "rgb24", *, beside: bool = True) -> NDArray[Any]:
+def frame_of(
+    scene: Scene, size: int, pixels: str = "rgb24", *, beside: bool = True
+) -> NDArray[Any]:
     """(row, col, channel) codes of a night, or of a pair as wide as `size` a view."""
     coding, layout = Coding(scene.projector, SRGB), PIXEL_FORMATS[pixels]
     light = night(size) if scene.views == 1 else generated(size, 1)
@@ -47,7 +51,9 @@ def frame_of(scene: Scene, size: int, pixels: str = "rgb24", *, beside: bool = T
         kept = np.rint(codes * layout.largest).astype(layout.dtype)
     if layout.channels == 4:
         kept = np.concatenate([kept, np.ones_like(kept[..., :1])], axis=-1)
-    return np.ascontiguousarray(kept[0] if scene.views == 1 else np.concatenate(list(kept), int(beside)))
+    return np.ascontiguousarray(
+        kept[0] if scene.views == 1 else np.concatenate(list(kept), int(beside))
+    )
 
 
 def expected(
@@ -71,7 +77,9 @@ def made(
     rows, cols = frame.shape[:2]
     if scene.views == 2:
         rows, cols = (rows, cols // 2) if beside else (rows // 2, cols)
-    name, engine = engine_for(scene, rows, cols, pixels, beside=beside, by=by, device=device, colour=colour)
+    name, engine = engine_for(
+        scene, rows, cols, pixels, beside=beside, by=by, device=device, colour=colour
+    )
     assert name == by
     return np.array(engine(frame, 0))
 
@@ -120,7 +128,9 @@ def _no_vulkan() -> str | None:
         timeout=60,
         check=False,
     )
-    return None if done.returncode == 0 else f"ffmpeg has no libplacebo on Vulkan: {done.stderr[:200]}"
+    return (
+        None if done.returncode == 0 else f"ffmpeg has no libplacebo on Vulkan: {done.stderr[:200]}"
+    )
 
 
 def shaded(shader: str, folder: Path, data: bytes, size: str, pixels: str, between: str) -> bytes:
@@ -134,7 +144,22 @@ def shaded(shader: str, folder: Path, data: bytes, size: str, pixels: str, betwe
     raw = ["-f", "rawvideo", "-pix_fmt", pixels]
     tagged = ["-color_range", "pc" if between == "rgba" else "tv"]
     done = subprocess.run(
-        ["ffmpeg", "-v", "error", *DEVICE, *raw, "-s", size, *tagged, "-i", "-", "-vf", chain, *raw, "-"],
+        [
+            "ffmpeg",
+            "-v",
+            "error",
+            *DEVICE,
+            *raw,
+            "-s",
+            size,
+            *tagged,
+            "-i",
+            "-",
+            "-vf",
+            chain,
+            *raw,
+            "-",
+        ],
         input=data,
         capture_output=True,
         timeout=300,

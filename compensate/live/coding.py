@@ -91,7 +91,7 @@ class Coding:
     def mixing(self) -> NDArray[np.float64]:
         """(3, 3) from linear RGB of the codes' primaries to light."""
         linear = transfer.Linear()
-        return self.projector.decode(np.eye(3), linear, self.colour.primaries).T
+        return np.asarray(self.projector.decode(np.eye(3), linear, self.colour.primaries).T)
 
     @property
     def mixes(self) -> bool:
@@ -115,9 +115,7 @@ class Coding:
         codes = values.astype(np.float32)
         if samples.dtype != np.float16:
             codes /= np.float32(np.iinfo(samples.dtype).max)
-        found: NDArray[np.float32] = self.projector.decode(
-            codes, self.curve, self.colour.primaries
-        )
+        found: NDArray[np.float32] = self.projector.decode(codes, self.curve, self.colour.primaries)
         return found
 
     def encoded(self, light: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,6 +1,6 @@
 """What a scene means for a live picture: numbers and small maps that all its frames share.
 
-Live pictures are made by the aim of `compensate.aim` and by exact clipped subtraction, as files are.
+Live pictures are made by the aim of `compensate.aim` and exact clipped subtraction, as files are.
 What varies smoothly over the screen is kept by cells, at most 64 across, and is linear in between:
 of a dome the direct gain, ambient light, and the modes of its reflections; of a pair the map of its
 crosstalk. `compensate.live.dome`, `pair` and `shader` compute with nothing else.
@@ -164,9 +164,16 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
     )
 
 
-def rounds_of(strength: float) -> int:
-    """Turns of both eyes after which subtraction is exact to 1e-7, of crosstalk as strong as that."""
-    return 1 + math.ceil(math.log(1e-7) / (2 * math.log(max(strength, 1e-7))))
+def turns_of(k: PairConstants) -> int:
+    """How often the eyes take turns until subtraction is exact to 1e-6.
+
+    Each gains what the strongest crosstalk leaves of the other's last change.
+    """
+    strength = max(
+        float(np.linalg.norm(matrix, 2) * share.max())
+        for matrix, share in zip(k.matrices, k.share, strict=True)
+    )
+    return 1 + math.ceil(math.log(1e-6) / math.log(min(max(strength, 1e-6), 0.9)))
 
 
 def _of_dome(observation: LowRankObservation, sight: Sight, aim: Aim) -> DomeConstants:

@@ -1,9 +1,10 @@
-"""Live pictures of a dome, by compiled loops: the aim of `compensate.aim` in six passes.
+"""Live pictures of a dome, by compiled loops: the aim of `compensate.aim` in a few passes.
 
 The master is decoded anew in every pass, which is cheaper than to fetch its light from memory. What
-the whole screen adds up to is a few numbers: the light in each mode of reflection of what subtraction
-shows of the master, of the aim, and of the aim with its hues. Each is the root of a piecewise linear
-equation (`compensate.solver.baselines`), found by Newton's method from where the last frame had it.
+the whole screen adds up to is a few numbers: the light in each mode of reflection of what
+subtraction shows of the master, of the aim, and of the aim with its hues. Each is the root of a
+piecewise linear equation (`compensate.solver.baselines`), found by Newton's method from where the
+last frame had it.
 """
 
 from __future__ import annotations
@@ -68,7 +69,9 @@ class CompiledDome:
         self._lifts = np.empty((rows, cols), np.float32)
         self._sums = np.zeros((6, *k.gain.shape), np.float32)
         self._noise = noise_of(cols) * np.float32(dithers)
-        self._out = np.empty((rows, cols, pixels.channels), np.float32 if pixels.floating else pixels.dtype)
+        self._out = np.empty(
+            (rows, cols, pixels.channels), np.float32 if pixels.floating else pixels.dtype
+        )
         ranks = range(len(k.spread))
         self._collect = k.collect.reshape(len(k.collect), -1)
         self._overlap = np.stack(
@@ -93,8 +96,8 @@ class CompiledDome:
 
         def of_master(floors: NDArray[np.float32]) -> None:
             loops.moments(
-                frame, on, spans, *code, self._weights, self._dark, k.block, cell, floors, places, parts,
-                self._found, sums,
+                frame, on, spans, *code, self._weights, self._dark, k.block, cell, floors, places,
+                parts, self._found, sums,
             )  # fmt: skip
 
         first = self._settled(0, of_master)
@@ -117,8 +120,8 @@ class CompiledDome:
 
         floors = self._settled(2, with_hue)
         loops.written(
-            frame, on, spans, *code, self._lifts, hue, cell, below, floors, places, parts, self._back,
-            self._codes_of, np.float32(self._pixels.largest), self._noise,
+            frame, on, spans, *code, self._lifts, hue, cell, below, floors, places, parts,
+            self._back, self._codes_of, np.float32(self._pixels.largest), self._noise,
             shifts_of(number, on.shape[0]), self._out,
         )  # fmt: skip
         if not self._pixels.floating:
@@ -141,9 +144,7 @@ class CompiledDome:
             floors = self._floors(excited)
             show(floors)
             light, moving = self._sums.reshape(2, 3, -1).astype(np.float64)
-            system = np.eye(len(k.spread)) + k.core @ (
-                self._overlap @ moving.T
-            ).transpose(2, 0, 1)
+            system = np.eye(len(k.spread)) + k.core @ (self._overlap @ moving.T).transpose(2, 0, 1)
             off = (k.core @ (light @ self._collect.T)[:, :, None])[:, :, 0] - excited
             step = np.linalg.solve(system, off[:, :, None])[:, :, 0]
             excited += step
@@ -185,13 +186,13 @@ class CompiledDome:
             level = (low + high) / 2
             above, more = loops.excess(self._counted, lacking, np.float32(level))
             low, high = (level, high) if above > k.aim.darkest else (low, level)
-        return k.aim.lift * (level + more / k.aim.darkest)
+        return float(k.aim.lift * (level + more / k.aim.darkest))
 
 
-def along(count: int, side: int, cells: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+def along(count: int, side: int, cells: int) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
     """For each column: the coarse one below it, and how far it is towards the next."""
     at = np.clip((np.arange(count) + 0.5) / side - 0.5, 0, cells - 1)
-    low = np.floor(at).astype(np.int32)
+    low = np.floor(at).astype(np.uint32)
     return low, (at - low).astype(np.float32)
 
 
@@ -201,7 +202,7 @@ def _at_blocks(
     """Cells at the middles of blocks, `side` of them along each."""
     for axis in (0, 1):
         low, part = along(shape[axis], side, cells.shape[axis])
-        above = np.minimum(low + 1, cells.shape[axis] - 1)
+        above = np.minimum(low + 1, cells.shape[axis] - 1).astype(np.intp)
         parts = part[:, None] if axis == 0 else part
         cells = cells.take(low, axis) * (1 - parts) + cells.take(above, axis) * parts
     return cells

@@ -1,9 +1,9 @@
 """Passes over the pixels of a dome, each fused into one, compiled by Numba.
 
-Columns are unsigned: Numba would take signed ones for
-places from the end, too, which costs it its vectors. Only `compensate.live.dome` imports this module: Numba is of the extra ``fast``. Names are as in
-`compensate.live.constants`; light is (primary, col) of one row. Rows are done in bands as high as a
-cell, by all threads.
+Only `compensate.live.dome` and `pair_loops` import this module: Numba is of the extra ``fast``.
+Names are as in `compensate.live.constants`; light is (primary, col) of one row. Rows are done in
+bands as high as a cell, by all threads. Places in arrays are unsigned, or slices: Numba takes
+signed numbers for places from the end, too, and then has no vectors.
 """
 
 from __future__ import annotations
@@ -27,8 +27,10 @@ _INSIDE: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=
 
 LEAST_LOG = -24
 """Power of 2 of the light at which tables for encoding begin."""
-_SHIFT = 16  # bits of a float32 that do not choose the place in a table
-_FIRST = (127 + LEAST_LOG) << (23 - _SHIFT)
+_SHIFT = np.uint32(16)  # bits of a float32 that do not choose the place in a table
+_REST = np.uint32((1 << 16) - 1)
+_OF_REST = np.float32(2.0**-16)
+_FIRST = np.uint32((127 + LEAST_LOG) << 7)
 _TINY = np.float32(1e-9)
 _LN2 = np.float32(np.log(2))
 
@@ -39,15 +41,15 @@ def _fitted(curve: Any, degree: int) -> tuple[np.float32, ...]:
     return tuple(np.float32(each) for each in best.coef)
 
 
-_L0, _L1, _L2, _L3, _L4, _L5, _L6, _L7 = _fitted(lambda t: np.log1p(t), 7)
-_E0, _E1, _E2, _E3, _E4, _E5 = _fitted(lambda t: np.exp2(t), 5)
+_L0, _L1, _L2, _L3, _L4, _L5, _L6, _L7 = _fitted(np.log1p, 7)
+_E0, _E1, _E2, _E3, _E4, _E5 = _fitted(np.exp2, 5)
 _INVERSE_LN2 = np.float32(1 / np.log(2))
 
 
 def table_of(encode: Any, largest: float) -> Any:
     """(place,) codes 0..`largest` for `encoded`, of a transfer function's `encode`."""
-    places = np.arange((1 << (23 - _SHIFT)) * -LEAST_LOG + 2, dtype=np.int64) + _FIRST
-    light = (places << _SHIFT).astype(np.int32).view(np.float32).astype(np.float64)
+    places = np.arange(-LEAST_LOG * (1 << 7) + 2, dtype=np.uint32) + _FIRST
+    light = (places << _SHIFT).view(np.float32).astype(np.float64)
     codes = encode(np.maximum(light - 2.0**LEAST_LOG, 0))
     return np.asarray(codes * largest, np.float32)
 
@@ -65,9 +67,7 @@ def _decoded(
         for j in range(a, b):
             red, green, blue = light[0, j], light[1, j], light[2, j]
             for p in range(3):
-                light[p, j] = (
-                    mixing[p, 0] * red + mixing[p, 1] * green + mixing[p, 2] * blue
-                )
+                light[p, j] = mixing[p, 0] * red + mixing[p, 1] * green + mixing[p, 2] * blue
     for p in range(3):
         for j in range(a, b):
             light[p, j] = min(max(light[p, j], np.float32(0)), np.float32(1)) * on[i, j]
@@ -106,7 +106,7 @@ def _along(coarse: Any, places: Any, parts: Any, found: Any) -> None:
     """A coarse row at all columns: linear between middles."""
     for j in range(len(found)):
         low = coarse[places[j]]
-        found[j] = low + (coarse[places[j] + 1] - low) * parts[j]
+        found[j] = low + (coarse[places[j] + np.uint32(1)] - low) * parts[j]
 
 
 @_INSIDE
@@ -164,13 +164,13 @@ def _hued(light: Any, gain: Any, floor: Any, hue: Any, a: int, b: int) -> None:
     """The lifted aim of a row, with hues kept over the floor, in place of the light."""
     for j in range(a, b):
         red, green, blue = light[0, j], light[1, j], light[2, j]
-        top = max(max(red, green), blue)
+        top = max(red, green, blue)
         raised = np.float32(1) - top / max(top * gain[j], _TINY)
         red, green, blue = red * gain[j], green * gain[j], blue * gain[j]
         lack_r = max(floor[0, j] - red, np.float32(0))
         lack_g = max(floor[1, j] - green, np.float32(0))
         lack_b = max(floor[2, j] - blue, np.float32(0))
-        shared = hue * raised * max(max(lack_r, lack_g), lack_b)
+        shared = hue * raised * max(lack_r, lack_g, lack_b)
         light[0, j] = red + max(lack_r, shared)
         light[1, j] = green + max(lack_g, shared)
         light[2, j] = blue + max(lack_b, shared)
@@ -207,17 +207,11 @@ def moments(
 ) -> None:
     """What the base is made of, by blocks; and what subtraction shows of the master, by cells.
 
-    Parameters
-    ----------
-    floors
-        (4, cell row, cell col + 1): ambient and reflected light, and the direct gain.
-    spans
-        (row, 2): columns between which there is any screen.
-    found
-        (6, block row, block col): sums of importance, of logarithms and their squares, without
-        and with it, and of luminance.
-    sums
-        (6, cell row, cell col): of light, and of the pixels that move with the floor.
+    `floors`: (4, cell row, cell col + 1): ambient and reflected light, and the direct gain.
+    `spans`: (row, 2): columns between which there is any screen.
+    `found`: (6, block row, block col): sums of importance, of logarithms and their squares, without
+    and with it, and of luminance.
+    `sums`: (6, cell row, cell col): of light, and of the pixels that move with the floor.
     """
     rows, cols = on.shape
     for band in numba.prange(sums.shape[1]):
@@ -281,14 +275,9 @@ def gains(
 ) -> None:
     """How much each pixel is lifted, and what subtraction shows of that.
 
-    Parameters
-    ----------
-    aim
-        (missing light, fade, edge).
-    bases
-        (4, block row, block col + 1): slopes and offsets of the base of all, and of the dark.
-    found
-        (row, col): B' / B.
+    `aim`: (missing light, fade, edge).
+    `bases`: (4, block row, block col + 1): slopes and offsets of the base of all, and of the dark.
+    `found`: (row, col): B' / B.
     """
     rows, cols = on.shape
     missing, fade, edge = aim[0], aim[1], aim[2]
@@ -325,7 +314,7 @@ def gains(
             _exponentials(logs, line, bits, a, b)
             for j in range(a, b):
                 base = line[j]
-                top = max(max(light[0, j], light[1, j]), light[2, j])
+                top = max(light[0, j], light[1, j], light[2, j])
                 gain = np.float32(1) + max(missing - base / fade, np.float32(0)) / base
                 gain = max(min(gain, np.float32(1) / max(top, _TINY)), np.float32(1))
                 found[i, j] = gain
@@ -383,14 +372,14 @@ def shown(
 
 @_INSIDE
 def _encoded(line: Any, bits: Any, table: Any, a: int, b: int) -> None:
-    """Codes of a row's light, of which `bits` is an int32 view, in its place."""
+    """Codes of a row's light, of which `bits` is a uint32 view, in its place."""
     for j in range(a, b):
         line[j] = min(max(line[j], np.float32(0)), np.float32(1)) + np.float32(2.0**LEAST_LOG)
     for j in range(a, b):
-        place = (bits[j] >> _SHIFT) - _FIRST
-        part = np.float32(bits[j] & ((1 << _SHIFT) - 1)) * np.float32(2.0**-_SHIFT)
+        place = np.uint32((bits[j] >> _SHIFT) - _FIRST)
+        part = np.float32(np.int32(bits[j] & _REST)) * _OF_REST
         low = table[place]
-        line[j] = low + (table[place + 1] - low) * part
+        line[j] = low + (table[place + np.uint32(1)] - low) * part
 
 
 @_INSIDE
@@ -401,6 +390,33 @@ def _rounded(line: Any, noise: Any, begin: Any, largest: Any, a: int, b: int) ->
         inside = min(value, largest - value) >= np.float32(0.5)
         some = noise[0, begin + j] + (noise[1, begin + j] if inside else np.float32(0))
         line[j] = min(max(np.floor(value + some + np.float32(0.5)), np.float32(0)), largest)
+
+
+@_INSIDE
+def mixed(light: Any, matrix: Any) -> None:
+    """Other primaries of a row, in the light's place."""
+    for j in range(light.shape[1]):
+        red, green, blue = light[0, j], light[1, j], light[2, j]
+        for p in range(3):
+            light[p, j] = matrix[p, 0] * red + matrix[p, 1] * green + matrix[p, 2] * blue
+
+
+@_INSIDE
+def _stored(codes: Any, on: Any, i: int, a: int, b: int, light: Any, out: Any) -> None:
+    """A row of codes from column `a` to `b`; what is off the screen as it was, and alpha."""
+    for j in range(a):
+        for p in range(codes.shape[2]):
+            out[i, j, p] = codes[i, j, p]
+    for j in range(b, np.uint64(on.shape[1])):
+        for p in range(codes.shape[2]):
+            out[i, j, p] = codes[i, j, p]
+    for j in range(a, b):
+        for p in range(3, codes.shape[2]):
+            out[i, j, p] = codes[i, j, p]
+        there = on[i, j] > 0
+        out[i, j, 0] = light[0, j] if there else np.float32(codes[i, j, 0])
+        out[i, j, 1] = light[1, j] if there else np.float32(codes[i, j, 1])
+        out[i, j, 2] = light[2, j] if there else np.float32(codes[i, j, 2])
 
 
 @_COMPILED
@@ -427,23 +443,16 @@ def written(
 ) -> None:
     """The frame to project, in codes; what is off the screen as it was.
 
-    Parameters
-    ----------
-    back
-        (3, 3) matrix from light to the codes' primaries.
-    codes_of
-        As of `table_of`.
-    largest
-        The largest code; 0 for formats of floating point, which are not rounded.
-    noise
-        (2, place) of -0.5..0.5, more than columns and shifts; zeros for none.
-    shifts
-        (row,) places at which noise begins.
+    `back`: (3, 3) matrix from light to the codes' primaries.
+    `codes_of`: As of `table_of`.
+    `largest`: The largest code; 0 for formats of floating point, which are not rounded.
+    `noise`: (2, place) of -0.5..0.5, more than columns and shifts; zeros for none.
+    `shifts`: (row,) places at which noise begins.
     """
     rows, cols = on.shape
     for band in numba.prange(floors.shape[1]):
         light = np.empty((3, cols), np.float32)
-        bits = light.view(np.int32)
+        bits = light.view(np.uint32)
         kept = np.empty((2, 4, cols), np.float32)
         kept_below = np.empty((2, 4, cols), np.float32)
         floor = np.empty((4, cols), np.float32)
@@ -461,29 +470,21 @@ def written(
                     free = light[p, j] - floor[p, j]
                     light[p, j] = min(max(free, np.float32(0)), np.float32(1))
             if mixes:
-                for j in range(a, b):
-                    red, green, blue = light[0, j], light[1, j], light[2, j]
-                    for p in range(3):
-                        light[p, j] = back[p, 0] * red + back[p, 1] * green + back[p, 2] * blue
+                mixed(light, back)
             for p in range(3):
                 _encoded(light[p], bits[p], codes_of, a, b)
                 if largest > 0:
                     begin = shifts[i] + np.uint64(p * APART)
                     _rounded(light[p], noise, begin, largest, a, b)
-            for j in range(cols):
-                for p in range(codes.shape[2]):
-                    out[i, j, p] = codes[i, j, p]
-            for j in range(a, b):
-                there = on[i, j] > 0
-                out[i, j, 0] = light[0, j] if there else np.float32(codes[i, j, 0])
-                out[i, j, 1] = light[1, j] if there else np.float32(codes[i, j, 1])
-                out[i, j, 2] = light[2, j] if there else np.float32(codes[i, j, 2])
+            _stored(codes, on, i, a, b, light, out)
 
 
 @_COMPILED
 def excess(counted: Any, values: Any, level: Any) -> Any:
     """Share of `counted` whose value is above a level, and the mean excess, of (row, col) each."""
-    above, more, total = 0.0, 0.0, 0.0
+    above: Any = 0.0
+    more: Any = 0.0
+    total: Any = 0.0
     for i in numba.prange(counted.shape[0]):
         line_above, line_more, line_total = np.float32(0), np.float32(0), np.float32(0)
         for j in range(counted.shape[1]):
@@ -498,6 +499,12 @@ def excess(counted: Any, values: Any, level: Any) -> Any:
 
 
 @_INSIDE
+def _added(source: Any, target: Any) -> None:
+    for j in range(len(target)):
+        target[j] += source[j]
+
+
+@_INSIDE
 def _boxed(planes: Any, i: int, radius: int, found: Any) -> None:
     """Sums over squares about row `i` of (plane, row, col)."""
     rows, cols = planes.shape[1:]
@@ -505,13 +512,10 @@ def _boxed(planes: Any, i: int, radius: int, found: Any) -> None:
     for k in range(planes.shape[0]):
         line[:] = 0
         for near in range(max(i - radius, 0), min(i + radius + 1, rows)):
-            for j in range(cols):
-                line[j + radius] += planes[k, near, j]
-        for j in range(cols):
-            found[k, j] = line[j]
-        for reach in range(1, 2 * radius + 1):
-            for j in range(cols):
-                found[k, j] += line[j + reach]
+            _added(planes[k, near], line[radius : radius + cols])
+        found[k] = 0
+        for reach in range(2 * radius + 1):
+            _added(line[reach : reach + cols], found[k])
 
 
 @_COMPILED
@@ -520,14 +524,9 @@ def bases(
 ) -> None:
     """`compensate.means.coefficients` of all, and by importance, from what `moments` has found.
 
-    Parameters
-    ----------
-    counted, around
-        (row, col) of blocks: pixels that count, and their sums over boxes.
-    work
-        (12, row, col), for use in between.
-    result
-        (4, row, col + 1): slopes and offsets, their last column twice.
+    `counted`, `around`: (row, col) of blocks: pixels that count, and their sums over boxes.
+    `work`: (12, row, col), for use in between.
+    `result`: (4, row, col + 1): slopes and offsets, their last column twice.
     """
     rows, cols = counted.shape
     variance = edge * edge

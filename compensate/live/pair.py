@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from compensate.live import pair_loops as loops
 from compensate.live.coding import Coding, PixelFormat
-from compensate.live.constants import PairConstants, rounds_of
+from compensate.live.constants import PairConstants, turns_of
 from compensate.live.dome import along
 from compensate.live.dome_loops import table_of
 from compensate.live.noise import noise_of, shifts_of
@@ -64,12 +64,7 @@ class CompiledPair:
             *along(k.cols, cell, share.shape[2]),
             k.matrices.astype(np.float32),
             k.black.astype(np.float32),
-            rounds_of(
-                max(
-                    float(np.linalg.norm(matrix, 2) * each.max())
-                    for matrix, each in zip(k.matrices, k.share, strict=True)
-                )
-            ),
+            turns_of(k),
         )
         self._fine = k.blocks[-1]
         counts = block_sums(np.ones((k.rows, k.cols), np.float32), self._fine)
@@ -80,7 +75,7 @@ class CompiledPair:
         self._nearby = tuple(
             weights_of(count, k.nearby / self._fine).astype(np.float32) for count in (cols, rows)
         )
-        self._octaves = []
+        self._octaves: list[tuple[Any, ...]] = []
         for sigma, block in zip(k.sigmas, k.blocks, strict=True):
             within = block // self._fine
             size = (-(-rows // within), -(-cols // within))
@@ -96,9 +91,9 @@ class CompiledPair:
         self._veils = np.empty((8, rows, cols + 1), np.float32)
         self._places = along(k.cols, self._fine, cols)
         self._noise = noise_of(k.cols) * np.float32(dithers)
-        size = [k.rows, k.cols, pixels.channels]
-        size[self._axis] *= 2
-        self._out = np.empty(size, np.float32 if pixels.floating else pixels.dtype)
+        whole = [k.rows, k.cols, pixels.channels]
+        whole[self._axis] *= 2
+        self._out = np.empty(whole, np.float32 if pixels.floating else pixels.dtype)
 
     def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
         """The frame (row, col, channel) to project; see `CompiledDome`."""
@@ -126,7 +121,10 @@ class CompiledPair:
         k = self._k
         lift = np.float32(k.aim.lift)
         for number, (within, (means, work), across, down, places) in enumerate(self._octaves):
-            loops.halved(self._found, within, means)
+            if within == 1:
+                np.copyto(means, self._found)
+            else:
+                loops.halved(self._found, within, means)
             loops.smoothed(means, across, down, work)
             loops.raised(
                 means, lift, self._weights, within, *places, number == 0, self._veil, self._own

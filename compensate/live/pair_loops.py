@@ -14,6 +14,7 @@ from compensate.live.dome_loops import (
     _COMPILED,
     _INSIDE,
     _TINY,
+    _added,
     _along,
     _between,
     _by_cells,
@@ -26,42 +27,60 @@ from compensate.live.noise import APART
 
 
 @_INSIDE
-def _subtracted(
-    light: Any, share: Any, matrices: Any, black: Any, rounds: int, found: Any
-) -> None:
+def _leaked(source: Any, factor: Any, target: Any) -> None:
+    if factor != 0:
+        for j in range(len(target)):
+            target[j] += factor * source[j]
+
+
+@_INSIDE
+def _clipped(wanted: Any, offset: Any, share: Any, leak: Any, found: Any) -> None:
+    for j in range(len(found)):
+        left = wanted[j] - offset - share[j] * leak[j]
+        found[j] = min(max(left, np.float32(0)), np.float32(1))
+
+
+@_INSIDE
+def _subtracted(light: Any, share: Any, matrices: Any, black: Any, turns: int, found: Any) -> None:
     """What to project so that light is seen: (6, col), of a row's (2, col) share."""
-    cols = light.shape[1]
+    leak = np.zeros(light.shape[1], np.float32)
     for k in range(6):
-        for j in range(cols):
-            wanted = light[k, j] - black[k // 3, k % 3]
-            found[k, j] = min(max(wanted, np.float32(0)), np.float32(1))
-    for half in range(2 * rounds + 1):
-        own = half % 2
-        other = 3 * (1 - own)
+        _clipped(light[k], black[k // 3, k % 3], leak, leak, found[k])
+    for turn in range(turns):
+        view = turn % 2
         for p in range(3):
-            first, second, third = matrices[own, p, 0], matrices[own, p, 1], matrices[own, p, 2]
-            offset = black[own, p]
-            k = 3 * own + p
-            for j in range(cols):
-                leak = first * found[other, j] + second * found[other + 1, j]
-                leak = share[own, j] * (leak + third * found[other + 2, j])
-                found[k, j] = min(
-                    max(light[k, j] - offset - leak, np.float32(0)), np.float32(1)
-                )
+            leak[:] = 0
+            for q in range(3):
+                _leaked(found[3 * (1 - view) + q], matrices[view, p, q], leak)
+            k = 3 * view + p
+            _clipped(light[k], black[view, p], share[view], leak, found[k])
+
+
+@_INSIDE
+def _mixed(light: Any, matrix: Any) -> None:
+    """Other primaries, in the light's place."""
+    for j in range(light.shape[1]):
+        red, green, blue = light[0, j], light[1, j], light[2, j]
+        for p in range(3):
+            light[p, j] = matrix[p, 0] * red + matrix[p, 1] * green + matrix[p, 2] * blue
+
+
+@_INSIDE
+def _too_bright(shown: Any, offset: Any, share: Any, leak: Any, wanted: Any, found: Any) -> None:
+    for j in range(len(found)):
+        found[j] = max(shown[j] + share[j] * leak[j] + offset - wanted[j], np.float32(0))
 
 
 @_INSIDE
 def _ghosts(light: Any, shown: Any, share: Any, matrices: Any, black: Any, found: Any) -> None:
     """How much more is seen of `shown` than wanted."""
+    leak = np.empty(light.shape[1], np.float32)
     for k in range(6):
         view, p = k // 3, k % 3
-        other = 3 * (1 - view)
-        first, second, third = matrices[view, p, 0], matrices[view, p, 1], matrices[view, p, 2]
-        offset = black[view, p]
-        for j in range(light.shape[1]):
-            leak = first * shown[other, j] + second * shown[other + 1, j]
-            leak = share[view, j] * (leak + third * shown[other + 2, j])
-            found[k, j] = max(shown[k, j] + leak + offset - light[k, j], np.float32(0))
+        leak[:] = 0
+        for q in range(3):
+            _leaked(shown[3 * (1 - view) + q], matrices[view, p, q], leak)
+        _too_bright(shown[k], black[view, p], share[view], leak, light[k], found[k])
 
 
 @_COMPILED
@@ -79,7 +98,7 @@ def ghosts(
     parts: Any,
     matrices: Any,
     black: Any,
-    rounds: int,
+    turns: int,
     block: int,
     counts: Any,
     found: Any,
@@ -87,18 +106,11 @@ def ghosts(
 ) -> None:
     """Means over blocks of what subtraction leaves, of its square, and of luminance.
 
-    Parameters
-    ----------
-    left, right
-        (row, col, channel) codes.
-    shares
-        (2, cell row, cell col + 1): the map.
-    counts
-        (block row, block col): one over the pixels of each block.
-    found
-        (12, block row, block col): of the left view, of the right, and of the squares of both.
-    near
-        (2, block row, block col): luminance.
+    `left`, `right`: (row, col, channel) codes.
+    `shares`: (2, cell row, cell col + 1): the map.
+    `counts`: (block row, block col): one over the pixels of each block.
+    `found`: (12, block row, block col): of the left view, of the right, and of the squares of both.
+    `near`: (2, block row, block col): luminance.
     """
     rows, cols = on.shape
     for band in numba.prange(found.shape[1]):
@@ -115,7 +127,7 @@ def ghosts(
             _decoded(right, i, a, b, on, table, mixing, mixes, light[3:])
             part = _rows_of(shares, i, cell, held, places, parts, kept)
             _between(kept[0], kept[1], part, share, a, b)
-            _subtracted(light, share, matrices, black, rounds, shown)
+            _subtracted(light, share, matrices, black, turns, shown)
             _ghosts(light, shown, share, matrices, black, ghost)
             for k in range(6):
                 for j in range(cols):
@@ -141,13 +153,16 @@ def halved(planes: Any, block: int, found: Any) -> None:
     rows, cols = planes.shape[1:]
     for i in numba.prange(found.shape[1]):
         last = min((i + 1) * block, rows)
+        line = np.empty(cols, np.float32)
         for k in range(planes.shape[0]):
+            line[:] = 0
+            for y in range(i * block, last):
+                _added(planes[k, y], line)
             for j in range(found.shape[2]):
                 end = min((j + 1) * block, cols)
                 some = np.float32(0)
-                for y in range(i * block, last):
-                    for x in range(j * block, end):
-                        some += planes[k, y, x]
+                for x in range(j * block, end):
+                    some += line[x]
                 found[k, i, j] = some / np.float32((last - i * block) * (end - j * block))
 
 
@@ -156,19 +171,18 @@ def _weighed(line: Any, table: Any, found: Any) -> None:
     """Local means of a row, by weights of `compensate.live.smoothing`."""
     count, kept = len(line), table.shape[0]
     reach = table.shape[1] // 2
+    found[:] = 0
+    if line.max() <= 0:
+        return
     inner = max(count - 2 * reach, 0)
-    for j in range(inner):
-        found[reach + j] = np.float32(0)
     if inner:
         for d in range(2 * reach + 1):
-            weight = table[kept - 1, d]
-            for j in range(inner):
-                found[reach + j] += weight * line[j + d]
+            _leaked(line[d : d + inner], table[kept - 1, d], found[reach : reach + inner])
     for j in range(count):
         if inner and reach <= j < count - reach:
             continue
         far = count - 1 - j
-        row, sign = min(min(j, far), kept - 1), -1 if far < j else 1
+        row, sign = min(j, far, kept - 1), -1 if far < j else 1
         some = np.float32(0)
         for d in range(max(-reach, -j), min(reach, far) + 1):
             some += table[row, reach + sign * d] * line[j + d]
@@ -178,7 +192,7 @@ def _weighed(line: Any, table: Any, found: Any) -> None:
 @_COMPILED
 def smoothed(planes: Any, across: Any, down: Any, work: Any) -> None:
     """Local means of (plane, row, col), in their place."""
-    rows, cols = planes.shape[1:]
+    rows = planes.shape[1]
     kept, reach = down.shape[0], down.shape[1] // 2
     for at in numba.prange(planes.shape[0] * rows):
         k, i = at // rows, at % rows
@@ -186,15 +200,10 @@ def smoothed(planes: Any, across: Any, down: Any, work: Any) -> None:
     for at in numba.prange(planes.shape[0] * rows):
         k, i = at // rows, at % rows
         far = rows - 1 - i
-        row, sign = min(min(i, far), kept - 1), -1 if far < i else 1
-        line = planes[k, i]
-        for j in range(cols):
-            line[j] = np.float32(0)
+        row, sign = min(i, far, kept - 1), -1 if far < i else 1
+        planes[k, i] = 0
         for d in range(max(-reach, -i), min(reach, far) + 1):
-            weight = down[row, reach + sign * d]
-            source = work[k, i + d]
-            for j in range(cols):
-                line[j] += weight * source[j]
+            _leaked(work[k, i + d], down[row, reach + sign * d], planes[k, i])
 
 
 @_COMPILED
@@ -204,12 +213,8 @@ def raised(
 ) -> None:  # fmt: skip
     """Raise the veil of blocks to that of an octave; of the `first`, note how bright it may be.
 
-    Parameters
-    ----------
-    means
-        (12, row, col) as of `ghosts`, smoothed.
-    veil, own
-        (6, block row, block col), and (2, block row, block col) of luminance.
+    `means`: (12, row, col) as of `ghosts`, smoothed.
+    `veil`, `own`: (6, block row, block col), and (2, block row, block col) of luminance.
     """
     rows, cols = means.shape[1:]
     for i in numba.prange(veil.shape[1]):
@@ -254,7 +259,7 @@ def written(
     parts: Any,
     matrices: Any,
     black: Any,
-    rounds: int,
+    turns: int,
     block: int,
     veils: Any,
     block_places: Any,
@@ -269,16 +274,13 @@ def written(
 ) -> None:
     """The frames to project, in codes.
 
-    Parameters
-    ----------
-    veils
-        (8, block row, block col + 1): of both views, and how much fainter they are.
+    `veils`: (8, block row, block col + 1): of both views, and how much fainter they are.
     """
     rows, cols = on.shape
     for band in numba.prange(veils.shape[1]):
         light = np.empty((6, cols), np.float32)
         shown = np.empty((6, cols), np.float32)
-        bits = shown.view(np.int32)
+        bits = shown.view(np.uint32)
         ghost = np.empty((6, cols), np.float32)
         veil = np.empty((8, cols), np.float32)
         kept_veils = np.empty((2, 8, cols), np.float32)
@@ -291,7 +293,7 @@ def written(
             _decoded(right, i, a, b, on, table, mixing, mixes, light[3:])
             part = _rows_of(shares, i, cell, held, places, parts, kept)
             _between(kept[0], kept[1], part, share, a, b)
-            _subtracted(light, share, matrices, black, rounds, shown)
+            _subtracted(light, share, matrices, black, turns, shown)
             _ghosts(light, shown, share, matrices, black, ghost)
             part = _rows_of(veils, i, block, held_veils, block_places, block_parts, kept_veils)
             _between(kept_veils[0], kept_veils[1], part, veil, a, b)
@@ -299,16 +301,10 @@ def written(
                 for j in range(cols):
                     rim = max(veil[k, j] - ghost[k, j], np.float32(0))
                     light[k, j] += rim * veil[6 + k // 3, j]
-            _subtracted(light, share, matrices, black, rounds, shown)
+            _subtracted(light, share, matrices, black, turns, shown)
             if mixes:
-                for view in range(2):
-                    for j in range(cols):
-                        red, green = shown[3 * view, j], shown[3 * view + 1, j]
-                        blue = shown[3 * view + 2, j]
-                        for p in range(3):
-                            shown[3 * view + p, j] = (
-                                back[p, 0] * red + back[p, 1] * green + back[p, 2] * blue
-                            )
+                _mixed(shown[:3], back)
+                _mixed(shown[3:], back)
             for k in range(6):
                 _encoded(shown[k], bits[k], codes_of, a, b)
                 if largest > 0:

@@ -30,7 +30,7 @@ _KEPT = 100_000  # latencies
 
 
 @final
-class _Gone(Exception):
+class _GoneError(Exception):
     """Whoever reads what is written has gone."""
 
 
@@ -76,7 +76,7 @@ def read_exactly(source: int, wanted: int, sink: int | None = None) -> bytearray
 
     Raises
     ------
-    _Gone
+    _GoneError
         If nobody reads `sink` any more.
     """
     data = bytearray(wanted)
@@ -88,7 +88,7 @@ def read_exactly(source: int, wanted: int, sink: int | None = None) -> bytearray
     while got < wanted:
         ready = dict(poll.poll(_WAIT * 1e3))
         if sink is not None and ready.get(sink, 0) & (select.POLLERR | select.POLLHUP):
-            raise _Gone
+            raise _GoneError
         if source not in ready:
             continue
         count = os.readv(source, [view[got:]])
@@ -103,7 +103,7 @@ def read_line(source: int, longest: int, sink: int | None = None) -> bytes:
     line = bytearray()
     while len(line) < longest:
         byte = read_exactly(source, 1, sink)
-        if byte in (b"", b"\n"):
+        if bytes(byte) in (b"", b"\n"):
             break
         line += byte
     return bytes(line)
@@ -137,91 +137,95 @@ def stream(
     InputError
         If a frame cannot be read, or nobody reads the results any more.
     """
-    told = Told()
-    came: Queue[Any] = Queue(1)
-    made: Queue[Any] = Queue(1)
-    room = threading.Semaphore(1)
-    stop = threading.Event()
-    errors: list[BaseException] = []
+    line = _Line(frames, sink, drop)
+    for thread in line.threads:
+        thread.start()
+    number = 0
+    try:
+        while (item := line.get(line.came)) is not None:
+            line.room.release()
+            read_at, frame = item
+            line.put(line.made, (read_at, head(compensate(frame, number))))
+            number += 1
+        line.put(line.made, None)
+        line.threads[1].join()
+    finally:
+        line.stop.set()
+    for error in line.errors:
+        if isinstance(error, _GoneError | BrokenPipeError):
+            raise InputError(
+                f"standard output: whoever read the frames has gone, after {line.told.frames} of "
+                f"them"
+            ) from None
+        raise error
+    return line.told
 
-    def put(queue: Queue[Any], item: Any) -> None:
-        while not stop.is_set():
-            try:
+
+@final
+class _Line:
+    """What the threads of a stream share: one that reads, one that writes, and whoever computes."""
+
+    def __init__(self, frames: Iterator[Any], sink: int, drop: bool) -> None:
+        self._frames, self._sink, self._drop = frames, sink, drop
+        self.told = Told()
+        self.came: Queue[Any] = Queue(1)
+        self.made: Queue[Any] = Queue(1)
+        self.room = threading.Semaphore(1)
+        self.stop = threading.Event()
+        self.errors: list[BaseException] = []
+        self.threads = [
+            threading.Thread(
+                target=self._guarded, args=(work,), name=f"domesim-live-{name}", daemon=True
+            )
+            for name, work in (("reads", self._read), ("writes", self._write))
+        ]
+
+    def put(self, queue: Queue[Any], item: Any) -> None:
+        """Wait for a place, unless it is over."""
+        while not self.stop.is_set():
+            with contextlib.suppress(Full):
                 queue.put(item, timeout=_WAIT)
-            except Full:
-                continue
-            return
+                return
 
-    def get(queue: Queue[Any]) -> Any:
-        while not stop.is_set():
-            try:
+    def get(self, queue: Queue[Any]) -> Any:
+        """Wait for something; None if it is over."""
+        while not self.stop.is_set():
+            with contextlib.suppress(Empty):
                 return queue.get(timeout=_WAIT)
-            except Empty:
-                continue
         return None
 
-    def guarded(work: Callable[[], None]) -> Callable[[], None]:
-        def run() -> None:
-            try:
-                work()
-            except BaseException as error:  # noqa: BLE001 - the main thread raises it
-                errors.append(error)
-                stop.set()
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """Errors go to the main thread, which raises them."""
+        try:
+            work()
+        except BaseException as error:
+            self.errors.append(error)
+            self.stop.set()
 
-        return run
-
-    def read() -> None:
-        while not stop.is_set():
-            if not drop and not room.acquire(timeout=_WAIT):
+    def _read(self) -> None:
+        while not self.stop.is_set():
+            if not self._drop and not self.room.acquire(timeout=_WAIT):
                 continue
-            frame = next(frames, None)
-            if drop and frame is not None:
+            frame = next(self._frames, None)
+            if self._drop and frame is not None:
                 with contextlib.suppress(Empty):
-                    came.get_nowait()
-                    told.dropped += 1
-            put(came, None if frame is None else (time.perf_counter(), frame))
+                    self.came.get_nowait()
+                    self.told.dropped += 1
+            self.put(self.came, None if frame is None else (time.perf_counter(), frame))
             if frame is None:
                 return
 
-    def write() -> None:
+    def _write(self) -> None:
         first = None
-        while (item := get(made)) is not None:
+        while (item := self.get(self.made)) is not None:
             read_at, buffers = item
             for buffer in buffers:
-                _write_all(sink, buffer)
+                _write_all(self._sink, buffer)
             now = time.perf_counter()
             first = read_at if first is None else first
-            told.frames += 1
-            told.seconds = now - first
-            told.latencies.append(now - read_at)
-
-    threads = [
-        threading.Thread(target=guarded(work), name=f"domesim-live-{work.__name__}", daemon=True)
-        for work in (read, write)
-    ]
-    for thread in threads:
-        thread.start()
-    try:
-        number = 0
-        while (item := get(came)) is not None:
-            room.release()
-            read_at, frame = item
-            found = compensate(frame, number)
-            number += 1
-            put(made, (read_at, head(found)))
-        put(made, None)
-        if not stop.is_set():
-            threads[1].join()
-    except BaseException:
-        stop.set()
-        raise
-    for error in errors:
-        if isinstance(error, _Gone | BrokenPipeError):
-            raise InputError(
-                f"standard output: whoever read the frames has gone, after {told.frames} of them"
-            ) from None
-        raise error
-    return told
+            self.told.frames += 1
+            self.told.seconds = now - first
+            self.told.latencies.append(now - read_at)
 
 
 def _write_all(sink: int, buffer: Any) -> None:

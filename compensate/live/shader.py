@@ -23,14 +23,14 @@ from compensate.live.constants import (
     DomeConstants,
     PairConstants,
     constants_of,
-    rounds_of,
+    turns_of,
 )
 from compensate.live.smoothing import weights_of
 from domesim import __version__
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.scene import Scene
-from domesim.transfer import DCDM, ST2084, SRGB, Gamma, Linear
+from domesim.transfer import DCDM, SRGB, ST2084, Gamma, Linear
 
 _EXACT = 1e-4
 """Of their first error: how well floors are found."""
@@ -46,11 +46,11 @@ class _Texture:
 
     @property
     def width(self) -> int:
-        return self.values.shape[1]
+        return int(self.values.shape[1])
 
     @property
     def height(self) -> int:
-        return self.values.shape[0]
+        return int(self.values.shape[0])
 
     @property
     def hex(self) -> str:
@@ -195,10 +195,6 @@ def _about_pair(k: PairConstants, *, beside: bool) -> dict[str, Any]:
             _smoothing(-(-fine_cols // within), -(-fine_rows // within), within, sigma / block)
         )
     near = _smoothing(fine_cols, fine_rows, 1, k.nearby / fine)
-    strength = max(
-        float(np.linalg.norm(matrix, 2) * share.max())
-        for matrix, share in zip(k.matrices, k.share, strict=True)
-    )
     numbers = range(len(octaves))
     return {
         "textures": (
@@ -219,7 +215,7 @@ def _about_pair(k: PairConstants, *, beside: bool) -> dict[str, Any]:
         "near": near,
         "matrices": [_matrix(matrix) for matrix in k.matrices],
         "black": [_vector(black) for black in k.black],
-        "rounds": rounds_of(strength),
+        "rounds": -(-turns_of(k) // 2),
         "weights": _vector(k.weights),
         "dark": _glsl(k.dark),
         "lift": _glsl(k.aim.lift),
@@ -272,12 +268,12 @@ def _glsl(value: float) -> str:
 
 
 def _vector(values: NDArray[np.floating]) -> str:
-    return f"vec3({', '.join(map(_glsl, values))})"
+    return f"vec3({', '.join(map(_glsl, values.tolist()))})"
 
 
 def _matrix(values: NDArray[np.floating]) -> str:
     """Column by column, as GLSL has them."""
-    return f"mat3({', '.join(_glsl(each) for each in values.T.ravel())})"
+    return f"mat3({', '.join(_glsl(each) for each in values.T.ravel().tolist())})"
 
 
 def _rendered(name: str, about: dict[str, Any]) -> str:
@@ -288,7 +284,6 @@ def _rendered(name: str, about: dict[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
-        autoescape=False,  # noqa: S701 - no page
     )
     text = environment.get_template(name).render(k=SimpleNamespace(**about))
     return "\n".join(line.rstrip() for line in text.splitlines() if line.strip()) + "\n"

@@ -207,16 +207,14 @@ def small_size(plane: NDArray[np.float32], chroma: str) -> NDArray[np.float32]:
     if chroma in ("4:2:0", "4:2:2"):
         edged = np.pad(plane, ((0, 0), (1, 1)), "edge")
         before, here, after = edged[:, :-2:2], edged[:, 1:-1:2], edged[:, 2::2]
-        plane = (before + 2 * here + after[:, : here.shape[1]]) / 4
+        plane = np.asarray((before + 2 * here + after[:, : here.shape[1]]) / 4, np.float32)
     if chroma == "4:2:0":
         below = np.minimum(np.arange(0, len(plane), 2) + 1, len(plane) - 1)
-        plane = (plane[0::2] + plane[below]) / 2
+        plane = np.asarray((plane[0::2] + plane[below]) / 2, np.float32)
     return plane
 
 
-def full_size(
-    small: NDArray[np.float32], chroma: str, shape: Sequence[int]
-) -> NDArray[np.float32]:
+def full_size(small: NDArray[np.float32], chroma: str, shape: Sequence[int]) -> NDArray[np.float32]:
     """Colour differences at each of `shape` pixels, linear between those that there are."""
     if chroma == "4:2:0":
         small = _between_rows(small, shape[0])

@@ -31,7 +31,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
+from functools import partial
 from typing import Any, final
 
 import numpy as np
@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from compensate.aim import Aim
 from compensate.live.coding import PIXEL_FORMATS, Coding
-from compensate.live.engines import FAST, Engine, engine_of
+from compensate.live.engines import Engine, engine_of
 from compensate.live.shader import shader_of
 from compensate.master import pose, solved
 from domesim.frames.encodings import encoding_named
@@ -49,7 +49,6 @@ from domesim.observation.radiosity import radiosity
 from domesim.scene import DomeScene, Scene, load_scene
 from validation import judges
 from validation.experiment import (
-    Check,
     Column,
     Finding,
     Missing,
@@ -200,7 +199,9 @@ def _compiled(work: Work) -> Iterator[str]:
 def _scenes() -> dict[str, Scene]:
     dome = load_scene(DOME)
     assert isinstance(dome, DomeScene)
-    theatre = replace(dome.theatre, solids=(), lamps=())
+    assert dome.theatre.floor is not None
+    floor = replace(dome.theatre.floor, albedo=(0.6, 0.5, 0.4))
+    theatre = replace(dome.theatre, floor=floor, solids=(), lamps=())
     stored = replace(dome, theatre=theatre, transport=radiosity(theatre, resolution=6))
     return {"closed form": dome, "stored transport": stored, "pair with a map": load_scene(PAIR)}
 
@@ -223,7 +224,7 @@ def _codes(scene: Scene, light: Light, pixels: str) -> NDArray[Any]:
     """(row, col, RGB) of a master, both views one above the other."""
     layout = PIXEL_FORMATS[pixels]
     codes = Coding(scene.projector, _SRGB).encoded(np.asarray(light, np.float32))
-    return np.rint(np.concatenate(list(codes)) * layout.largest).astype(layout.dtype)
+    return np.asarray(np.rint(np.concatenate(list(codes)) * layout.largest), layout.dtype)
 
 
 def _light(scene: Scene, codes: NDArray[Any]) -> Light:
@@ -236,7 +237,8 @@ def _light(scene: Scene, codes: NDArray[Any]) -> Light:
 def _apart(scene: Scene, size: int) -> Apart:
     codes = _codes(scene, night(size) if scene.views == 1 else generated(size, 1), "rgb24")
     light = _light(scene, codes)
-    _, engine = _engine(scene, *light.shape[1:3])
+    rows, cols = light.shape[1:3]
+    _, engine = _engine(scene, rows, cols)
     shown = solved(pose(light, scene), "perceptual").light
     there = np.concatenate([scene.screen(*light.shape[1:3])] * scene.views)
     off = np.abs(engine(codes, 0).astype(int) - _codes(scene, shown, "rgb24"))[there]
@@ -258,7 +260,8 @@ def _gain(one: Input, *, by_judge: bool) -> Gain:
     scene = one.scene(one.usual, USUAL_LUMINANCE)
     codes = _codes(scene, one.read(), "rgb48le")
     posed = pose(_light(scene, codes), scene, Aim())
-    _, engine = _engine(scene, *posed.desired.shape[1:3], "rgb48le")
+    rows, cols = posed.desired.shape[1:3]
+    _, engine = _engine(scene, rows, cols, "rgb48le")
     lights = {
         "nothing": posed.desired,
         "subtraction": posed.subtractive,
@@ -301,9 +304,9 @@ def _rate(name: str, rows: int, cols: int, frames: int = 30) -> Rate:
     codes = _codes(scene, light, "rgb24")
     film = [np.roll(codes, 3 * k, axis=1) for k in range(6)]
     engine(film[0], 0)
-    times = [_seconds(lambda k=k: engine(film[k % 6], k)) for k in range(frames)]
+    times = [_seconds(partial(engine, film[k % 6], k)) for k in range(frames)]
     place = np.empty_like(codes)
-    copies = [_seconds(lambda k=k: np.copyto(place, film[k % 6])) for k in range(frames)]
+    copies = [_seconds(partial(np.copyto, place, film[k % 6])) for k in range(frames)]
     return Rate(float(np.median(times)), float(np.median(copies)), os.getloadavg()[0])
 
 
@@ -317,8 +320,10 @@ def _process(frames: int, size: int = 64) -> Process:
     """`domesim live`, fed as fast as it takes frames."""
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(
-            [sys.executable, "-m", "domesim", "live", "--scene", DOME, "--json", "--device", "cpu"]
-            + ["--size", f"{size}x{size}"],
+            [
+                *(sys.executable, "-m", "domesim", "live", "--scene", DOME, "--json"),
+                *("--device", "cpu", "--size", f"{size}x{size}"),
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=said,

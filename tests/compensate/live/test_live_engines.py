@@ -10,7 +10,7 @@ from live_pictures import engine_for, expected, frame_of, made, tabulated
 from numpy.typing import NDArray
 
 from compensate.live.coding import PIXEL_FORMATS, Coding
-from compensate.live.constants import constants_of, rounds_of
+from compensate.live.constants import constants_of, turns_of
 from compensate.live.smoothing import weights_of
 from compensate.means import smooth
 from domesim.frames.encodings import encoding_named
@@ -26,7 +26,7 @@ def test_weights_are_those_of_the_means(count, sigma):
     found = []
     for place in range(count):
         far = count - 1 - place
-        row, sign = min(min(place, far), len(table) - 1), -1 if far < place else 1
+        row, sign = min(place, far, len(table) - 1), -1 if far < place else 1
         near = range(max(-reach, -place), min(reach, far) + 1)
         found.append(sum(table[row, reach + sign * d] * line[place + d] for d in near))
     np.testing.assert_allclose(found, smooth(line[None], sigma)[0], rtol=1e-6)
@@ -56,10 +56,12 @@ def _pixels(scene, k) -> NDArray[np.float64]:
     return on.reshape(-1, k.cell, k.gain.shape[1], k.cell).sum(axis=(1, 3))
 
 
-def test_turns_of_both_eyes_are_enough():
-    """The last turn changes nothing that float32 could hold."""
-    for strength in (0.01, 0.1, 0.5):
-        assert strength ** (2 * rounds_of(strength)) < 1e-7
+@pytest.mark.parametrize("crosstalk", [0.0, 0.01, 0.1, 0.5])
+def test_turns_of_both_eyes_are_enough(crosstalk):
+    """Each gains the crosstalk; one more than is needed, and no more than two."""
+    k = constants_of(stereo_at(crosstalk, 15.0), 8, 8)
+    assert crosstalk ** turns_of(k) <= 1e-6
+    assert crosstalk == 0 or crosstalk ** (turns_of(k) - 3) > 1e-6
 
 
 def test_half_precision_by_its_bits():

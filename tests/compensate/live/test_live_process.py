@@ -174,7 +174,9 @@ def test_whoever_is_killed_ends_it(killed):
         stdin=writer.stdout, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=PLAIN,
     )  # fmt: skip
     reader = subprocess.Popen([sys.executable, "-c", drain], stdin=process.stdout)
-    assert writer.stdout and process.stdout and process.stderr
+    assert writer.stdout is not None
+    assert process.stdout is not None
+    assert process.stderr is not None
     writer.stdout.close()
     process.stdout.close()
     try:

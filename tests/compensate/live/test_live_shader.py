@@ -42,7 +42,9 @@ def off(found: NDArray[Any], wanted: NDArray[Any], scene: Scene) -> None:
     if scene.views == 1:
         screen = scene.screen(*apart.shape)
         inner = screen.copy()
-        inner[1:-1, 1:-1] &= screen[2:, 1:-1] & screen[:-2, 1:-1] & screen[1:-1, 2:] & screen[1:-1, :-2]
+        inner[1:-1, 1:-1] &= (
+            screen[2:, 1:-1] & screen[:-2, 1:-1] & screen[1:-1, 2:] & screen[1:-1, :-2]
+        )
         assert apart.max() <= RIM
         assert apart[~screen].max() == 0
         apart = apart[inner]
