@@ -165,7 +165,7 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
 
 
 def turns_of(k: PairConstants) -> int:
-    """How often the eyes take turns until subtraction is exact to 1e-6.
+    """How often the eyes take turns until subtraction is exact to 1e-5.
 
     Each gains what the strongest crosstalk leaves of the other's last change.
     """
@@ -173,7 +173,7 @@ def turns_of(k: PairConstants) -> int:
         float(np.linalg.norm(matrix, 2) * share.max())
         for matrix, share in zip(k.matrices, k.share, strict=True)
     )
-    return 1 + math.ceil(math.log(1e-6) / math.log(min(max(strength, 1e-6), 0.9)))
+    return 1 + math.ceil(math.log(1e-5) / math.log(min(max(strength, 1e-5), 0.9)))
 
 
 def _of_dome(observation: LowRankObservation, sight: Sight, aim: Aim) -> DomeConstants:

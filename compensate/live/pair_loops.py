@@ -22,6 +22,7 @@ from compensate.live.dome_loops import (
     _encoded,
     _rounded,
     _rows_of,
+    mixed,
 )
 from compensate.live.noise import APART
 
@@ -34,53 +35,56 @@ def _leaked(source: Any, factor: Any, target: Any) -> None:
 
 
 @_INSIDE
-def _clipped(wanted: Any, offset: Any, share: Any, leak: Any, found: Any) -> None:
+def _leak(source: Any, row: Any, own: int, work: Any) -> Any:
+    """What a primary gets of the other view's (primary, col), over a factor: both."""
+    if row[own - 1] == 0 and row[own - 2] == 0:
+        return source[own], row[own]
+    work[:] = 0
+    for q in range(3):
+        _leaked(source[q], row[q], work)
+    return work, np.float32(1)
+
+
+@_INSIDE
+def _clipped(wanted: Any, offset: Any, factor: Any, share: Any, leak: Any, found: Any) -> None:
     for j in range(len(found)):
-        left = wanted[j] - offset - share[j] * leak[j]
+        left = wanted[j] - offset - factor * share[j] * leak[j]
         found[j] = min(max(left, np.float32(0)), np.float32(1))
 
 
 @_INSIDE
 def _subtracted(light: Any, share: Any, matrices: Any, black: Any, turns: int, found: Any) -> None:
     """What to project so that light is seen: (6, col), of a row's (2, col) share."""
-    leak = np.zeros(light.shape[1], np.float32)
-    for k in range(6):
-        _clipped(light[k], black[k // 3, k % 3], leak, leak, found[k])
+    work = np.empty(light.shape[1], np.float32)
+    for k in range(3, 6):
+        _clipped(light[k], black[1, k - 3], np.float32(0), share[1], light[k], found[k])
     for turn in range(turns):
         view = turn % 2
         for p in range(3):
-            leak[:] = 0
-            for q in range(3):
-                _leaked(found[3 * (1 - view) + q], matrices[view, p, q], leak)
+            other = found[3:] if view == 0 else found[:3]
+            leak, factor = _leak(other, matrices[view, p], p, work)
             k = 3 * view + p
-            _clipped(light[k], black[view, p], share[view], leak, found[k])
+            _clipped(light[k], black[view, p], factor, share[view], leak, found[k])
 
 
 @_INSIDE
-def _mixed(light: Any, matrix: Any) -> None:
-    """Other primaries, in the light's place."""
-    for j in range(light.shape[1]):
-        red, green, blue = light[0, j], light[1, j], light[2, j]
-        for p in range(3):
-            light[p, j] = matrix[p, 0] * red + matrix[p, 1] * green + matrix[p, 2] * blue
-
-
-@_INSIDE
-def _too_bright(shown: Any, offset: Any, share: Any, leak: Any, wanted: Any, found: Any) -> None:
+def _too_bright(
+    shown: Any, offset: Any, factor: Any, share: Any, leak: Any, wanted: Any, found: Any
+) -> None:
     for j in range(len(found)):
-        found[j] = max(shown[j] + share[j] * leak[j] + offset - wanted[j], np.float32(0))
+        seen = shown[j] + factor * share[j] * leak[j] + offset
+        found[j] = max(seen - wanted[j], np.float32(0))
 
 
 @_INSIDE
 def _ghosts(light: Any, shown: Any, share: Any, matrices: Any, black: Any, found: Any) -> None:
     """How much more is seen of `shown` than wanted."""
-    leak = np.empty(light.shape[1], np.float32)
+    work = np.empty(light.shape[1], np.float32)
     for k in range(6):
         view, p = k // 3, k % 3
-        leak[:] = 0
-        for q in range(3):
-            _leaked(shown[3 * (1 - view) + q], matrices[view, p, q], leak)
-        _too_bright(shown[k], black[view, p], share[view], leak, light[k], found[k])
+        other = shown[3:] if view == 0 else shown[:3]
+        leak, factor = _leak(other, matrices[view, p], p, work)
+        _too_bright(shown[k], black[view, p], factor, share[view], leak, light[k], found[k])
 
 
 @_COMPILED
@@ -206,6 +210,13 @@ def smoothed(planes: Any, across: Any, down: Any, work: Any) -> None:
             _leaked(work[k, i + d], down[row, reach + sign * d], planes[k, i])
 
 
+@_INSIDE
+def _higher(mean: Any, square: Any, lift: Any, veil: Any) -> None:
+    for j in range(len(veil)):
+        found = min(lift * mean[j], square[j] / max(mean[j], _TINY))
+        veil[j] = max(veil[j], found)
+
+
 @_COMPILED
 def raised(
     means: Any, lift: Any, weights: Any, block: int, places: Any, parts: Any, first: bool,
@@ -218,6 +229,10 @@ def raised(
     """
     rows, cols = means.shape[1:]
     for i in numba.prange(veil.shape[1]):
+        if block == 1 and not first:
+            for k in range(6):
+                _higher(means[k, i], means[6 + k, i], lift, veil[k, i])
+            continue
         at = min(max((i + 0.5) / block - 0.5, 0.0), float(rows - 1))
         low = int(at)
         part = np.float32(at - low)
@@ -303,8 +318,8 @@ def written(
                     light[k, j] += rim * veil[6 + k // 3, j]
             _subtracted(light, share, matrices, black, turns, shown)
             if mixes:
-                _mixed(shown[:3], back)
-                _mixed(shown[3:], back)
+                mixed(shown[:3], back)
+                mixed(shown[3:], back)
             for k in range(6):
                 _encoded(shown[k], bits[k], codes_of, a, b)
                 if largest > 0:
