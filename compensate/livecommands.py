@@ -114,7 +114,7 @@ def live(
             f"--pixel-format {pixel_format!r} is not known; use {', '.join(PIXEL_FORMATS)}"
         )
     settings: Any = {"aim": Aim() if lift is None else Aim(lift=lift), "dithers": dithered(dither)}
-    if sys.stdin.isatty() or sys.stdout.isatty():
+    if os.isatty(_INPUT) or os.isatty(_OUTPUT):
         raise InputError(
             "live: frames come by standard input and go by standard output; name both "
             "(ffmpeg ... | domesim live ... | ffplay ...)"

@@ -15,7 +15,7 @@ Expected
     Codes of 8 bits differ by one at most. Live keeps at least 85 % of the gain. Its process grows
     by at most 16 MB, and a frame is written two frames after it was read at the latest, where
     frames are as long as the median. By count, a GPU of 1 TB/s and 500 billion texels a second
-    shows a dome of 4096² (quick: 1024²) in at most 1/60 s. None of these figures has been measured on a GPU.
+    shows a dome of 4096² (quick: 1024²) in at most 1/60 s. No GPU has measured any of this.
     Told, not checked, for they are of seconds: frames a second of this machine.
 """
 

@@ -220,3 +220,33 @@ def _take(shot: Path, ear: Path) -> None:
         time.sleep(0.5)
         assert ask("screenshot-to-file", str(shot), "window")["error"] == "success"
         ask("quit")
+
+
+def test_the_command_writes_a_file(run, tmp_path):
+    path = tmp_path / "show.glsl"
+    done = run("shader", "--scene", "dome_imax", "--size", "64x64", "--out", path)
+    assert done.code == 0
+    assert str(path) in done.out
+    assert path.read_text() == shader_of(load_scene("dome_imax"), 64, 64, encoding_named("bt709"))
+    assert [each.name for each in tmp_path.iterdir()] == ["show.glsl"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--size", "64"], ["--size", "WIDTHxHEIGHT"]),
+        (["--size", "64x60"], ["square"]),
+        (["--size", "64x64", "--packing", "top-bottom"], ["one view"]),
+        (["--size", "64x64", "--encoding", "nonsense"], ["srgb"]),
+        (["--size", "64x64", "--lift", "-1"], ["lift"]),
+    ],
+)
+def test_mistakes_of_the_command(run, tmp_path, options, words):
+    out = tmp_path / "show.glsl"
+    run("shader", "--scene", "dome_imax", *options, "--out", out).is_refused(*words)
+    assert not out.exists()
+
+
+def test_a_folder_that_is_not_there(run, tmp_path):
+    out = tmp_path / "none" / "show.glsl"
+    run("shader", "--scene", "dome_imax", "--size", "64x64", "--out", out).is_refused("folder")
