@@ -43,7 +43,8 @@ def frame_of(
 ) -> NDArray[Any]:
     """(row, col, channel) codes of a night, or of a pair as wide as `size` a view."""
     coding, layout = Coding(scene.projector, SRGB), PIXEL_FORMATS[pixels]
-    light = night(size) if scene.views == 1 else generated(size, 1)
+    light = np.array(night(size) if scene.views == 1 else generated(size, 1))
+    light[:, :, : light.shape[2] // 2] *= np.array([0.1, 0.4, 1.0])  # hues that black would shift
     codes = coding.encoded(light.astype(np.float32))
     if layout.floating:
         kept = codes.astype("<f2")
