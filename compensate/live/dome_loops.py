@@ -93,7 +93,7 @@ def _exponentials(values: Any, found: Any, bits: Any, a: int, b: int) -> None:
     """Exponentials of float32 `values` into `found`, of which `bits` is an int32 view."""
     for j in range(a, b):
         scaled = min(max(values[j] * _INVERSE_LN2, np.float32(-120)), np.float32(120))
-        whole = np.int32(np.floor(scaled))
+        whole = np.int32(scaled + np.float32(128)) - np.int32(128)  # floor, of what is above -128
         values[j] = scaled - np.float32(whole)
         bits[j] = (whole + 127) << 23
     for j in range(a, b):
@@ -387,9 +387,11 @@ def _rounded(line: Any, noise: Any, begin: Any, largest: Any, a: int, b: int) ->
     """Codes with noise, as `domesim.frames.dithering` has it, in their place."""
     for j in range(a, b):
         value = line[j]
+        second = noise[1, begin + j]
         inside = min(value, largest - value) >= np.float32(0.5)
-        some = noise[0, begin + j] + (noise[1, begin + j] if inside else np.float32(0))
-        line[j] = min(max(np.floor(value + some + np.float32(0.5)), np.float32(0)), largest)
+        some = noise[0, begin + j] + (second if inside else np.float32(0))
+        noisy = max(value + some + np.float32(0.5), np.float32(0))
+        line[j] = np.float32(np.int32(min(noisy, largest)))
 
 
 @_INSIDE
