@@ -126,22 +126,45 @@ def test_raw_frames_through_the_command():
     assert "latency_frames" in told
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--size", "16"], ["--size", "WIDTHxHEIGHT"]),
+        (["--size", "16x17"], ["square"]),
+        (["--size", "1x1"], ["2"]),
+        (["--size", "16x16", "--pixel-format", "yuv420p"], ["rgb24"]),
+        (["--size", "16x16", "--packing", "side-by-side"], ["one view"]),
+        (["--size", "16x16", "--encoding", "wrong"], ["srgb"]),
+        (["--size", "16x16", "--device", "wrong"], ["cuda"]),
+    ],
+)
+def test_mistaken_options_are_one_line(run, options, words):
+    run("live", *SCENE, *options).is_refused(*words)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (b"no stream at all", ["Y4M", "--size"]),
+        (b"", ["Y4M"]),
+        (b"YUV4MPEG2 W16 H16 Cmono", ["Cmono"]),
+        (b"YUV4MPEG2 W16 Hx", ["Y4M"]),
+        (b"YUV4MPEG2 W16 H16 It C420jpeg", ["interlaced"]),
+        (b"YUV4MPEG2 W16 H16 C420jpeg XCOLORRANGE=FULL", ["full range"]),
+    ],
+)
+def test_headers_that_are_refused(line, words):
+    with pytest.raises(InputError) as refused:
+        header_of(line)
+    for word in words:
+        assert word in str(refused.value)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("options", "data", "words"),
     [
         (["--size", "16x16"], b"\0" * (FRAME + 5), ["within frame 1", "--size"]),
-        (["--size", "16"], b"", ["--size", "WIDTHxHEIGHT"]),
-        (["--size", "16x17"], b"\0" * 16 * 17 * 3, ["square"]),
-        (["--size", "1x1"], b"\0" * 3, ["2"]),
-        (["--size", "16x16", "--pixel-format", "yuv420p"], b"", ["rgb24"]),
-        (["--size", "16x16", "--packing", "side-by-side"], b"", ["one view"]),
-        (["--size", "16x16", "--encoding", "wrong"], b"", ["srgb"]),
-        (["--size", "16x16", "--device", "wrong"], b"", ["cuda"]),
-        ([], b"no stream at all\n", ["Y4M", "--size"]),
-        ([], b"", ["Y4M"]),
-        ([], b"YUV4MPEG2 W16 H16 Cmono\n", ["Cmono"]),
-        ([], b"YUV4MPEG2 W16 H16 It C420jpeg\n", ["interlaced"]),
         ([], b"YUV4MPEG2 W16 H16 C420jpeg\nFRAME\nshort", ["within frame 0"]),
         ([], b"YUV4MPEG2 W16 H16 C420jpeg\nNOISE\n", ["FRAME"]),
         (
@@ -151,7 +174,7 @@ def test_raw_frames_through_the_command():
         ),
     ],
 )
-def test_mistakes_are_one_line(options, data, words):
+def test_mistaken_frames_are_one_line(options, data, words):
     is_refused(live(*SCENE, *options, data=data), *words)
 
 
