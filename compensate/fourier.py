@@ -17,7 +17,7 @@ import numpy as np
 import scipy.fft
 
 from domesim.light import Array, namespace, total
-from domesim.strips import threads
+from domesim.light.strips import threads
 
 LIBRARIES = ("mkl_fft.interfaces.scipy_fft", "pyfftw.interfaces.scipy_fft")
 """Of the extra ``fast``: with SciPy's functions, and about twice as fast."""

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from domesim.light import Array, namespace
-from domesim.strips import in_strips
+from domesim.light.strips import in_strips
 
 _BOXES = 3
 _LINE = 16  # numbers that a line of the cache holds

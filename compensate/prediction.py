@@ -59,7 +59,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from compensate.master import Posed
+from compensate.pose import Posed
 from compensate.vision.adaptation import adaptation_luminance
 from compensate.vision.differences import visible_difference
 from compensate.vision.glare import StrayLight
@@ -69,8 +69,8 @@ from compensate.vision.saliency import gbvs
 from compensate.vision.tvi import MesopicBlend, threshold
 from domesim.errors import InputError
 from domesim.light import Light
-from domesim.strips import in_strips
-from domesim.viewing import DomeSeat, Viewing
+from domesim.light.strips import in_strips
+from domesim.room.viewing import DomeSeat, Viewing
 
 Planes = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -396,7 +396,7 @@ class _Eye:
     def _saliency(self) -> Planes:
         """Of eq. 14: the pollution of one eye is the other's picture."""
         pictures = [self._salient(eye) for eye in self._projector.to_display(self._picture)]
-        return np.stack(pictures[::-1])
+        return np.stack(pictures[::-1])  # eq. 14
 
     def predicts(self, light: Light) -> Predicted:
         """All maps of projected `light`."""
@@ -409,7 +409,7 @@ class _Eye:
             visible = full(np.where(found.delta, probability(masking), np.float32(0)))
         else:
             visible = probability(self._contrasts.differences(seen))
-        salient = visible * saliency
+        salient = visible * saliency  # eq. 13
         prediction = salient if self._settings.counts_saliency else visible
         return Predicted(
             residual=full(found.residual),
@@ -452,7 +452,8 @@ class _Eye:
         residual = np.asarray(np.where(self._grid.screen, seen - wanted, 0), np.float32)
         mean = self._averaged(residual, self._settings.area)
         tvi = np.asarray(np.abs(mean) / self._threshold, np.float32)
-        return _Look(wanted, seen, residual, tvi, (tvi > 1) & self._grid.screen)
+        delta = (tvi > 1) & self._grid.screen  # eq. 10
+        return _Look(wanted, seen, residual, tvi, delta)
 
     def _masking(self, look: _Look, rows: slice, cols: slice) -> Planes:
         """Eq. 11 in a part of the picture."""
@@ -540,7 +541,7 @@ def _viewer(posed: Posed, settings: Prediction) -> _Eye | _Seated:
 
 
 def _visible(posed: Posed, seen: Mask) -> Visible:
-    areas = posed.areas
+    areas = posed.setting.areas
     return Visible(seen, tuple(float(np.sum(view * areas) / np.sum(areas)) for view in seen))
 
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from compensate.vision.differences import visible_difference
 from compensate.vision.resolution import by_resolution
 from domesim.light import Light
+from domesim.light.strips import in_strips
 from domesim.scene import Scene
-from domesim.strips import in_strips
 
 FINEST = 1024
 """Pixels of a picture's larger side, at most: larger pictures are averaged."""

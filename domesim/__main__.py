@@ -32,7 +32,7 @@ def main() -> None:
     gc.disable()  # while modules load: a million objects, and no garbage
     try:
         from domesim.commands import run  # noqa: PLC0415
-        from domesim.memory import keep_freed_memory  # noqa: PLC0415
+        from domesim.host.memory import keep_freed_memory  # noqa: PLC0415
     except KeyboardInterrupt:
         print("domesim: interrupted", file=sys.stderr)
         sys.exit(130)

@@ -138,8 +138,10 @@ def shaded(shader: str, folder: Path, data: bytes, size: str, pixels: str, betwe
     """Raw video that went through a shader in FFmpeg."""
     path = folder / "show.glsl"
     path.write_text(shader)
+    # Of small video FFmpeg takes the matrix to be BT.601
+    told = "" if between == "rgba" else "setparams=colorspace=bt709:range=tv,"
     chain = (
-        f"format={between},hwupload,libplacebo=custom_shader_path={path}:format={between}:"
+        f"format={between},{told}hwupload,libplacebo=custom_shader_path={path}:format={between}:"
         f"dithering=-1,hwdownload,format={between}"
     )
     raw = ["-f", "rawvideo", "-pix_fmt", pixels]

@@ -12,7 +12,7 @@ from typing import final
 import numpy as np
 from scipy.ndimage import uniform_filter
 
-from compensate.master import Posed
+from compensate.pose import Posed
 from domesim.light import Light
 from validation import drawing
 from validation.experiment import Panel

@@ -14,12 +14,12 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.lenses import lens_gains
 from domesim.pathtrace.loop import bounce_limit, cosine_direction, walks
 from domesim.pathtrace.room import BACK, BLACK, FLOOR, NOTHING, SHELL, SOLID, WALL, Hit
 from domesim.pathtrace.room import SCREEN as FRONT
 from domesim.pathtrace.tracer import Tracer
-from domesim.theatre import Theatre
+from domesim.room.lenses import lens_gains
+from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from domesim.endings import ENDINGS
 from domesim.frames import ColourTag, Frame, write_frame
+from domesim.host.endings import ENDINGS
 
 FRAMES, SIZE = 12, 64
 _OTHER = {"dome_planetarium": "dome_hemisphere", "stereo_cinema_silver": "stereo_polarised_paper"}

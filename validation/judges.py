@@ -32,8 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Light, require_light
+from domesim.light.transfer import named
 from domesim.scene import Scene
-from domesim.transfer import named
 from validation.experiment import Missing
 
 COARSEST = 2.0

@@ -1,7 +1,7 @@
 """A virtual laboratory: path-traced photographs of a theatre, with a real camera's faults.
 
-What is fitted to them computes light without random numbers (`domesim.survey.model`); here walks
-are traced, so the two share no code for reflected light.
+What is fitted to them computes light without random numbers (`domesim.measure.dome.model`); here
+walks are traced, so the two share no code for reflected light.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from typing import TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.master import pose
-from domesim.dome import Dome
-from domesim.measurement.patterns import Codes
-from domesim.measurement.patterns_dome import dome_patterns
+from compensate.pose import pose
+from domesim.measure.dome.camera import Camera, places_in
+from domesim.measure.dome.photographs import Photographs
+from domesim.measure.patterns import Codes
+from domesim.measure.patterns.dome import dome_patterns
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tracer import Settings, Tracer
+from domesim.room.dome import Dome
+from domesim.room.theatre import Theatre
 from domesim.scene import DomeScene, Scene
 from domesim.scene.fields import three
-from domesim.survey.camera import Camera, places_in
-from domesim.survey.photographs import Photographs
-from domesim.theatre import Theatre
 from validation.masters import night
 from validation.statistics import rms_difference
 

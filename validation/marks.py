@@ -13,7 +13,7 @@ from typing import final
 
 import numpy as np
 
-from compensate.master import Posed
+from compensate.pose import Posed
 from compensate.prediction import Prediction, predict
 from compensate.visible import SEEN
 from domesim.light import Light

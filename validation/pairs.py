@@ -34,7 +34,7 @@ from scipy.ndimage import gaussian_filter
 from domesim.frames import read_master
 from domesim.light import Light
 from domesim.scene import Scene
-from domesim.screening import decoded, within_range
+from domesim.scene.screening import decoded, within_range
 from validation.experiment import Missing
 
 FOLDER = "DOMESIM_DATA"

@@ -46,7 +46,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Light, require_light
-from domesim.projector import conversion
+from domesim.observation.projector import conversion
 from domesim.scene import Scene
 from validation import judges
 from validation.experiment import Missing

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.theatre import Albedo, Theatre
+from domesim.room.theatre import Albedo, Theatre
 
 Floats = NDArray[np.float64]
 

@@ -25,9 +25,9 @@ from pydantic import Field
 
 from domesim.errors import InputError
 from domesim.frames import write_whole
+from domesim.host.cores import cores
 from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.tracer import all_or_nothing
-from domesim.strips import cores
 from validation.experiment import Experiment, Finding, Missing, Record, Work, load_experiment
 from validation.experiments import EXPERIMENTS, GROUPS
 

@@ -10,9 +10,9 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim import transfer
 from domesim.frames.colour import ColourTag
-from domesim.projector import Projector, require_primaries
+from domesim.light import transfer
+from domesim.observation.projector import Projector, require_primaries
 
 
 @final

@@ -213,7 +213,7 @@ def _of_pair(observation: Crosstalk, sight: Sight, aim: Aim) -> PairConstants:
     rows, cols = observation.shape[1:3]
     sigmas = scales(aim, sight)
     cell, share = 0, observation.share.max(axis=(1, 2), keepdims=True)
-    if not observation.uniform:
+    if np.ptp(observation.share, axis=(1, 2)).any():
         cell = -(-max(rows, cols) // CELLS)
         share = block_sums(observation.share, cell) / block_sums(np.ones((rows, cols)), cell)
     return PairConstants(

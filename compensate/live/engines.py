@@ -15,11 +15,12 @@ from compensate.aim import Aim
 from compensate.devices import CPU
 from compensate.live.coding import Coding, PixelFormat
 from compensate.live.constants import DomeConstants, constants_of
-from compensate.master import Stage, solved
+from compensate.pose import Stage
+from compensate.solve import solved
 from domesim.frames.dithering import dither
+from domesim.light.strips import threads
 from domesim.scene import Scene
-from domesim.screening import within_range
-from domesim.strips import threads
+from domesim.scene.screening import within_range
 
 Engine: TypeAlias = Callable[[NDArray[Any], int], NDArray[Any]]
 """Frame (row, col, channel) and its number -> the frame to project, which the next overwrites."""

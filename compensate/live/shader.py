@@ -29,8 +29,8 @@ from compensate.live.smoothing import weights_of
 from domesim import __version__
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
+from domesim.light.transfer import DCDM, SRGB, ST2084, Gamma, Linear
 from domesim.scene import Scene
-from domesim.transfer import DCDM, SRGB, ST2084, Gamma, Linear
 
 _EXACT = 1e-4
 """Of their first error: how well floors are found."""

@@ -55,12 +55,12 @@ from compensate.problem import Problem
 from compensate.solver.baselines import computed
 from compensate.solver.result import Result, Status
 from domesim.light import Array, Light, namespace
+from domesim.light.strips import in_strips
 from domesim.observation.base import Observation
 from domesim.observation.crosstalk import Crosstalk, mixing_by
 from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.projector import conversion
 from domesim.observation.stereo import StereoObservation
-from domesim.projector import conversion
-from domesim.strips import in_strips
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from compensate.fourier import Fourier, padded_size
 from compensate.vision.blocks import block_sums, interpolated
 from domesim.errors import InputError
-from domesim.strips import in_strips
+from domesim.light.strips import in_strips
 
 Planes = NDArray[np.float32]
 

@@ -49,7 +49,7 @@ from scipy.ndimage import gaussian_filter
 
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, castle
 from domesim.errors import InputError
-from domesim.strips import in_strips
+from domesim.light.strips import in_strips
 
 Floats = NDArray[np.floating[Any]]
 Planes = NDArray[np.float32]

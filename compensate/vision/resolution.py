@@ -16,7 +16,7 @@ Planes = NDArray[np.floating[Any]]
 
 STEP = 0.5
 """Between resolutions, octaves. Against steps of a sixteenth, maps of visible differences are 1 %
-off at this step (``tests/compensate/test_seats.py``)."""
+off at this step (``tests/compensate/solver/test_seats.py``)."""
 
 
 def by_resolution(

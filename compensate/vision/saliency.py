@@ -42,7 +42,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from compensate.vision.castle import DKL_FROM_XYZ
 from domesim.errors import InputError
-from domesim.transfer import SRGB
+from domesim.light.transfer import SRGB
 
 Floats = NDArray[np.floating[Any]]
 

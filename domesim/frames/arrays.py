@@ -12,7 +12,7 @@ import numpy as np
 
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
-from domesim.plain import size_of_plain
+from domesim.host.files import size_of_plain
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:

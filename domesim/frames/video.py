@@ -39,9 +39,8 @@ from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of_code_points
 from domesim.frames.eyes import Eyes, of_video
 from domesim.frames.ffv1 import is_whole
-from domesim.frames.formats import SQUARE
 from domesim.frames.frame import Frame, Header
-from domesim.frames.integrity import damaged, refuse_sides
+from domesim.frames.integrity import SQUARE, damaged, refuse_sides
 from domesim.frames.messages import one_line
 from domesim.frames.orientation import UPRIGHT, turned
 from domesim.frames.yuv import MATRICES, PixelFormat, code_values, pixel_format

@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
 from domesim.light import Array, Light, kind, namespace
+from domesim.light.strips import in_strips
 from domesim.observation.stereo import VIEWS, StereoObservation, require_black
-from domesim.strips import in_strips
 
 
 @final
@@ -107,11 +107,6 @@ class Crosstalk(StereoObservation):
             result[view, :, 1 - view] = leaks[view]
         return result
 
-    @property
-    def uniform(self) -> bool:
-        """Whether the map is flat."""
-        return bool(np.ptp(self._share, axis=(1, 2)).max() == 0)
-
     def slopes(self, like: Light) -> tuple[Array, Array]:
         """See `StereoObservation`."""
         xp = namespace(like)
@@ -131,7 +126,8 @@ class Crosstalk(StereoObservation):
         """phi(x): what each eye sees of the other's picture, (view, row, col, primary)."""
         matrices, share, _ = self._like(light)
         xp = namespace(light)
-        return xp.stack([share[v] * (light[1 - v, ...] @ matrices[v].T) for v in range(2)])
+        leaks = [share[v] * (light[1 - v, ...] @ matrices[v].T) for v in range(2)]  # eq. 8
+        return xp.stack(leaks)
 
     def invert(self, seen: Light) -> Light:
         """The light whose observation is `seen`; negative where no projector could do it.

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from domesim.errors import InputError
-from domesim.lenses import field_weight
 from domesim.observation.spherical import bare_gain
-from domesim.theatre import Theatre
+from domesim.room.lenses import field_weight
+from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

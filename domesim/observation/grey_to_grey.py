@@ -154,11 +154,6 @@ class Linearised(StereoObservation):
             result[view, :, 1 - view] = np.diag(other[view])
         return result
 
-    @property
-    def uniform(self) -> bool:
-        """Never: slopes follow the picture."""
-        return False
-
     def _observe(self, light: Light) -> Light:
         return self._linear(light) + self._like(light, self._constant)
 

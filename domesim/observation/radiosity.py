@@ -38,12 +38,12 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.enclosure import Enclosure, Solver, chunks
 from domesim.observation.transport import NODES, Transport, node_places, sample_nodes
-from domesim.theatre import Theatre
+from domesim.room.dome import Dome
+from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -48,11 +48,6 @@ class SeveralSeats(StereoObservation):
         """(seen view, primary, view, primary): each seat's."""
         return np.concatenate([seat.central for seat in self.seats])
 
-    @property
-    def uniform(self) -> bool:
-        """Whether every seat's observation is."""
-        return all(seat.uniform for seat in self.seats)
-
     def of_seat(self, seen: Light, number: int) -> Light:
         """(2, row, col, primary): what one seat sees, of what all see."""
         return seen[2 * number : 2 * number + 2, ...]

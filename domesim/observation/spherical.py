@@ -17,10 +17,10 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.light import Array, Light
 from domesim.observation.lowrank import LowRank, LowRankObservation
+from domesim.room.dome import Dome
 
 
 def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
@@ -52,7 +52,7 @@ def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
         )
     if albedo * screen_area >= sphere:
         raise InputError("a closed sphere of albedo 1 never loses light; lower the albedo")
-    return float(albedo / (sphere - albedo * screen_area))
+    return float(albedo / (sphere - albedo * screen_area))  # eq. 15
 
 
 def bare_gain(albedo: float, dome: Dome) -> float:

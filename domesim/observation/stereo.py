@@ -36,11 +36,6 @@ class StereoObservation(AdjointObservation):
     def central(self) -> NDArray[Any]:
         """(seen view, primary, view, primary): the one matrix nearest to all pixels' own."""
 
-    @property
-    @abstractmethod
-    def uniform(self) -> bool:
-        """Whether all pixels have that matrix."""
-
     def slopes(self, like: Light) -> tuple[Array, Array]:
         """What an eye sees of its own view's light, and of the other's, in the same primary.
 

@@ -28,13 +28,13 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.frames.arrays import read_arrays, write_arrays
 from domesim.light import Array, Light, kind, namespace, on_host
 from domesim.observation.base import AdjointObservation
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.lowrank import LowRank, LowRankObservation
+from domesim.room.dome import Dome
 
 Floats = NDArray[np.float64]
 

@@ -19,13 +19,13 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
 from domesim.light import Light
 from domesim.observation.base import Observation
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.crosstalk import Crosstalk, over_pixels
 from domesim.observation.stereo import StereoObservation
 from domesim.observation.transport import TabulatedDome, Transport, sample_nodes
+from domesim.room.dome import Dome
 
 Floats = NDArray[np.float64]
 

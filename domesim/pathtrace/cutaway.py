@@ -23,16 +23,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull
 
-from domesim import transfer
-from domesim.beams import lit_edge
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, write_frame
-from domesim.furniture import manikin
-from domesim.lenses import lens_frame
+from domesim.light import transfer
 from domesim.pathtrace.llvm import load_mitsuba
-from domesim.pathtrace.night.mesh import Triangles, ball, box, join, moved, prism, quad, tube
-from domesim.theatre import Floor, Lamp, Lens, Theatre
+from domesim.pathtrace.solids import Triangles, ball, box, join, moved, prism, quad, tube
+from domesim.room.beams import lit_edge
+from domesim.room.dome import Dome
+from domesim.room.furniture import manikin
+from domesim.room.lenses import lens_frame
+from domesim.room.theatre import Floor, Lamp, Lens, Theatre
 
 Floats = NDArray[np.float64]
 

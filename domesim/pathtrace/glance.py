@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from domesim.pathtrace.machine import NumPy
 from domesim.pathtrace.room import NOTHING, SCREEN, Room
 from domesim.pathtrace.tracer import camera_frame
-from domesim.theatre import Theatre, Viewpoint
+from domesim.room.theatre import Theatre, Viewpoint
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from domesim.errors import InputError
 from domesim.light import Light, require_light
 from domesim.observation.base import Observation
 from domesim.pathtrace.tracer import CENTRE, Progress, Settings, Status, Traced, Tracer
-from domesim.theatre import Theatre
+from domesim.room.theatre import Theatre
 
 
 @final

@@ -14,7 +14,7 @@ quotient most of the noise cancels.
 
 Light is reflected once: a flat screen does not light itself, and the room is black. (What walls and
 people send back to the screen comes from all of a picture; it is no crosstalk of a place on it.)
-`domesim.polarisation` computes the same in NumPy, by other means.
+`domesim.stereo.polarisation` computes the same in NumPy, by other means.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.pathtrace.llvm import backend, load_mitsuba
 from domesim.pathtrace.tracer import interruptible, launch_seed
-from domesim.polarisation import ALUMINIUM
-from domesim.stereo import QUARTER, CircularFilter, Point, SilverScreen, StereoTheatre
+from domesim.stereo.polarisation import ALUMINIUM
+from domesim.stereo.system import QUARTER, CircularFilter, Point, SilverScreen, StereoTheatre
 
 Progress = Callable[[float], None]
 """Told the share of the work that is done."""

@@ -13,7 +13,7 @@ from domesim.errors import InputError
 from domesim.pathtrace.loop import Aim, Colour, Scatter, Source, difference
 from domesim.pathtrace.machine import DrJit, Lanes, Machine, Vector
 from domesim.pathtrace.room import BACK, NOTHING, SCREEN, SHELL, Hit, Room, along, dot, scaled
-from domesim.theatre import Albedo, Lobe
+from domesim.room.theatre import Albedo, Lobe
 
 _TRUST = 8.0
 """Noise of one walk with 1, 4, 8, 16: 0.40, 0.26, 0.21, 0.19 of the mean (night, dome_imax)."""

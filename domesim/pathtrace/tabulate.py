@@ -38,7 +38,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from domesim.errors import InputError
-from domesim.lenses import lens_gains
 from domesim.observation.basis import ScreenBasis, disc_quadrature
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import bare_gain
@@ -57,7 +56,8 @@ from domesim.pathtrace.tracer import (
     launch_seed,
     over,
 )
-from domesim.theatre import Theatre
+from domesim.room.lenses import lens_gains
+from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
 

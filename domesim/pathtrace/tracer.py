@@ -25,15 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from domesim.dome import strips
 from domesim.errors import InputError
-from domesim.lenses import lens_gains, seen_gain
 from domesim.pathtrace.llvm import backend, load_mitsuba
 from domesim.pathtrace.loop import Source, Start, Tally, bounce_limit, eye_directions, walks
 from domesim.pathtrace.machine import DrJit, Lanes, Machine, NumPy, Vector
 from domesim.pathtrace.room import NOTHING, SCREEN, Hit, Room, dot, scaled
 from domesim.pathtrace.sources import GainLobe, Lamps, Picture, Throw
-from domesim.theatre import Point, Theatre, Viewpoint
+from domesim.room.dome import strips
+from domesim.room.lenses import lens_gains, seen_gain
+from domesim.room.theatre import Point, Theatre, Viewpoint
 
 Image = NDArray[np.float32]
 

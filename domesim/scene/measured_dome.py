@@ -12,9 +12,9 @@ from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import bare_gain
 from domesim.observation.transport import NODES, Transport
 from domesim.observation.uncertain import Step
+from domesim.room.theatre import Theatre
 from domesim.scene.dome_file import MeasuredSection
 from domesim.scene.fields import three
-from domesim.theatre import Theatre
 
 Floats = NDArray[np.float64]
 

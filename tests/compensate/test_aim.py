@@ -10,12 +10,15 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from compensate.aim import Aim, Sight, lifted, veiled
-from compensate.master import compensate, pose, solved
+from compensate.figures import Appraisal
+from compensate.master import compensate
+from compensate.pose import pose
+from compensate.solve import solved
 from compensate.solver.result import Status
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.scene import load_scene
-from validation.experiments.quality.inputs import dome_at, stereo_at
+from validation.inputs import dome_at, stereo_at
 from validation.masters import night
 from validation.pairs import generated
 
@@ -182,7 +185,7 @@ def test_tabulated_theatres_and_tables_have_an_aim():
     shutter = load_scene("stereo_shutter")
     light = generated(96)
     before, after = (
-        pose(light, shutter).loss(x) for x in (light, compensate(light, shutter).light)
+        Appraisal(pose(light, shutter)).loss(x) for x in (light, compensate(light, shutter).light)
     )
     assert after < before
 

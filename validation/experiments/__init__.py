@@ -32,6 +32,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "chroma_floor",
         "deghosting",
         "quality",
+        "two_eyes",
         "flicker",
         "convergence",
     ),
@@ -43,6 +44,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "table1",
         "only_visible",
         "user_study",
+        "audiences",
     ),
     "What it costs": ("costs", "shows", "live"),
 }

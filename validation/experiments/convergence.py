@@ -36,14 +36,14 @@ from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.gpcg import GPCG
 from compensate.weighting import PerceptualWeighting
-from domesim.dome import Dome
 from domesim.frames.colour import BT709_LUMINANCE
 from domesim.light import Light, dot
 from domesim.observation.base import AdjointObservation
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import ClosedFormDome
-from domesim.theatre import Floor, Theatre
-from domesim.viewing import Viewing
+from domesim.room.dome import Dome
+from domesim.room.theatre import Floor, Theatre
+from domesim.room.viewing import Viewing
 from validation.benchmarks.measuring import GAPS, Cost, Settings, least_cost, measure
 from validation.benchmarks.problems import night_dome
 from validation.benchmarks.solvers import OURS, SOLVERS

@@ -27,7 +27,8 @@ from typing import final
 
 import numpy as np
 
-from compensate.master import Stage, solve_frame
+from compensate.master import solve_frame
+from compensate.pose import Stage
 from domesim.frames import read_master, write_master
 from domesim.light import Light
 from domesim.pathtrace.tracer import Settings, Tracer

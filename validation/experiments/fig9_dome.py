@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.comparison import Comparison, compare_methods
+from compensate.page.comparison import Comparison, compare_methods
 from domesim.light import Light
 from domesim.scene import load_dome
 from validation.drawing import pictures

@@ -38,13 +38,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from compensate.aim import Eye
-from compensate.master import Posed, Stage, solved
 from compensate.methods import Solver, perceptual
+from compensate.pose import Posed, Stage
+from compensate.solve import solved
 from compensate.solver.result import Result, Status
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
-from domesim.screening import decoded, within_range
+from domesim.scene.screening import decoded, within_range
 from validation import drawing, films, judges, masters, pairs
 from validation.experiment import (
     Check,
@@ -57,7 +58,7 @@ from validation.experiment import (
     at_most,
     equal,
 )
-from validation.experiments.quality.inputs import dome_at, stereo_at
+from validation.inputs import dome_at, stereo_at
 
 Floats = NDArray[np.float64]
 
@@ -413,7 +414,7 @@ def flicker(product: Shown, best: Shown) -> Flicker:
 def _noticed(posed: Posed, change: Light) -> NDArray[np.floating[Any]]:
     """(view, row, col) of a change of what is seen: its weighted size in each place, in JND."""
     rows, cols = posed.screen.shape
-    weighted = np.asarray(posed.judge.apply(change))[..., :rows, :cols]
+    weighted = np.asarray(posed.setting.judge.apply(change))[..., :rows, :cols]
     thresholds = posed.scene.projector.white / posed.scene.viewing.adaptation
     size: NDArray[np.floating[Any]] = np.sqrt(np.sum(weighted**2, axis=1))
     return size * (thresholds * posed.problem.weighting.peak)

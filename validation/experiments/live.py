@@ -42,7 +42,9 @@ from compensate.aim import Aim
 from compensate.live.coding import PIXEL_FORMATS, Coding
 from compensate.live.engines import Engine, engine_of
 from compensate.live.shader import shader_of
-from compensate.master import pose, solved
+from compensate.pose import pose
+from compensate.ruler import Ruler
+from compensate.solve import solved
 from domesim.frames.encodings import encoding_named
 from domesim.light import Light
 from domesim.observation.radiosity import radiosity
@@ -57,7 +59,7 @@ from validation.experiment import (
     at_least,
     at_most,
 )
-from validation.experiments.quality.inputs import (
+from validation.inputs import (
     CHOOSING,
     USUAL_LUMINANCE,
     Input,
@@ -273,7 +275,7 @@ def _gain(one: Input, *, by_judge: bool) -> Gain:
     def good(light: Light) -> float:
         if by_judge:
             return judges.colorvideovdp(posed.wanted, posed.seen(light), scene)
-        return -posed.loss(light)
+        return -Ruler(posed.wanted, scene, posed.screen).lost(posed.seen(light))
 
     return Gain(**{name: good(light) for name, light in lights.items()})
 

@@ -31,6 +31,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.measure.dome.camera import Camera
+from domesim.measure.dome.photographs import Photographs
+from domesim.measure.dome.responses import responses_of
+from domesim.measure.dome.without_geometry import DEGREE, Found, found_in
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.transport import Transport, sample_nodes
 from domesim.observation.uncertain import SIGMAS
@@ -39,10 +43,6 @@ from domesim.pathtrace.tracer import Tracer
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.loading import scene_of_text
 from domesim.scene.writing import as_toml
-from domesim.survey.camera import Camera
-from domesim.survey.photographs import Photographs
-from domesim.survey.responses import responses_of
-from domesim.survey.without_geometry import DEGREE, Found, found_in
 from validation.drawing import plot
 from validation.experiment import (
     Check,

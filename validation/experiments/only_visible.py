@@ -31,8 +31,9 @@ from typing import TypeVar, final
 
 import numpy as np
 
-from compensate.master import Posed, pose, solved
+from compensate.pose import Posed, pose
 from compensate.prediction import remaining
+from compensate.solve import solved
 from compensate.solver.admm import ADMM
 from compensate.solver.result import Result
 from compensate.solver.windows import Windows
@@ -50,7 +51,7 @@ from validation.experiment import (
     at_least,
     at_most,
 )
-from validation.experiments.quality.inputs import (
+from validation.inputs import (
     DOMEMASTERS,
     LUMINANCES,
     USUAL_CROSSTALK,

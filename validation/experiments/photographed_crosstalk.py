@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from domesim.measurement.crosstalk_photographs import crosstalk_maps
-from domesim.measurement.photographs import Corners, Glass, Photographs, by_edges
-from domesim.measurement.readings import EYES
+from domesim.measure.crosstalk_photographs import crosstalk_maps
+from domesim.measure.photographs import Corners, Glass, Photographs, by_edges
 from domesim.observation.uncertain import SIGMAS
+from domesim.readings.meter import EYES
 from validation.experiment import Column, Finding, Table, Work, at_least, at_most, between
 
 Floats = NDArray[np.float64]

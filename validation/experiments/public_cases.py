@@ -30,14 +30,14 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
-from domesim.furniture import box
 from domesim.observation.spherical import bare_gain
 from domesim.pathtrace.loop import Colour, Source, bounce_limit, cosine_direction, walks
 from domesim.pathtrace.machine import Lanes, Vector
 from domesim.pathtrace.room import NOTHING, SOLID, Hit, Room, dot, scaled
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.theatre import Floor, Lamp, Solid, Theatre, Wall
+from domesim.room.dome import Dome
+from domesim.room.furniture import box
+from domesim.room.theatre import Floor, Lamp, Solid, Theatre, Wall
 from validation import radiance
 from validation.experiment import (
     Check,

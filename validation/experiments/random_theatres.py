@@ -21,11 +21,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
-from domesim.furniture import box
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.theatre import Albedo, Floor, Lens, Solid, Theatre, Wall
+from domesim.room.dome import Dome
+from domesim.room.furniture import box
+from domesim.room.theatre import Albedo, Floor, Lens, Solid, Theatre, Wall
 from validation import radiance
 from validation.energy import imbalance
 from validation.experiment import (

@@ -29,7 +29,6 @@ from functools import cached_property, lru_cache
 from typing import Any, final
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from compensate.fourier import Fourier
@@ -385,4 +384,7 @@ class DomeHessian(Hessian):
 
     def _core_matrix(self) -> Any:
         """The core as (primary mode, primary mode)."""
-        return scipy.linalg.block_diag(*self.core)
+        count, modes, _ = self.core.shape
+        result = np.zeros((count, modes, count, modes), self.core.dtype)
+        result[np.arange(count), :, np.arange(count)] = self.core
+        return result.reshape(count * modes, -1)

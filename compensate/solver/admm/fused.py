@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from domesim.light import Array
-from domesim.strips import threads
+from domesim.light.strips import threads
 
 _WORTH = 1 << 16
 """Samples of a plane from which on a compiled loop pays: to wake its threads takes milliseconds."""

@@ -23,7 +23,7 @@ from compensate.fourier import Fourier
 from compensate.solver.admm.fused import loops, parts, parts_or_zero
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, namespace, on_host, total
-from domesim.strips import in_parts
+from domesim.light.strips import in_parts
 
 Planes: TypeAlias = list[Array]
 """One (padded row, padded col) array for each primary of each view."""

@@ -27,7 +27,7 @@ from compensate.solver.admm.fused import loops
 from compensate.solver.admm.hessian import Hessian, Planes, Spectra, each_strip
 from compensate.solver.admm.pyramid import Value, doubled, halved, halved_value, padded, rows_of
 from domesim.light import Array, namespace, total
-from domesim.strips import is_large
+from domesim.light.strips import is_large
 
 Bounds: TypeAlias = Sequence[tuple[Array, Array]]
 """Lower and upper ones of each plane, or of strips."""

@@ -13,7 +13,7 @@ from compensate.solver.admm.level import Level
 from compensate.solver.admm.pyramid import Value, halved, padded
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace
-from domesim.strips import in_parts
+from domesim.light.strips import in_parts
 
 _SMALLEST = 32  # rows and columns of a coarser plane
 _WORTH = 0.05  # of the squared weights

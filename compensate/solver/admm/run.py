@@ -50,11 +50,11 @@ from compensate.solver.admm.pair import split_pair
 from compensate.solver.admm.planes import Split, require_certifiable, residual_of
 from compensate.solver.admm.pyramid import padded
 from compensate.solver.result import Result, Status
+from domesim.host.memory import give_back_memory
 from domesim.light import Light, namespace
-from domesim.memory import give_back_memory
+from domesim.light.strips import in_parts, is_large
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.stereo import StereoObservation
-from domesim.strips import in_parts, is_large
 
 
 @final

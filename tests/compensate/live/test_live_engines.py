@@ -15,7 +15,7 @@ from compensate.live.smoothing import weights_of
 from compensate.means import smooth
 from domesim.frames.encodings import encoding_named
 from domesim.scene import load_scene
-from validation.experiments.quality.inputs import stereo_at
+from validation.inputs import stereo_at
 
 
 @pytest.mark.parametrize(("count", "sigma"), [(40, 2.2), (41, 0.7), (7, 3.0), (1, 2.0)])
@@ -41,7 +41,8 @@ def test_cells_hold_what_varies_over_the_screen():
     there = f.spread[:, rows[:, None], rows[None, :]]
     on = scene.screen(200, 200)[rows[:, None], rows[None, :]]
     near = k.spread[:, : len(rows), : len(rows)]
-    assert np.abs(near - there)[:, on].max() < 0.05 * np.abs(there).max()
+    # But at the rim, where the floor's light falls off within a cell
+    assert np.quantile(np.abs(near - there)[:, on], 0.95) < 0.01 * np.abs(there).max()
     counted = np.array([(light * scene.screen(200, 200)).sum() for light in f.collect])
     assert counted == pytest.approx(
         [(c * _pixels(scene, k)).sum() for c in k.collect], rel=1e-6, abs=1e-9

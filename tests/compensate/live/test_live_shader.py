@@ -27,10 +27,10 @@ from PIL import Image
 
 from compensate.live.shader import shader_of
 from compensate.live.y4m import header_of
-from domesim.choice import SceneChoice
 from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
 from domesim.scene import Scene, load_scene
+from domesim.scene.choice import SceneChoice
 
 RIM = 2
 """Codes that a pixel at a screen's rim may be off by."""

@@ -13,7 +13,8 @@ from scipy.ndimage import gaussian_filter
 
 from compensate.aim import Aim, Eye
 from compensate.ghosts import edge_sigma
-from compensate.master import Posed, pose, solved
+from compensate.pose import Posed, pose
+from compensate.solve import solved
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene
