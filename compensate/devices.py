@@ -43,7 +43,7 @@ def on_device(solver: Solver, device: str) -> Solver:
     """
     if device == CPU:
         return solver
-    send = _sender(device)
+    send = sender_to(device)
 
     def solve(problem: Problem, start: Light) -> Result:
         there = problem.sent(send)
@@ -55,8 +55,8 @@ def on_device(solver: Solver, device: str) -> Solver:
     return solve
 
 
-def _sender(device: str) -> Callable[[Array], Array]:
-    """Returns a function that makes arrays on the device of NumPy's."""
+def sender_to(device: str) -> Callable[[Array], Array]:
+    """Returns a function that makes arrays on the device of NumPy's; see `on_device`."""
     kind, colon, number = device.partition(":")
     numbered = kind in ("cuda", "cupy") and number.isdecimal()
     if kind not in ("cuda", "cupy", "torch") or (colon and not numbered):

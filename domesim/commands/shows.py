@@ -112,8 +112,8 @@ class Results:
         str | None,
         typer.Option(
             "--format",
-            help=f"Write another format than the master's: {', '.join(WRITTEN)}; or, of a sequence, "
-            "besides its frames a video: mov (ProRes 4444) or mkv (FFV1, lossless).",
+            help=f"Write another format than the master's: {', '.join(WRITTEN)}; or, of a "
+            "sequence, besides its frames a video: mov (ProRes 4444) or mkv (FFV1, lossless).",
             show_default=False,
         ),
     ] = None

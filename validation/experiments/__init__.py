@@ -47,7 +47,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "user_study",
         "audiences",
     ),
-    "What it costs": ("costs", "shows"),
+    "What it costs": ("costs", "shows", "live"),
 }
 """Names of the experiments, in the report's order, by heading."""
 

@@ -52,17 +52,16 @@ from validation.pairs import no_wider
 from validation.panel import delta_e_itp
 
 INPUTS = ("Milky Way", "Stellarium", "planetary limb", "underwater")
-"""Those of a full run."""
-
+"""Inputs of a full run."""
 
 SIZE = 192
-"""Pixels."""
+"""Side of a picture, pixels."""
 STEPS, RATE = 200, 0.05
-"""Of Adam; the rate is of the light's square root, and falls to a tenth."""
+"""Steps of Adam and their first rate, of the light's square root; it falls to a tenth."""
 HINGE = 20.0
 """JOD that a Delta E ITP twice the default's costs."""
 SHARE = 0.6
-"""Of what can be had, that the default should take."""
+"""Share of what can be had that the default should take."""
 _NEAR = 1e-3
 """Delta E ITP above the default's that counts as the same, relative."""
 _DARKEST = 1e-7
