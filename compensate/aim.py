@@ -186,7 +186,7 @@ def with_hue(aim: Aim, wanted: Light, aimed: Light, floor: Light) -> Light:
     wanted, aimed
         (1, row, col, primary) the master and its aim.
     floor
-        Of what shows the aim.
+        Light that is there without any of its own, of what shows the aim.
     """
     xp = namespace(wanted)
     missing = xp.maximum(floor - aimed, xp.zeros_like(aimed))
@@ -253,7 +253,7 @@ def veil_block(sigma: float) -> int:
 
 
 def _of_primaries(pick: Callable[[Array, Array], Array], light: Light) -> Array:
-    """(view, row, col) `pick` of all primaries: far faster than a reduction over so few."""
+    """(view, row, col): `pick` over all primaries, far faster than a reduction over so few."""
     return reduce(pick, (light[..., p] for p in range(light.shape[-1])))
 
 
@@ -268,7 +268,7 @@ def _gain(aim: Aim, sight: Sight, wanted: Light, floor: Light) -> Array:
 
 
 def _base(plane: Array, sight: Sight, aim: Aim) -> Array:
-    """What the eye is adapted to, of (row, col) luminance above 0."""
+    """(row, col) luminance that the eye is adapted to, from (row, col) luminance above 0."""
     xp = namespace(plane)
     logs = xp.log(plane)
     block = dome_block(sight.density)
@@ -287,7 +287,7 @@ def _base(plane: Array, sight: Sight, aim: Aim) -> Array:
 
 
 def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:
-    """Mean light that is missing where most is, over the `darkest` share of the screen.
+    """Mean of the missing light over the `darkest` share of the screen, where most is missing.
 
     Places are blocks, as of the base: no single pixel decides, however many there are.
     """
@@ -306,7 +306,7 @@ def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:
 
 
 def _within(gain: Array, wanted: Light, brightest: Light) -> Array:
-    """The gain, no more than brings the brightest primary to white: hues stay."""
+    """The gain, limited to what brings the brightest primary to white, so that hues stay."""
     xp = namespace(wanted)
     room = _of_primaries(xp.minimum, brightest / xp.maximum(wanted, xp.full_like(wanted, _TINY)))
     return xp.maximum(xp.minimum(gain, room), xp.ones_like(gain))

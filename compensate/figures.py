@@ -53,10 +53,10 @@ class Figures:
         compensated, before rounding to the file's code values. No setting changes the model. Of
         several seats, their mean. `loss_before` may be left out (`Solution.outcome`).
     ghost_edges
-        Of a stereo pair: ghost edge energy (`compensate.ghosts`) at the first seat, 1 for the
+        Ghost edge energy of a stereo pair (`compensate.ghosts`) at the first seat, 1 for the
         untouched master; None without ghosts.
     loss_by_seat
-        Of several seats: `loss_after` of each.
+        `loss_after` of each of several seats.
     file_clipped
         Share of the screen's pixels whose colour the file's encoding cannot hold.
     status
@@ -71,10 +71,10 @@ class Figures:
     seconds
         Time of the solution, without reading and writing.
     light_left, error_left
-        Of a measured scene, what is left in fact: (low, likely, high) ends of the 95 % interval and
-        median of the residual's root-mean-square over the screen, 1 = projector white; and of
-        `Appraisal.visible_error`, by the whole room and not by the closed form. None if nothing was
-        measured.
+        What is left in fact in a measured scene: (low, likely, high) ends of the 95 % interval and
+        median. The first is the residual's root-mean-square over the screen, 1 = projector white,
+        the second `Appraisal.visible_error`; both by the whole room and not by the closed form.
+        None if nothing was measured.
     """
 
     method: str
@@ -229,7 +229,7 @@ class Appraisal:
     def ghost_edges(self, light: Light) -> float | None:
         """Ghost edge energy of a stereo pair at the first seat; None without ghosts that have any.
 
-        What is left of a ghost that was rounding from the start is no figure.
+        A ghost that was rounding from the start gives no figure.
         """
         if self._scene.views == 1:
             return None
@@ -272,7 +272,7 @@ class Appraisal:
         return self._losses(self._seen(light)) if several else {}
 
     def _seen(self, light: Light) -> Light:
-        """What is seen of it at all seats."""
+        """What is seen of `light` at all seats."""
         return (
             self.posed.shown
             if light is self.posed.subtractive
@@ -280,7 +280,7 @@ class Appraisal:
         )
 
     def _losses(self, seen: Light) -> dict[str, float]:
-        """How much is lost at each seat, of what all see; that of a single one has no name."""
+        """Loss by the seat's name, from what all seats see; a single seat has no name."""
         losses = {}
         for number, (name, ruler) in enumerate(self._rulers.items()):
             shown = seen
@@ -291,7 +291,7 @@ class Appraisal:
 
     @cached_property
     def _rulers(self) -> dict[str, Ruler]:
-        """Of each seat."""
+        """Ruler by the seat's name; a single seat has no name."""
         seats = {"": self.posed.wanted}
         if isinstance(self.posed.observation, SeveralSeats):
             assert isinstance(self._scene, StereoScene)

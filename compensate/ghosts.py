@@ -84,7 +84,7 @@ def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
 def ghost_contour(
     error: Floats, ghost: Floats, where: NDArray[np.bool_], pixels_per_degree: float
 ) -> float | None:
-    """C of the module's docstring; None where the ghost has no edges.
+    """Ghost contour C (see the module); None where the ghost has no edges.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def _slopes(plane: Floats, rows: slice, sigma: float) -> tuple[Floats, Floats]:
 
 
 def _filtered(values: Floats, taps: Floats, mirror: int, axis: int) -> Floats:
-    """Values that lie within all `taps`, which their mirror image equals times `mirror`."""
+    """Filters along an axis by `taps` that equal `mirror` times their mirror image; borders go."""
     radius = len(taps) // 2
     count = values.shape[axis] - 2 * radius
 

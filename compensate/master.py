@@ -1,4 +1,4 @@
-"""A master in, the frame to project out: the paper's Fig. 3 as code.
+"""From a master to the frame to project: the paper's Fig. 3 as code.
 
     file -> frames -> projector.decode -> Light -> problem -> solver -> projector.encode -> file
 
@@ -34,7 +34,7 @@ from domesim.scene.screening import encoded
 @final
 @dataclass(frozen=True)
 class Outcome:
-    """A compensated master: to project, as Light, the figures, and what computes more of them."""
+    """A compensated master: the frame, its light, its figures, and what computes more of them."""
 
     frame: Master
     light: Light
@@ -125,8 +125,8 @@ class Solution:
 
         Other methods' outcomes of the same posed master may share an `appraisal`.
 
-        If `brief`, without `loss_before` where subtraction shows what is desired: in a sequence,
-        its transforms would take longer than all the rest.
+        If `brief`, `loss_before` is left out where subtraction shows what is desired: in a
+        sequence, its transforms would take longer than all the rest.
         """
         posed, result = self.posed, self.result
         found = appraisal or Appraisal(posed)

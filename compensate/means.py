@@ -48,8 +48,8 @@ def box_sum(planes: Array, radius: int) -> Array:
 def smooth(planes: Array, sigma: float) -> Array:
     """Means by nearly a Gaussian of standard deviation `sigma`, pixels.
 
-    A box of radius r has the variance r (r + 1) / 3. Of the radii around, as many boxes are taken
-    of each as come closest.
+    A box of radius r has the variance r (r + 1) / 3. Boxes of the two nearest radii are taken, as
+    many of each as come closest to the variance sigma².
     """
     small = int((sigma**2 + 0.25) ** 0.5 - 0.5)
     wanted = (sigma**2 - small * (small + 1)) / (2 * (small + 1) / 3)
@@ -75,7 +75,7 @@ def guided(
     screen
         (row, col) bool: pixels that count.
     radius
-        Of the boxes, blocks.
+        Radius of the boxes, blocks.
     edge
         Standard deviation within a box at which half of it is kept: the root of their epsilon.
     importance
@@ -186,7 +186,7 @@ def _mean_over(count: Array, radius: int) -> Callable[[Array], Array]:
 
 
 def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:
-    """Sums over boxes one after the other, or means of what lies in the picture."""
+    """Sums over boxes, one after the other; with `means`, means of what lies in the picture."""
     if not isinstance(planes, np.ndarray):
         for radius in radii:
             for axis in (-1, -2):
@@ -202,7 +202,7 @@ def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:
 
 
 def _along_rows(planes: Array, found: Array, radii: Sequence[int], *, means: bool) -> None:
-    """`_boxes` of (plane, row, col) within each row, by all threads; into `found`."""
+    """Writes `_boxes` of (plane, row, col), within each row, into `found`, by all threads."""
     size = planes.shape[-1]
     reaches = [min(radius, size - 1) for radius in radii if radius]
     place = np.arange(size)

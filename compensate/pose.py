@@ -182,7 +182,7 @@ class Setting:
     scene
         The theatre, or stereo system.
     eye
-        What pictures are made for.
+        The aim or weighting that pictures are made for.
     observation
         What the audience sees, at all seats.
     single
@@ -190,7 +190,7 @@ class Setting:
     plain
         The paper's weighting of one seat.
     weighting
-        The same of all seats.
+        The paper's weighting of all seats.
     judge
         The paper's weighting with its default settings, for figures. It counts transforms of its
         own: figures may be computed while another frame is solved.
@@ -278,7 +278,7 @@ class Setting:
 
 
 def preferred(scene: Scene) -> Eye:
-    """What a picture is made for by default: contrasts, of one seat (``validation/notes/0007``)."""
+    """A scene's default: the aim for one seat, else the weighting (``validation/notes/0007``)."""
     return PerceptualWeighting() if scene.several_seats else Aim()
 
 
@@ -341,7 +341,7 @@ def _on(screen: NDArray[np.bool_], light: Light) -> Light:
 
 
 def is_rounding(residual: Light, expected: Light | None = None) -> bool:
-    """Whether it is no more than rounding away from what is expected, or from 0."""
+    """Whether a residual is no more than rounding away from what is expected, or from 0."""
 
     def work(view: int, rows: slice) -> bool:
         part = residual[view, rows]

@@ -96,7 +96,7 @@ def crosstalk(scene: StereoScene) -> dict[str, Crosstalk]:
     Parameters
     ----------
     scene
-        Of one chosen seat.
+        Scene of one chosen seat.
     """
     observation = scene.observation(*GRID)
     weights = scene.projector.luminance_weights

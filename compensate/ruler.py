@@ -56,7 +56,7 @@ class Ruler:
     def lost_map(self, seen: Light) -> NDArray[np.floating[Any]]:
         """(view, row, col) JOD that are lost if all of the picture looks like that place.
 
-        It is of the averaged picture.
+        It is computed from the averaged picture.
         """
         wanted, found = self._averaged_master, self._averaged(seen)
         viewing = self._scene.viewing

@@ -270,7 +270,7 @@ class CsfWeighting(Weighting):
         return light
 
     def _counting(self, light: Light, support: Array) -> Callable[[int, slice], Array]:
-        """Of rows of a view, (row, col): the root of how much each pixel counts."""
+        """Returns (view, rows) -> (row, col), the root of how much each pixel counts."""
         xp, root = namespace(light), self._like(light)[3]
 
         def counting(view: int, rows: slice) -> Array:
@@ -346,7 +346,8 @@ class Masked(Weighting):
 
 
 REGULARISATION = 1e-4
-"""Default mu, of the peak squared: keeps invisible frequencies from filling with noise."""
+"""Default mu, as a share of the peak squared: it keeps invisible frequencies from filling with
+noise."""
 
 
 @final
@@ -359,7 +360,7 @@ class PerceptualWeighting:
     low_frequency
         The low-frequency policy of luminance, which decides the look of the result.
     chroma_low_frequency
-        That of the two chroma channels. Chromatic sensitivity does not fall towards low
+        The policy of the two chroma channels. Chromatic sensitivity does not fall towards low
         frequencies (Mullen 1985, *J. Physiol.* 359, 381-400), so its floor is 1: Daly's fall there
         would paint purple skies (``validation/notes/0003``).
     padding
@@ -432,7 +433,8 @@ def csf_gains(
 
 
 Sensitivity: TypeAlias = Callable[[Any, Any], NDArray[np.floating[Any]]]
-"""Of frequency, cycles/degree, and orientation, radians: the same at two that mirror each other."""
+"""Sensitivity at frequency, cycles/degree, and orientation, radians: the same at two that mirror
+each other."""
 
 
 def _daly(viewing: Viewing) -> Sensitivity:

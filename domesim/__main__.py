@@ -9,9 +9,9 @@ _ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",  # strips of pictures share the cores already
     "KMP_BLOCKTIME": "0",  # MKL's threads sleep between two FFTs
 }
-"""Of libraries whose threads would otherwise wait by spinning, on cores that others need: with both
-a frame of 2048 x 2048 takes a fifth less time, and a third less of the processor's. A user's own
-settings come first."""
+"""Settings of libraries whose threads would otherwise wait by spinning, on cores that others need.
+With both, a frame of 2048 x 2048 takes a fifth less time, and a third less of the processor's. A
+user's own settings come first."""
 
 _LEAST = 1 << 30
 """Bytes of address space that libraries take, and small frames."""

@@ -14,6 +14,8 @@ import pytest
 # Before NumPy loads: threads that wait for each other on busy cores make small matrices ten times
 # slower.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# PyTorch's would spin where every core has a test to run.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 # The product must work without the extra `fast`; tests of it turn it on.
 os.environ["DOMESIM_FAST"] = "0"
 

@@ -36,7 +36,7 @@ SHOWN = 300
 """Least width of a picture on the page, pixels."""
 
 BRIGHTEST = 12
-"""How many times brighter than it is a region is shown, at most: bright ones less."""
+"""Largest factor by which a region is brightened; bright regions get less."""
 
 
 def pair(name: str, width: int, scene: StereoScene, seed: int = 0) -> Light:
@@ -104,7 +104,7 @@ def ghosted_eye(posed: Posed, region: tuple[slice, slice]) -> int:
 def panels(
     caption: str, lights: Mapping[str, Light], scene: Scene, *, brighter: float, eye: str
 ) -> Pictures:
-    """Pictures of an eye, large enough to be looked at, that many times brighter."""
+    """Pictures of an eye's view, large enough to be looked at, brightened by a factor."""
     shown = {title: _enlarged(light) for title, light in lights.items()}
     drawn = pictures(caption, shown, scene, brightest=1 / brighter)
     return Pictures(
@@ -121,7 +121,7 @@ def _enlarged(light: Light) -> Light:
 
 
 def exposure(region: Light, scene: Scene) -> int:
-    """How many times brighter a region is to be shown: so that half of it is below mid-grey."""
+    """Factor by which to brighten a region, so that half of it is below mid-grey."""
     return int(np.clip(0.2 / max(np.median(luminance(region, scene)), 1e-6), 1, BRIGHTEST))
 
 

@@ -84,7 +84,7 @@ def panel(title: str, light: Light, scene: Scene, *, what: str, brightest: float
     Parameters
     ----------
     title
-        Of the picture.
+        Title of the picture.
     light, scene, brightest
         As for `pictures`.
     what

@@ -25,19 +25,20 @@ CROSSTALK = (0.02, 0.05, 0.1)
 """Shares of light that reach the other eye."""
 ALBEDOS = (0.3, 0.5, 0.7)
 LUMINANCES = (5.0, 15.0, 48.0)
-"""Of white, cd/m²: a giant dome's, a planetarium's that is bright, a cinema's."""
+"""Luminances of white, cd/m²: a giant dome's, a planetarium's that is bright, a cinema's."""
 CHOSEN_CROSSTALK = ((0.02, 48.0), (0.05, 15.0), (0.1, 48.0), (0.1, 5.0))
 CHOSEN_ALBEDOS = ((0.3, 5.0), (0.5, 15.0), (0.7, 48.0))
-"""With luminances of white, where the choosing half is shown."""
+"""Crosstalk, or albedo, with the luminance of white (cd/m²): where the choosing half is shown."""
 USUAL_CROSSTALK, USUAL_ALBEDO, USUAL_LUMINANCE = 0.05, 0.5, 15.0
-"""Of pictures; and the luminance that variants are tried at."""
+"""Usual crosstalk and albedo, at which pictures are shown; and the luminance of white, cd/m², at
+which variants are tried."""
 SEQUENTIAL_CONTRAST = 2000.0
 """White over black: the least of the reference projector in SMPTE RP 431-2:2011 (doi
 10.5594/SMPTE.RP431-2.2011), which allows theatres less."""
 ADAPTATION = 0.1
-"""Adaptation luminance, of white."""
+"""Adaptation luminance over that of white."""
 PAIRS = ("trunks", "fog", "motorcycle", pairs.SEQUENCE[0])
-"""Of the test data."""
+"""Pairs of the test data."""
 DOMES: Mapping[str, str] = {
     "full dome": "dm3d_fulldome_2K.jpg",
     "pillars": "dm3d_pillars_hdr_512.exr",
@@ -67,9 +68,9 @@ CHOOSING = frozenset(
 )
 """Inputs that settings were chosen on, at fewer places. All others are for reporting."""
 WIDEST, DOME_SIZE = 512, 384
-"""Pixels."""
+"""Width of pairs, and size of domemasters, at most, pixels."""
 QUICK_WIDTH, QUICK_SIZE = 96, 64
-"""Of the pair and the domemaster of a quick run."""
+"""Width of the pair and size of the domemaster of a quick run, pixels."""
 
 PAIRED, DOMEMASTERS = "pairs", "domemasters"
 """Kinds of inputs."""
@@ -86,13 +87,13 @@ class Input:
     Parameters
     ----------
     read
-        Its light.
+        Returns its light.
     scene
         The scene of a pollution and a luminance of white, cd/m².
     pollutions
-        To try.
+        Pollutions to try.
     usual
-        The one of pictures.
+        The pollution at which pictures are shown.
     """
 
     read: Callable[[], Light]
@@ -102,12 +103,12 @@ class Input:
 
     @property
     def kind(self) -> str:
-        """What it is one of."""
+        """Kind of the input: `PAIRED` or `DOMEMASTERS`."""
         return PAIRED if self.scene is stereo_at else DOMEMASTERS
 
 
 def reported_domemasters(work: Work) -> tuple[Mapping[str, Input], list[str]]:
-    """Those `wanted` on which nothing was chosen; of a quick run, those that it has."""
+    """Domemasters of `wanted` on which nothing was chosen; in a quick run, all that it has."""
     inputs, left_out = wanted(work)
     found = {
         name: one
@@ -148,7 +149,7 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
 
 
 def places(work: Work, name: str, one: Input) -> list[Place]:
-    """Where an input is shown: everywhere, but for quick runs and the choosing half."""
+    """Places at which an input is shown: all, but fewer in quick runs and in the choosing half."""
     if not work.quick and name in CHOOSING:
         chosen = CHOSEN_CROSSTALK if one.kind == PAIRED else CHOSEN_ALBEDOS
         return [(name, *place) for place in chosen]
@@ -166,7 +167,7 @@ def kinds(inputs: Mapping[str, Input]) -> dict[str, list[str]]:
 
 
 def stereo_at(crosstalk: float, white: float) -> StereoScene:
-    """The stereo scene with that crosstalk at all seats, and that bright."""
+    """The stereo scene with that crosstalk at all seats, and that luminance of white, cd/m²."""
     scene = scene_at(crosstalk)
     black = white / SEQUENTIAL_CONTRAST
     return replace(
@@ -178,7 +179,7 @@ def stereo_at(crosstalk: float, white: float) -> StereoScene:
 
 
 def dome_at(albedo: float, white: float) -> DomeScene:
-    """The dome with that albedo for all primaries, and that bright."""
+    """The dome with that albedo for all primaries, and that luminance of white, cd/m²."""
     scene = load_scene(DOME_SCENE)
     assert isinstance(scene, DomeScene)
     black = white / SEQUENTIAL_CONTRAST

@@ -46,7 +46,7 @@ DISC = 0.2
 """Radius of the black disc around the zenith, that of the picture's circle = 1."""
 
 _BRIGHTEST, _DARKEST = 1e4, 0.005
-"""cd/m²: ColorVideoVDP clips below 0.005 in any case."""
+"""Range of luminances, cd/m²: ColorVideoVDP clips below 0.005 in any case."""
 
 
 def flip(reference: Light, test: Light, scene: Scene) -> float:
@@ -158,6 +158,31 @@ def colorvideovdp_map(
     return float(np.mean([quality for quality, _ in found])), np.stack([lost for _, lost in found])
 
 
+def climbable(reference: Light, scene: Scene) -> tuple[Any, Callable[[Any], Any]]:
+    """Torch, and `colorvideovdp` of one view as a function of a tensor, which torch differentiates.
+
+    Pixels are not repeated, for speed: what it says is near `colorvideovdp`, and not the same.
+
+    Raises
+    ------
+    Missing
+        If cvvdp is not installed.
+    """
+    _, torch = _colorvideovdp()
+    rows, cols = reference.shape[1:3]
+    inside = torch.tensor(scene.screen(rows, cols)[..., None])
+    to_display = torch.tensor(scene.projector.to_display(np.eye(3)), dtype=torch.float32)
+    wanted = torch.tensor(on_display(reference, scene) * np.float32(scene.projector.white))
+    metric = _metric_of(cols, rows, scene.viewing.pixels_per_degree(rows, cols))
+
+    def quality(light: Any) -> Any:
+        shown = torch.where(inside, torch.clamp(light[0] @ to_display, min=0), 0.0)
+        with _unlogged():
+            return metric.predict(shown * scene.projector.white, wanted, dim_order="HWC")[0]
+
+    return torch, quality
+
+
 def if_installed(
     judge: Callable[[Light, Light, Scene], float], reference: Light, test: Light, scene: Scene
 ) -> float | None:
@@ -225,7 +250,7 @@ def _of_both(
 def _predicted(
     reference: Light, test: Light, scene: Scene, heatmap: str | None = None
 ) -> tuple[float, NDArray[np.float32]]:
-    """Of one view, ColorVideoVDP's JOD and (row, col) heatmap: JOD lost, 0 if not asked for."""
+    """ColorVideoVDP's JOD of one view and a (row, col) heatmap: JOD lost, 0 if not asked for."""
     rows, cols = reference.shape[1:3]
     shown = [_shown(light, scene) for light in (test, reference)]
     with quiet():
@@ -241,13 +266,18 @@ def _predicted(
 
 def _metric(scene: Scene, rows: int, cols: int, heatmap: str | None = None) -> Any:
     """ColorVideoVDP for pictures of that size, `_shown`."""
-    cvvdp, torch = _colorvideovdp()
     times, density = enlargement(scene, rows, cols)
+    return _metric_of(cols * times, rows * times, density, heatmap)
+
+
+def _metric_of(cols: int, rows: int, density: float, heatmap: str | None = None) -> Any:
+    """ColorVideoVDP for pictures of that size and pixels per degree."""
+    cvvdp, torch = _colorvideovdp()
     return cvvdp.cvvdp(
         display_photometry=cvvdp.vvdp_display_photo_eotf(
             _BRIGHTEST, contrast=_BRIGHTEST / _DARKEST, EOTF="linear"
         ),
-        display_geometry=cvvdp.vvdp_display_geometry([cols * times, rows * times], ppd=density),
+        display_geometry=cvvdp.vvdp_display_geometry([cols, rows], ppd=density),
         heatmap=heatmap,
         device=torch.device("cpu"),
         quiet=True,
@@ -312,20 +342,26 @@ def _disc(size: int) -> NDArray[np.bool_]:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """No gradients; no log lines below errors: what domes show is below 1 cd/m², and warned of."""
+    """Turns off gradients, and log lines as `_unlogged` does."""
     _, torch = _colorvideovdp()
+    with _unlogged(), torch.no_grad():
+        yield
+
+
+@contextmanager
+def _unlogged() -> Iterator[None]:
+    """No log lines below errors: what domes show is below 1 cd/m², and warned of."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
-        with torch.no_grad():
-            yield
+        yield
     finally:
         logging.disable(before)
 
 
 @cache
 def _colorvideovdp() -> tuple[Any, Any]:
-    """Its module and torch, which take seconds to import."""
+    """ColorVideoVDP's module and torch, which take seconds to import."""
     try:
         import torch  # noqa: PLC0415
 

@@ -30,7 +30,7 @@ class Cell:
     Attributes
     ----------
     half_angle, albedo
-        Of the cap; the half-angle in degrees.
+        Half-angle (degrees) and albedo of the cap.
     truth, found, error
         By the closed form, by path tracing, and its standard error.
     bounces, ratio
@@ -76,13 +76,13 @@ def measure(
     Parameters
     ----------
     half_angle, albedo
-        Of the cap; the half-angle in degrees.
+        Half-angle (degrees) and albedo of the cap.
     error
         Relative standard error of the mean indirect light.
     uneven
         A picture of a bright patch beside the middle, instead of a white one.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     """
     dome = Dome(5.0, np.radians(half_angle))
     tracer = Tracer(Theatre(dome, (albedo, albedo, albedo)))
@@ -145,7 +145,8 @@ def _ratio_scores(
 ) -> tuple[float, ...]:
     """z-scores of the ratios of successive bounces, by the spread of (run, bounce).
 
-    Of the residual (bounce k) - expected (bounce k - 1), which is linear: its mean has no bias.
+    The spread is that of the residual (bounce k) - expected (bounce k - 1), which is linear: its
+    mean has no bias.
     """
     series = np.column_stack([np.full(len(bounces), direct), bounces])
     residual = series[:, 1:] - expected * series[:, :-1]

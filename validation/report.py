@@ -38,7 +38,7 @@ STEPS = ".domesim-steps"
 _OF_STEPS = re.compile(r"[0-9a-f]{16}-(quick|full)-[0-9]+")
 
 FAILED = (NOT_AS_EXPECTED, BROKEN)
-"""Of which one is enough for the run to have failed."""
+"""Statuses of experiments, one of which is enough for the run to have failed."""
 
 _PACKAGES = ("domesim", "compensate", "validation", "scenes")
 _VERSIONS = (
@@ -144,7 +144,7 @@ def validate(
     quick
         Whether minutes matter more than accuracy.
     seed
-        Of all random numbers.
+        Seed of all random numbers.
     fresh
         Measure everything anew.
 

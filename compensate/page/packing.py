@@ -38,7 +38,7 @@ FINEST = 65535
 STEPS = 16
 """How often `top` may be divided by the root of 2."""
 LEAST, PER_OCTAVE = 0.05, 16
-"""Of maps: the faintest difference, JND, and codes of an octave."""
+"""Faintest difference of a map, JND; and codes in an octave of differences."""
 
 _ESCAPE = 255  # what does not fit into a byte follows in two
 _SAMPLE = 8  # sizes are estimated from one row of so many
@@ -59,9 +59,9 @@ class Packed:
     top, peak
         As in the module's docstring; `peak` in units of projector white.
     bases
-        Of each picture, the numbers of those that it is predicted from.
+        Numbers of the pictures that each picture is predicted from.
     payloads
-        Of each picture, base64.
+        The pictures, in base64.
     """
 
     top: int

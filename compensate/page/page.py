@@ -56,7 +56,7 @@ SCRIPTS = (
     "compare.js",
 )
 BYTES = 6_000_000
-"""Of a page, at most, up to 1024 x 1024 pixels; larger pictures get as much a pixel."""
+"""Largest size of a page, bytes, up to 1024 x 1024 pixels; larger pictures get as much a pixel."""
 MAP_SIZE = 512
 """Longest side of a map of visible differences, pixels."""
 ROUNDING = 1e-6  # of white: light this little below zero is a solver's rounding, not a mistake

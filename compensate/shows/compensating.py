@@ -47,13 +47,13 @@ class Compensating(Recipe):
     method
         One of the scene's methods.
     tolerance
-        Of the perceptual method.
+        Tolerance of the perceptual method.
     eye
         "contrast" or "paper"; None for the scene's default.
     lift
-        Of contrast: how many times the missing light is lifted; None for its own.
+        How many times the aim lifts the missing light; None for its own.
     low_frequency_gain
-        Of the paper's weighting; None for its own.
+        Floor of the paper's weighting; None for its own.
     device
         What computes.
     only_visible

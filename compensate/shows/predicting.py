@@ -41,7 +41,7 @@ MAPS = ".maps.exr"
 """What the EXR's name ends in: it must not replace a frame that another command wrote there."""
 
 CHANNELS = ("TVI", "masking", "saliency", "prediction", "mask", "subtracted")
-"""Of the EXR: the maps of `Predicted`, and the mask of what subtraction leaves."""
+"""Channels of the EXR: the maps of `Predicted`, and the mask of what subtraction leaves."""
 
 PICTURES = {
     "tvi": "Light pollution over its threshold at the local luminance; grey: at it, white: twice.",
@@ -159,7 +159,7 @@ class _Place:
     views: dict[str, int]  # by what tells them apart in names: "left."
 
     def picture(self, name: str, kind: str) -> Path:
-        """Of one view, one of `PICTURES`."""
+        """File of the picture of one view and of one kind of `PICTURES`."""
         return self.maps.with_name(f"{self.maps.name.removesuffix(MAPS)}.{name}{kind}.png")
 
     @property
@@ -303,7 +303,7 @@ def _rounded(samples: Planes) -> Planes:
 
 
 def _figures(posed: Posed, found: Triage) -> dict[str, Any]:
-    """Of a frame: see `Predicted` and `Triage`."""
+    """Figures of a frame: see `Predicted` and `Triage`."""
     density = posed.scene.viewing.pixels_per_degree(*posed.screen.shape)
     boxes = regions(found.subtracted.mask, round(MARGIN * density))
     return {

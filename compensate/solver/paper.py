@@ -35,7 +35,7 @@ from domesim.observation.crosstalk import Crosstalk
 from domesim.room.viewing import Viewing
 
 RANGES = ((0.0, 1.0), (-0.5, 0.5), (-0.5, 0.5))
-"""Of Y, Cb and Cr."""
+"""Ranges of Y, Cb and Cr."""
 
 
 @final

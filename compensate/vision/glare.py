@@ -8,7 +8,10 @@ away from it (degrees, 0.1 to 100), as if that were brighter by
 p is the pigmentation of the iris: 0 very dark, 0.5 brown, 1 green, 1.2 light blue. This is the *CIE
 General Disability Glare* equation of CIE 146:2002, "CIE equations for disability glare" (summed up
 in J. J. Vos, "On the cause of disability glare and its dependence on glare angle, age and ocular
-pigmentation", Clinical and Experimental Optometry 86(6), 2003, 363-370). From 1 to 30 degrees the
+pigmentation", Clinical and Experimental Optometry 86(6), 2003, 363-370). The report is sold, not
+public; the coefficients are those of three public transcriptions (HDR-VDP's authors' ``hdrvdp``
+code among them), which agree. A test compares it with the whole point spread of CIE 135/1 (Vos and
+van den Berg 1999), whose constants are those of ``hdrvdp_otf_cie99.m``. From 1 to 30 degrees the
 CIE also has the older *age-adjusted Stiles-Holladay* equation, 10 (1 + (age/70)⁴)/theta². Both
 agree within a factor of two: they are means of people who differ as much.
 
@@ -129,11 +132,11 @@ class StrayLight:
         light
             (..., row, col), any unit, 0 off the screen.
         pixels_per_degree
-            Of the picture.
+            Resolution of the picture.
 
         Returns
         -------
-        Of the same shape, float32; also off the screen.
+        y, of the same shape, float32; also off the screen.
 
         Raises
         ------

@@ -116,7 +116,7 @@ def fan(angle: Floats, index: int, orientations: int) -> Floats:
     Parameters
     ----------
     angle
-        Of the frequency (row, col) from the column axis, radians, 0..pi.
+        Angle of the frequency (row, col) from the column axis, radians, 0..pi.
     index
         Which fan, from 0.
     orientations

@@ -1,35 +1,41 @@
 """Graph-based visual saliency (GBVS): where a viewer looks first.
 
 A picture is split into feature maps on a coarse grid. On each map M a walker moves between all
-places, the likelier the more the places differ and the closer they are; the walker's equilibrium is
-large where the map differs from its surroundings. It is the *activation* A. A second walk, drawn to
-places of large A, concentrates it to few places:
+places, the likelier the more the places differ and the closer they are. The walker's equilibrium is
+large where the map differs from its surroundings. It is the *activation* A:
 
-    activation      w_ij = |M_i - M_j| K_ij,     pi_i  ∝  sum_j w_ij                (symmetric w)
-    concentration   w_ij = A_j K_ij,             pi_i  ∝  A_i (K A)_i
+    w_ij = |M_i - M_j| K_ij,    K_ij = exp(-d_ij² / 2 sigma²),    A_i ∝ sum_j w_ij
 
-with K_ij = exp(-d_ij² / 2 sigma²). Both equilibria have a closed form. A walk that leaves i for j
-with probability P_ij = w_ij / sum_k w_ik keeps every pi that balances each pair of places, that is,
-for which pi_i P_ij is symmetric. For symmetric w, pi_i = sum_k w_ik gives pi_i P_ij = w_ij. For the
-concentration P_ij = A_j K_ij / (K A)_i, and pi_i = A_i (K A)_i gives A_i K_ij A_j. The closed forms
-also hold where a power iteration never settles: on a map of two values the first walk alternates
-for ever.
+The equilibrium has this closed form. A walk that leaves i for j with probability
+P_ij = w_ij / sum_k w_ik keeps every A that balances each pair of places, that is, for which
+A_i P_ij is symmetric; A_i = sum_k w_ik gives A_i P_ij = w_ij. The form also holds where a power
+iteration never settles: on a map of two values the walk alternates for ever. The sum of A^1.5 over
+all maps is the saliency.
 
-Harel, J., Koch, C., Perona, P. (2007), "Graph-based visual saliency", NIPS 19, 545-552. Constants
-from the authors' MATLAB code (gbvs.m, makeGBVSParams.m, initGBVS.m, graphsalapply.m), as stored in
-github.com/sergeyk/vislab. What differs from it:
+Harel, J., Koch, C., Perona, P. (2007), "Graph-based visual saliency", NIPS 19, 545-552. What the
+paper leaves open, and all constants, are those of the authors' MATLAB program by default (gbvs.m,
+makeGBVSParams.m, initGBVS.m, rgb2dkl.m), as stored in github.com/sergeyk/vislab:
 
-- |M_i - M_j| is the code's dissimilarity, and here the only one; the paper's |log(M_i / M_j)| has
-  no meaning for opponent colours, which have a sign, and none at 0.
-- The concentration is the paper's; the code has replaced it by A^1.5, as faster.
-- The code is given pictures as files hold them. Here light, in shares of its peak, is encoded as
-  sRGB first, for all features. The opponent colours are `castle`'s for BT.709 primaries, where the
-  code has those of one monitor.
+- The dissimilarity is |M_i - M_j|. The paper's |log(M_i / M_j)| has no meaning for opponent
+  colours, which have a sign, and none at 0.
+- A^1.5 stands for the paper's concentration (a second walk, drawn to places of large A), which the
+  program keeps as "no longer recommended".
+- Intensity is the largest of the three code values, and orientation is sought in it. Here light, in
+  shares of its peak, is encoded as sRGB for both. The opponent colours are of light: the program
+  decodes its code values by the curve of a monitor first.
+- The borders of orientation maps and of the sum are faded out.
+
+What differs from the program:
+
+- The opponent colours are `castle`'s for BT.709 primaries, where it has those of one monitor.
 - Scales are tied to the grid and not to the pixels, so that a picture's saliency hardly depends on
   its resolution. Only orientation is sought in each; colour and intensity, averaged onto the grid,
   are (nearly) the same in all, and counted as often.
 - A map without differences prefers no place, and is left out. The picture's border is mirrored,
-  where the code fades it out.
+  where the program repeats its last row.
+
+On six pictures that nothing was chosen on, the maps correlate with the program's by 0.971 to 0.991
+(validation/notes/0013).
 """
 
 from __future__ import annotations
@@ -55,24 +61,27 @@ SCALES = (4, 2, 1)
 ACTIVATION_SPREAD = 0.15
 """sigma of the activation, of the grid's mean side (sigma_frac_act)."""
 
-CONCENTRATION_SPREAD = 0.06
-"""sigma of the concentration, of the grid's mean side (sigma_frac_norm)."""
+SHARPENING = 1.5
+"""Power of an activation (graphsalapply.m, algtype 4)."""
+
+ORIENTATION_FADE, FADE = 13, 4
+"""Width of the faded border in pixels of an orientation map and in places of the sum."""
 
 FINAL_BLUR = 0.02
 """sigma of the last blur, of the grid's longest side (blurfrac)."""
 
 GABOR_ANGLES = (0, 45, 90, 135)
-"""Degrees (gaborangles)."""
+"""Angles of the Gabor filters, degrees (gaborangles)."""
 
 GABOR_SIGMA, GABOR_ELONGATION, GABOR_PERIOD = 2.0, 2.0, np.pi
-"""Width and period in pixels, length over width (initGBVS.m)."""
+"""Gabor filters: width in pixels, length over width, and period in pixels (initGBVS.m)."""
 
 XYZ_FROM_RGB: Floats = np.array(
     [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
 )
 """BT.709 primaries (IEC 61966-2-1)."""
 
-NOISE = 1e-9
+NOISE = 1e-6
 """Differences below this share of the peak are rounding, not features."""
 
 
@@ -107,12 +116,11 @@ def gbvs(image: ArrayLike) -> Floats:
     rows, cols = light.shape[:2]
     grid = _shape((rows, cols), GRID)
     near = _kernel(grid, ACTIVATION_SPREAD)
-    nearer = _kernel(grid, CONCENTRATION_SPREAD)
     total = np.zeros(grid[0] * grid[1])
     for feature, weight in _features(light, grid):
         if np.ptp(feature) > NOISE:
-            total += weight * _concentration(_activation(feature.ravel(), near), nearer)
-    blurred = _blur(total.reshape(grid), FINAL_BLUR * max(grid))
+            total += weight * _activation(feature.ravel(), near) ** SHARPENING
+    blurred = _blur(_faded(total.reshape(grid), FADE), FINAL_BLUR * max(grid))
     saliency = _interpolation(rows, grid[0]) @ blurred @ _interpolation(cols, grid[1]).T
     low, high = saliency.min(), saliency.max()
     if high - low <= NOISE * high:
@@ -124,12 +132,6 @@ def _activation(feature: Floats, kernel: Floats) -> Floats:
     """Equilibrium, sum 1, of the walk between places that differ; `feature` is not constant."""
     degree = (np.abs(feature[:, np.newaxis] - feature) * kernel).sum(axis=1)
     return np.asarray(degree / degree.sum())
-
-
-def _concentration(activation: Floats, kernel: Floats) -> Floats:
-    """Equilibrium, sum 1, of the walk drawn to places of large activation."""
-    mass = activation * (kernel @ activation)
-    return np.asarray(mass / mass.sum())
 
 
 def _kernel(grid: tuple[int, int], spread: float) -> Floats:
@@ -149,18 +151,16 @@ def _features(light: NDArray[Any], grid: tuple[int, int]) -> list[tuple[Floats, 
     peak = _average(light, _shape(shape, SCALES[0] * GRID)).max()
     if peak == 0:
         return []
-    pictures = [SRGB().encode(light / peak)]  # finer peaks exceed 1
+    opponent = _average(light / peak, grid) @ (DKL_FROM_XYZ @ XYZ_FROM_RGB).T
+    intensities = [SRGB().encode(light / peak).max(axis=-1)]  # finer peaks exceed 1
     for scale in SCALES:
-        pictures.append(_average(pictures[-1], _shape(shape, scale * GRID)))
-    coarsest = _average(pictures[-1], grid)
-    opponent = coarsest @ (DKL_FROM_XYZ @ XYZ_FROM_RGB).T
+        intensities.append(_average(intensities[-1], _shape(shape, scale * GRID)))
     same = float(len(SCALES))
     maps: list[tuple[Floats, float]] = [(opponent[..., k], same) for k in range(3)]
-    maps.append((coarsest.mean(axis=-1), same))
-    for picture in pictures[1:]:
-        # Intensity as the code takes it: the mean of the three primaries
-        energies = (_energy(picture.mean(axis=-1), angle) for angle in GABOR_ANGLES)
-        maps += [(_average(energy, grid), 1.0) for energy in energies]
+    maps.append((_average(intensities[-1], grid), same))
+    for intensity in intensities[1:]:
+        energies = (_energy(intensity, angle) for angle in GABOR_ANGLES)
+        maps += [(_average(_faded(each, ORIENTATION_FADE), grid), 1.0) for each in energies]
     return maps
 
 
@@ -180,6 +180,15 @@ def _energy(intensity: Floats, angle: float) -> Floats:
         gabor -= gabor.mean()
         energy += np.abs(fftconvolve(padded, gabor / np.linalg.norm(gabor), mode="valid"))
     return energy
+
+
+def _faded(plane: Floats, border: int) -> Floats:
+    """`plane` times a ramp from 1 / (border + 1) at its edges to 1 (attenuateBordersGBVS.m)."""
+    for axis, side in enumerate(plane.shape):
+        place = np.arange(side)
+        ramp = (np.minimum(place, side - 1 - place) + 1) / (min(border, side // 2) + 1)
+        plane = plane * np.expand_dims(np.minimum(ramp, 1), 1 - axis)
+    return plane
 
 
 def _blur(grid: Floats, sigma: float) -> Floats:

@@ -45,9 +45,10 @@ app = typer.Typer(
 app.command()(patterns)
 
 WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
-"""Of the rig of van Baar et al. 2011, section 4: m, m, cd/m²."""
+"""Width of the screen (m), distance to it (m) and adaptation (cd/m²) in van Baar et al. 2011,
+section 4."""
 COLOURS = "BT.709"
-"""Of a display with shutters, unless another is named: most are televisions."""
+"""Primaries of a display with shutters, unless others are named: most are televisions."""
 
 ReadingsFile = Annotated[
     Path,

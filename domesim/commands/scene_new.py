@@ -184,7 +184,7 @@ def _shape(lens: Lens) -> str:
 
 
 def _wish(kind: str, given: dict[str, Any]) -> Wish:
-    """Of options, by their names."""
+    """The wish that the command's options state, by their names."""
     kinds = {"dome": (DomeWish, "radius"), "stereo": (StereoWish, "width")}
     if kind not in kinds:
         raise InputError(f"--kind {kind}: use dome or stereo")
@@ -252,7 +252,7 @@ _LEFT = ("tilt", "albedo", "perforation", "white")
 
 
 def _asked(console: Console, kind: str) -> Wish:
-    """Of questions on the terminal; one whose answer cannot be is asked again."""
+    """The wish that answers on the terminal state; a bad answer is asked for again."""
     console.say("Enter takes what stands in brackets.")
     given: dict[str, Any] = {}
     questions = list(_OF_A_SCREEN if kind == "stereo" else _OF_A_DOME)

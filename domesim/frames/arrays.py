@@ -40,7 +40,7 @@ def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> d
     kind
         What such a file is called: "transport".
     names
-        Of the arrays that it must have, besides "format".
+        Names of the arrays that it must have, besides "format".
 
     Raises
     ------

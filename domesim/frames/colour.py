@@ -56,7 +56,7 @@ class ColourTag:
 
     @property
     def named(self) -> str:
-        """For a person, without the source: ``sRGB``, ``linear P3-D65``."""
+        """The tag as a person reads it, without the source: ``sRGB``, ``linear P3-D65``."""
         if self.managed:
             return ocio.spoken(self.transfer)
         transfer = TRANSFER_NAMES.get(self.transfer, self.transfer)

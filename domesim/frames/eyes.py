@@ -38,7 +38,7 @@ class Eyes:
     said_by: str
 
     def __str__(self) -> str:
-        """For a person: ``side-by-side, right first (sTER)``."""
+        """The packing as a person reads it: ``side-by-side, right first (sTER)``."""
         return f"{self.packing}, {'right' if self.right_first else 'left'} first ({self.said_by})"
 
 

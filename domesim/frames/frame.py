@@ -61,7 +61,7 @@ class Frame:
     colour
         What the code values mean.
     bits
-        Of a sample in the file: 8, 10, 12, 16 or 32.
+        Bits of a sample in the file: 8, 10, 12, 16 or 32.
     floating
         Whether the format is floating: not quantised, values outside 0..1 possible.
     repaired

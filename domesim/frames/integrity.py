@@ -12,7 +12,7 @@ LARGEST_SIDE = 32768
 """Pixels; a header that claims more is taken for damaged, before memory is asked for."""
 
 SQUARE = 0.01
-"""By how much a pixel's sides may differ, of 1: ratios are told in few digits."""
+"""Largest difference of a pixel's sides, relative: ratios are told in few digits."""
 
 
 class DamagedError(ValueError):

@@ -322,7 +322,7 @@ def _colours(
 
 
 def _pixel_notes(path: Path, spec: Any, form: Format) -> tuple[str, ...]:
-    """What is to be said of the pixels' shape; refuse pictures that are not of square ones."""
+    """Notes on the pixels' shape; refuses pictures whose pixels are not square."""
     stated = form.aspect or spec.getattribute("PixelAspectRatio")
     if not isinstance(stated, float | int) or not 0 < stated < np.inf:
         return ()

@@ -140,7 +140,7 @@ def stated_views(attributes: Sequence[tuple[str, str, Any]]) -> tuple[str, ...]:
 
 
 def channels_by_view(channels: Sequence[str], views: Sequence[str]) -> tuple[dict[int, str], ...]:
-    """Of each view: which channels are its own -> what they are called without its name.
+    """Maps each view's own channels, by index, to their names without the view's name.
 
     What belongs to no view (``disparity.x``) goes with the default view, which comes first.
     """
@@ -157,7 +157,7 @@ def channels_by_view(channels: Sequence[str], views: Sequence[str]) -> tuple[dic
 
 
 def _is_exr(path: Path) -> bool:
-    """By its first bytes, as OpenImageIO knows it; what cannot be read is for others to say."""
+    """Whether the first bytes are an EXR's, as for OpenImageIO; errors are for others to tell."""
     try:
         with path.open("rb") as file:
             return file.read(4) == MAGIC

@@ -30,7 +30,7 @@ class Timing:
     rate
         Frames a second.
     timecode
-        Of the first frame, ``01:00:00:00``; "" for none.
+        Timecode of the first frame, ``01:00:00:00``; "" for none.
     """
 
     rate: Fraction

@@ -118,7 +118,7 @@ class Master:
 
     @property
     def bits(self) -> int:
-        """Of a sample; the most, should left and right differ."""
+        """Bits of a sample; the larger number, should left and right differ."""
         return max(frame.bits for frame in self.frames)
 
     @property

@@ -55,7 +55,7 @@ def write_frame(
     path
         Its suffix is one of `domesim.frames.formats.SUFFIXES`.
     bits
-        Of a sample: one of the format's `depths`; EXR's, and TIFF's 32, are floating.
+        Bits of a sample: one of the format's `depths`; EXR's, and TIFF's 32, are floating.
     dither
         Round to integers with noise instead (`domesim.frames.dithering`), seeded by the numbers in
         the name of the file that `frame` came from.

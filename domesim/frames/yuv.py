@@ -50,7 +50,7 @@ class PixelFormat:
     name
         As FFmpeg calls it.
     bits
-        Of a sample.
+        Bits of a sample.
     chroma
         "4:4:4", "4:2:2" or "4:2:0"; "" for R, G, B.
     alpha
@@ -162,7 +162,7 @@ def limited_codes(pixels: NDArray[np.float32], matrix: int, bits: int) -> list[N
     matrix
         One of `MATRICES`.
     bits
-        Of a code.
+        Bits of a code.
     """
     _, of_red, of_blue = MATRICES[matrix]
     weights = np.array([of_red, 1 - of_red - of_blue, of_blue], np.float32)

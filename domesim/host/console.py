@@ -191,7 +191,7 @@ def prepare_file(path: Path, *, instead_of: Path | None = None) -> None:
 
 
 def duration(seconds: float) -> str:
-    """For a person."""
+    """A time as a person reads it."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)

@@ -18,7 +18,7 @@ _last: int = signal.SIGINT
 
 
 def exit_code() -> int:
-    """Of a command that was ended, as a shell tells it."""
+    """Exit code of a command that was ended, as a shell tells it."""
     return 128 + _last
 
 

@@ -35,9 +35,9 @@ def picture(coverage: Coverage, photometry: Photometry | None) -> bytes:
     Parameters
     ----------
     coverage
-        Of a domemaster of `SIZE` x `SIZE`.
+        Coverage of a domemaster of `SIZE` x `SIZE`.
     photometry
-        Of such a one; None if there are holes, and no observation.
+        Photometry of such a domemaster; None if there are holes, and no observation.
     """
     return _stored(_drawers(coverage, photometry))
 

@@ -38,11 +38,11 @@ class Photometry:
     Parameters
     ----------
     direct, reflected
-        Of a white frame, cd/m².
+        Direct and reflected luminance of a white frame, cd/m².
     black
-        Of a black frame, cd/m².
+        Luminance of a black frame, cd/m².
     lit, dark
-        Of the fields of a checkerboard, cd/m².
+        Luminances of the fields of a checkerboard, cd/m².
     lumens
         Flux of white on the screen, lm.
     evened
@@ -63,7 +63,7 @@ class Photometry:
 
     @property
     def white(self) -> float:
-        """Of a white frame, cd/m²."""
+        """Luminance of a white frame, cd/m²: direct, reflected and black together."""
         return self.direct + self.reflected + self.black
 
     @property

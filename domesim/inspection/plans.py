@@ -59,7 +59,7 @@ class _Drawing:
         )
 
     def circle(self, middle: Any, radius: float, style: str, title: str = "") -> None:
-        """Of a radius in metres."""
+        """Draws a circle; `radius` is in metres."""
         x, y = self._at(middle)
         inner = f"<title>{escape(title)}</title>" if title else ""
         self._parts.append(

@@ -57,7 +57,7 @@ def called(space: str, option: str) -> str:
 
 
 def spoken(name: str) -> str:
-    """For a person: ``OCIO 'ACEScct'``."""
+    """The name as people say it: ``OCIO 'ACEScct'``."""
     return f"OCIO '{name.removeprefix(PREFIX).rpartition('#')[0]}'"
 
 
@@ -87,9 +87,9 @@ class Space:
     Parameters
     ----------
     config
-        OpenColorIO's.
+        OpenColorIO's configuration.
     name
-        The space's, in it.
+        Name of the space in it.
 
     Raises
     ------
@@ -99,7 +99,7 @@ class Space:
     Attributes
     ----------
     digest
-        Of what the conversions do.
+        Digest of what the conversions do.
     """
 
     def __init__(self, config: Any, name: str) -> None:

@@ -20,7 +20,7 @@ from domesim.host.memory import KEPT
 T = TypeVar("T")
 
 SAMPLES = 200_000
-"""Of a strip: with a few temporaries, what a core's cache holds."""
+"""Samples of a strip: with a few temporaries, they fill a core's cache."""
 
 
 def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T]:

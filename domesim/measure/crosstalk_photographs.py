@@ -39,7 +39,8 @@ UNDERSTATED = 1.2
 """Rms error of a map over pixels, over what smoothing says of its cells: beyond the outermost
 cells' middles it goes on as a straight line. Of made-up screens, of 5 to 15 pixels a cell."""
 _KEPT, _ROUNDING = 0.99, 1e-12
-"""Of a map's errors: share of the variance that is told, and what is none."""
+"""Share of the variance of a map's errors that its changes keep; and the variance, relative to the
+squared mean of the map, up to which it is rounding."""
 BLOCK, LEAST_PIXELS = 4, 400
 """Side of a block, pixels, and how many a cell must have for blocks to be told apart."""
 

@@ -27,13 +27,13 @@ BESIDES = 0.05
 """Standard error of corners, pixels, that noise does not tell: chosen, as lenses blur unevenly
 and a picture whose last pixels are not like the others."""
 _SHARE = 1 / 6
-"""The same as a share of the shortest side, at most."""
+"""Largest `REACH`, as a share of the shortest side."""
 _ENDS = 0.9
-"""Of a side's half: beyond, the neighbouring side is near."""
+"""Share of each half of a side that is looked at; beyond, the neighbouring side is near."""
 _LEAST_STEP = 5.0
 """Height of a step over its residuals (root mean square) from which it is one."""
 _WIDEST_BLUR = 3.0
-"""Pixels."""
+"""Widest blur of a side, pixels."""
 _BLURRED, _LEAST_OUTSIDE = 2.0, 2.0
 """Distance from a side, pixels, within which light is blurred; and how many more of the
 surroundings the photograph must have."""

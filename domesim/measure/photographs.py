@@ -203,7 +203,7 @@ class Photographs:
         (row, col, 2) where on the screen each pixel is: shares of its width and height from the top
         left; outside 0..1 off it.
     corners
-        Of the screen.
+        Corners of the screen.
     white, black
         Luminance of a projector's white and of black through its glass, cd/m².
     primaries

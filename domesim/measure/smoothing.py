@@ -18,9 +18,9 @@ from scipy.linalg import cho_factor, cho_solve
 Floats = NDArray[np.float64]
 
 LENGTHS = (0.15, 0.25, 0.4, 0.6, 1.0, 1.6, 2.5)
-"""Of the map's width."""
+"""Correlation lengths that are tried, in widths of the map."""
 DEVIATIONS = (0.0, 0.1, 0.2, 0.35, 0.6, 1.0, 1.7)
-"""Of the cells' own."""
+"""Standard deviations of the map that are tried, in units of that of the cells."""
 
 
 def smoothed(cells: Floats, error: Floats, aspect: float) -> tuple[Floats, Floats]:

@@ -98,7 +98,7 @@ class Crosstalk(StereoObservation):
 
     @property
     def central(self) -> NDArray[Any]:
-        """(view, primary, view, primary): that of the mean of the map."""
+        """(view, primary, view, primary): the matrix by the mean of the map."""
         leaks = self._share.mean(axis=(1, 2))[:, None, None] * self._matrices
         primaries = self._shape[3]
         result = np.zeros((2, primaries, 2, primaries))
@@ -245,9 +245,9 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
 def over_pixels(
     coarse: NDArray[np.float64], rows: int, cols: int, *, sloping: bool = True
 ) -> NDArray[np.float64]:
-    """(view, row, col) of a map of cells: linear between their centres.
+    """(view, row, col): a map of cells, interpolated linearly between their centres.
 
-    Beyond the last it goes on as it slopes, or is flat.
+    Beyond the last centre the map goes on with its slope, or stays flat.
     """
     result = np.asarray(coarse, np.float64)
     for axis, count in ((1, rows), (2, cols)):

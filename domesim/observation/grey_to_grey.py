@@ -123,7 +123,7 @@ class Linearised(StereoObservation):
     Parameters
     ----------
     exact
-        What this is near to.
+        The table that this linearises.
     at, seen
         (view, row, col, primary) light, and what is seen of it.
     own, other

@@ -45,7 +45,7 @@ class SeveralSeats(StereoObservation):
 
     @property
     def central(self) -> NDArray[Any]:
-        """(seen view, primary, view, primary): each seat's."""
+        """(seen view, primary, view, primary): the matrices of all seats."""
         return np.concatenate([seat.central for seat in self.seats])
 
     def of_seat(self, seen: Light, number: int) -> Light:

@@ -61,9 +61,10 @@ def bare_gain(albedo: float, dome: Dome) -> float:
     Parameters
     ----------
     albedo
-        Of the screen, 0..1.
+        Albedo of the screen, 0..1.
     dome
-        Its shape. A tall dome has more screen than its sphere; then of the nearly closed sphere.
+        Shape of the screen. A tall dome, with more screen than its sphere, counts as a nearly
+        closed sphere.
     """
     sphere = 4 * np.pi * dome.radius**2
     area = dome.screen_area if dome.screen_area <= sphere * (1 + 1e-12) else 0.999 * sphere

@@ -24,11 +24,11 @@ class StereoObservation(AdjointObservation):
     """
 
     def local(self, light: Light) -> Light:
-        """A x: no pixel's light is seen in another place."""
+        """Returns A x: no pixel's light is seen in another place."""
         return self.linear(light)
 
     def local_adjoint(self, light: Light) -> Light:
-        """A' y."""
+        """Returns A' y."""
         return self.adjoint(light)
 
     @property

@@ -76,7 +76,7 @@ def cutaway(
         None: a graticule, a line each 30 degrees of azimuth and 15 degrees from the zenith, with
         the front in red.
     width, height
-        Of the result, pixels.
+        Size of the result, pixels.
     samples
         Paths to the pixel; rounded up to a number that spreads evenly.
     seed
@@ -270,7 +270,7 @@ def _model(theatre: Theatre, picture: NDArray[np.float32] | None) -> Iterator[_P
 
 
 def _model_grey(albedo: Sequence[float]) -> Floats:
-    """How light a model of a surface is."""
+    """Grey of a surface in the model, from its albedo."""
     return 0.18 + 0.62 * np.clip(np.asarray(albedo, np.float64), 0, 1)
 
 
@@ -326,7 +326,7 @@ def _shell(
     lowest
         z below which there is nothing, m.
     reflectance
-        Of its inside.
+        Reflectance of its inside.
     light
         (row, col, rgb): what its inside shows.
     """

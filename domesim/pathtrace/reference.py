@@ -49,7 +49,7 @@ def path_traced(
     size
         Pixels a side of the result.
     samples, seed, depth
-        Of Mitsuba's integrator.
+        Settings of Mitsuba's integrator.
     detail
         Pixels a side of the picture that the projector throws.
 

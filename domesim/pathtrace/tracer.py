@@ -71,7 +71,7 @@ class Settings:
     tolerance
         Share of the indirect light that may be lost after the last bounce.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     tile
         Most pixels at a time: bounds the memory.
     per_bounce
@@ -194,7 +194,7 @@ class Tracer:
     def throw(self, size: int, *, unhindered: bool = False) -> Throw:
         """How the projectors' light gets to the eye, from a domemaster of that size.
 
-        `unhindered`, nothing stops it on its way to the screen.
+        If `unhindered`, nothing stops it on its way to the screen.
         """
         thrown, reaching = self._thrown(size, size)
         return Throw(self.room, thrown, thrown if unhindered else reaching, self.lobe)

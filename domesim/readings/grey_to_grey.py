@@ -29,13 +29,14 @@ from domesim.readings.tables import Mistakes, read_table
 Floats = NDArray[np.float64]
 
 CLOSEST = 1e-5
-"""Of light: levels of both eyes that are closer are one; float32 has no slopes between them."""
+"""Least distance of levels in light, white = 1: closer levels of both eyes are one; float32 has no
+slopes between them."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class MeasuredGreyToGrey:
-    """What leaks to one eye, for each pair of levels.
+    """Light that leaks to one eye, for each pair of levels.
 
     Parameters
     ----------

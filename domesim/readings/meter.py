@@ -159,7 +159,7 @@ class Readings:
     black
         ``included`` in the readings of colours, or ``subtracted`` from them already.
     noise
-        Of one reading.
+        Noise of one reading.
     files
         All that was read.
     left_out
@@ -222,7 +222,7 @@ def read_readings(
         Whether readings of colours hold the black. If None, what the file says (TOML key
         ``black``), or ``included``.
     noise
-        Of one reading. If None, what repeats show, or 1 % and 0.001 cd/m² where they are few.
+        Noise of one reading. If None, what repeats show, or 1 % and 0.001 cd/m² where they are few.
 
     Raises
     ------

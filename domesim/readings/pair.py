@@ -87,9 +87,9 @@ class MeasuredPair:
     def common_uncertainty(self) -> Floats:
         """(change, view, primary, primary) of `common_matrices`, one standard deviation each.
 
-        Of readings of the ghosts: each component of each primary's colour is off by itself, black
-        in all three primaries at once. What own primaries are off by makes the own picture's
-        colours wrong, not the ghost.
+        The changes are errors of the ghosts' readings: each component of each primary's colour is
+        off by itself, black in all three primaries at once. What own primaries are off by makes the
+        own picture's colours wrong, not the ghost.
         """
         inverse = np.linalg.inv(self.gamut.primaries)
         changes = []
@@ -135,7 +135,7 @@ def measured_pair(
     Parameters
     ----------
     readings
-        Of both projectors through both filters (`domesim.readings.meter.read_readings`).
+        Readings of both projectors through both filters (`domesim.readings.meter.read_readings`).
     allow_negative
         See `domesim.readings.crosstalk.measured_crosstalk`.
     white

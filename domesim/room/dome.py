@@ -391,7 +391,7 @@ class Dome:
         Raises
         ------
         InputError
-            If it is not.
+            If the lens is not inside the sphere.
         """
         position = np.asarray(lens, np.float64)
         if not self.encloses(lens):
@@ -417,7 +417,7 @@ def _kept_areas(dome: Dome, rows: int, cols: int) -> NDArray[np.floating]:
 
 
 def strips(rows: int, cols: int) -> list[slice]:
-    """Rows at a time, so that vectors of all pixels of a large picture need not be held at once."""
+    """Slices of rows, so that vectors of all pixels of a large picture need not be held at once."""
     height = max(1, (1 << 20) // cols)
     return [slice(first, min(first + height, rows)) for first in range(0, rows, height)]
 

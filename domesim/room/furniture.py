@@ -30,9 +30,9 @@ from domesim.host.files import read_plain
 from domesim.room.theatre import Albedo, Point, Solid, Viewpoint
 
 EYE_HEIGHT = 1.2
-"""Of the eyes of a seated person above their feet, m."""
+"""Height of the eyes of a seated person above their feet, m."""
 MANIKIN_HEIGHT = 1.75
-"""Of a standing person, m."""
+"""Height of a standing person, m."""
 
 _AISLE = 0.6  # of a riser beyond the outermost seats, m
 _BEHIND = 0.5  # from a seat's place to the end of its riser, m
@@ -65,19 +65,19 @@ def seating(  # noqa: PLR0913 - as scene files have them
     first_row
         y of the front row, m; the others stand behind it.
     row_spacing, seat_spacing
-        From row to row, and from seat to seat in a row, m.
+        Distance from row to row, and from seat to seat in a row, m.
     rise
         How much higher each row stands than the one in front, m.
     within
         Radius about the z axis that every part of a seat stays inside, m.
     albedo
-        Of the seats and the risers.
+        Albedo of the seats and the risers.
     occupied
         Share of the seats in which somebody sits, 0..1.
     audience_albedo
-        Of the people.
+        Albedo of the people.
     seed
-        Which seats are occupied.
+        Seed that decides which seats are occupied.
     look_at
         The point that all viewpoints look at, m.
 
@@ -211,7 +211,7 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 def _wrong(kind: str, content: bytes) -> str:
-    """What a mesh file is that must not be read; "" if it may be."""
+    """Says what a mesh file is, if it must not be read; "" if it may be."""
     start = content[:_HEAD].lstrip(b"\xef\xbb\xbf \t\r\n")
     for mark, other in _OTHERS.items():
         if start.startswith(mark):
@@ -223,7 +223,7 @@ def _wrong(kind: str, content: bytes) -> str:
 
 
 def _wrong_glb(content: bytes) -> str:
-    """The same of a GLB, by its chunk of JSON (glTF 2.0, 4.4): parts may be named many times."""
+    """`_wrong` of a GLB, by its chunk of JSON (glTF 2.0, 4.4): parts may be named many times."""
     told = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
     for extension in told.get("extensionsRequired", []):
         if extension.endswith("_compression"):

@@ -250,7 +250,7 @@ class Theatre:
     lobe
         The screen's gain lobe; Lambertian without it.
     floor, wall
-        Of the room; without them light that misses the screen is lost.
+        Floor and wall of the room; without them light that misses the screen is lost.
     solids
         Seats, audience, booth.
     lamps

@@ -25,7 +25,7 @@ class DomeSeat:
     dome
         The screen.
     position
-        Of the eyes in the room's frame, m, inside the dome's sphere or ellipsoid.
+        Place of the eyes in the room's frame, m, inside the dome's sphere or ellipsoid.
     """
 
     dome: Dome
@@ -39,8 +39,9 @@ class DomeSeat:
     def scale(self, rows: int, cols: int) -> NDArray[np.float32]:
         """(row, col) pixels per degree at the seat over those along a meridian at the centre.
 
-        By the solid angle of the pixel: the geometric mean of both directions. What is seen
-        aslant is finer in one of them, by the cosine; vision models here know one resolution.
+        It is computed by the solid angle of the pixel: the geometric mean of both directions. What
+        is seen aslant is finer in one of them, by the cosine; vision models here know one
+        resolution.
         """
         directions = self.dome.directions(rows, cols)
         way = self.dome.points(rows, cols) - np.asarray(self.position)
@@ -69,8 +70,8 @@ class Viewing:
     adaptation
         Luminance that the eye is adapted to, cd/m².
     seat
-        Of a dome, a place away from the centre, from which figures and predictions are made; what
-        is projected is made for the centre.
+        A place in a dome away from the centre, from which figures and predictions are made; what is
+        projected is made for the centre.
     """
 
     extent: float

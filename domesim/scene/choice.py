@@ -103,7 +103,7 @@ class SceneChoice:
 
 
 def _digest(scene: Scene) -> str:
-    """Of all that a scene is made of: the same in all processes."""
+    """Digest of all that a scene is made of: the same in all processes."""
     found = hashlib.sha256()
     for part in _parts(scene):
         found.update(part)

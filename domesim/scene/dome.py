@@ -196,9 +196,9 @@ class DomeScene(Scene):
     def reflected_error(self) -> tuple[float, float, float]:
         """Half of the 95 % interval of white's reflected light, relative, one a primary.
 
-        Of the bare screen, phi = rho s / (1 - rho s) with s its share of the sphere, so that
-        d phi / phi = d rho / (rho (1 - rho s)). A residual that is left for want of a better albedo
-        is this share of the reflected light. 0 if nothing was measured.
+        On the bare screen phi = rho s / (1 - rho s), with s its share of the sphere. So d phi / phi
+        is d rho / (rho (1 - rho s)). A residual that is left for want of a better albedo is this
+        share of the reflected light. It is 0 if nothing was measured.
         """
         if self.measured is None or "screen" not in self.measured.standard_errors:
             return 0.0, 0.0, 0.0

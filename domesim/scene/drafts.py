@@ -24,7 +24,8 @@ from domesim.scene.writing import as_toml
 GIVEN = "given"
 
 ALBEDO, PERFORATION, WHITE, CONTRAST = 0.58, 0.216, 7.0, 5000.0
-"""Of a dome whose owner does not say: as of the bundled `dome_planetarium`."""
+"""Albedo, open share, white (cd/m²) and contrast of a dome whose owner does not say: those of the
+bundled `dome_planetarium`."""
 MATTE = 0.95
 """Largest gain that a matte surface is believed to have."""
 _ROUGHNESS = 0.3
@@ -54,15 +55,15 @@ class DomeWish:
     Parameters
     ----------
     radius
-        Of the dome's sphere, m.
+        Radius of the dome's sphere, m.
     tilt, half_angle
-        Of the dome, degrees.
+        Tilt and half-angle of the dome, degrees.
     projectors, layout
         How many, and where (see `domesim.room.layouts`).
     seats
         Rows, and seats in each.
     albedo, gain, perforation
-        Of the screen; a data sheet's gain is along its normal.
+        Albedo, gain and open share of the screen; a data sheet's gain is along its normal.
     white, lumens
         How bright, cd/m² of direct light or lm on the screen.
 
@@ -172,9 +173,9 @@ class StereoWish:
     system
         One of `SYSTEMS`.
     width, height
-        Of the screen, m.
+        Size of the screen, m.
     distance
-        Of the seat in the middle, m.
+        Distance of the seat in the middle from the screen, m.
     white
         Through the glasses, cd/m².
 
@@ -640,7 +641,7 @@ def _degrees(angle: float) -> float:
 
 
 def _short(value: float) -> float:
-    """With three significant digits."""
+    """Rounds to three significant digits."""
     return float(f"{value:.3g}")
 
 

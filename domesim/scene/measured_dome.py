@@ -19,9 +19,9 @@ from domesim.scene.fields import three
 Floats = NDArray[np.float64]
 
 _RESOLUTION = 6
-"""Of radiosity."""
+"""Resolution of radiosity."""
 _STEP = 0.02
-"""Of an albedo, relative: more than what two solutions differ by for other reasons, yet linear."""
+"""Relative step of an albedo: more than two solutions differ by for other reasons, yet linear."""
 SURFACES = ("screen", "floor", "wall")
 
 

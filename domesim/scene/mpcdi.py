@@ -370,7 +370,8 @@ def _at(values: Floats, place: Floats) -> Floats:
 def fitted_sphere(points: Floats) -> tuple[Floats, float, float]:
     """Centre and radius of the sphere nearest to points (point, xyz), and how far they are off.
 
-    Of |p|² = 2 c p + r² - |c|², by least squares; the last is a root mean square, of the radius.
+    It solves |p|² = 2 c p + r² - |c|², by least squares; the last is a root mean square, of the
+    radius.
     """
     design = np.column_stack([2 * points, np.ones(len(points))])
     solved, *_ = np.linalg.lstsq(design, np.sum(points**2, axis=1), rcond=None)
@@ -397,7 +398,7 @@ def written_mpcdi(
     size
         Columns and rows of each; None for 1920 columns and what rows their fields need.
     date
-        Of the file, ``2026-11-25 20:00:00``.
+        Date of the file, ``2026-11-25 20:00:00``.
 
     Raises
     ------

@@ -22,7 +22,7 @@ _ESCAPES = {"\\": "\\\\", "\n": "\\n", "\r": "\\r"}
 
 
 def sha256(path: Path) -> str:
-    """Of a file's content.
+    """SHA-256 of a file's content, in hexadecimal digits.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def sha256(path: Path) -> str:
 
 
 def sum_of(frame: Path) -> str:
-    """Of the file that holds a frame; of a video, which holds many, once.
+    """SHA-256 of the file that holds a frame; a video, which holds many frames, is read once.
 
     Raises
     ------

@@ -39,7 +39,7 @@ class Clients:
     Parameters
     ----------
     folder
-        Of the files that tell who they are.
+        Folder of the files that tell who they are.
     lock
         Descriptor of the open lock file.
     """
@@ -106,7 +106,7 @@ class Clients:
 
 @contextmanager
 def clients_of(folder: Path) -> Iterator[Clients]:
-    """Those of a job's `folder`, which exists; the lock is let go of in the end.
+    """Clients of a job's `folder`, which exists; the lock is let go of in the end.
 
     Raises
     ------

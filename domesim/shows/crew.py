@@ -47,7 +47,7 @@ class Crew:
     workers
         Processes on this machine.
     threads
-        Of each.
+        Threads of each worker.
     scheduler
         Address of a Dask scheduler whose workers are used instead, such as ``tcp://node1:8786``.
     resources
@@ -104,7 +104,7 @@ def client_of(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
 
 @contextmanager
 def _own_workers(crew: Crew) -> Iterator[Client]:
-    """Those of this machine."""
+    """Client of workers on this machine."""
     from distributed import Client, LocalCluster  # noqa: PLC0415
 
     with contextlib.ExitStack() as stack:
@@ -218,7 +218,7 @@ def be_quiet() -> None:
 
 
 def _environment(threads: int) -> dict[str, str]:
-    """Of workers: one frame's threads, and BLAS within them."""
+    """Environment of workers: threads of one frame, and BLAS within them."""
     single = dict.fromkeys(("MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     return {**single, "OMP_NUM_THREADS": str(threads), "PYTHONWARNINGS": "ignore"}
 

@@ -170,7 +170,7 @@ def estimate(
 def _pages(
     tried: _Tried, show: Show, recipe: Recipe, running: Running, scratch: Path, console: Console
 ) -> _Cost:
-    """Of the pages of the worst frames, by one of the worst that was tried."""
+    """Cost of the pages of the worst frames, estimated by one of the worst that was tried."""
     count = min(running.pages, len(show.moments))
     if not (recipe.compares and show.numbered and count):
         return _Cost()
@@ -186,7 +186,7 @@ def _pages(
 
 
 def _video(tried: _Tried, films: Films, count: int, scratch: Path, console: Console) -> _Cost:
-    """Of the videos that the frames become, by those of the frames that were tried."""
+    """Cost of the videos that the frames become, estimated by the frames that were tried."""
     orders = list(tried.frames)
     transfer, primaries = encoding_of(tried.frames[orders[0]].figures)
     seconds = disk = 0.0

@@ -150,7 +150,7 @@ class Films:
         return ColourTag(*colours.pop(), "domesim"), frames
 
     def _digest(self, colour: ColourTag, frames: Iterable[str]) -> str:
-        """Of all that a video depends on."""
+        """Digest of all that a video depends on."""
         how = asdict(self.format), str(self.timing), self.dither, str(self.sounds)
         told = [list(frames), asdict(colour), *how]
         return hashlib.sha256(json.dumps(told).encode()).hexdigest()
@@ -228,7 +228,7 @@ def place_of(output: Path, suffix: str) -> Path:
 
 
 def timing_asked(show: Show, fps: float | None) -> Timing:
-    """As asked for, as the first master says, or the usual."""
+    """Timing as asked for, as the first master says, or the usual."""
     found = timing_of(show.moments[0][0], USUAL_RATE)
     if fps is None or abs(fps - found.rate) < 1e-3:
         return found

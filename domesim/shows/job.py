@@ -50,7 +50,7 @@ class Record:
     figures, line, seconds
         As of `Finished`.
     sources
-        Of each file of the master: size, time of its last change (ns), SHA-256.
+        Facts of each file of the master: size, time of its last change (ns), SHA-256.
     maker
         As of `Finished`.
     results
@@ -59,7 +59,7 @@ class Record:
     settings
         SHA-256 of the settings it was made with.
     versions
-        Of what made it.
+        Versions of what made it.
     """
 
     figures: dict[str, Any]
@@ -332,7 +332,7 @@ def _refusal(
 
 @cache
 def versions() -> dict[str, str]:
-    """Of what results are made with."""
+    """Versions of Python and of the packages that results are made with."""
     found = {"python": platform.python_version()}
     for package in _PACKAGES:
         with suppress(PackageNotFoundError):

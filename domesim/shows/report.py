@@ -208,7 +208,7 @@ class Report:
         write_whole(self.page, page.encode("utf-8", "replace"))
 
     def _others(self, rows: Iterable[Mapping[str, Any]]) -> list[tuple[int, str]]:
-        """Of settings that are not the job's: how many frames they made, and where they are."""
+        """Counts frames that other settings than the job's made, each with its settings' file."""
         found = Counter(str(row.get("settings", self._job.settings)) for row in rows)
         del found[self._job.settings]
         return [
@@ -253,7 +253,7 @@ class Report:
 
 
 def page_name(output: str) -> str:
-    """Of the page that compares a frame's methods."""
+    """Name of the page that compares a frame's methods."""
     return f"compare-{output}.html"
 
 

@@ -62,7 +62,7 @@ class Running:
         Processes on this machine: 0 for none, all in the command's own; None for as many as
         cores and memory allow. A single frame needs none.
     threads
-        Of each worker; None to share the cores.
+        Threads of each worker; None to share the cores.
     scheduler
         Address of a Dask scheduler whose workers do the frames.
     anew
@@ -70,7 +70,7 @@ class Running:
     mixed
         Take frames that are done already with other settings.
     pages
-        Of a sequence: for how many of the worst frames a page is written that compares methods.
+        Number of the worst frames of a sequence for which a page that compares methods is written.
     frame_timeout
         Seconds after which a worker that is not done with a frame ends; 0 for never.
     """
@@ -256,7 +256,7 @@ def _job(
 
 
 def _by_record(orders: list[Order], job: Job | None) -> tuple[list[Order], list[Order]]:
-    """Those that no run has done, and those of which some run says so."""
+    """Orders that no run has done, and those that some run says it has done."""
     if job is None:
         return orders, []
     found = job.recorded(order.output for order in orders)
@@ -278,7 +278,7 @@ def _changed(
     start: Callable[[str], None],
     end: Callable[[Order, Finished | Failed], None],
 ) -> list[Order]:
-    """Those that must be done again; the others end as they are."""
+    """Orders that must be done again; the others end as they are."""
 
     def look(order: Order) -> Finished | None:
         try:
@@ -507,7 +507,7 @@ class _Telling:
         return all(order in self._ended for order in orders)
 
     def done(self) -> Done:
-        """Of all, in order."""
+        """Sums up all frames, in order."""
         done, left = Done(), 0
         for order in self._orders:
             outcome = self._ended.get(order)

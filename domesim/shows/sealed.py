@@ -30,7 +30,7 @@ def write_sealed(path: Path, content: dict[str, Any]) -> None:
 
 
 def read_sealed(path: Path) -> dict[str, Any]:
-    """What was written.
+    """Reads what was written.
 
     Raises
     ------

@@ -237,7 +237,7 @@ _Moment = TypeVar("_Moment", Path, tuple[Path, Path])
 
 
 def _chosen(path: Path, found: dict[int, _Moment], frames: str | None) -> dict[int | None, _Moment]:
-    """Those of `frames`, or all, in order."""
+    """Moments of `frames`, or all, in order."""
     numbers = sorted(found)
     if frames:
         numbers = sorted(parse_frames(frames))

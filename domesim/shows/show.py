@@ -74,7 +74,7 @@ class Show:
         return replace(self, sums=tuple(tuple(next(sums) for _ in each) for each in self.moments))
 
     def some(self, places: Iterable[int]) -> Show:
-        """The same of some of its moments."""
+        """The show with only some of its moments."""
         chosen = tuple(places)
         sums = tuple(self.sums[k] for k in chosen) if self.sums else ()
         return replace(self, moments=tuple(self.moments[k] for k in chosen), sums=sums)

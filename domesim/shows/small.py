@@ -16,7 +16,7 @@ from domesim.light import Light
 from domesim.light.transfer import SRGB
 
 FOLDER = "small"
-"""Of the pictures, in the job's folder."""
+"""Folder of the small pictures, in the job's folder."""
 
 SIDE = 120
 """Longest side of one, pixels, about."""

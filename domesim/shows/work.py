@@ -36,7 +36,7 @@ from domesim.shows.show import Show
 from domesim.shows.small import small_of, write_small
 
 Files: TypeAlias = tuple[Path, ...]
-"""Of one moment: one, or left and right."""
+"""Files of one moment: one, or left and right."""
 
 Note: TypeAlias = Callable[[str], None]
 """Told how the frame under way gets on."""
@@ -50,7 +50,7 @@ class Write(Protocol):
 
     @property
     def output(self) -> Files:
-        """Where it goes."""
+        """Files that the result goes to."""
 
     def __call__(self, result: Master, /) -> None:
         """Write it."""
@@ -73,11 +73,11 @@ class Work(Generic[P, S]):
     Parameters
     ----------
     prepare
-        Of a master that was read.
+        Prepares a master that was read.
     solve
-        Of what was prepared.
+        Solves what was prepared.
     finish
-        Of what was solved: write the result; figures, and a line for a person.
+        Writes the result of what was solved; returns figures, and a line for a person.
     """
 
     prepare: Callable[[Master], P]
@@ -97,7 +97,7 @@ class Column:
     title
         For a person.
     unit
-        Of it; columns of one unit are drawn together. "%" for a share.
+        Unit of the figure; columns of one unit are drawn together. "%" for a share.
     """
 
     key: str
@@ -190,14 +190,14 @@ class Writing:
     Parameters
     ----------
     suffix, bits
-        Of the results' files and samples, such as ``.png``; the master's if None.
+        Suffix and bits of the results' files and samples, such as ``.png``; the master's if None.
     dither
         As for `write_master`.
     repair
         As for `read_master`.
     fps
-        Of a video that results become (`domesim.shows.film`), frames a second; the master's if
-        None.
+        Frame rate of a video that results become (`domesim.shows.film`), frames a second; the
+        master's if None.
     output
         The results' encoding; the master's if None.
     """
@@ -210,7 +210,7 @@ class Writing:
     output: ColourTag | None = None
 
     def options(self) -> dict[str, str]:
-        """Those of `Recipe.options` that are of all commands that write frames."""
+        """Options of `Recipe.options` that all commands that write frames have."""
         found = {
             "--format": "as the master" if self.suffix is None else self.suffix.lstrip("."),
             "--bits": "as the master" if self.bits is None else str(self.bits),
@@ -252,7 +252,7 @@ class Order:
 
     @property
     def name(self) -> str:
-        """For a person."""
+        """The order's name, for a person."""
         return " and ".join(path.name for path in self.moment)
 
     def kept(self) -> Record | str:
@@ -273,7 +273,7 @@ class Finished:
     line
         For a person.
     seconds
-        Of ``reading`` (and preparing), ``solving`` and ``writing`` (and finishing).
+        Seconds of ``reading`` (and preparing), ``solving`` and ``writing`` (and finishing).
     maker
         Who did it: ``host``, ``pid``, and the memory that this process has (``resident``) and had
         at most (``peak``), bytes.
@@ -464,7 +464,7 @@ class _Writer:
 
 
 def _maker() -> dict[str, Any]:
-    """Of `Finished`: the process itself."""
+    """Fields of `Finished` about this process; memory is in bytes."""
     return {
         "host": socket.gethostname(),
         "pid": os.getpid(),

@@ -26,7 +26,7 @@ QUARTER = 90.0
 """Retardance of a quarter of a wave, degrees."""
 
 Hand = Literal["left", "right"]
-"""Of circularly polarised light; a reflection near the normal turns one into the other."""
+"""Sense of circularly polarised light; a reflection near the normal turns one into the other."""
 
 
 @final
@@ -37,7 +37,7 @@ class SilverScreen:
     Parameters
     ----------
     width, height
-        Of the lit rectangle, m.
+        Size of the lit rectangle, m.
     depolarising_share
         Share of the surface, 0..1, that is Lambertian and forgets the polarisation; the rest are
         rough aluminium facets that reflect once and keep it.
@@ -147,7 +147,7 @@ class PolarisedProjector:
     Parameters
     ----------
     position
-        Of the lens, m.
+        Place of the lens, m.
     filter
         What is before it.
 
@@ -174,13 +174,13 @@ class StereoTheatre:
     screen
         The screen.
     projectors
-        Of the left eye's picture, and of the right eye's.
+        Projectors of the left eye's picture, and of the right eye's.
     eyewear
         What is before the left eye, and before the right one.
     seats
         Where heads are, by the seats' names, m. Both eyes are taken to be there.
     wavelengths
-        Of the three primaries, nm; None if filters are the same for all light.
+        Wavelengths of the three primaries, nm; None if filters are the same for all light.
     design
         Wavelength that the filters' retardance errors are told for, nm.
 

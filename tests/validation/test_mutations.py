@@ -88,11 +88,7 @@ def test_mutations_turn_an_experiment_red(experiment, mutate, monkeypatch):
 
 @pytest.mark.parametrize(
     "experiment",
-    [
-        pytest.param("eq15", marks=traced),
-        "contrast_sensitivity",
-        pytest.param("convergence", marks=pytest.mark.long),
-    ],
+    [pytest.param("eq15", marks=traced), "contrast_sensitivity"],
 )
 def test_without_them_it_is_green(experiment):
     finding = load_experiment(experiment).run(Work(quick=True))

@@ -87,9 +87,9 @@ class Audience:
     Attributes
     ----------
     names
-        Of the conditions.
+        Names of the conditions.
     preferences
-        Of all pairs that were compared, in the conditions' order.
+        Preferences of all pairs that were compared, in the conditions' order.
     independent
         The same choices as if each were of another person, by `validation.study`.
     errors

@@ -62,7 +62,7 @@ def pictures(
     master, scene
         What is shown, and where.
     methods
-        Of `compensate.methods`.
+        Names of methods of `compensate.methods`.
     room
         Whether the theatre adds the stray light, or the pictures must have it.
 

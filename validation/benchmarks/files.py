@@ -43,7 +43,7 @@ class FileCost:
     work
         What it did.
     seconds, cpu_s, gib
-        Of the whole process: time, core-seconds, peak memory. Of a further frame of a sequence:
+        Time, core-seconds and peak memory of the whole process; for a further frame of a sequence,
         without the start, and the memory of all.
     unit
         Seconds of one FFT pair.

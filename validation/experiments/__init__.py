@@ -33,6 +33,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "deghosting",
         "quality",
         "two_eyes",
+        "headroom",
         "flicker",
         "convergence",
     ),

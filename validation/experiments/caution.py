@@ -46,7 +46,7 @@ USUAL = 0.1
 NODES = 3
 SIZE = 192
 NAMES = ("night", "generated", "full dome", "fog", "trunks")
-"""Of `inputs.wanted`."""
+"""Names of the inputs, as in `inputs.wanted`."""
 LIFTED = ("night", "generated")
 """Which are shown as days, too."""
 WORTH = 0.05
@@ -291,4 +291,4 @@ _COLUMNS = {
     "minimised": Column(name="minimised error", unit="JND rms", digits=".4g"),
     "visible": Column(name="visible error", unit="JND rms", digits=".4g"),
 }
-"""Of `Seen`."""
+"""Columns of tables, by the attribute of `Seen` that they show."""

@@ -178,7 +178,7 @@ def dense(problem: Problem) -> tuple[Floats, Floats, NDArray[np.bool_]]:
 
 
 def _gradient_error(problem: Problem, seed: int) -> float:
-    """Of every value; the cost is quadratic, so that central differences are exact."""
+    """Largest relative error of the gradient; central differences of a quadratic are exact."""
     light = np.random.default_rng(seed).random(problem.desired.shape)
     differences = np.zeros_like(light)
     for index in np.ndindex(light.shape):

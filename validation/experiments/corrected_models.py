@@ -129,7 +129,7 @@ def measure(
     errors
         Relative standard errors that tabulations are to reach.
     resolutions
-        Of radiosity.
+        Resolution of radiosity.
     ranks
         To which the last tabulation is reduced, too.
     brute_force
@@ -137,7 +137,7 @@ def measure(
     pictures
         Which of `light`.
     seed
-        Of all random numbers.
+        Seed of all random numbers.
     """
     theatre = THEATRES[name]
     tracer = Tracer(theatre)

@@ -58,9 +58,9 @@ LEVELS = (0.01, 0.02, 0.05, 0.1)
 """Shares of light that reach the other eye."""
 QUICK_LEVELS = (0.01, 0.05)
 STILL = 0.05
-"""Of pictures."""
+"""Crosstalk of the pictures on the page."""
 PAIRS = ("fog", "trunks", "motorcycle", *pairs.SEQUENCE)
-"""Of the test data."""
+"""Pairs of the test data."""
 WIDEST, QUICK_WIDTH = 512, 96
 """Pixels."""
 PAPER_ITERATIONS, PAPER_PHASES = 60, 5
@@ -108,7 +108,7 @@ class Cell:
     flip, quality
         FLIP, and ColorVideoVDP in JOD: means of both eyes; None if not installed.
     seconds, ffts
-        Of the solution.
+        Seconds and FFTs of the solution.
     status
         Name of the solver's `Status`.
     gap
@@ -287,7 +287,7 @@ def _read(name: str) -> Light:
 
 
 def _lawless(posed: Posed, method: str, seen: Light) -> float:
-    """Of methods of whose outcome something is known without a solver."""
+    """Largest error of a method whose outcome is known without a solver; 0 for other methods."""
     desired = np.asarray(posed.problem.desired, np.float64)
     error = seen - desired
     if method == "none":
@@ -447,7 +447,7 @@ _SEEN = (
 
 
 def _seen(cell: Cell) -> tuple[float | None, ...]:
-    """Of `_SEEN`."""
+    """A row of the columns `_SEEN`."""
     return cell.error, cell.rms, cell.edges, cell.left, cell.flip, cell.quality
 
 

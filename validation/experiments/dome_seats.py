@@ -48,7 +48,7 @@ class Seat:
     Attributes
     ----------
     least, most
-        Of its pixels per degree over the assumed ones.
+        Least and largest ratio of its pixels per degree to the assumed ones.
     error
         Visible error, JND rms.
     apart

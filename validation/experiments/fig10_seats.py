@@ -63,7 +63,7 @@ METHODS: Mapping[str, str] = {
     "worst": "ours, worst seat",
 }
 ONE_SEAT = ("none", "subtractive", "paper", "perceptual")
-"""Of them, those that are computed for the sweet spot alone."""
+"""Methods that are computed for the sweet spot alone."""
 SHOWN = ("none", "subtractive", "paper", "perceptual", "all")
 
 

@@ -91,7 +91,7 @@ STANDING = 6
 START, END = (0.7, 0.3), (0.9, 0.3)
 """Way of the disc."""
 STANDS = 0.4
-"""Of the width, from the left: what stands still, far from the disc."""
+"""Share of the width, from the left, that stands still, far from the disc."""
 
 ALONE, TIGHTER, WARM, WARM_TIGHTER = (
     "alone, 1e-3 (the product's)",
@@ -133,7 +133,7 @@ class Shown:
 
     @property
     def ffts(self) -> float:
-        """Of planes, a frame."""
+        """Mean number of FFTs of planes a frame."""
         return float(np.mean([result.ffts for result in self.results]))
 
 
@@ -167,7 +167,7 @@ class Fade:
     flicker
         In it.
     ffts
-        Of planes, a frame.
+        FFTs of planes, a frame.
     """
 
     wanted: list[float]
@@ -190,17 +190,17 @@ class Way:
     Attributes
     ----------
     ffts
-        Of planes, a frame.
+        FFTs of planes, a frame.
     flicker
         In the whole picture.
     standing
         In a master that stands still, the largest change of projected light.
     change, change_best
-        Of the part that stands still: JND that 99.9 % of the changes of what is seen there do not
-        exceed, and the optimum's.
+        JND that 99.9 % of the changes of what is seen in the part that stands still do not exceed,
+        and the optimum's.
     codes
-        Of the same part, the largest change of what is seen in 10 bit codes (gamma 2.4) and in 12
-        bit codes (gamma 2.6) that 99.9 % do not exceed, and the optimum's.
+        Change of what is seen in that part, in 10 bit codes (gamma 2.4) and in 12 bit codes (gamma
+        2.6), that 99.9 % do not exceed, and the optimum's.
     level, level_best
         Mean luminance that is seen there, frame by frame; white = 1.
     """
@@ -228,7 +228,7 @@ class Judged:
     Attributes
     ----------
     film, best
-        Of what is seen, and would be seen of the optimum.
+        JOD of what is seen, and of what would be seen of the optimum.
     standing
         Mean of its frames, each standing still as a film.
     stills

@@ -77,7 +77,7 @@ ASSUMED = Errors()
 QUICK, FULL = 1, 100
 """Theatres."""
 QUICK_RESOLUTION = 8
-"""Of radiosity, at which floor albedos come out 0.2 % too large."""
+"""Resolution of radiosity in a quick run, at which floor albedos come out 0.2 % too large."""
 PATTERN, PHOTOGRAPH, WALKS = 128, 96, 32
 FIELD = np.radians(220.0)
 MEASURED = ("gain", "screen", "floor")

@@ -104,16 +104,16 @@ _SMALL: Mapping[str, Any] = {
 @final
 @dataclass(frozen=True)
 class Effort:
-    """Of photographs and of what they are compared with.
+    """Effort spent on photographs and on what they are compared with.
 
     Parameters
     ----------
     photograph, walks
         Pixels a side, and walks a pixel.
     degree
-        Of functions on the screen.
+        Degree of functions on the screen.
     error, most
-        Of tabulation: error to reach, and most walks.
+        Error to reach in tabulation, and most walks.
     size, walks_seen
         Pixels a side of masters, and walks a pixel when they are looked at.
     """
@@ -147,7 +147,8 @@ class Room:
     exhausted
         Whether more patterns were asked for.
     reflected
-        Of white, in the second primary: measured, its standard error, tabulated.
+        Mean reflected light of white in the second primary: measured, its standard error,
+        tabulated.
     off, closed_off
         Relative rms errors of the reflected light of a night and a day: measured; closed form.
     held

@@ -53,7 +53,7 @@ SWEET_SPOT = "sweet spot"
 CELLS = (5, 9)
 """Rows and cols of the screen; the middle cell is about a metre either way."""
 BIAS = 0.005
-"""Of crosstalk, relative, that must not go unnoticed."""
+"""Relative bias of crosstalk that must not go unnoticed."""
 
 
 @dataclass(frozen=True)

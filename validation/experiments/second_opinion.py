@@ -97,7 +97,7 @@ def measure(
     error
         Ours: relative standard error of a pixel.
     seed
-        Of both's random numbers.
+        Seed of the random numbers of both.
     """
     shown = picture(size)
     reference = np.stack([path_traced(theatre, shown, size, samples=samples, seed=RUNS * seed + run)

@@ -77,7 +77,7 @@ class Runs:
     Attributes
     ----------
     seconds
-        Of each.
+        Seconds of each.
     different
         How many files differ from the first's.
     files

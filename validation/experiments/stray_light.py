@@ -65,7 +65,7 @@ WORTH = 0.02
 """JOD that a setting would have to gain."""
 
 Jods: TypeAlias = tuple[float, float, float]
-"""Of subtraction, the default, and the aim with the eye's light."""
+"""JOD of subtraction, of the default, and of the aim with the eye's light."""
 
 
 @final

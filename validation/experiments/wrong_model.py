@@ -104,7 +104,7 @@ class Effort:
     error, most
         Relative standard error of the tabulated operator, and most walks for it.
     blur
-        Of the traced light before judges see it, degrees.
+        Blur of the traced light before judges see it, degrees.
     """
 
     size: int = 512
@@ -192,7 +192,7 @@ class Judge:
     score
         None if it is not installed.
     unit, digits
-        Of its scores.
+        Unit of its scores, and their digits.
     """
 
     name: str
@@ -483,8 +483,8 @@ def _jackknife(
 def _energy(residuals: Images, energy: Callable[[Images], float]) -> Estimate:
     """Energy of what noisy (repeat, row, col, primary) residuals have in common.
 
-    Of their mean, it would have the noise's own energy in it. The mean over pairs of *different*
-    repeats of <r_i, r_j> has not: (||sum of all||² - sum of ||each||²) / (n² - n).
+    The energy of their mean would have the noise's own energy in it. The mean over pairs of
+    *different* repeats of <r_i, r_j> has not: (||sum of all||² - sum of ||each||²) / (n² - n).
     """
     total, count = residuals.sum(0), len(residuals)
     own = np.array([energy(residual) for residual in residuals])

@@ -39,7 +39,7 @@ def _at(value, row, col):  # type: ignore[no-untyped-def]
 
 
 def one(like):  # type: ignore[no-untyped-def]
-    """1, of a number's type: with a literal, single precision would become double, and slow."""
+    """1 in a number's type: a literal would make single precision double, and slow."""
     raise NotImplementedError
 
 
@@ -207,7 +207,7 @@ def dome3(
 def correct3(
     a: Any, b: Any, c: Any, v: Any, u: Any, squares: Any, matrices: Any, sigma: Any, weights: Any
 ) -> None:
-    """The second half: less B^-1 of V and U times `weights` (3, primary), and less U times."""
+    """The second half: subtracts B^-1 of V and U times `weights` (3, primary), and U times."""
     first, second, third = squares
     for i in numba.prange(first.shape[0]):
         for k in range(2 * first.shape[1]):

@@ -31,10 +31,10 @@ FORMATS: dict[str, Format] = {
         Plain("webp", "WebP"),
     )
 }
-"""By the names that OpenImageIO has for them."""
+"""Formats by the names that OpenImageIO has for them."""
 
 SUFFIXES = {suffix: each for each in FORMATS.values() for suffix in each.suffixes}
-"""Of names of files that are written."""
+"""Formats that are written, by their files' suffixes."""
 
 LABELS = ", ".join(each.label for each in FORMATS.values())
-"""What is read, for a message."""
+"""Names of the formats that are read, for a message."""

@@ -152,7 +152,7 @@ def _window(window: Window) -> str:
 
 
 def _carried_of(content: bytes | mmap) -> tuple[bytes, ...]:
-    """Of each part: its attributes that say nothing of how, or what, pixels are stored."""
+    """Attributes of each part, less those that say how, or what, pixels are stored."""
     headers, _ = _headers(content)
     left_out = _STRUCTURE | _OF_OLD_PIXELS
     return tuple(
@@ -198,7 +198,7 @@ def _headers(content: bytes | mmap) -> tuple[list[Attributes], int]:
 
 
 def _attributes(content: bytes | mmap, position: int) -> tuple[Attributes, int]:
-    """Those from a place on up to the end of their header, and the place behind it."""
+    """Attributes from a place on up to the end of their header, and the place behind it."""
     found: Attributes = {}
     while (letter := content[position : position + 1]) != b"\0":
         named = content.find(b"\0", position)

@@ -186,7 +186,7 @@ def with_comments(encoded: bytes, comments: bytes) -> bytes:
 
 
 def _main_header(codestream: bytes) -> tuple[list[bytes], list[bytes]]:
-    """Its marker segments after SOC: comments, and others."""
+    """Marker segments of the codestream after SOC: comments, and others."""
     comments: list[bytes] = []
     others: list[bytes] = []
     position = 2

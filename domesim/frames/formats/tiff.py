@@ -169,7 +169,7 @@ class _File:
             yield tags
 
     def _values(self, tags: _Tags, tag: int) -> tuple[int, ...]:
-        """Of a tag of integers; none if there is no such tag."""
+        """Values of a tag of integers; none if there is no such tag."""
         place, kind, number, offset = tags.get(tag, (0, 0, 0, 0))
         name = _NAMES.get(kind)
         if name is None or number > self._size:

@@ -31,9 +31,9 @@ _NEWTON = 8
 class Camera:
     """A camera in the theatre.
 
-    Of an equidistant fisheye, a pixel's distance from the picture's centre is proportional to its
-    angle; of a pinhole, to the angle's tangent t, or to t + distortion t³. Looking straight up, it
-    sees the front at the bottom of the picture and the right on its right, as a domemaster has
+    In an equidistant fisheye's picture, a pixel's distance from the centre is proportional to its
+    angle; in a pinhole's, to the angle's tangent t, or to t + distortion t³. Looking straight up,
+    it sees the front at the bottom of the picture and the right on its right, as a domemaster has
     them.
 
     Parameters
@@ -48,9 +48,9 @@ class Camera:
     turn
         Rotation vector (x, y, z) by which the camera is turned from that, radians.
     mapping
-        Of which kind it is.
+        Kind of the camera's picture.
     distortion
-        Of a pinhole: k1, negative if straight lines bulge (a barrel).
+        Distortion k1 of a pinhole, negative if straight lines bulge (a barrel).
     """
 
     position: Point
@@ -134,7 +134,7 @@ class Camera:
 
 
 def folding(field: float) -> float:
-    """Of a pinhole of that field: the distortion at which its picture's corners fold back."""
+    """Distortion (< 0) with which a pinhole's corners fold back; its field is in radians."""
     return float(-1 / (3 * (_CORNER * np.tan(field / 2)) ** 2))
 
 

@@ -125,7 +125,7 @@ class ColoursSection(Section):
 
     @property
     def shots(self) -> tuple[ShotSection, ...]:
-        """Of black, red, green and blue."""
+        """Sections of the black, red, green and blue photographs."""
         return self.black, self.red, self.green, self.blue
 
 

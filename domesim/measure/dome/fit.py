@@ -133,8 +133,8 @@ class Evidence:
     area
         (place,) share of the screen, of those that are on it.
     names, effects
-        Of nuisances: (nuisance, pattern, place, primary) relative changes of light by one standard
-        deviation of each.
+        Names of nuisances, and their effects: (nuisance, pattern, place, primary) relative changes
+        of light by one standard deviation of each.
     meter
         If some places were read by a meter that sees all primaries at once.
     """
@@ -242,7 +242,7 @@ def survey(
     surfaces
         Their names.
     known
-        Of surfaces, or of the gain: what is known from elsewhere.
+        What is known of surfaces, or of the gain, from elsewhere.
     profile
         Whether to test intervals at their ends, for some seconds.
 
@@ -298,7 +298,7 @@ class _Problem:
 
     @property
     def degrees(self) -> int:
-        """Of freedom: data less ambient light and parameters."""
+        """Degrees of freedom: the number of data less those of ambient lights and parameters."""
         free = 3 * sum(name not in self._known for name in self._names)
         if self._white:
             free += 3 if GAIN in self._known else 1
@@ -488,7 +488,7 @@ class _Problem:
         return True
 
     def _confusions(self, covariance: Floats, answered: NDArray[np.bool_]) -> tuple[str, ...]:
-        """Of each primary that is not answered: the change that the data notice least."""
+        """Tells, for each primary that is not answered, the change that the data notice least."""
         count, lines = self._count, []
         scales = self._scales()[:count]
         for p in np.flatnonzero(~answered.all(1)):
@@ -624,9 +624,9 @@ class _Problem:
 def _doubts(names: Sequence[str], value: Floats, covariance: Floats) -> tuple[str, ...]:
     """What is described wrongly by more than `IMPROBABLE` standard deviations.
 
-    Of a nuisance of prior variance 1 that is found with variance s², the mean of all that could be
-    found has variance 1 - s². Those that do the same to the photographs share what was found by
-    their priors, so they are in doubt together, and the data do not say which it was.
+    If a nuisance of prior variance 1 is found with variance s², the mean of all that could be found
+    has variance 1 - s². Those that do the same to the photographs share what was found by their
+    priors, so they are in doubt together, and the data do not say which it was.
     """
     spread = np.sqrt(np.diag(covariance))
     moved = np.sqrt(np.maximum(1 - spread**2, _TELLING**2))

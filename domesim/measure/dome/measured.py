@@ -66,13 +66,13 @@ def measured_section(
     task, survey
         What was asked for, and the file that did.
     names
-        Of the parameters.
+        Names of the parameters.
     values, errors
         (parameter, primary) and their standard errors.
     correlations
         (primary and parameter, the same) of them.
     chi2, degrees, model_error
-        Of the fit.
+        Figures of the fit: chi², degrees of freedom, and the error of the model.
     """
     return {
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
@@ -95,5 +95,5 @@ def measured_section(
 
 
 def numbers(values: Floats) -> list[float]:
-    """With the digits that are worth writing down."""
+    """Rounds to the digits that are worth writing down."""
     return [float(f"{value:.8g}") for value in values]

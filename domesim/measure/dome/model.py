@@ -82,7 +82,7 @@ class Interreflection:
     patterns
         (pattern, row, col, primary) light of the projected domemasters.
     resolution
-        Of radiosity.
+        Resolution of radiosity.
 
     Raises
     ------

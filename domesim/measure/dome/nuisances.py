@@ -30,17 +30,17 @@ class Errors:
     Parameters
     ----------
     camera_m
-        Of each coordinate of the camera's place, m.
+        Standard deviation of each coordinate of the camera's place, m.
     pointing_deg
-        Of the camera's direction about each axis, degrees.
+        Standard deviation of the camera's direction about each axis, degrees.
     vignetting
-        Of the light at the rim of the camera's view, relative to the middle: one part that grows
-        with the square of the distance from the middle, one with its fourth power.
+        Standard deviation of the light at the rim of the camera's view, relative to the middle: one
+        part that grows with the square of the distance from the middle, one with its fourth power.
     floor_m
-        Of the floor's height, m.
+        Standard deviation of the floor's height, m.
     model_screen, model_others
-        Of reflected light as the model has it, relative: on the screen; on floor and wall. What
-        path tracing says of it is in `validation.experiments.measured_dome`.
+        Standard deviation of reflected light as the model has it, relative: on the screen; on floor
+        and wall. What path tracing says of it is in `validation.experiments.measured_dome`.
     """
 
     camera_m: float = 0.02

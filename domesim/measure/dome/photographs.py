@@ -39,8 +39,8 @@ RINGS = {"screen": 6, "floor": 4, "wall": 2}
 _LEAST = 6
 """Pixels of a cell; smaller ones are left out."""
 _POINTS = 64
-"""At which a cell's reflected light is computed. With 8, cells of the floor are off by 0.2 %, which
-a fit takes for a camera that is elsewhere and turned."""
+"""Number of points at which a cell's reflected light is computed. With 8, cells of the floor are
+off by 0.2 %, which a fit takes for a camera that is elsewhere and turned."""
 _SMOOTH = 0.02
 """Share of a pattern's brightest light by which it may change within the margin."""
 
@@ -124,7 +124,7 @@ class Cells:
     label
         (row, col) which cell a pixel counts for; -1 for none.
     noise
-        Of a pixel, of each photograph and primary.
+        Noise of a pixel in each photograph and primary.
     """
 
     places: Places
@@ -211,7 +211,7 @@ def away_from_edges(surface: NDArray[np.int64], direct: Floats, reach: float) ->
     direct
         (pattern, row, col, primary) direct light that is seen.
     reach
-        Of the surroundings, pixels.
+        Reach of the surroundings, pixels.
     """
     window = 2 * max(1, int(np.ceil(reach))) + 1
     # Nobody knows what is beyond the picture's own edge.
@@ -262,7 +262,7 @@ def _labels(theatre: Theatre, surface: NDArray[np.int64], points: Floats) -> NDA
 
 
 def _of_some_size(label: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The same with cells of few pixels left out, and numbers from 0."""
+    """Labels without cells of few pixels, numbered from 0."""
     kept, index, count = np.unique(label, return_inverse=True, return_counts=True)
     large = (kept >= 0) & (count >= _LEAST)
     number = np.where(large, np.cumsum(large) - 1, -1)
@@ -343,7 +343,7 @@ def _like_their_cells(places: Floats, cell: NDArray[np.int64], chosen: NDArray[n
 def _noise(
     light: Floats, label: NDArray[np.int64], value: Floats, pixels: NDArray[np.int64]
 ) -> list[list[PixelNoise]]:
-    """Of each photograph and primary, from differences of neighbours."""
+    """Noise by photograph and primary, from differences of neighbouring pixels."""
     pairs = (label[:, 1:] == label[:, :-1]) & (label[:, 1:] >= 0)
     own = label[:, 1:][pairs]
     count = np.bincount(own, minlength=len(pixels))

@@ -41,7 +41,7 @@ from domesim.measure.dome.responses import Responses
 Floats = NDArray[np.float64]
 
 DECAY, MIXING = 0.4, 0.25
-"""Of tabulated theatres, about."""
+"""DECAY and MIXING of the module's docstring: about those of tabulated theatres."""
 CAUTION = 2.0
 TRIED = {
     "size": (0.003, 0.006, 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4),
@@ -85,7 +85,7 @@ class Core:
     expectation
         What was expected.
     uncertainty
-        Of C.
+        Uncertainty of C.
     """
 
     core: Floats
@@ -97,6 +97,12 @@ class Core:
     degrees: int
     expectation: Expectation
     uncertainty: Uncertainty
+
+    def shown(self, responses: Responses, primary: int) -> Floats:
+        """(photograph, place) light by this fit; what was seen where no place counts."""
+        reflected = responses.excitation[:, primary] @ self.core.T @ responses.functions
+        light = self.gain * (responses.direct[..., primary] + reflected) + self.ambient
+        return np.where(self.counted, light, responses.value[..., primary])
 
 
 @final
@@ -345,7 +351,7 @@ class _System:
         return np.asarray(found.reshape(self._count, -1))
 
     def uncertainty(self, expectation: Expectation, mean: float) -> Uncertainty:
-        """Of the most probable core."""
+        """Uncertainty of the most probable core."""
         return Uncertainty(self._factor(expectation, mean), self._turn)
 
     def most_probable(self, start: Expectation, mean: float) -> Expectation:

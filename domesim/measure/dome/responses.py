@@ -9,6 +9,7 @@ brighten as it should, and the fit leaves it out (`domesim.measure.dome.reflecte
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -22,6 +23,7 @@ from domesim.measure.dome.camera import SURFACES, looked_at, places_in
 from domesim.measure.dome.photographs import (
     MARGIN,
     Photographs,
+    PixelNoise,
     away_from_edges,
     direct_light,
     pixel_noise,
@@ -37,7 +39,9 @@ BINS = 72
 _CELLS = 4
 """Areas a side of a photograph in which noise is measured."""
 _MEDIAN = float(chi2.median(1))
-"""Of the square of a standard normal number."""
+"""Median of the square of a standard normal number."""
+_EDGE = 50.0
+"""Times the median's variance from which on a difference is an edge; heavy tails reach far."""
 _FINEST = 256
 """Pixels a side of patterns, of which finer detail does not show in reflected light."""
 
@@ -59,6 +63,10 @@ class Responses:
         (photograph,) index of the pattern that each shows.
     basis, functions
         Functions on the screen, and (function, place) their values.
+    noise
+        Of a pixel, by photograph and primary.
+    pixels
+        Of a place.
     """
 
     value: Floats
@@ -68,9 +76,19 @@ class Responses:
     pattern: NDArray[np.int64]
     basis: ScreenBasis
     functions: Floats
+    noise: Sequence[Sequence[PixelNoise]]
+    pixels: int
+
+    def weighed(self, light: Floats) -> Responses:
+        """The same with the noise of places that show that much light, `value`'s shape."""
+        variance = np.empty_like(self.variance)
+        for shot, each in enumerate(self.noise):
+            for primary, noise in enumerate(each):
+                variance[shot, :, primary] = noise(light[shot, :, primary]) / self.pixels
+        return replace(self, variance=np.where(np.isfinite(self.variance), variance, np.inf))
 
     def only(self, kept: NDArray[np.bool_]) -> Responses:
-        """Those of some photographs (photograph,) bool."""
+        """Responses of some photographs, chosen by (photograph,) bool."""
         return replace(
             self,
             value=self.value[kept],
@@ -78,6 +96,7 @@ class Responses:
             direct=self.direct[kept],
             excitation=self.excitation[kept],
             pattern=self.pattern[kept],
+            noise=[each for each, one in zip(self.noise, kept, strict=True) if one],
         )
 
 
@@ -100,7 +119,7 @@ def responses_of(
     photographs
         What was seen of them.
     degree
-        Of the functions on the screen.
+        Degree of the functions on the screen.
     margin
         Distance that is kept from edges, radians of the camera's view.
 
@@ -127,6 +146,7 @@ def responses_of(
     shape = len(light), -(-size[0] // step), -(-size[1] // step), 3
     value, variance = np.zeros(shape), np.full(shape, np.inf)
     direct = np.zeros(shape)
+    noises: list[list[PixelNoise]] = [[] for _ in light]
     for pattern, one in enumerate(lit):
         seen = np.zeros((*size, 3))
         seen[on_screen] = one[row, col]
@@ -136,14 +156,14 @@ def responses_of(
         for shot in np.flatnonzero(photographs.pattern == pattern):
             direct[shot] = _blocks(seen, step)
             value[shot] = _blocks(light[shot], step)
-            noise = _variance(light[shot], clear, bright, value[shot]) / step**2
-            variance[shot][whole] = noise[whole]
+            noises[shot] = _noise(light[shot], clear, bright)
+            variance[shot][whole] = 1.0
     counted = np.isfinite(variance).any((0, 3))
     theta = np.arccos(np.clip(rays[..., 2], -1, 1)) / dome.half_angle
     scale = theta / np.maximum(np.hypot(rays[..., 0], rays[..., 1]), 1e-300)
     basis = ScreenBasis(dome, degree)
     u, v = (_blocks(rays[..., axis] * scale, step)[counted] for axis in (0, 1))
-    return Responses(
+    told = Responses(
         value=value[:, counted],
         variance=variance[:, counted],
         direct=direct[:, counted],
@@ -151,7 +171,10 @@ def responses_of(
         pattern=photographs.pattern,
         basis=basis,
         functions=basis.at(u, v),
+        noise=noises,
+        pixels=step**2,
     )
+    return told.weighed(told.value)
 
 
 def screen_alone(theatre: Theatre) -> Theatre:
@@ -183,26 +206,28 @@ def _blocks(picture: Floats, step: int) -> Floats:
     return np.asarray(parts.mean((1, 3)).reshape(*parts.shape[:3:2], *picture.shape[2:]))
 
 
-def _variance(
-    light: Floats, clear: NDArray[np.bool_], bright: NDArray[np.bool_], level: Floats
-) -> Floats:
-    """(row, col, primary): variance of one pixel at levels, from differences of neighbours.
+def _noise(light: Floats, clear: NDArray[np.bool_], bright: NDArray[np.bool_]) -> list[PixelNoise]:
+    """Noise of a pixel in each primary, from differences of neighbours.
 
-    Medians over parts of the picture, lit and dark ones apart, as edges of what hides the screen
-    are no noise.
+    Means over parts of the picture, lit and dark ones apart, of all differences but those that are
+    much larger than the median: edges of what hides the screen are no noise.
     """
     down, across = (np.arange(size) * _CELLS // size for size in light.shape[:2])
     label = np.where(clear, 2 * (down[:, None] * _CELLS + across) + bright, -1)
     pairs = (label[:, 1:] == label[:, :-1]) & (label[:, 1:] >= 0)
     own = label[:, 1:][pairs]
     count = np.bincount(own, minlength=2 * _CELLS**2)
-    result = np.empty_like(level)
+    result = []
     some = np.flatnonzero(count)
     for primary in range(3):
         plane = light[..., primary]
         near = plane[:, 1:][pairs], plane[:, :-1][pairs]
         levels, local = np.zeros((2, len(count)))
         levels[some] = median((near[0] + near[1]) / 2, own, some)
-        local[some] = median((near[0] - near[1]) ** 2 / 2, own, some) / _MEDIAN
-        result[..., primary] = pixel_noise(levels, local, count)(level[..., primary])
+        square = (near[0] - near[1]) ** 2 / 2
+        local[some] = median(square, own, some) / _MEDIAN
+        small = square <= _EDGE * local[own]
+        number = np.maximum(np.bincount(own[small], minlength=len(count)), 1)
+        local = np.bincount(own[small], square[small], minlength=len(count)) / number
+        result.append(pixel_noise(levels, local, count))
     return result

@@ -61,7 +61,7 @@ def survey_of_spots(
     theatre, patterns, known, profile
         As for `survey_of`.
     readings
-        Of a luminance or lux meter.
+        Readings of a luminance or lux meter.
     weights
         (primary,) shares of the primaries in the luminance of white.
 
@@ -118,11 +118,11 @@ def survey_of(
     patterns
         (pattern, row, col, primary) light of the projected domemasters.
     photographs
-        Of them.
+        Photographs of the patterns.
     known
-        Of gain, screen, floor and wall.
+        What is known of gain, screen, floor and wall.
     errors
-        Of the description.
+        Errors of the description.
     metered
         Readings that there are beside the photographs.
     profile

@@ -61,7 +61,7 @@ class Metered:
     Parameters
     ----------
     readings
-        Of a luminance or lux meter.
+        Readings of a luminance or lux meter.
     weights
         (primary,) shares of the primaries in the luminance of white.
     white

@@ -30,7 +30,7 @@ from domesim.scene.writing import as_toml
 Floats = NDArray[np.float64]
 
 DEGREE = 6
-"""Of the functions on the screen, as of tabulated transports."""
+"""Degree of the functions on the screen, the same as that of tabulated transports."""
 _AMBIENT_DEGREE = 3
 _FADING = 0.4
 """Standard deviation of ambient light's parts of one degree over that of the degree below."""
@@ -83,7 +83,7 @@ class Found:
 
     @property
     def misfit(self) -> float:
-        """By which standard errors have been widened for residuals beyond noise."""
+        """Factor by which standard errors have been widened for residuals beyond noise."""
         return float(np.sqrt(max(1.0, self.chi2 / self.degrees)))
 
 
@@ -114,7 +114,11 @@ def found_in(responses: Responses, theatre: Theatre) -> Found:
         If they cannot tell direct from reflected light, if no pattern can be left out, or if they
         are not what light of the patterns can look like.
     """
-    cores = [fitted(responses, p) for p in range(3)]
+    seen = [fitted(responses, p) for p in range(3)]
+    responses = responses.weighed(
+        np.stack([core.shown(responses, p) for p, core in enumerate(seen)], -1)
+    )
+    cores = [fitted(responses, p, core.expectation, core.core) for p, core in enumerate(seen)]
     chi2, degrees = sum(core.chi2 for core in cores), sum(core.degrees for core in cores)
     if degrees <= 0 or chi2 > _MOST_MISFIT * degrees:
         raise InputError(

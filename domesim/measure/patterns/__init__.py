@@ -106,7 +106,7 @@ class Codes:
     Parameters
     ----------
     bits
-        Of a sample.
+        Bits of a sample.
     floating
         Whether it is a float.
     transfer

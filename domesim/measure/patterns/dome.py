@@ -184,7 +184,7 @@ def _registration(dome: Dome) -> Pattern:
 
 
 def _markers(dome: Dome) -> list[dict[str, float]]:
-    """Those on the screen: where their middle is."""
+    """Markers on the screen: places of their middles, and their radii."""
     half, size = np.degrees(dome.half_angle), MARKER * np.degrees(dome.half_angle)
     rings = [(azimuth, share * half) for share in (0.3, 0.6, 0.9) for azimuth in range(0, 360, 30)]
     found = [(azimuth, angle, size * LARGER.get(azimuth, 1.0)) for azimuth, angle in rings]
@@ -234,7 +234,7 @@ def _azimuth(directions: Directions) -> NDArray[np.float64]:
 
 
 def _angle(directions: Directions) -> NDArray[np.float64]:
-    """From the zenith, radians."""
+    """Angles from the zenith, radians."""
     return np.asarray(np.arccos(np.clip(directions[..., 2], -1, 1)))
 
 

@@ -38,7 +38,7 @@ class Night:
     samples
         Paths to the pixel: a power of four, for an even spread.
     seed
-        Of everything random: same seed, same picture.
+        Seed of everything random: same seed, same picture.
     tilt
         Degrees by which the theatre is tilted towards the front: so far the picture reaches below
         the horizon there.
@@ -100,7 +100,7 @@ def directions(across: Floats, down: Floats, tilt: float) -> Floats:
     across, down
         Position on the picture, -1..1 from left to right and from top to bottom.
     tilt
-        Of the theatre towards the front, degrees.
+        Tilt of the theatre towards the front, degrees.
     """
     polar = np.hypot(across, down) * (np.pi / 2)
     scale = np.sinc(polar / np.pi) * (np.pi / 2)

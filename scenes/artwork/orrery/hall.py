@@ -18,7 +18,7 @@ RADIUS = 15.0
 SPRING = 6.4
 """Height where the roof begins."""
 CROWN = 9.6
-"""Of the roof above the spring, to where its ribs would meet."""
+"""Height of the roof above the spring, to where its ribs would meet, m."""
 BAYS = 24
 
 

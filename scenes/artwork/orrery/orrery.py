@@ -27,7 +27,7 @@ from domesim.pathtrace.solids import (
 from scenes.artwork.night.noise import Floats
 
 CENTRE = np.array([0.0, 3.2, 6.6])
-"""Of the sun, in the hall."""
+"""Place of the sun in the hall, m."""
 
 LEAN = np.radians(15.0)
 FRAME = np.array(
@@ -52,7 +52,7 @@ class Body:
     name
         Which surface it has.
     radius
-        Of the ball, m.
+        Radius of the ball, m.
     orbit
         Radius of its orbit, m.
     turns
@@ -62,7 +62,7 @@ class Body:
     spins
         Turns about its own axis in a loop.
     tilt
-        Of that axis, degrees.
+        Tilt of that axis, degrees.
     moons
         Bodies that go round it.
     """
@@ -91,7 +91,7 @@ PLANETS = (
 )  # fmt: skip
 
 RINGS = ((0.64, 0.76, 0.30), (0.78, 0.96, 0.85), (1.00, 1.13, 0.60), (1.15, 1.18, 0.35))
-"""Of the ringed planet: inner and outer radius (m), and how bright."""
+"""Rings of the ringed planet: inner and outer radius (m), and brightness."""
 
 
 @final
@@ -122,7 +122,7 @@ class Orrery:
     Parameters
     ----------
     seed
-        Of everything random: where the planets start, their surfaces, the stars.
+        Seed of everything random: where the planets start, their surfaces, the stars.
     loop
         Seconds after which everything is where it was.
     """

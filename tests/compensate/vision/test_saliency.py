@@ -7,7 +7,7 @@ import pytest
 
 from compensate.vision.saliency import (
     _activation,
-    _concentration,
+    _faded,
     _features,
     _kernel,
     gbvs,
@@ -54,14 +54,6 @@ def test_activation_is_the_equilibrium_of_the_walk(name):
     np.testing.assert_allclose(ours, expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["any", "two values"])
-def test_concentration_is_the_equilibrium_of_the_walk(name):
-    activation = MAPS[name]
-    expected = walked(activation * distances(GRID))
-    ours = _concentration(activation, _kernel(GRID, 0.3))
-    np.testing.assert_allclose(ours, expected, atol=1e-12)
-
-
 def scene(*, shape=(108, 204), colour=(0.2, 0.2, 0.2)):
     return np.broadcast_to(np.array(colour), (*shape, 3)).copy()
 
@@ -91,9 +83,12 @@ def bars(odd):
     return picture
 
 
-@pytest.mark.parametrize("odd", [1, 7, 9, 10, 14])
-@pytest.mark.parametrize("picture", [discs, bars])
+@pytest.mark.parametrize(
+    ("picture", "odd"),
+    [(discs, odd) for odd in (1, 7, 9, 10, 14)] + [(bars, odd) for odd in (7, 9, 10)],
+)
 def test_the_odd_one_out_is_salient(picture, odd):
+    """Bars near the border are left out: orientation is faded there, as in the authors' program."""
     saliency = gbvs(picture(odd))
     at = [saliency[r - 7 : r + 8, c - 7 : c + 8].mean() for r, c in centres()]
     assert int(np.argmax(at)) == odd
@@ -186,14 +181,29 @@ def test_light_is_seen_encoded():
     assert saliency[54, 50] > 1.1 * saliency[54, 153]
 
 
-def test_all_features_are_of_code_values():
-    """Colour, too: the author's program is given pictures as files hold them."""
+def test_colours_are_of_light_and_intensity_of_the_largest_code_value():
+    """The author's program is given code values; it decodes them for the opponent colours alone."""
     np.testing.assert_allclose(  # IEC 61966-2-1
         SRGB().encode(np.array([0.0, 0.002, 0.2140411, 1.0])), [0, 0.02584, 0.5, 1], atol=1e-6
     )
     picture = np.kron([[0.2140411, 1.0]], np.ones((40, 20)))[..., None] * [1.0, 0.0, 0.0]
-    for feature, _ in _features(picture, (4, 4))[:4]:
-        assert feature[0, 0] / feature[0, 3] == pytest.approx(0.5)
+    *colours, intensity = [feature for feature, _ in _features(picture, (4, 4))[:4]]
+    for colour in colours:
+        assert colour[0, 0] / colour[0, 3] == pytest.approx(0.2140411)
+    assert intensity[0, [0, 3]] == pytest.approx([0.5, 1.0])  # not a third of it
+
+
+def test_borders_are_faded():
+    """Ramps of k / (border + 1); where two borders meet, halfway."""
+    np.testing.assert_allclose(
+        _faded(np.ones((1, 9)), 4), [[0.2, 0.4, 0.6, 0.8, 1, 0.8, 0.6, 0.4, 0.2]]
+    )
+    np.testing.assert_allclose(_faded(np.ones((4, 1)), 9).T, np.array([[1, 2, 2, 1]]) / 3)
+    picture = scene()
+    for col in (4, 96):  # no intensity, and so no orientation
+        picture[46:62, col : col + 12] = (0.2, 0.1, 0.2)
+    saliency = gbvs(picture)
+    assert saliency[54, 10] < 0.8 * saliency[54, 102]
 
 
 def test_a_picture_of_black_and_white():

@@ -8,7 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -48,6 +48,11 @@ on_each_debian = pytest.mark.parametrize(
         for major in (14, 15)
     ],
 )
+
+
+def choose_llvm(environment: Mapping[str, str]) -> Backend:
+    """`choose_backend` where no GPU is looked for."""
+    return llvm._choose_llvm(environment, llvm._Memory())
 
 
 @pytest.fixture(autouse=True)
@@ -171,7 +176,7 @@ def test_nothing_at_all_falls_back_to_scalar() -> None:
 @needs_wheel
 def test_wheel_is_found_and_renders(started: list[str]) -> None:
     assert WHEEL is not None
-    choice = choose_backend({})
+    choice = choose_llvm({})
     assert choice.path == WHEEL.path
     assert choice.variant == "llvm_ad_rgb"
     assert choice.version is not None
@@ -190,7 +195,7 @@ def test_wheel_is_found_and_renders(started: list[str]) -> None:
 @on_each_debian
 def test_debians_old_library_gives_way_to_the_wheel(major: int) -> None:
     assert WHEEL is not None
-    choice = choose_backend({VARIABLE: str(DEBIAN[major])})
+    choice = choose_llvm({VARIABLE: str(DEBIAN[major])})
     assert choice.path == WHEEL.path
     assert f"passed over {DEBIAN[major]}: version {major} by its name" in choice.summary
 
@@ -208,7 +213,7 @@ def test_debians_old_libraries_alone_are_not_used(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.usefixtures("bare")
 def test_rendering_alone_would_have_found_out_15(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(llvm, "OLDEST", 0)
-    choice = choose_backend({VARIABLE: str(DEBIAN[15])})
+    choice = choose_llvm({VARIABLE: str(DEBIAN[15])})
     assert choice.path is None
     assert "crashed with signal 6 while rendering" in choice.why
 
@@ -217,7 +222,7 @@ def test_rendering_alone_would_have_found_out_15(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("bad", BAD)
 def test_bad_file_is_passed_over(bad: Callable[[Path], Path], tmp_path: Path) -> None:
     path = bad(tmp_path / "bad")
-    choice = choose_backend({VARIABLE: str(path)})
+    choice = choose_llvm({VARIABLE: str(path)})
     assert choice.path is None
     assert f"passed over {path}: " in choice.why
     assert BAD[bad] in choice.why
@@ -233,7 +238,7 @@ def test_library_that_aborts_does_not_take_us_along(
     tmp_path: Path, condition: str, doing: str
 ) -> None:
     library = fake_library(tmp_path, ABORT_WHEN.format(condition=condition))
-    choice = choose_backend({VARIABLE: str(library)})
+    choice = choose_llvm({VARIABLE: str(library)})
     assert choice.path is None
     assert f"{library}: crashed with signal 6 while {doing}" in choice.why
 
@@ -241,7 +246,7 @@ def test_library_that_aborts_does_not_take_us_along(
 @needs_compiler
 @pytest.mark.usefixtures("bare")
 def test_library_of_the_right_version_that_is_no_llvm_is_passed_over(tmp_path: Path) -> None:
-    choice = choose_backend({VARIABLE: str(reporting(tmp_path, 19))})
+    choice = choose_llvm({VARIABLE: str(reporting(tmp_path, 19))})
     assert choice.path is None
     assert "LLVM backend is inactive" in choice.why
 
@@ -251,7 +256,7 @@ def test_library_of_the_right_version_that_is_no_llvm_is_passed_over(tmp_path: P
 @pytest.mark.parametrize(("major", "accepted"), [(16, False), (17, False), (18, True), (23, True)])
 def test_version_decides(tmp_path: Path, major: int, accepted: bool) -> None:
     library = reporting(tmp_path, major)
-    choice = choose_backend({VARIABLE: str(library)})
+    choice = choose_llvm({VARIABLE: str(library)})
     assert (choice.path == library) is accepted
     assert choice.version == ((major, 1, 2) if accepted else None)
     assert accepted or f"version {major}, 18 or later is needed" in choice.why
@@ -262,7 +267,7 @@ def test_version_decides(tmp_path: Path, major: int, accepted: bool) -> None:
 def test_library_without_a_version_is_too_old(tmp_path: Path) -> None:
     library = fake_library(tmp_path, "int nothing;")
     assert query_version(library) == (0, 0, 0)
-    assert "no LLVMGetVersion" in choose_backend({VARIABLE: str(library)}).why
+    assert "no LLVMGetVersion" in choose_llvm({VARIABLE: str(library)}).why
 
 
 @needs_compiler
@@ -289,7 +294,7 @@ def test_no_process_to_probe_in_is_no_error(monkeypatch: pytest.MonkeyPatch) -> 
 @needs_wheel
 def test_the_wheel_set_by_ourselves_keeps_its_companions() -> None:
     assert WHEEL is not None
-    choice = choose_backend({VARIABLE: str(WHEEL.path)})
+    choice = choose_llvm({VARIABLE: str(WHEEL.path)})
     assert (choice.path, choice.found) == (WHEEL.path, WHEEL.found)
     assert choice.companions == WHEEL.companions
 
@@ -297,7 +302,7 @@ def test_the_wheel_set_by_ourselves_keeps_its_companions() -> None:
 @pytest.mark.usefixtures("bare")
 @pytest.mark.parametrize("value", ["", NOTHING])
 def test_a_variable_that_names_no_library_is_none(value: str) -> None:
-    assert choose_backend({VARIABLE: value}).passed_over == ()
+    assert choose_llvm({VARIABLE: value}).passed_over == ()
 
 
 @needs_compiler
@@ -308,8 +313,8 @@ def test_the_user_goes_before_the_system_and_the_system_before_scalar(
     mine, theirs = reporting(tmp_path / "mine", 18), reporting(tmp_path / "theirs", 19)
     monkeypatch.setattr(llvm, "_wheel", lambda: None)
     monkeypatch.setattr(llvm, "_system", lambda: [theirs])
-    assert choose_backend({VARIABLE: str(mine)}).path == mine
-    assert choose_backend({}) == Backend("llvm_ad_rgb", "system", theirs, (19, 1, 2))
+    assert choose_llvm({VARIABLE: str(mine)}).path == mine
+    assert choose_llvm({}) == Backend("llvm_ad_rgb", "system", theirs, (19, 1, 2))
 
 
 # What the probes said is remembered.
@@ -319,19 +324,19 @@ def test_the_user_goes_before_the_system_and_the_system_before_scalar(
 @pytest.mark.usefixtures("bare", "trusting")
 def test_known_library_starts_no_process(tmp_path: Path, started: list[str]) -> None:
     environment = {VARIABLE: str(reporting(tmp_path, 19))}
-    first = choose_backend(environment)
+    first = choose_llvm(environment)
     assert first.path is not None
     assert len(started) == 1
-    assert choose_backend(environment) == first
+    assert choose_llvm(environment) == first
     assert len(started) == 1
 
 
 @pytest.mark.usefixtures("bare")
 def test_known_failure_starts_no_process(tmp_path: Path, started: list[str]) -> None:
     environment = {VARIABLE: str(random_bytes(tmp_path / "bad"))}
-    first = choose_backend(environment)
+    first = choose_llvm(environment)
     assert len(started) == 1
-    assert choose_backend(environment) == first
+    assert choose_llvm(environment) == first
     assert len(started) == 1
 
 
@@ -351,7 +356,7 @@ def test_a_change_starts_a_new_probe(
     tmp_path: Path, started: list[str], monkeypatch: pytest.MonkeyPatch, change: str
 ) -> None:
     library = reporting(tmp_path, 19)
-    choose_backend({VARIABLE: str(library)})
+    choose_llvm({VARIABLE: str(library)})
     if change == "mtime":
         status = library.stat()
         os.utime(library, ns=(status.st_atime_ns, status.st_mtime_ns + 1_000))
@@ -362,7 +367,7 @@ def test_a_change_starts_a_new_probe(
         monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
     else:
         monkeypatch.setattr(llvm.platform, "node", lambda: "another")
-    choose_backend({VARIABLE: str(library)})
+    choose_llvm({VARIABLE: str(library)})
     assert len(started) == 2
 
 
@@ -385,7 +390,7 @@ def test_what_may_be_the_machines_load_is_not_remembered(
     patience = 0.5 if fault == "timeout" else 20.0
     monkeypatch.setattr(llvm, "_run", lambda *args, **_: run(*args[:4], patience))
     library = reporting(tmp_path, 19)
-    assert not choose_backend({VARIABLE: str(library)}).vectorised
+    assert not choose_llvm({VARIABLE: str(library)}).vectorised
     assert not memory.exists()
 
 
@@ -426,9 +431,9 @@ def test_damaged_memory_is_ignored(
     tmp_path: Path, memory: Path, started: list[str], how: str
 ) -> None:
     environment = {VARIABLE: str(reporting(tmp_path, 19))}
-    first = choose_backend(environment)
+    first = choose_llvm(environment)
     spoil(memory, how)
-    assert choose_backend(environment) == first
+    assert choose_llvm(environment) == first
     assert len(started) == 2
 
 
@@ -440,7 +445,7 @@ def test_memory_that_cannot_be_written_is_ignored(
     # Not by permissions: root may write everywhere.
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    assert choose_backend({VARIABLE: str(reporting(tmp_path, 19))}).vectorised
+    assert choose_llvm({VARIABLE: str(reporting(tmp_path, 19))}).vectorised
 
 
 def test_memory_without_a_home_is_ignored(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 import pytest
-from survey_rooms import PATTERNS, THEATRE
+import survey_rooms
 
 from domesim.errors import InputError
+from domesim.measure.dome import run
 from domesim.measure.dome.fit import Known
 from domesim.measure.dome.model import Interreflection
 from domesim.measure.dome.run import survey_of_spots
 from domesim.measure.dome.spots import Reading, evidence_of
 from domesim.observation.radiosity import radiosity
-from domesim.room.theatre import Floor, Theatre
+from domesim.room.theatre import Floor
 from validation.statistics import assert_unbiased
 
 WEIGHTS = np.array([0.2, 0.7, 0.1])
 BLACK, WHITE, FRONT = 0, 1, 2
+PATTERNS, THEATRE = survey_rooms.PATTERNS[:3], survey_rooms.THEATRE
 GREY = replace(THEATRE, albedo=(0.5, 0.5, 0.5), floor=Floor(-1.2, 4.0, (0.2, 0.2, 0.2)))
 PLAN = replace(THEATRE, albedo=(0.3, 0.3, 0.3), floor=Floor(-1.2, 4.0, (0.1, 0.1, 0.1)))
 GAIN = 8.0
@@ -43,13 +46,26 @@ ALL = [
 ]
 
 
-def read(theatre: Theatre, wanted: list, noise: float = 0.01, seed: int | None = None):
-    """What meters show, with some stray light in lux and cd/m²."""
+coarse = partial(Interreflection, resolution=8)
+
+
+@pytest.fixture(autouse=True)
+def _coarse(monkeypatch):
+    """Surveys by the radiosity that readings are of."""
+    monkeypatch.setattr(run, "Interreflection", coarse)
+
+
+@cache
+def model() -> Interreflection:
+    return coarse(GREY, PATTERNS)
+
+
+def read(wanted: list, noise: float = 0.01, seed: int | None = None):
+    """What meters show in GREY, with some stray light in lux and cd/m²."""
     blank = [Reading(pattern, place, unit, 0.0, 1.0) for pattern, place, unit in wanted]
-    seen = evidence_of(theatre, PATTERNS, blank)
-    light = Interreflection(theatre, PATTERNS)
-    albedos = np.array([theatre.albedo[1], theatre.floor.albedo[1]])
-    shown, _ = light.shown(1, albedos, seen.places, light.seen_from(seen.places))
+    seen = evidence_of(GREY, PATTERNS, blank)
+    albedos = np.array([GREY.albedo[1], GREY.floor.albedo[1]])
+    shown, _ = model().shown(1, albedos, seen.places, model().seen_from(seen.places))
     rng = np.random.default_rng(seed)
     readings = []
     for number, one in enumerate(blank):
@@ -62,7 +78,7 @@ def read(theatre: Theatre, wanted: list, noise: float = 0.01, seed: int | None =
 
 
 def test_readings_of_the_model_give_its_albedos_back():
-    found = survey_of_spots(PLAN, PATTERNS, read(GREY, ALL), {}, WEIGHTS, profile=False)
+    found = survey_of_spots(PLAN, PATTERNS, read(ALL), {}, WEIGHTS, profile=False)
     assert np.allclose(found.value[:, 0], (GAIN, 0.5, 0.2), rtol=1e-5)
     assert np.allclose(found.value, found.value[:, :1])
     assert found.ambient * GAIN == pytest.approx([0.02] * 3, rel=1e-4)
@@ -76,7 +92,7 @@ def test_readings_of_the_model_give_its_albedos_back():
 @pytest.mark.long
 def test_errors_of_readings_become_errors_of_albedos():
     runs = [
-        survey_of_spots(PLAN, PATTERNS, read(GREY, ALL, seed=seed), {}, WEIGHTS, profile=False)
+        survey_of_spots(PLAN, PATTERNS, read(ALL, seed=seed), {}, WEIGHTS, profile=False)
         for seed in range(3)
     ]
     value, error = (np.array([getattr(run, name)[:, 0] for run in runs]) for name in
@@ -86,7 +102,7 @@ def test_errors_of_readings_become_errors_of_albedos():
 
 def test_lux_and_luminance_of_one_lit_place_tell_its_albedo():
     pair = [(p, FRONT_PLACE, unit) for p in (BLACK, WHITE) for unit in ("cd/m2", "lux")]
-    readings = read(GREY, pair, noise=0.005)
+    readings = read(pair, noise=0.005)
     known = {"floor": Known((0.2,) * 3)}
     found = survey_of_spots(PLAN, PATTERNS, readings, known, WEIGHTS)
     assert found.complete
@@ -98,12 +114,12 @@ def test_lux_and_luminance_of_one_lit_place_tell_its_albedo():
 
 def test_luminance_of_white_and_black_is_not_enough():
     pair = [(p, FRONT_PLACE, "cd/m2") for p in (BLACK, WHITE)]
-    found = survey_of_spots(PLAN, PATTERNS, read(GREY, pair), {}, WEIGHTS)
+    found = survey_of_spots(PLAN, PATTERNS, read(pair), {}, WEIGHTS)
     assert not found.answered.any()
 
 
 def test_lux_on_the_screen_is_what_radiosity_brings_there():
-    (white,) = read(GREY, [(WHITE, BACK_PLACE, "cd/m2"), (WHITE, BACK_PLACE, "lux")])[1:]
+    (white,) = read([(WHITE, BACK_PLACE, "cd/m2"), (WHITE, BACK_PLACE, "lux")])[1:]
     transport = radiosity(GREY, resolution=8)
     light = np.ones((1, 41, 41, 3))
     seen = transport.observation(41, 41).observe(light)[0, ..., 1]
@@ -119,4 +135,4 @@ def test_places_in_the_air():
 
 def test_readings_of_lux_only():
     with pytest.raises(InputError, match="wanted readings in cd/m2 of the screen"):
-        survey_of_spots(GREY, PATTERNS, read(GREY, [(0, FRONT_PLACE, "lux")]), {}, WEIGHTS)
+        survey_of_spots(GREY, PATTERNS, read([(0, FRONT_PLACE, "lux")]), {}, WEIGHTS)

@@ -105,6 +105,7 @@ def test_the_scene_and_its_transport_compensate(folder, run):
     assert np.all(middle > 0.3 / (1 + 1.2 * white) - 0.01)
 
 
+@pytest.mark.long
 def test_what_was_found_is_told(folder, run):
     out = folder / "told.toml"
     code, said, _ = run(
