@@ -657,7 +657,7 @@ def test_a_folder_that_is_not_utf_8(run: Run, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", ["compensate", "observe"])
 def test_ctrl_c_leaves_whole_frames(tmp_path: Path, out: Path, command: str) -> None:
-    count = 1999
+    count = 599
     pattern = sequence(tmp_path / "s", range(1, count + 1))
     arguments = [command, str(pattern), "--scene", SCENE, "--out", str(out)]
     process = subprocess.Popen(
@@ -963,13 +963,13 @@ def test_a_transport_with_any_byte_changed(
     """It is refused, or what was changed does not matter (dates, the folder of the archive)."""
     master, refused = store(tmp_path / "m.exr"), 0
     size = table.stat().st_size
-    for at in range(0, size, size // 60):
+    for at in range(0, size, size // 40):
         damaged = changed(tmp_path / "d.npz", table, at)
         outcome = run("observe", master, "--scene", SCENE, "--transport", damaged, "--out", out)
         if outcome.code:
             outcome.is_refused("d.npz")
             refused += 1
-    assert refused > 30
+    assert refused > 20
 
 
 def test_the_transport_above_works_undamaged(

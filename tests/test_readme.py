@@ -7,29 +7,21 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
 import jsonschema
 import pytest
-from command_line import exit_code
 from documented import commands, play
 from pydantic import BaseModel
 
 from compensate.methods import STEREO
 from domesim import scene
 from domesim.errors import InputError
-from domesim.frames import read_frame, write_frame
-from domesim.pathtrace import tabulate
-from domesim.pathtrace.tracer import Settings
 from validation.readme import PAGES, RESULTS, ROOT, brought_up_to_date, written
 from validation.report import schema
 
 README = (ROOT / "README.md").read_text()
-NIGHT = "scenes/masters/night.exr"
-QUICKER = {"0.005": "0.05", "96": "32", "320": "96"}
-"""Errors and sizes that the README's commands ask for, and those that do for a test."""
 
 
 @pytest.fixture(scope="module")
@@ -37,16 +29,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Looks like the repository to the commands, but takes their outputs."""
     path = tmp_path_factory.mktemp("readme")
     (path / "scenes").symlink_to(ROOT / "scenes")
-    return path
-
-
-@pytest.fixture(scope="module")
-def small_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same with each fourth pixel of the night scene."""
-    path = tmp_path_factory.mktemp("small")
-    (path / "scenes" / "masters").mkdir(parents=True)
-    night = read_frame(ROOT / NIGHT)
-    write_frame(replace(night, pixels=night.pixels[::4, ::4].copy()), path / NIGHT)
     return path
 
 
@@ -70,22 +52,8 @@ def test_there_are_commands():
 def test_as_it_stands(folder, monkeypatch):
     """Each command is a process of its own; later ones take what earlier ones wrote."""
     monkeypatch.chdir(folder)
-    play("README.md", lambda *arguments: run(folder, *arguments).returncode, {})
-
-
-@pytest.fixture
-def _few_walks(monkeypatch):
-    """Batches, and pixels of lamps' light, that are noisier than the program's."""
-    monkeypatch.setattr(tabulate, "LANES", 1 << 12)
-    monkeypatch.setattr(tabulate, "Settings", lambda **given: Settings(**{**given, "error": 0.05}))
-
-
-@pytest.mark.usefixtures("_few_walks")
-def test_on_a_small_picture(small_folder, monkeypatch):
-    """In one process."""
-    monkeypatch.chdir(small_folder)
-    names = play("README.md", exit_code, QUICKER)
-    assert names["seen"].shape == (1, 256, 256, 3)
+    names = play("README.md", lambda *arguments: run(folder, *arguments).returncode, {})
+    assert names["seen"].shape == (1, 1024, 1024, 3)
     assert Path("project.exr").is_file()
 
 

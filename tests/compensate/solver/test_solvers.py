@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tracemalloc
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -228,6 +229,12 @@ def chessboard(size: int, dtype: type) -> tuple[Problem, np.ndarray]:
     return posed.problem, posed.subtractive
 
 
+@cache
+def cost_of_another_solver(size, dtype):
+    posed, start = chessboard(size, dtype)
+    return Accelerated(max_iterations=5000, tolerance=1e-4)(posed, start).cost
+
+
 @pytest.mark.parametrize("whole", [True, False])
 @pytest.mark.parametrize(("size", "dtype"), [(16, np.float64), (24, np.float32)])
 def test_acceleration_stalls_no_run(size, dtype, whole, monkeypatch):
@@ -238,8 +245,7 @@ def test_acceleration_stalls_no_run(size, dtype, whole, monkeypatch):
     result = ADMM()(posed, start)
     assert result.status is Status.CONVERGED
     assert result.iterations < (250 if whole else 400)
-    other = Accelerated(max_iterations=5000, tolerance=1e-4)(posed, start)
-    assert result.cost <= other.cost * (1 + 1.1e-3)
+    assert result.cost <= cost_of_another_solver(size, dtype) * (1 + 1.1e-3)
 
 
 def test_the_default_stops_at_a_thousandth():

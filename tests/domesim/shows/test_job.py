@@ -126,8 +126,7 @@ def one_of_two_starts(folder: Path) -> None:
     assert not list((folder / "out/job/clients").iterdir())
 
 
-@pytest.mark.parametrize("start", range(3))
-def test_two_starts_never_make_two_settings(start: int, tmp_path: Path) -> None:
+def test_two_starts_never_make_two_settings(tmp_path: Path) -> None:
     one_of_two_starts(tmp_path)
 
 
