@@ -69,7 +69,7 @@ bench: $(READY) ## Cost of the solvers: FFTs, iterations, certified gaps
 	@$(BIN)/domesim bench --out out/bench
 
 masters: $(READY) ## Render the bundled masters anew (minutes)
-	@$(BIN)/python -m domesim.pathtrace.night --out scenes/masters/night.exr
+	@$(BIN)/python -m scenes.artwork.night --out scenes/masters/night.exr
 
 gallery: $(READY) ## Render the pictures of docs/theatres.md anew (half an hour)
 	@$(BIN)/python -m validation.gallery docs/theatres

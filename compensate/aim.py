@@ -26,7 +26,8 @@ places take the mean in which a pixel counts by its darkness, so that nothing br
 their base and leaves a dark rim; what stands out from that by `edge` takes the plain one. Some
 saturated colours still need less light of one primary than is there. Exact clipping would turn a
 blue sky purple. So a share of what is missing in the worst primary is added to the others, in
-places that are lifted anyhow.
+places that are lifted anyhow. B and v are known by blocks of half a degree, and linear in between:
+what they cost does not grow with the picture.
 
 *Pairs.* A ghost is missing light in one place of one eye. Its own light cannot be hidden, but its
 edges can, which are none of the picture's and hinder fusion (section 1): just outside a ghost g the
@@ -34,9 +35,9 @@ aim has a *veil*, of the scales s from half of `reach` down by octaves,
 
     V = max_s min(lift G_s g, G_s g² / G_s g),    aim = m + max(V - g, 0) / (1 + Y_V / f (Y_m + c))
 
-G_s is a local mean. The second term is the mean of g weighted by itself, which limits a veil to the
-ghost's own brightness. On black, a veil is seen as well as the ghost that it hides: the more it
-stands out from the master's luminance Y_m, the fainter it is.
+G_s is a local mean, known as finely as it is smooth. The second term is the mean of g weighted by
+itself, which limits a veil to the ghost's own brightness. On black, a veil is seen as well as the
+ghost that it hides: the more it stands out from the master's luminance Y_m, the fainter it is.
 
 Display-adaptive tone mapping has the same idea for whole displays: R. Mantiuk, S. Daly, L.
 Kerofsky, "Display Adaptive Tone Mapping", ACM Trans. Graph. 27(3), 2008. How the numbers were
@@ -47,18 +48,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from typing import TypeAlias, final
 
-import numpy as np
-
-from compensate.means import guided, smooth
+from compensate.means import block_means, block_sums, enlarged, guided, smooth
 from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError, require_not_negative, require_positive
 from domesim.light import Array, Light, namespace, total
 
-_OCTAVES = 4
-_NEARBY = 0.08  # degrees: the luminance that a veil stands out from
+OCTAVES = 4
+"""Scales of veils."""
+NEARBY = 0.08
+"""Degrees around in which a veil stands out from luminance."""
+BLOCKS = 2
+"""A degree: how finely a dome's base is known. Its mean is over `Aim.reach`, four of them."""
+_BOXED = 2  # standard deviations of a veil's means, in blocks: from this to twice as many
 _TINY = 1e-9  # of white
 
 
@@ -182,7 +186,7 @@ def with_hue(aim: Aim, wanted: Light, aimed: Light, floor: Light) -> Light:
     wanted, aimed
         (1, row, col, primary) the master and its aim.
     floor
-        Of what shows the aim.
+        Light that is there without any of its own, of what shows the aim.
     """
     xp = namespace(wanted)
     missing = xp.maximum(floor - aimed, xp.zeros_like(aimed))
@@ -206,23 +210,50 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
         What subtraction shows too much, at least 0, of the same shape.
     """
     xp = namespace(wanted)
+    sigmas = scales(aim, sight)
+    fine, size = veil_block(sigmas[-1]), wanted.shape[1:3]
     ghosts = xp.moveaxis(left, -1, 1)  # (view, primary, row, col)
-    veil = xp.zeros_like(ghosts)
-    own = veil
-    for octave in range(_OCTAVES):
-        sigma = aim.reach * sight.density / 2 ** (octave + 1)
-        mean = smooth(ghosts, sigma)
-        peak = smooth(ghosts**2, sigma) / xp.maximum(mean, xp.full_like(mean, _TINY))
-        veil = xp.maximum(veil, xp.minimum(aim.lift * mean, peak))
-        own = peak if octave == 0 else own
-    around = smooth(sight.luminance(wanted), _NEARBY * sight.density) + aim.dark / sight.white
+    ghosts, squares = block_means(ghosts, fine), block_means(ghosts**2, fine)
+    veil = own = xp.zeros_like(ghosts)
+    for octave, sigma in enumerate(sigmas):
+        # An octave's means are known as finely as it is smooth
+        block = veil_block(sigma) // fine
+        mean, square = (
+            smooth(block_means(each, block), sigma / fine / block) for each in (ghosts, squares)
+        )
+        peak = square / xp.maximum(mean, xp.full_like(mean, _TINY))
+        veil = xp.maximum(
+            veil, enlarged(xp.minimum(aim.lift * mean, peak), block, ghosts.shape[-2:])
+        )
+        own = enlarged(peak, block, ghosts.shape[-2:]) if octave == 0 else own
+    luminance = block_means(sight.luminance(wanted), fine)
+    around = smooth(luminance, NEARBY * sight.density / fine) + aim.dark / sight.white
     stands_out = sight.luminance(xp.moveaxis(own, 1, -1)) / around
-    rim = xp.maximum(xp.moveaxis(veil, 1, -1) - left, xp.zeros_like(left))
-    return wanted + rim / (1 + stands_out / aim.faint)[..., None]
+    faint = enlarged(1 / (1 + stands_out / aim.faint), fine, size)
+    rim = xp.moveaxis(enlarged(veil, fine, size), 1, -1) - left
+    return wanted + xp.maximum(rim, xp.zeros_like(rim)) * faint[..., None]
+
+
+def dome_block(density: float) -> int:
+    """Pixels along a side of the blocks of which a dome's base is known; of pixels a degree."""
+    return max(1, round(density / BLOCKS))
+
+
+def scales(aim: Aim, sight: Sight) -> list[float]:
+    """Standard deviations of veils' means, pixels: from half of the reach down by octaves."""
+    return [aim.reach * sight.density / 2 ** (octave + 1) for octave in range(OCTAVES)]
+
+
+def veil_block(sigma: float) -> int:
+    """Pixels along a side of the blocks of which a veil is known that is as smooth as `sigma`."""
+    block = 1
+    while sigma / (2 * block) >= _BOXED:
+        block *= 2
+    return block
 
 
 def _of_primaries(pick: Callable[[Array, Array], Array], light: Light) -> Array:
-    """(view, row, col) `pick` of all primaries: far faster than a reduction over so few."""
+    """(view, row, col): `pick` over all primaries, far faster than a reduction over so few."""
     return reduce(pick, (light[..., p] for p in range(light.shape[-1])))
 
 
@@ -231,38 +262,51 @@ def _gain(aim: Aim, sight: Sight, wanted: Light, floor: Light) -> Array:
     xp = namespace(wanted)
     luminance, dark = sight.luminance(wanted), aim.dark / sight.white
     missing = aim.lift * _missing(aim, sight, sight.luminance(floor) - luminance)
-    radius = max(1, round(aim.reach * sight.density))
-    base = _base(luminance[0, ...] + dark, sight.screen, radius, aim.edge)
+    base = _base(luminance[0, ...] + dark, sight, aim)
     lift = xp.maximum(missing - base / aim.fade, xp.zeros_like(base))
     return (1 + lift / base)[None, ...]
 
 
-def _base(plane: Array, screen: Array, radius: int, edge: float) -> Array:
-    """What the eye is adapted to, of (row, col) luminance above 0."""
+def _base(plane: Array, sight: Sight, aim: Aim) -> Array:
+    """(row, col) luminance that the eye is adapted to, from (row, col) luminance above 0."""
     xp = namespace(plane)
     logs = xp.log(plane)
-    of_all = guided(logs, screen, radius, edge)
-    of_dark = guided(logs, screen, radius, edge, xp.min(plane) / plane)
-    beyond = (logs - of_dark) / edge
+    block = dome_block(sight.density)
+    filtered = partial(
+        guided,
+        logs,
+        sight.screen,
+        max(1, round(aim.reach * sight.density / block)),
+        aim.edge,
+        block=block,
+    )
+    of_all, of_dark = filtered(), filtered(xp.min(plane) / plane)
+    beyond = (logs - of_dark) / aim.edge
     share = xp.minimum(xp.maximum(beyond, xp.zeros_like(beyond)), xp.ones_like(beyond))
     return xp.exp(of_dark + (of_all - of_dark) * share)
 
 
 def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:
-    """Mean light that is missing where most is, over the `darkest` share of the screen."""
+    """Mean of the missing light over the `darkest` share of the screen, where most is missing.
+
+    Places are blocks, as of the base: no single pixel decides, however many there are.
+    """
     xp = namespace(lacking)
-    values = lacking[0, ...][sight.screen]
-    count = max(1, round(aim.darkest * values.shape[0]))
-    if isinstance(values, np.ndarray):  # in a tenth of the time of sorting
-        most = np.partition(values, -count)[-count:]
-    else:
-        most = xp.sort(values, descending=True)[:count]
-    mean: float = float(total(xp.maximum(most, xp.zeros_like(most)))) / most.shape[0]
-    return mean
+    block = dome_block(sight.density)
+    on = xp.astype(sight.screen, lacking.dtype)
+    pixels, sums = block_sums(on, block), block_sums(on * lacking[0, ...], block)
+    counted, sums = pixels[pixels > 0], sums[pixels > 0]
+    means = xp.maximum(sums, xp.zeros_like(sums)) / counted
+    order = xp.argsort(means, descending=True)
+    counted, means = (xp.astype(xp.take(each, order), xp.float64) for each in (counted, means))
+    most = aim.darkest * total(counted)
+    before = xp.cumulative_sum(counted) - counted
+    share = xp.clip(most - before, 0 * counted, counted)
+    return float(total(share * means) / most)
 
 
 def _within(gain: Array, wanted: Light, brightest: Light) -> Array:
-    """The gain, no more than brings the brightest primary to white: hues stay."""
+    """The gain, limited to what brings the brightest primary to white, so that hues stay."""
     xp = namespace(wanted)
     room = _of_primaries(xp.minimum, brightest / xp.maximum(wanted, xp.full_like(wanted, _TINY)))
     return xp.maximum(xp.minimum(gain, room), xp.ones_like(gain))

@@ -26,12 +26,12 @@ _KNOWN = "cpu (NumPy), cuda or cuda:1 (PyTorch), cupy or cupy:1, torch (PyTorch 
 
 
 def on_device(solver: Solver, device: str) -> Solver:
-    """A solver that works on a device, of problems in NumPy.
+    """A solver of problems in NumPy that works on a device.
 
     Parameters
     ----------
     solver
-        What is to be done there.
+        The solver to run there.
     device
         ``cpu``: here, as it is; ``cuda`` or ``cuda:1``: a GPU, by PyTorch; ``cupy`` or ``cupy:1``:
         a GPU, by CuPy; ``torch``: the processor, by PyTorch.
@@ -43,7 +43,7 @@ def on_device(solver: Solver, device: str) -> Solver:
     """
     if device == CPU:
         return solver
-    send = _sender(device)
+    send = sender_to(device)
 
     def solve(problem: Problem, start: Light) -> Result:
         there = problem.sent(send)
@@ -55,8 +55,8 @@ def on_device(solver: Solver, device: str) -> Solver:
     return solve
 
 
-def _sender(device: str) -> Callable[[Array], Array]:
-    """What makes arrays on the device of NumPy's."""
+def sender_to(device: str) -> Callable[[Array], Array]:
+    """Returns a function that makes arrays on the device of NumPy's; see `on_device`."""
     kind, colon, number = device.partition(":")
     numbered = kind in ("cuda", "cupy") and number.isdecimal()
     if kind not in ("cuda", "cupy", "torch") or (colon and not numbered):

@@ -8,8 +8,8 @@ with z_k independent standard normal numbers (`domesim.observation.uncertain`). 
 is a quadratic form in z, whose coefficients are the means of r², r c_k and c_k c_l. Its
 distribution is taken from draws of z, which cost nothing; they are the same ones for each frame.
 What is visible of r is likewise a quadratic form: of weighted r and c_k. There, only a few
-uncorrelated combinations of the c_k are weighted, those of the most light, and one sum of the
-others with random signs: of the light of each of these, its share is taken to be seen.
+uncorrelated combinations of the c_k are weighted, those with the most light. Of the others, one sum
+with random signs is weighted; the share of its light that is visible stands for each of them.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Interval:
 
     @property
     def told(self) -> tuple[float, float, float]:
-        """(low, likely, high)."""
+        """The interval's ends and its median: (low, likely, high)."""
         return self.low, self.likely, self.high
 
     def times(self, unit: float) -> Interval:
@@ -54,7 +54,7 @@ class Interval:
 @final
 @dataclass(frozen=True)
 class Foreseen:
-    """What will be left.
+    """Size of the residual that will be left.
 
     Parameters
     ----------
@@ -69,14 +69,14 @@ class Foreseen:
 
 
 def foreseen(residual: Light, changes: Changes, weigh: Callable[[Light], Array]) -> Foreseen:
-    """What a residual may be in fact.
+    """How large a residual may be in fact.
 
     Parameters
     ----------
     residual
         (seen view, row, col, primary) by all that is known.
     changes
-        Of what is seen.
+        Changes of what is seen.
     weigh
         The vision model, linear.
     """
@@ -102,7 +102,7 @@ def foreseen(residual: Light, changes: Changes, weigh: Callable[[Light], Array])
 
 
 def _roots(square: float | Floats, crossed: Floats, own: Floats, z: Floats) -> Interval:
-    """Of sqrt(square + 2 z'crossed + z'own z) over (draw, change) z."""
+    """Quantiles of sqrt(square + 2 z'crossed + z'own z) over the draws z (draw, change)."""
     drawn = square + 2 * z @ crossed + np.sum((z @ own) * z, axis=1)
     ends = [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2]
     low, likely, high = np.sqrt(np.maximum(np.quantile(drawn, ends), 0))

@@ -1,8 +1,8 @@
 """Counted real 2-D Fourier transforms of planes, on any array library.
 
-A *plane* is one picture-sized 2-D array; one transform of one plane, forward or inverse, counts as
-one FFT, and of a plane a quarter the size as a quarter. NumPy planes go through the fastest library
-that is installed (`transforms`), others through their own library's.
+A *plane* is one picture-sized 2-D array. One transform of one plane, forward or inverse, counts as
+one FFT; that of a plane a quarter the size counts as a quarter. NumPy planes go through the fastest
+library that is installed (`transforms`), others through their own library's.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ import numpy as np
 import scipy.fft
 
 from domesim.light import Array, namespace, total
-from domesim.strips import threads
+from domesim.light.strips import threads
 
 LIBRARIES = ("mkl_fft.interfaces.scipy_fft", "pyfftw.interfaces.scipy_fft")
-"""Of the extra ``fast``: with SciPy's functions, and about twice as fast."""
+"""FFT libraries of the extra ``fast``, the one to prefer first. They have SciPy's functions and are
+about twice as fast."""
 
 
 @final
@@ -80,7 +81,7 @@ class Fourier:
     def dot(self, left: Array, right: Array) -> float:
         """<l, r> of the real planes whose spectra these are (Parseval), summed in float64.
 
-        Of some rows of the spectra, their part of it.
+        If the spectra are some rows of whole ones, it is those rows' part of the sum.
         """
         xp = namespace(left, right)
         # rfft keeps half of the columns: all but the first (and Nyquist's) stand for two
@@ -109,7 +110,7 @@ class Fourier:
 
 @cache
 def transforms() -> Any:
-    """What transforms NumPy planes: one of `LIBRARIES` if it can be imported, else ``scipy.fft``.
+    """The module that transforms NumPy planes: of `LIBRARIES` if it is there, else ``scipy.fft``.
 
     (``numpy.fft`` is 3-4 times slower in float32.) With ``DOMESIM_FAST=0`` in the environment it is
     always ``scipy.fft``.

@@ -4,14 +4,7 @@ With Y the luminance of light, the residual and the ghost of the untouched maste
 
     e = Y(psi(x) - desired)          g = Y(psi(desired) - desired)
 
-(view, row, col) each. Five figures say what became of g:
-
-*Clipped share*: the share of all pixels, of both eyes, where exact clipped subtraction
-(`compensate.solver.deghosting`) would need negative light in some primary. It tells how hard a
-picture is, and is the same for all methods.
-
-*Residual rms*: the root of the mean of e² over both eyes' pixels, in cd/m²; and relative, to that
-of Y(desired).
+(view, row, col) each. Three figures say what became of g:
 
 *Ghost edge energy*:
 
@@ -53,17 +46,13 @@ run another way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
-from compensate.problem import Problem
-from compensate.solver.deghosting import clipped_subtraction, uncorrectable
-from domesim.light import Light
-from domesim.strips import in_strips
+from domesim.light.strips import in_strips
 
 BEST_FREQUENCY = 3.0
 """Where the eye's contrast sensitivity is highest, cycles/degree."""
@@ -75,93 +64,6 @@ EDGES = 0.9
 """Share of the ghost's squared slopes that the edges of its contour hold."""
 
 Floats = NDArray[np.floating[Any]]
-
-
-@final
-@dataclass(frozen=True)
-class Ghosts:
-    """What is left of the ghosts, as the module's docstring defines it.
-
-    Parameters
-    ----------
-    clipped_share
-        Share of pixels where exact subtraction would need negative light, 0..1.
-    residual_rms
-        Root mean square of the residual luminance, cd/m².
-    relative_rms
-        The same relative to the desired picture's.
-    edge_energy
-        Ghost edge energy: 1 for the untouched master, 0 for none.
-    ghost_left
-        Share of the ghost's own edges that is left: 1 for the untouched master, 0 for none,
-        negative where it is overcorrected.
-    """
-
-    clipped_share: float
-    residual_rms: float
-    relative_rms: float
-    edge_energy: float
-    ghost_left: float
-
-
-def measure_ghosts(
-    problem: Problem,
-    light: Light,
-    *,
-    luminance_weights: NDArray[np.floating[Any]],
-    white: float,
-    pixels_per_degree: float,
-) -> Ghosts:
-    """Figures of the projected `light` of a stereo `problem`.
-
-    Parameters
-    ----------
-    problem
-        Its observation and its desired light are used, and its bounds for the clipped share.
-    light
-        (view, row, col, primary) that is projected.
-    luminance_weights
-        (primary,) share of each primary in the luminance of white.
-    white
-        Luminance of the projector's white, cd/m².
-    pixels_per_degree
-        Resolution of the picture as the audience sees it.
-
-    Raises
-    ------
-    ValueError
-        If the observation is not of two views.
-    """
-    desired, observation = problem.desired, problem.observation
-
-    def luminance(seen: Light) -> Floats:
-        planes: Floats = np.asarray(seen, np.float64) @ luminance_weights
-        return planes
-
-    share = clipped_share(problem)
-    error = luminance(observation.observe(light) - desired)
-    ghost = luminance(observation.observe(desired) - observation.direct(desired))
-    rms, picture = _rms(error), _rms(luminance(desired))
-    return Ghosts(
-        clipped_share=share,
-        residual_rms=white * rms,
-        relative_rms=_ratio(rms, picture),
-        edge_energy=edge_energy(error, ghost, pixels_per_degree),
-        ghost_left=ghost_left(error, ghost, pixels_per_degree),
-    )
-
-
-def clipped_share(problem: Problem) -> float:
-    """Share of pixels (of both eyes) where exact subtraction would need negative light.
-
-    Raises
-    ------
-    ValueError
-        If the observation is not of two views.
-    """
-    light, _ = clipped_subtraction(problem)
-    at_lower = np.asarray(light <= problem.lower)
-    return float(np.mean(np.any(uncorrectable(problem, light) & at_lower, axis=-1)))
 
 
 def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
@@ -182,7 +84,7 @@ def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
 def ghost_contour(
     error: Floats, ghost: Floats, where: NDArray[np.bool_], pixels_per_degree: float
 ) -> float | None:
-    """C of the module's docstring; None where the ghost has no edges.
+    """Ghost contour C (see the module); None where the ghost has no edges.
 
     Parameters
     ----------
@@ -256,7 +158,7 @@ def _slopes(plane: Floats, rows: slice, sigma: float) -> tuple[Floats, Floats]:
 
 
 def _filtered(values: Floats, taps: Floats, mirror: int, axis: int) -> Floats:
-    """Values that lie within all `taps`, which their mirror image equals times `mirror`."""
+    """Filters along an axis by `taps` that equal `mirror` times their mirror image; borders go."""
     radius = len(taps) // 2
     count = values.shape[axis] - 2 * radius
 

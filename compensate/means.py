@@ -4,18 +4,20 @@ A box mean is a difference of two running sums, so that its cost does not depend
 Three boxes one after the other come close to a Gaussian (the central limit theorem; W. M. Wells,
 "Efficient synthesis of Gaussian filters by cascaded uniform filters", IEEE Trans. PAMI 8(2), 1986).
 The guided filter keeps edges: K. He, J. Sun, X. Tang, "Guided Image Filtering", ECCV 2010, with the
-picture as its own guide.
+picture as its own guide. Its coefficients are smooth, so that they are found of blocks of pixels,
+and are linear in between: K. He, J. Sun, "Fast Guided Filter", arXiv 1505.00996, 2015.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from domesim.light import Array, namespace
-from domesim.strips import in_strips
+from domesim.light.strips import in_strips
 
 _BOXES = 3
 _LINE = 16  # numbers that a line of the cache holds
@@ -46,8 +48,8 @@ def box_sum(planes: Array, radius: int) -> Array:
 def smooth(planes: Array, sigma: float) -> Array:
     """Means by nearly a Gaussian of standard deviation `sigma`, pixels.
 
-    A box of radius r has the variance r (r + 1) / 3. Of the radii around, as many boxes are taken
-    of each as come closest.
+    A box of radius r has the variance r (r + 1) / 3. Boxes of the two nearest radii are taken, as
+    many of each as come closest to the variance sigma².
     """
     small = int((sigma**2 + 0.25) ** 0.5 - 0.5)
     wanted = (sigma**2 - small * (small + 1)) / (2 * (small + 1) / 3)
@@ -56,7 +58,13 @@ def smooth(planes: Array, sigma: float) -> Array:
 
 
 def guided(
-    plane: Array, screen: Array, radius: int, edge: float, importance: Array | None = None
+    plane: Array,
+    screen: Array,
+    radius: int,
+    edge: float,
+    importance: Array | None = None,
+    *,
+    block: int = 1,
 ) -> Array:
     """Edge-preserving mean: the guided filter of He et al., with itself as guide.
 
@@ -67,32 +75,118 @@ def guided(
     screen
         (row, col) bool: pixels that count.
     radius
-        Of the boxes, pixels.
+        Radius of the boxes, blocks.
     edge
         Standard deviation within a box at which half of it is kept: the root of their epsilon.
     importance
         (row, col) above 0: how much a pixel counts within a box; all alike if None.
+    block
+        Side of the blocks that have one coefficient each, pixels.
     """
     xp = namespace(plane)
     on = xp.astype(screen, plane.dtype)
-    mean = _mean_of(on, radius)
-    within = mean if importance is None else _mean_of(on * importance, radius)
-    middle = within(plane)
-    variance = xp.maximum(within((plane - middle) ** 2), xp.zeros_like(plane))
+    weights = on if importance is None else on * importance
+    weighted = weights * plane
+    pixels, weight, first, second = (
+        block_sums(each, block) for each in (on, weights, weighted, weighted * plane)
+    )
+    slope, offset = coefficients(pixels, weight, first, second, radius, edge)
+    size = plane.shape
+    return enlarged(slope, block, size) * plane + enlarged(offset, block, size)
+
+
+def coefficients(
+    pixels: Array, weight: Array, first: Array, second: Array, radius: int, edge: float
+) -> tuple[Array, Array]:
+    """Slope and offset by which `guided` makes its mean of a value, (row, col) of blocks each.
+
+    Parameters
+    ----------
+    pixels, weight
+        Of each block: how many pixels count, and the sum of their importance.
+    first, second
+        Sums of the value and of its square, by importance.
+    radius, edge
+        As for `guided`.
+    """
+    xp = namespace(pixels)
+    within = _mean_over(box_sum(weight, radius), radius)
+    middle = within(first)
+    # Of each pixel from the middle of its own block
+    spread = second - 2 * middle * first + middle**2 * weight
+    variance = within(xp.maximum(spread, xp.zeros_like(spread)))
     slope = variance / (variance + edge**2)
-    return mean(slope) * plane + mean((1 - slope) * middle)
+    mean = _mean_over(box_sum(pixels, radius), radius)
+    return mean(pixels * slope), mean(pixels * (1 - slope) * middle)
 
 
-def _mean_of(weights: Array, radius: int) -> Callable[[Array], Array]:
-    """Weighted means over boxes; 0 where nothing counts."""
-    xp = namespace(weights)
-    count = box_sum(weights, radius)
+def block_sums(planes: Array, block: int) -> Array:
+    """(..., row, col) sums of `planes` over squares of `block` pixels; the last may be cut off."""
+    for axis in (-2, -1):
+        planes = _sums_of(planes, block, axis)
+    return planes
+
+
+def block_means(planes: Array, block: int) -> Array:
+    """(..., row, col) means of `planes` over squares of `block` pixels, of those that are there."""
+    if block == 1:
+        return planes
+    xp = namespace(planes)
+    there = xp.ones(planes.shape[-2:], dtype=planes.dtype, device=planes.device)
+    return block_sums(planes, block) / block_sums(there, block)
+
+
+def enlarged(coarse: Array, block: int, size: tuple[int, ...]) -> Array:
+    """(..., *size) of (..., row, col) `coarse`, of blocks: linear between their middles."""
+    if block == 1:
+        return coarse
+    for axis, count in ((-2, size[-2]), (-1, size[-1])):
+        coarse = _linear_along(coarse, block, axis, count)
+    return coarse
+
+
+def _sums_of(planes: Array, block: int, axis: int) -> Array:
+    """Sums of `block` neighbours along an axis."""
+    if block == 1:
+        return planes
+    xp = namespace(planes)
+    lacking = -planes.shape[axis] % block
+    if lacking:
+        shape = list(planes.shape)
+        shape[axis] = lacking
+        nothing = xp.zeros(tuple(shape), dtype=planes.dtype, device=planes.device)
+        planes = xp.concat([planes, nothing], axis=axis)
+
+    def every(first: int) -> Array:
+        place = slice(first, None, block)
+        return planes[..., place, :] if axis == -2 else planes[..., place]
+
+    return reduce(lambda found, first: found + every(first), range(1, block), every(0))
+
+
+def _linear_along(coarse: Array, block: int, axis: int, count: int) -> Array:
+    """`enlarged` along an axis: flat beyond the first and the last middle."""
+    xp = namespace(coarse)
+    steps = xp.astype(xp.arange(count, device=coarse.device), coarse.dtype)
+    last = coarse.shape[axis] - 1
+    at = xp.clip((steps + 0.5) / block - 0.5, 0, last)
+    low = xp.floor(at)
+    part = at - low if axis == -1 else (at - low)[:, None]
+    first = xp.astype(low, xp.int64)
+    below = xp.take(coarse, first, axis=axis)
+    above = xp.take(coarse, xp.clip(first + 1, 0, last), axis=axis)
+    return below + (above - below) * part
+
+
+def _mean_over(count: Array, radius: int) -> Callable[[Array], Array]:
+    """Means over boxes of what is weighted already; 0 where nothing counts."""
+    xp = namespace(count)
     count = xp.where(count > 0, count, xp.ones_like(count))
-    return lambda values: box_mean(values * weights, radius, count)
+    return lambda values: box_mean(values, radius, count)
 
 
 def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:
-    """Sums over boxes one after the other, or means of what lies in the picture."""
+    """Sums over boxes, one after the other; with `means`, means of what lies in the picture."""
     if not isinstance(planes, np.ndarray):
         for radius in radii:
             for axis in (-1, -2):
@@ -108,7 +202,7 @@ def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:
 
 
 def _along_rows(planes: Array, found: Array, radii: Sequence[int], *, means: bool) -> None:
-    """`_boxes` of (plane, row, col) within each row, by all threads; into `found`."""
+    """Writes `_boxes` of (plane, row, col), within each row, into `found`, by all threads."""
     size = planes.shape[-1]
     reaches = [min(radius, size - 1) for radius in radii if radius]
     place = np.arange(size)

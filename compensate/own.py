@@ -66,9 +66,7 @@ class LinearWeighting(Weighting):
     def _apply(self, residual: Light) -> Array:
         return self._weight(residual)
 
-    def _adjoint(self, weighted: Array, *, whole: bool = False) -> Light:
-        if whole:
-            raise ValueError("LinearWeighting has no padding: it takes Accelerated, not ADMM")
+    def _adjoint(self, weighted: Array) -> Light:
         return self._weight_adjoint(weighted)
 
 
@@ -120,7 +118,7 @@ def own_problem(
     wanted = observation.direct(desired)
     bounds = (0.0, on)
     plain = LinearWeighting(observation.seen_shape, lambda light: light, lambda light: light)
-    nearest = Accelerated(1e-3)(Problem(observation, plain, wanted, bounds), desired)
+    nearest = Accelerated(1e-3)(Problem(observation, plain, wanted, bounds), desired)  # eq. 1
     return Problem(
         observation, weighting, wanted, bounds, anchor=nearest.light, regularisation=REGULARISATION
     )

@@ -59,7 +59,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from compensate.master import Posed
+from compensate.pose import Posed
 from compensate.vision.adaptation import adaptation_luminance
 from compensate.vision.differences import visible_difference
 from compensate.vision.glare import StrayLight
@@ -69,8 +69,8 @@ from compensate.vision.saliency import gbvs
 from compensate.vision.tvi import MesopicBlend, threshold
 from domesim.errors import InputError
 from domesim.light import Light
-from domesim.strips import in_strips
-from domesim.viewing import DomeSeat, Viewing
+from domesim.light.strips import in_strips
+from domesim.room.viewing import DomeSeat, Viewing
 
 Planes = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -81,7 +81,7 @@ quarter, ... that still has as many. Little is lost that could pass eq. 10: aver
 of 0.25 degrees, a grating of 4 cycles/degree along its sides is 0."""
 
 FINEST_CONTRAST = 16.0
-"""The same for differences of local contrast, which finer ghosts pass."""
+"""Pixels per degree, at least, for differences of local contrast, which finer ghosts pass."""
 
 PAPERS = 0.05
 """Threshold of the paper's Fig. 8."""
@@ -139,7 +139,7 @@ class Prediction:
         Visible pollution that is nothing, deg² of each eye's picture; the default, 1, is about what
         the fovea sees at a glance.
     cortex
-        The mechanisms of eq. 11; of pictures too coarse for them, wider ones.
+        The mechanisms of eq. 11; pictures too coarse for them get wider ones.
     eye
         The stray light of the viewer's eyes; None for an eye that scatters none.
 
@@ -394,9 +394,9 @@ class _Eye:
 
     @cached_property
     def _saliency(self) -> Planes:
-        """Of eq. 14: the pollution of one eye is the other's picture."""
+        """(view, row, col) saliency of eq. 14: an eye's pollution is the other's picture."""
         pictures = [self._salient(eye) for eye in self._projector.to_display(self._picture)]
-        return np.stack(pictures[::-1])
+        return np.stack(pictures[::-1])  # eq. 14
 
     def predicts(self, light: Light) -> Predicted:
         """All maps of projected `light`."""
@@ -409,7 +409,7 @@ class _Eye:
             visible = full(np.where(found.delta, probability(masking), np.float32(0)))
         else:
             visible = probability(self._contrasts.differences(seen))
-        salient = visible * saliency
+        salient = visible * saliency  # eq. 13
         prediction = salient if self._settings.counts_saliency else visible
         return Predicted(
             residual=full(found.residual),
@@ -446,16 +446,17 @@ class _Eye:
         return _visible(self._posed, self._grid.full(seen))
 
     def _looks(self, light: Light) -> _Look:
-        """What is compared of the light that is seen, and eq. 10."""
+        """Luminances that are compared in the light that is seen, and eq. 10."""
         seen = self._luminance(self._grid.mean(light))
         wanted = np.clip(seen, self._desired, self._with_room)
         residual = np.asarray(np.where(self._grid.screen, seen - wanted, 0), np.float32)
         mean = self._averaged(residual, self._settings.area)
         tvi = np.asarray(np.abs(mean) / self._threshold, np.float32)
-        return _Look(wanted, seen, residual, tvi, (tvi > 1) & self._grid.screen)
+        delta = (tvi > 1) & self._grid.screen  # eq. 10
+        return _Look(wanted, seen, residual, tvi, delta)
 
     def _masking(self, look: _Look, rows: slice, cols: slice) -> Planes:
-        """Eq. 11 in a part of the picture."""
+        """Masking v (eq. 11) in a part of the picture."""
         wanted, seen, adaptation = (
             self._grid.filled(each)[:, rows, cols]
             for each in (look.wanted, look.seen, self._adaptation)
@@ -540,7 +541,7 @@ def _viewer(posed: Posed, settings: Prediction) -> _Eye | _Seated:
 
 
 def _visible(posed: Posed, seen: Mask) -> Visible:
-    areas = posed.areas
+    areas = posed.setting.areas
     return Visible(seen, tuple(float(np.sum(view * areas) / np.sum(areas)) for view in seen))
 
 
@@ -565,7 +566,7 @@ class _Contrasts:
         return self._grid.full(found)
 
     def _xyz(self, light: Light) -> Light:
-        """As it reaches the retina, cd/m²; it is dark off the screen."""
+        """XYZ of light as it reaches the retina, cd/m²; 0 off the screen."""
         found = np.where(self._grid.screen[..., None], light, np.float32(0)) @ self._to_xyz
         if self._eye is None:
             return found
@@ -620,7 +621,7 @@ class _Grid:
 
 
 def _step(per_degree: float, finest: float) -> int:
-    """By how much to reduce a picture so that it still has as many pixels per degree."""
+    """Factor by which a picture can be reduced and still has `finest` pixels per degree."""
     return int(2 ** max(0, int(np.floor(np.log2(per_degree / finest)))))
 
 

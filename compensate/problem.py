@@ -16,9 +16,9 @@ from typing import final
 
 from compensate.weighting import Weighting
 from domesim.light import Array, Light, dot, namespace, require_light, total
+from domesim.light.strips import in_parts
 from domesim.observation.base import AdjointObservation
 from domesim.observation.frozen import Frozen
-from domesim.strips import in_parts
 
 Bound = Array | float
 

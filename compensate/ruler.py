@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from compensate.vision.differences import visible_difference
 from compensate.vision.resolution import by_resolution
 from domesim.light import Light
+from domesim.light.strips import in_strips
 from domesim.scene import Scene
-from domesim.strips import in_strips
 
 FINEST = 1024
 """Pixels of a picture's larger side, at most: larger pictures are averaged."""
@@ -56,7 +56,7 @@ class Ruler:
     def lost_map(self, seen: Light) -> NDArray[np.floating[Any]]:
         """(view, row, col) JOD that are lost if all of the picture looks like that place.
 
-        It is of the averaged picture.
+        It is computed from the averaged picture.
         """
         wanted, found = self._averaged_master, self._averaged(seen)
         viewing = self._scene.viewing

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from compensate.fourier import Fourier, padded_size
 from compensate.vision.csf import LowFrequencyFloor, daly
 from domesim.light import Array, Light, dot, kind, namespace, require_light
-from domesim.projector import Projector
-from domesim.strips import in_parts, in_strips
-from domesim.viewing import Viewing
+from domesim.light.strips import in_parts, in_strips
+from domesim.observation.projector import Projector
+from domesim.room.viewing import Viewing
 
 Gains: TypeAlias = NDArray[np.floating[Any]]
 
@@ -54,7 +54,7 @@ class Weighting(ABC):
     def _apply(self, residual: Light) -> Array: ...
 
     @abstractmethod
-    def _adjoint(self, weighted: Array, *, whole: bool = False) -> Light: ...
+    def _adjoint(self, weighted: Array) -> Light: ...
 
     def apply(self, residual: Light) -> Array:
         """(view, channel, padded row, padded col) planes lambda(r).
@@ -76,14 +76,13 @@ class Weighting(ABC):
         weighted = self.apply(residual)
         return dot(weighted, weighted)
 
-    def quadratic(self, residual: Light, *, whole: bool = False) -> tuple[float, Light]:
+    def quadratic(self, residual: Light) -> tuple[float, Light]:
         """||lambda(r)||² and lambda'(lambda(r)), sharing their transforms.
 
-        As residuals are 0 off the support and on the padding, lambda' ends on the support; the
-        `whole` of lambda'(lambda(r)) is on the padded grid, as if all of it were support.
+        As residuals are 0 off the support and on the padding, lambda' ends on the support.
         """
         weighted = self.apply(residual)
-        return dot(weighted, weighted), self._adjoint(weighted, whole=whole)
+        return dot(weighted, weighted), self._adjoint(weighted)
 
 
 @final
@@ -215,7 +214,7 @@ class CsfWeighting(Weighting):
         spectrum = self._weighted_spectrum(residual)
         return self._fourier.dot(spectrum, spectrum)
 
-    def quadratic(self, residual: Light, *, whole: bool = False) -> tuple[float, Light]:
+    def quadratic(self, residual: Light) -> tuple[float, Light]:
         """See `Weighting`; with two FFTs a channel."""
         spectrum = self._weighted_spectrum(residual)
         energy = self._fourier.dot(spectrum, spectrum)
@@ -223,16 +222,16 @@ class CsfWeighting(Weighting):
         spectrum *= gains
         planes = self._fourier.inverse(spectrum, spent=True)
         del spectrum, residual  # of a large picture, a gigabyte each
-        return energy, self._to_light(planes, whole=whole)
+        return energy, self._to_light(planes)
 
     def _apply(self, residual: Light) -> Array:
-        return self._fourier.inverse(self._weighted_spectrum(residual), spent=True)
+        return self._fourier.inverse(self._weighted_spectrum(residual), spent=True)  # eq. 4
 
-    def _adjoint(self, weighted: Array, *, whole: bool = False) -> Light:
+    def _adjoint(self, weighted: Array) -> Light:
         # A_l is its own adjoint: real gains, even in frequency
         spectrum = self._fourier.forward(weighted)
         spectrum *= self._like(weighted)[0]
-        return self._to_light(self._fourier.inverse(spectrum, spent=True), whole=whole)
+        return self._to_light(self._fourier.inverse(spectrum, spent=True))
 
     def _weighted_spectrum(self, residual: Light) -> Array:
         gains, opponent, support, _ = self._like(residual)
@@ -256,12 +255,9 @@ class CsfWeighting(Weighting):
         spectrum *= gains
         return spectrum
 
-    def _to_light(self, planes: Array, *, whole: bool) -> Light:
+    def _to_light(self, planes: Array) -> Light:
         _, opponent, support, _ = self._like(planes)
         xp, shape = namespace(planes), self.shape
-        if whole:
-            support = xp.ones(self.padded, dtype=support.dtype, device=planes.device)
-            shape = (shape[0], *self.padded, shape[3])
         light = xp.empty(shape, dtype=planes.dtype, device=planes.device)
         counting = self._counting(planes, support)
         cols = shape[2]
@@ -274,7 +270,7 @@ class CsfWeighting(Weighting):
         return light
 
     def _counting(self, light: Light, support: Array) -> Callable[[int, slice], Array]:
-        """Of rows of a view, (row, col): the root of how much each pixel counts."""
+        """Returns (view, rows) -> (row, col), the root of how much each pixel counts."""
         xp, root = namespace(light), self._like(light)[3]
 
         def counting(view: int, rows: slice) -> Array:
@@ -303,17 +299,25 @@ class Masked(Weighting):
     Parameters
     ----------
     mask
-        (row, col) weights A_n, at least 0; 1 on the padding.
+        (row, col) or (view, row, col) weights A_n, at least 0; 1 on the padding.
     inner
         The weighting that it masks.
     """
 
     def __init__(self, mask: NDArray[np.floating[Any]], inner: Weighting) -> None:
-        if mask.shape != inner.shape[1:3]:
-            raise ValueError(f"Masked takes a mask {inner.shape[1:3]}, got {mask.shape}")
+        if mask.shape not in (inner.shape[1:3], inner.shape[:3]):
+            raise ValueError(
+                f"Masked takes a mask {inner.shape[1:3]} or {inner.shape[:3]}, got {mask.shape}"
+            )
+        rows, cols = mask.shape[-2:]
         self.inner = inner
-        self.mask = np.ones((inner.fourier.rows, inner.fourier.cols))
-        self.mask[: mask.shape[0], : mask.shape[1]] = mask
+        self.mask = np.ones((*mask.shape[:-2], 1, inner.fourier.rows, inner.fourier.cols))
+        self.mask[..., 0, :rows, :cols] = mask
+
+    @property
+    def picture(self) -> NDArray[np.floating[Any]]:
+        """The mask, as it was given."""
+        return self.mask[..., 0, : self.shape[1], : self.shape[2]]
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
@@ -332,17 +336,18 @@ class Masked(Weighting):
 
     def _apply(self, residual: Light) -> Array:
         weighted = self.inner.apply(residual)
-        return weighted * self._like(weighted)
+        return weighted * self._like(weighted)  # eq. 7
 
-    def _adjoint(self, weighted: Array, *, whole: bool = False) -> Light:
-        return self.inner._adjoint(weighted * self._like(weighted), whole=whole)
+    def _adjoint(self, weighted: Array) -> Light:
+        return self.inner._adjoint(weighted * self._like(weighted))
 
     def _like(self, planes: Array) -> Array:
         return namespace(planes).asarray(self.mask, dtype=planes.dtype, device=planes.device)
 
 
 REGULARISATION = 1e-4
-"""Default mu, of the peak squared: keeps invisible frequencies from filling with noise."""
+"""Default mu, as a share of the peak squared: it keeps invisible frequencies from filling with
+noise."""
 
 
 @final
@@ -355,12 +360,12 @@ class PerceptualWeighting:
     low_frequency
         The low-frequency policy of luminance, which decides the look of the result.
     chroma_low_frequency
-        That of the two chroma channels. Chromatic sensitivity does not fall towards low
+        The policy of the two chroma channels. Chromatic sensitivity does not fall towards low
         frequencies (Mullen 1985, *J. Physiol.* 359, 381-400), so its floor is 1: Daly's fall there
         would paint purple skies (``validation/notes/0003``).
     padding
         Least number of pixels of zero residual around the picture. At 64 the energy is within
-        2e-3 of an unbounded plane's (``tests/compensate/test_vision.py``).
+        2e-3 of an unbounded plane's (``tests/compensate/vision/test_vision.py``).
     """
 
     low_frequency: LowFrequencyFloor = field(default_factory=LowFrequencyFloor)
@@ -428,7 +433,8 @@ def csf_gains(
 
 
 Sensitivity: TypeAlias = Callable[[Any, Any], NDArray[np.floating[Any]]]
-"""Of frequency, cycles/degree, and orientation, radians: the same at two that mirror each other."""
+"""Sensitivity at frequency, cycles/degree, and orientation, radians: the same at two that mirror
+each other."""
 
 
 def _daly(viewing: Viewing) -> Sensitivity:

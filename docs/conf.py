@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import domesim
-from domesim import manual
+from domesim.commands import manual
 
 HERE = Path(__file__).parent
 

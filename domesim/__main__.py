@@ -9,9 +9,9 @@ _ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",  # strips of pictures share the cores already
     "KMP_BLOCKTIME": "0",  # MKL's threads sleep between two FFTs
 }
-"""Of libraries whose threads would otherwise wait by spinning, on cores that others need: with both
-a frame of 2048 x 2048 takes a fifth less time, and a third less of the processor's. A user's own
-settings come first."""
+"""Settings of libraries whose threads would otherwise wait by spinning, on cores that others need.
+With both, a frame of 2048 x 2048 takes a fifth less time, and a third less of the processor's. A
+user's own settings come first."""
 
 _LEAST = 1 << 30
 """Bytes of address space that libraries take, and small frames."""
@@ -32,7 +32,7 @@ def main() -> None:
     gc.disable()  # while modules load: a million objects, and no garbage
     try:
         from domesim.commands import run  # noqa: PLC0415
-        from domesim.memory import keep_freed_memory  # noqa: PLC0415
+        from domesim.host.memory import keep_freed_memory  # noqa: PLC0415
     except KeyboardInterrupt:
         print("domesim: interrupted", file=sys.stderr)
         sys.exit(130)

@@ -16,7 +16,7 @@ from domesim.frames.encodings import encoding_named
 from domesim.frames.views import made_for
 from domesim.light import Light, require_light
 from domesim.scene import Scene
-from domesim.screening import decoded, encoded
+from domesim.scene.screening import decoded, encoded
 
 Files: TypeAlias = str | Path | Sequence[str | Path]
 """One file; or two, left and right."""
@@ -39,7 +39,7 @@ def load_master(path: Files, scene: Scene, encoding: str | None = None) -> tuple
     -------
     light
         (view, row, col, primary) float32. Highlights may be above 1
-        (`domesim.screening.within_range` clips them).
+        (`domesim.scene.screening.within_range` clips them).
     master
         What else the files hold: ``master.colour``, ``master.described()``; `save` takes it.
 

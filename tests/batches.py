@@ -17,11 +17,11 @@ from typing import Any, final
 
 import numpy as np
 
-from domesim.batch.run import Done, Running, each_frame
-from domesim.batch.work import Column, Note, Recipe, Work, Write, Writing
-from domesim.console import Console
 from domesim.frames import ColourTag, Frame, Master, write_frame
-from domesim.shows import Show, find_show
+from domesim.host.console import Console
+from domesim.shows.run import Done, Running, each_frame
+from domesim.shows.show import Show, find_show
+from domesim.shows.work import Column, Note, Recipe, Work, Write, Writing
 
 LINEAR = ColourTag("linear", "BT.709", "the test")
 

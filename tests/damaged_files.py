@@ -30,10 +30,10 @@ from videos import KINDS, write_numbered
 
 from domesim.errors import InputError
 from domesim.frames import read_master
-from domesim.frames.jpeg import joined_pair
-from domesim.frames.png import chunk
+from domesim.frames.formats.jpeg import joined_pair
+from domesim.frames.formats.png import chunk
 from domesim.frames.video import is_video
-from domesim.sequences import find_moments
+from domesim.shows.sequences import find_moments
 
 ROWS, COLS = 40, 53
 PROFILE = (f"uint8[{icc_profile('a').size}]", icc_profile("a", "P3-D65"))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pairs import pair
 
+from compensate.figures import Appraisal
 from compensate.foresight import Interval
-from compensate.master import Posed, pose
+from compensate.pose import Posed, pose
 from domesim.light import Light
 from domesim.observation.base import Observation
 from domesim.scene import Scene
@@ -25,9 +26,12 @@ def posed_in(scene: Scene, desired: Light) -> Posed:
 def left(posed: Posed, light: Light, room: Observation) -> tuple[float, float]:
     """What is left in a room: rms light over the screen, and visible error."""
     residual = room.observe(light) - posed.problem.desired
-    areas = posed.areas * posed.screen / (posed.areas * posed.screen).sum()
+    areas = posed.setting.areas * posed.screen
+    areas = areas / areas.sum()
+    judge = posed.setting.judge
     squares = np.einsum("rc,vrcp->vp", areas, residual.astype(np.float64) ** 2)
-    return float(np.sqrt(squares.mean())), posed._in_differences(posed.judge.energy(residual))
+    error = Appraisal(posed)._in_differences(judge.energy(residual), judge)
+    return float(np.sqrt(squares.mean())), error
 
 
 def held(intervals: list[Interval], values: list[float]) -> float:

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from image_files import store
 
-from domesim.dome import Dome
+from domesim.measure.dome.camera import SURFACES, Camera, looked_at, places_in
+from domesim.measure.dome.photographs import Photographs
+from domesim.measure.dome.responses import screen_alone
 from domesim.observation.radiosity import radiosity
 from domesim.observation.transport import Transport
+from domesim.room.dome import Dome
+from domesim.room.theatre import Floor, Theatre
 from domesim.scene.writing import as_toml
-from domesim.survey.camera import SURFACES, Camera, looked_at, places_in
-from domesim.survey.photographs import Photographs
-from domesim.survey.responses import screen_alone
-from domesim.theatre import Floor, Theatre
 from validation.laboratory import sectors_for
 
 THEATRE = Theatre(

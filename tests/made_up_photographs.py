@@ -10,7 +10,7 @@ import numpy as np
 from image_files import store
 from scipy.ndimage import gaussian_filter
 
-from domesim.measurement.photographs import Corners, on_screen
+from domesim.measure.photographs import Corners, on_screen
 
 SIZE = (160, 300)
 LEAKS = {"left": 0.011, "right": 0.013}

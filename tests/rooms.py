@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from domesim.dome import Dome
-from domesim.furniture import box, seating
-from domesim.theatre import Cavity, Floor, Lens, Theatre, Wall
+from domesim.room.dome import Dome
+from domesim.room.furniture import box, seating
+from domesim.room.theatre import Cavity, Floor, Lens, Theatre, Wall
 
 HEMISPHERE = Dome(3.0, np.pi / 2)
 SCREEN = (0.5, 0.3, 0.7)

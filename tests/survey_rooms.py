@@ -7,12 +7,12 @@ from functools import cache
 
 import numpy as np
 
-from domesim.dome import Dome
-from domesim.survey.camera import Camera
-from domesim.survey.fit import Evidence
-from domesim.survey.model import Interreflection, nominal_albedos
-from domesim.survey.photographs import Cells, Photographs, cells_of
-from domesim.theatre import Floor, Theatre
+from domesim.measure.dome.camera import Camera
+from domesim.measure.dome.fit import Evidence
+from domesim.measure.dome.model import Interreflection, nominal_albedos
+from domesim.measure.dome.photographs import Cells, Photographs, cells_of
+from domesim.room.dome import Dome
+from domesim.room.theatre import Floor, Theatre
 from validation.laboratory import patterns_for
 
 THEATRE = Theatre(

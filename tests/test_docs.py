@@ -16,7 +16,7 @@ import pytest
 from command_line import exit_code
 from documented import ROOT, play
 
-from domesim import manual
+from domesim.commands import manual
 from domesim.frames import read_frame, write_frame
 from domesim.pathtrace import tabulate
 from domesim.pathtrace.tracer import Settings

@@ -156,8 +156,8 @@ def test_xyz_by_the_letter_of_its_standard(run: Run, tmp_path: Path, out: Path, 
 
 def test_xyz_is_compensated_as_the_light_that_it_is(run: Run, tmp_path: Path, out: Path) -> None:
     """One picture as linear EXR and as X'Y'Z' gives the same light to project."""
-    from domesim.projector import conversion  # noqa: PLC0415
-    from domesim.transfer import DCDM  # noqa: PLC0415
+    from domesim.light.transfer import DCDM  # noqa: PLC0415
+    from domesim.observation.projector import conversion  # noqa: PLC0415
 
     row, col = np.mgrid[:SIDE, :SIDE] / SIDE
     light = np.stack([0.6 * row, 0.5 * col, 0.3 + 0.2 * row * col], -1) ** 2

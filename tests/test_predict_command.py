@@ -12,13 +12,13 @@ import test_bad_input
 from command_line import Run
 from test_bad_input import damage, store, written
 
-from compensate.master import pose_frame
-from compensate.predicting import Predicting
+from compensate.pose import Stage
 from compensate.prediction import MARKED, Prediction, regions, remaining, triage
+from compensate.shows.predicting import Predicting
 from compensate.visible import SEEN
-from domesim.choice import SceneChoice
 from domesim.frames import read_master
 from domesim.scene import load_scene
+from domesim.scene.choice import SceneChoice
 
 DOME, STEREO = "dome_hemisphere", "stereo_polarised_paper"
 ROWS, COLS = 60, 96
@@ -80,7 +80,7 @@ def test_a_dome(run: Run, tmp_path: Path, out: Path) -> None:
     assert (found["scene"], found["threshold"], found["combination"]) == (DOME, 0.05, "with-veils")
     (frame,) = found["frames"]
     scene = load_scene(DOME)
-    posed, _ = pose_frame(read_master([master]), scene)
+    posed, _ = Stage(scene).pose_frame(read_master([master]))
     wanted = triage(posed)
     assert frame["input"] == str(master)
     assert frame["output"] == str(out / "m.maps.exr")
@@ -101,7 +101,7 @@ def test_the_maps_are_read_back(run: Run, tmp_path: Path, out: Path) -> None:
     assert run("predict", master, "--scene", DOME, "--out", out).code == 0
     maps = channels(out / "m.maps.exr")
     assert sorted(maps) == sorted(CHANNELS)
-    posed, _ = pose_frame(read_master([master]), load_scene(DOME))
+    posed, _ = Stage(load_scene(DOME)).pose_frame(read_master([master]))
     wanted = triage(posed)
     for name in CHANNELS[:4]:
         of = getattr(wanted.untouched, name.lower())[0]
@@ -185,7 +185,7 @@ def test_pictures_show_the_map_and_the_map_times_the_ghost(
         assert ghost[5, 5] < 0.05
         assert ghost.max() <= 1
     white = load_scene(STEREO).projector.white
-    posed, _ = pose_frame(read_master([arguments[1], arguments[3]]), load_scene(STEREO))
+    posed, _ = Stage(load_scene(STEREO)).pose_frame(read_master([arguments[1], arguments[3]]))
     ghost = np.abs(triage(posed).untouched.residual) / white
     assert 0.5 < np.quantile(ghost, 0.999) * frame["brightened"] <= 1
 
@@ -266,7 +266,7 @@ def test_settings_reach_the_prediction(run: Run, tmp_path: Path, out: Path) -> N
     assert strict["frames"][0]["visible"] < salient["frames"][0]["visible"]
     contrast = figures(run, *base, "--combination", "local-contrast")
     assert (contrast["threshold"], contrast["saliency"]) == (MARKED, False)
-    posed, _ = pose_frame(read_master([master]), load_scene(DOME))
+    posed, _ = Stage(load_scene(DOME)).pose_frame(read_master([master]))
     assert contrast["frames"][0]["visible_subtracted"] == remaining(posed, SEEN).share
     assert contrast["frames"][0]["visible"] < 0.7 * plain["visible"]
     blend = figures(run, *base, "--mesopic", "cie-191")

@@ -10,11 +10,11 @@ import pytest
 from command_line import Run
 from test_bad_input import store, touched, written
 
-from domesim import rendering
+from domesim.commands import render as rendering
 from domesim.frames import read_frame, read_master
 from domesim.pathtrace.llvm import backend
 from domesim.scene import load_stereo
-from domesim.screening import decoded
+from domesim.scene.screening import decoded
 
 SCENE = "stereo_polarised_paper"
 ROWS, COLS = 12, 20
@@ -149,7 +149,7 @@ def test_what_cannot_be_written_is_not_solved(
     writer.write_image(np.concatenate([view(0), view(1)], 2).astype(np.float32))
     writer.close()
     solved: list[int] = []
-    for solve in ("compensate.compensating.solve_frame", "domesim.observing.decoded"):
+    for solve in ("compensate.shows.compensating.solve_frame", "domesim.shows.observing.decoded"):
         monkeypatch.setattr(solve, lambda *_, **__: solved.append(1))
     for command in ("compensate", "observe"):
         outcome = run(command, source, "--scene", SCENE, "--out", out, "--format", "png")

@@ -12,10 +12,10 @@ from compensate.problem import Problem
 from compensate.solver.baselines import clipped_subtraction
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, csf_gains, linear_ycbcr
-from domesim.dome import Dome
 from domesim.observation.spherical import ClosedFormDome
-from domesim.stereo import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
-from domesim.viewing import Viewing
+from domesim.room.dome import Dome
+from domesim.room.viewing import Viewing
+from domesim.stereo.system import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
 
 DATA = Path(os.environ.get("DOMESIM_DATA", Path(__file__).parents[2] / "shared" / "data"))
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"no test data at {DATA}")

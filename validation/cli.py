@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Collection
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, final
 
 import typer
 
-from domesim.cli import Json, Quiet
-from domesim.console import Console, prepare
+from domesim.commands.options import Json, Quiet
 from domesim.errors import InputError
-from domesim.strips import cores
+from domesim.host.console import Console, prepare
+from domesim.host.cores import cores
+from validation.benchmarks import files as file_costs
 from validation.benchmarks import writing
 from validation.benchmarks.measuring import Cost, Settings, costs
 from validation.benchmarks.problems import PROBLEMS
@@ -105,8 +107,16 @@ def bench(
     solvers: Annotated[str, typer.Option(help=f"By commas: {', '.join(SOLVERS)}.")] = ",".join(
         USUAL
     ),
+    files: Annotated[
+        bool,
+        typer.Option("--files", help="Instead: time whole commands, single frames and sequences."),
+    ] = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer FFTs to slow solvers, one timed run, no memory.")
+        bool,
+        typer.Option(
+            "--quick",
+            help="Fewer FFTs to slow solvers, one timed run, no memory; of files, small ones.",
+        ),
     ] = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -119,6 +129,9 @@ def bench(
     data (DOMESIM_DATA).
     """
     console = Console(quiet=quiet, json=json)
+    if files:
+        _bench_files(out, console, quick=quick)
+        return
     widths = _widths(sizes)
     wanted = _names("--problems", problems, PROBLEMS)
     tried = _names("--solvers", solvers, SOLVERS)
@@ -140,6 +153,18 @@ def bench(
     report = writing.write_report(out, found)
     console.figures(figures)
     console.say(f"Written: {report.resolve()}")
+
+
+def _bench_files(out: Path, console: Console, *, quick: bool) -> None:
+    prepare(out)
+    console.say(file_costs.HEADER)
+    found = []
+    for cost in file_costs.file_costs(quick=quick):
+        found.append(cost)
+        console.say(file_costs.line(cost))
+    path = file_costs.write(out, found)
+    console.figures({"files": [{**asdict(each), "pairs": each.pairs} for each in found]})
+    console.say(f"Written: {path.resolve()}")
 
 
 def _widths(sizes: str) -> tuple[int, ...]:

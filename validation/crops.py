@@ -12,20 +12,20 @@ from typing import final
 import numpy as np
 from scipy.ndimage import uniform_filter
 
-from compensate.master import Posed
+from compensate.pose import Posed
 from domesim.light import Light
 from validation import drawing
 from validation.experiment import Panel
 from validation.judges import luminance
 
 DARK = 0.02
-"""Light, below which ghosts stand out."""
+"""Light below which ghosts stand out, 1 = white."""
 BRIGHTER = (10, 5, 2)
-"""How many times brighter than it is a crop is shown: the first that is not too much."""
+"""Factors by which a crop may be brightened: the first that is not too much is taken."""
 TOO_BRIGHT = 0.25
 """Share of a crop that may be shown white."""
 WIDTH = 400
-"""Of a crop on the page, about, pixels."""
+"""Width of a crop on the page, about, pixels."""
 
 
 @final
@@ -59,27 +59,27 @@ class Crop:
 
     @cached_property
     def brighter(self) -> int:
-        """How many times brighter than it is it is shown."""
+        """Factor by which the crop is brightened."""
         crop = self._posed.problem.desired[0, *self.window]
         white = ((times, np.mean(np.max(crop, axis=-1) * times > 1)) for times in BRIGHTER)
         return next((times for times, share in white if share <= TOO_BRIGHT), 1)
 
     @property
     def master(self) -> tuple[Panel, int]:
-        """What should be seen of it, and how many times brighter it is shown."""
+        """Picture of what should be seen, and the factor by which it is brightened."""
         return self.panel("master", self._posed.problem.desired), self.brighter
 
     def panel(self, title: str, light: Light, *, brighter: float | None = None) -> Panel:
-        """What is seen of it.
+        """Picture of what is seen in the crop.
 
         Parameters
         ----------
         title
-            Of the picture.
+            Title of the picture.
         light
             (view, row, col, primary) of the whole picture, of which the first view is shown.
         brighter
-            How many times; without it as many as all of this crop.
+            Factor by which to brighten it; by default that of the crop.
         """
         crop = light[:1, *self.window]
         times = max(1, round(WIDTH / crop.shape[1]))
@@ -93,7 +93,7 @@ class Crop:
 
 
 def caption(subject: str, brighter: int, *, views: int) -> str:
-    """What crops of a subject show, shown that many times brighter than they are."""
+    """Caption of crops of a subject, which says by what factor they are brightened."""
     what = (
         "what is seen of the whole domemaster"
         if views == 1

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Light
+from domesim.light.transfer import named
 from domesim.scene import Scene
-from domesim.transfer import named
 from validation.experiment import Panel, Pictures, Plot
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
@@ -84,7 +84,7 @@ def panel(title: str, light: Light, scene: Scene, *, what: str, brightest: float
     Parameters
     ----------
     title
-        Of the picture.
+        Title of the picture.
     light, scene, brightest
         As for `pictures`.
     what

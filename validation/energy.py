@@ -1,4 +1,4 @@
-"""What projectors emit is what all surfaces absorb and what leaves: is it so?
+"""Whether projectors emit as much light as surfaces absorb and as leaves the theatre.
 
 Where projectors' light lands first is found by rays from the lenses. Light that has been reflected
 is gathered by the product's walks: those that arrive at points of a surface, and those that leave
@@ -14,12 +14,12 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.lenses import lens_gains
 from domesim.pathtrace.loop import bounce_limit, cosine_direction, walks
 from domesim.pathtrace.room import BACK, BLACK, FLOOR, NOTHING, SHELL, SOLID, WALL, Hit
 from domesim.pathtrace.room import SCREEN as FRONT
 from domesim.pathtrace.tracer import Tracer
-from domesim.theatre import Theatre
+from domesim.room.lenses import lens_gains
+from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
 
@@ -193,7 +193,7 @@ def gathered(
 
 
 def once(tracer: Tracer, source: Any, seed: int) -> Floats:
-    """(primary,) emitted less absorbed less lost, over what is emitted: of one batch of walks."""
+    """(primary,) share of the emitted light that is neither absorbed nor lost, by one batch."""
     theatre, surfaces = tracer.theatre, list(patches(tracer))
     emitted, landed = landing(tracer, np.random.default_rng(seed))
     lost = sum(landed.get(kind, np.zeros(LANES)).mean() for kind in (NOTHING, BLACK))
@@ -211,7 +211,7 @@ def once(tracer: Tracer, source: Any, seed: int) -> Floats:
 
 
 def dimmed(theatre: Theatre) -> Theatre:
-    """No albedo is 1, whose walks have no end, and no lamp shines; lobes do lose energy."""
+    """The theatre without lamps, without lobes (they lose energy), and with albedos up to 0.8."""
 
     def dim(albedo: Any) -> Any:
         return tuple(min(each, 0.8) for each in albedo)

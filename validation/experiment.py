@@ -66,7 +66,7 @@ class Check(Record):
     high: Number = Field(default=None, description="Largest value that is as expected.")
 
     def model_post_init(self, context: Any, /) -> None:
-        """There is something to fail."""
+        """Refuses a check without a bound, which could not fail."""
         if self.low is None and self.high is None:
             raise ValueError(f"a check needs a bound: {self.what}")
 
@@ -118,7 +118,7 @@ class Table(Record):
     rows: tuple[tuple[Cell, ...], ...]
 
     def model_post_init(self, context: Any, /) -> None:
-        """Every row has a cell for each column."""
+        """Refuses a row that has not a cell for each column."""
         if wrong := [row for row in self.rows if len(row) != len(self.columns)]:
             raise ValueError(f"a table of {len(self.columns)} columns got the row {wrong[0]}")
 
@@ -230,7 +230,7 @@ class Work:
     quick
         Whether minutes matter more than accuracy.
     seed
-        Of all random numbers.
+        Seed of all random numbers.
     store
         Folder for finished steps; without it nothing is kept.
     note
@@ -314,7 +314,7 @@ class Experiment:
     Attributes
     ----------
     name
-        Of the module.
+        Name of the module.
     claim, rationale, expected
         From its docstring.
     module

@@ -23,12 +23,12 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from domesim.endings import ENDINGS
 from domesim.frames import ColourTag, Frame, write_frame
+from domesim.host.endings import ENDINGS
 
 FRAMES, SIZE = 12, 64
 _OTHER = {"dome_planetarium": "dome_hemisphere", "stereo_cinema_silver": "stereo_polarised_paper"}
-"""Scenes, and others for the same kind of master."""
+"""Another scene for the same kind of master, by scene."""
 _PATIENCE = 60.0  # s
 _TAG = ColourTag("linear", "BT.709", "made up")
 
@@ -44,7 +44,7 @@ class Show:
     folder
         Its masters are in ``in``.
     arguments
-        Of the command, but for where results go.
+        Arguments of the command, but for where results go.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Show:
     def start(
         self, out: Path, *more: str, limit: Callable[[], None] | None = None
     ) -> subprocess.Popen[str]:
-        """The command, in a session of its own, in which `limit` is called first."""
+        """Start the command in a session of its own, in which `limit` is called first."""
         command = [sys.executable, "-m", "domesim", *self.arguments, "--out", str(out), *more]
         log = (self.folder / "log").open("a")
         return subprocess.Popen(
@@ -81,7 +81,7 @@ class Fault:
     more
         Arguments of the command besides.
     limit
-        Of the system, for the first run.
+        Sets a limit of the system for the first run.
     only_first
         Arguments that the first run has in addition.
     """
@@ -221,7 +221,7 @@ def _workers(run: subprocess.Popen[str]) -> list[psutil.Process]:
 def _each(
     pattern: str, harm: Callable[[Path], None]
 ) -> Callable[[subprocess.Popen[str], Path], None]:
-    """Harm to files of a run that has ended: the next one finds them."""
+    """Returns a function that harms files of a run that has ended; the next run finds them."""
 
     def do(run: subprocess.Popen[str], out: Path) -> None:
         _ended(run)
@@ -232,7 +232,7 @@ def _each(
 
 
 def _wait(run: subprocess.Popen[str], out: Path) -> None:
-    """Nothing more: the harm was done before it began."""
+    """Waits for the end: the harm was done before the run began."""
     _ended(run)
 
 
@@ -241,7 +241,7 @@ def _at_most(what: int, most: int) -> Callable[[], None]:
 
 
 def _intrude(show: Show) -> Callable[[subprocess.Popen[str], Path], None]:
-    """Other masters of the same names, and another scene, into its folder: both are refused."""
+    """Returns a function that tries other masters, then another scene: both are refused."""
 
     def do(run: subprocess.Popen[str], out: Path) -> None:
         _ended(run)
@@ -264,7 +264,7 @@ def _flip(path: Path) -> None:
 
 
 def _remove(folder: Path) -> None:
-    """Away in one step, although somebody writes there."""
+    """Removes a folder in one step, although somebody writes there."""
     shutil.rmtree(folder.rename(folder.with_name(f"{folder.name}.gone")))
 
 
@@ -304,7 +304,7 @@ def _shown(code: int) -> str:
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
-    """For docs/shows.md: a line for each fault, the dome's and the pair's figures together."""
+    """Table of docs/shows.md: a line for each fault, the dome's and the pair's figures together."""
     lines = ["| fault | dome: what happened | lost | s | pair: what happened | lost | s |"]
     lines.append("| --- " * 7 + "|")
     for name in dict.fromkeys(row[1] for row in rows):

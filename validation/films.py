@@ -10,9 +10,9 @@ from domesim.light import Light
 from domesim.scene import Scene
 
 DISPARITY = 0.02
-"""Of what moves before a stereo pair, in shares of the width."""
+"""Disparity of what moves before a stereo pair, in shares of the width."""
 RADIUS = 0.04
-"""Of what moves, in shares of the width."""
+"""Radius of what moves, in shares of the width."""
 COLOUR = (1.0, 0.9, 0.8)
 
 
@@ -23,7 +23,7 @@ def faded(first: Light, last: Light, count: int) -> Iterator[Light]:
 
 
 def even_grey(picture: Light, scene: Scene, level: float) -> Light:
-    """That much light on the screen, of a picture's shape."""
+    """Even light of a level on the screen, in a picture's shape."""
     inside = scene.screen(*picture.shape[1:3])[None, :, :, None]
     return np.where(inside, np.float32(level), np.zeros_like(picture))
 
@@ -40,7 +40,7 @@ def moving_disc(
     start, end
         (x, y) of the disc's centre, in shares of the width.
     count
-        Of frames.
+        Number of frames.
     """
     rows, cols = picture.shape[1:3]
     y, x = (np.mgrid[:rows, :cols] + 0.5) / cols

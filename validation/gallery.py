@@ -12,7 +12,7 @@ from pathlib import Path
 
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
-from domesim.rendering import render
+from domesim.commands.render import render
 from domesim.scene import load_dome, scene_names
 
 SIZES = {"cutaway": 720, "domemaster": 480, "seat:centre": 720}

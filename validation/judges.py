@@ -32,8 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Light, require_light
+from domesim.light.transfer import named
 from domesim.scene import Scene
-from domesim.transfer import named
 from validation.experiment import Missing
 
 COARSEST = 2.0
@@ -46,7 +46,7 @@ DISC = 0.2
 """Radius of the black disc around the zenith, that of the picture's circle = 1."""
 
 _BRIGHTEST, _DARKEST = 1e4, 0.005
-"""cd/m²: ColorVideoVDP clips below 0.005 in any case."""
+"""Range of luminances, cd/m²: ColorVideoVDP clips below 0.005 in any case."""
 
 
 def flip(reference: Light, test: Light, scene: Scene) -> float:
@@ -250,7 +250,7 @@ def _of_both(
 def _predicted(
     reference: Light, test: Light, scene: Scene, heatmap: str | None = None
 ) -> tuple[float, NDArray[np.float32]]:
-    """Of one view, ColorVideoVDP's JOD and (row, col) heatmap: JOD lost, 0 if not asked for."""
+    """ColorVideoVDP's JOD of one view and a (row, col) heatmap: JOD lost, 0 if not asked for."""
     rows, cols = reference.shape[1:3]
     shown = [_shown(light, scene) for light in (test, reference)]
     with quiet():
@@ -342,7 +342,7 @@ def _disc(size: int) -> NDArray[np.bool_]:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """No gradients, and `_unlogged`."""
+    """Turns off gradients, and log lines as `_unlogged` does."""
     _, torch = _colorvideovdp()
     with _unlogged(), torch.no_grad():
         yield
@@ -361,7 +361,7 @@ def _unlogged() -> Iterator[None]:
 
 @cache
 def _colorvideovdp() -> tuple[Any, Any]:
-    """Its module and torch, which take seconds to import."""
+    """ColorVideoVDP's module and torch, which take seconds to import."""
     try:
         import torch  # noqa: PLC0415
 

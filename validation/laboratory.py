@@ -1,7 +1,7 @@
 """A virtual laboratory: path-traced photographs of a theatre, with a real camera's faults.
 
-What is fitted to them computes light without random numbers (`domesim.survey.model`); here walks
-are traced, so the two share no code for reflected light.
+What is fitted to them computes light without random numbers (`domesim.measure.dome.model`); here
+walks are traced, so the two share no code for reflected light.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from typing import TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.master import pose
-from domesim.dome import Dome
-from domesim.measurement.patterns import Codes
-from domesim.measurement.patterns_dome import dome_patterns
+from compensate.pose import pose
+from domesim.measure.dome.camera import Camera, places_in
+from domesim.measure.dome.photographs import Photographs
+from domesim.measure.patterns import Codes
+from domesim.measure.patterns.dome import dome_patterns
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tracer import Settings, Tracer
+from domesim.room.dome import Dome
+from domesim.room.theatre import Theatre
 from domesim.scene import DomeScene, Scene
 from domesim.scene.fields import three
-from domesim.survey.camera import Camera, places_in
-from domesim.survey.photographs import Photographs
-from domesim.theatre import Theatre
 from validation.masters import night
 from validation.statistics import rms_difference
 
@@ -45,7 +45,7 @@ class Faults:
     noise
         Standard deviation of a pixel, relative to its light.
     read_out
-        Of a pixel in the dark, of the value that white has.
+        Standard deviation of a pixel in the dark, relative to the value of white.
     gain
         (primary,) value of projector white.
     vignetting
@@ -53,7 +53,7 @@ class Faults:
     camera_m, turn_deg
         Where the camera is beside what is stated: m, and degrees about the room's axes.
     bits
-        Of the camera; twice the brightest white saturates.
+        Bits of the camera; twice the brightest white saturates.
     """
 
     noise: float = 0.01
@@ -66,9 +66,9 @@ class Faults:
 
 
 NOISE = 0.01
-"""Of a pixel of an ordinary camera's, as of `Faults`."""
+"""Noise of a pixel of an ordinary camera, as in `Faults`."""
 ORDINARY = Faults(NOISE, vignetting=0.02, camera_m=(0.02, -0.01, 0.02), turn_deg=(0.2, 0.3, -0.2))
-"""Of a camera that was placed with some care."""
+"""Faults of a camera that was placed with some care."""
 
 
 def patterns_for(dome: Dome, size: int) -> Floats:
@@ -120,22 +120,22 @@ def photographed(
     Parameters
     ----------
     theatre
-        As it is, not as it is described.
+        The theatre as it is, not as it is described.
     camera
-        As it is described.
+        The camera as it is described.
     patterns
         (pattern, row, col, primary) light of projected domemasters.
     faults
-        Of camera and photographs.
+        Faults of camera and photographs.
     ambient
         Light of a black picture on the screen, 1 = projector white; projectors' black, so that it
         is reflected as any picture is, and falls off to the rim.
     size
         Pixels a side of the photographs.
     walks
-        Traced a pixel: they are noise as well.
+        Walks traced a pixel: they are noise as well.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     """
     tracer = Tracer(theatre)
     moved = replace(
@@ -187,22 +187,22 @@ def left_over(
     walks: int,
     seed: int,
 ) -> dict[str, float]:
-    """What is seen in a theatre besides what should be: rms over the screen, of white.
+    """Light that is seen besides what should be: rms over the screen, white = 1.
 
-    After exact subtraction by each of `models`, and "untouched".
+    It is given after exact subtraction by each of `models`, and "untouched".
 
     Parameters
     ----------
     tracer
-        Of the theatre.
+        Tracer of the theatre.
     desired
         (1, row, col, primary) light whose direct light alone should be seen.
     models
         Name -> what is taken for the theatre.
     walks
-        Traced a pixel, twice: what is only noise of one is left out.
+        Walks traced a pixel, twice: what is only noise of one is left out.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     """
     rows, cols = desired.shape[1:3]
     share = tracer.theatre.dome.screen_areas(rows, cols)
@@ -230,4 +230,4 @@ LEFT = (
     "Light that should not be there (rms over the screen, % of white), seen in the path-traced "
     "theatre after exact subtraction by each model."
 )
-"""What a table of `left_over` shows."""
+"""Caption of a table of `left_over`."""

@@ -1,4 +1,4 @@
-"""How much of what the judge marks a predicted mask holds, and with how much else.
+"""How much of the judge's marks a predicted mask holds, and how large it is for that.
 
 ColorVideoVDP's heatmap marks a pixel where it has `MARKED` JOD or more. A threshold of the
 prediction is tuned on some inputs: the largest of `LEVELS` with which the mask holds `KEPT` of the
@@ -13,7 +13,7 @@ from typing import final
 
 import numpy as np
 
-from compensate.master import Posed
+from compensate.pose import Posed
 from compensate.prediction import Prediction, predict
 from compensate.visible import SEEN
 from domesim.light import Light
@@ -24,7 +24,7 @@ MARKED = 1.0
 LEVELS = tuple(round(0.3 + 0.02 * k, 2) for k in range(61))
 """Thresholds of the prediction, JOD."""
 KEPT = 0.96
-"""A little more than is wanted elsewhere."""
+"""Share of the marked pixels that a mask must hold: a little more than is wanted elsewhere."""
 
 
 @final
@@ -35,11 +35,11 @@ class Agreement:
     Attributes
     ----------
     seen
-        On the screen.
+        Pixels on the screen.
     marked
-        By the judge.
+        Pixels that the judge marks.
     held, taken
-        In the mask and marked, and in the mask at all, by `LEVELS`.
+        Pixels in the mask and marked, and in the mask at all, by `LEVELS`.
     veils
         The same two of the mask of thresholds and masking (`Combination.WITH_VEILS`).
     """
@@ -51,7 +51,7 @@ class Agreement:
     veils: tuple[int, int]
 
     def __add__(self, other: Agreement) -> Agreement:
-        """Of both."""
+        """Agreement over the pixels of both."""
 
         def summed(one: Iterable[int], two: Iterable[int]) -> tuple[int, ...]:
             return tuple(a + b for a, b in zip(one, two, strict=True))
@@ -72,12 +72,12 @@ class Agreement:
 
     @property
     def before(self) -> tuple[float, float]:
-        """The same two of thresholds and masking."""
+        """The two figures of `at` for the mask of thresholds and masking."""
         return self.veils[0] / self.marked, self.veils[1] / self.marked
 
 
 def agreement(posed: Posed, light: Light) -> Agreement:
-    """Of what is projected.
+    """Compares the prediction's masks with the judge's marks for light that is projected.
 
     Raises
     ------

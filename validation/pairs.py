@@ -34,14 +34,14 @@ from scipy.ndimage import gaussian_filter
 from domesim.frames import read_master
 from domesim.light import Light
 from domesim.scene import Scene
-from domesim.screening import decoded, within_range
+from domesim.scene.screening import decoded, within_range
 from validation.experiment import Missing
 
 FOLDER = "DOMESIM_DATA"
 """Environment variable that names the folder of the test data."""
 
 SEQUENCE = tuple(f"beachball {number}" for number in range(1, 5))
-"""Successive frames."""
+"""Names of successive frames."""
 
 FILES: Mapping[str, tuple[str, ...]] = {
     "fog": ("stereo/fog_multiview.exr",),
@@ -63,13 +63,13 @@ LAMPS: tuple[tuple[float, tuple[float, float], Colour], ...] = (
     (0.035, (0.62, 0.38), (1.0, 0.55, 0.3)),
     (0.02, (0.12, 0.06), (0.6, 0.8, 1.0)),
 )
-"""Disparity, place (x, y) in widths, colour."""
+"""Lamps: disparity, place (x, y) in widths, colour."""
 DISCS: tuple[tuple[float, tuple[float, float], float, Colour], ...] = (
     (-0.01, (0.2, 0.4), 0.05, (0.3, 0.9, 0.4)),
     (0.02, (0.44, 0.36), 0.06, (1.0, 0.3, 0.25)),
     (0.04, (0.8, 0.25), 0.07, (0.35, 0.5, 1.0)),
 )
-"""Disparity, place, radius, colour."""
+"""Discs: disparity, place, radius, colour."""
 
 _TWICE = 2  # samples a pixel and axis
 
@@ -191,13 +191,13 @@ class _Canvas:
     def paint(
         self, disparity: float, where: NDArray[np.bool_], grey: Floats, colour: Colour
     ) -> None:
-        """An opaque shape."""
+        """Paint an opaque shape."""
         light = grey[..., None] * np.array(colour)
         for view, moved in self._moves(disparity):
             self._views[view] = np.where(where[:, moved, None], light[:, moved], self._views[view])
 
     def add(self, disparity: float, grey: Floats, colour: Colour) -> None:
-        """Light, as of a halo."""
+        """Add light, as of a halo."""
         light = grey[..., None] * np.array(colour)
         for view, moved in self._moves(disparity):
             self._views[view] += light[:, moved]

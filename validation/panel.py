@@ -46,13 +46,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Light, require_light
-from domesim.projector import conversion
+from domesim.observation.projector import conversion
 from domesim.scene import Scene
 from validation import judges
 from validation.experiment import Missing
 
 DARKEST, BRIGHTEST = 0.005, 1e4
-"""cd/m² that PU21 and FovVideoVDP are defined between; light beyond is clipped."""
+"""Luminances, cd/m², that PU21 and FovVideoVDP are defined between; light beyond is clipped."""
 
 PU21_PEAK = 256.0
 """PU21 units that count as full scale, those of 100 cd/m² (`pu21_metric.m` of gfxdisp/pu21)."""

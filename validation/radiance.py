@@ -21,16 +21,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.theatre import Albedo, Theatre
+from domesim.room.theatre import Albedo, Theatre
 
 Floats = NDArray[np.float64]
 
 MISSING = "Radiance is not installed (pip install 'domesim[radiance]')"
-"""Said where it is left out."""
+"""Message where Radiance is left out."""
 _LENS, _APART, _START = 1e-3, 1e-4, 1e-4
-"""In units of the dome's radius: the lens, black backs, and where rays start before the screen."""
+"""Radius of the lens, distance of black backs, and distance of rays' starts from the screen, in the
+dome's radius."""
 _BOUNCES, _DEEPEST = 200, 1000
-"""Reflections. Beyond the second Radiance cuts walks off; of 60, albedo 0.95 lost 4.5 %."""
+"""Numbers of reflections. Radiance cuts walks off beyond the second; 60 lose 4.5 % at albedo
+0.95."""
 
 
 def installed() -> bool:
@@ -48,7 +50,7 @@ def reflected(theatre: Theatre, *, rays: int, seed: int) -> tuple[Floats, Floats
     rays
         How many points of the screen are looked at.
     seed
-        Of where they are.
+        Seed of their places.
 
     Returns
     -------

@@ -25,9 +25,9 @@ from pydantic import Field
 
 from domesim.errors import InputError
 from domesim.frames import write_whole
+from domesim.host.cores import cores
 from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.tracer import all_or_nothing
-from domesim.strips import cores
 from validation.experiment import Experiment, Finding, Missing, Record, Work, load_experiment
 from validation.experiments import EXPERIMENTS, GROUPS
 
@@ -38,7 +38,7 @@ STEPS = ".domesim-steps"
 _OF_STEPS = re.compile(r"[0-9a-f]{16}-(quick|full)-[0-9]+")
 
 FAILED = (NOT_AS_EXPECTED, BROKEN)
-"""Of which one is enough for the run to have failed."""
+"""Statuses of experiments, one of which is enough for the run to have failed."""
 
 _PACKAGES = ("domesim", "compensate", "validation", "scenes")
 _VERSIONS = (
@@ -144,7 +144,7 @@ def validate(
     quick
         Whether minutes matter more than accuracy.
     seed
-        Of all random numbers.
+        Seed of all random numbers.
     fresh
         Measure everything anew.
 

@@ -13,7 +13,7 @@ from compensate.ruler import Ruler
 from domesim import observe
 from domesim.light import Light
 from domesim.scene import Scene
-from domesim.screening import within_range
+from domesim.scene.screening import within_range
 
 LIFTS = {"subtraction: lift 0": 0.0, "lift 1": 1.0, f"lift {Aim().lift:g}, the default": Aim().lift}
 _BRIGHTER = 4

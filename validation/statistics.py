@@ -35,8 +35,8 @@ def bias_p(found: ArrayLike, error: ArrayLike, truth: ArrayLike) -> tuple[float,
     Returns
     -------
     spread, shared
-        Of the sum of squared z-scores, which errors of either sign raise, and of their sum, which
-        a bias that all share moves.
+        P-values of the sum of squared z-scores, which errors of either sign raise, and of their
+        sum, which a bias that all share moves.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def alarm_rate(
     false_alarm
         As for `assert_unbiased`.
     trials, seed
-        How many simulations, and of their random numbers.
+        Number of simulations, and seed of their random numbers.
     """
     random = np.random.default_rng(seed)
     bias, error = np.broadcast_arrays(np.asarray(bias, float), np.asarray(error, float))

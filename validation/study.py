@@ -73,7 +73,7 @@ class Pair:
     share
         wins / trials.
     low, high
-        Of this share: 95 % interval after Clopper and Pearson, of this pair alone.
+        Ends of the 95 % interval of this share after Clopper and Pearson, of this pair alone.
     p, adjusted
         Two-sided, of a share of 1/2; and corrected for the number of pairs after Holm.
     significant
@@ -100,7 +100,7 @@ class Scale:
     Attributes
     ----------
     values, errors
-        Of each condition: log-odds of being preferred to the first one, and their standard errors
+        Log-odds of each condition of being preferred to the first one, and their standard errors
         (both 0 for the first itself). For differences from another condition, name that one first.
     misfit
         Likelihood-ratio test of the model, which cannot say that A beats B beats C beats A. None if
@@ -134,11 +134,11 @@ class Study:
     Attributes
     ----------
     names
-        Of the conditions.
+        Names of the conditions.
     pairs
-        That were compared, in the conditions' order.
+        Pairs that were compared, in the conditions' order.
     scale
-        After Bradley and Terry.
+        Scale values after Bradley and Terry.
     equality
         Test of no preference at all.
     pearson
@@ -161,7 +161,7 @@ def analyse(wins: ArrayLike, names: Sequence[str], *, false_alarm: float = 0.05)
         (condition, condition) counts: how often the first was preferred to the second. Pairs may be
         compared unequally often, or never.
     names
-        Of the conditions. Scale values are relative to the first.
+        Names of the conditions. Scale values are relative to the first.
     false_alarm
         Probability of calling any pair different if none is.
 
@@ -204,11 +204,12 @@ def totals_from_chi2(
     Parameters
     ----------
     conditions, trials
-        Of a study that compared all pairs equally often; trials of all pairs together.
+        Number of conditions of a study that compared all pairs equally often; trials of all pairs
+        together.
     chi2
-        Of equal wins, as printed.
+        Pearson's statistic for equal wins, as printed.
     digits
-        Behind its point.
+        Digits behind its point.
 
     Raises
     ------

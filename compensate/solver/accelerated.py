@@ -92,7 +92,7 @@ class Accelerated:
         return Result(x, cost, optimality, status, iteration, problem.ffts - before)
 
     def _curvature(self, problem: Problem, direction: Light) -> float:
-        """That along a direction: a first L."""
+        """Curvature along a direction: the first L."""
         length = dot(direction, direction)
         return self.growth * problem.curvature(direction)[0] / length if length else 1.0
 

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from compensate.problem import Problem
 from compensate.solver.result import Result, Status
 from domesim.light import Light, dot
+from domesim.light.strips import in_strips
 from domesim.observation.lowrank import LowRankObservation, expand
-from domesim.strips import in_strips
 
 Floats = NDArray[np.float64]
 

@@ -55,23 +55,25 @@ from compensate.problem import Problem
 from compensate.solver.baselines import computed
 from compensate.solver.result import Result, Status
 from domesim.light import Array, Light, namespace
+from domesim.light.strips import in_strips
 from domesim.observation.base import Observation
 from domesim.observation.crosstalk import Crosstalk, mixing_by
 from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.projector import conversion
 from domesim.observation.stereo import StereoObservation
-from domesim.projector import conversion
-from domesim.strips import in_strips
 
 Floats = NDArray[np.float64]
 
 PIXELS_AT_ONCE = 65536
-"""Of perceptual subtraction, which needs about 1 kB a pixel."""
+"""Pixels that perceptual subtraction does at a time: it needs about 1 kB for each."""
 
 NEGLIGIBLE_DELTA_E = 1e-3
-"""A thousandth of a just-noticeable difference, and about float32's rounding."""
+"""Least change of Delta E that counts: a thousandth of a just-noticeable difference, and about
+float32's rounding."""
 
 MAX_ROUNDS = 1000
-"""Crosstalk of 90 %, the most that there can be, takes 340 to float64's rounding."""
+"""Most rounds of the iteration: crosstalk of 90 %, the largest possible, takes 340 to float64's
+rounding."""
 
 
 @final
@@ -136,7 +138,7 @@ class PlayerShader:
     """
 
     def __call__(self, problem: Problem, start: Light) -> Result:
-        """That light; the start is not used.
+        """The shader's light; the start is not used.
 
         Raises
         ------
@@ -372,9 +374,10 @@ class _Settling:
 def _fixed_point(
     observation: Observation, desired: Light, lower: Array, upper: Array, max_rounds: int
 ) -> tuple[Light, int]:
-    """Light with psi = desired as far as the bounds allow, each eye in turn of the other's last.
+    """Light with psi = desired as far as the bounds allow, found for each eye in turn.
 
-    Own light is found exactly, by slope or along the table; so rounds gain what the *other's* does.
+    An eye's own light is found exactly, by slope or along the table, beside the other's last light.
+    So only the *other's* light limits what a round gains.
     """
     xp = namespace(desired)
     light = xp.minimum(xp.maximum(desired, lower), upper)

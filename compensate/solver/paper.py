@@ -23,13 +23,19 @@ from compensate.problem import Problem
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Result, Status
 from compensate.vision.csf import LowFrequencyFloor
-from compensate.weighting import CsfWeighting, PerceptualWeighting, linear_ycbcr
+from compensate.weighting import (
+    CsfWeighting,
+    Masked,
+    PerceptualWeighting,
+    Weighting,
+    linear_ycbcr,
+)
 from domesim.light import Light
 from domesim.observation.crosstalk import Crosstalk
-from domesim.viewing import Viewing
+from domesim.room.viewing import Viewing
 
 RANGES = ((0.0, 1.0), (-0.5, 0.5), (-0.5, 0.5))
-"""Of Y, Cb and Cr."""
+"""Ranges of Y, Cb and Cr."""
 
 
 @final
@@ -65,6 +71,9 @@ class PaperMethod:
                 f"PaperMethod takes crosstalk of three primaries, got "
                 f"{type(observation).__name__} {observation.shape}"
             )
+        mask = weighting.picture if isinstance(weighting, Masked) else None
+        if isinstance(weighting, Masked):
+            weighting = weighting.inner
         if not isinstance(weighting, CsfWeighting):
             raise ValueError(f"PaperMethod takes a CsfWeighting, got {type(weighting).__name__}")
         to_ycc = linear_ycbcr(self.luminance_weights)
@@ -83,7 +92,11 @@ class PaperMethod:
             leak = Crosstalk(
                 *observation.shape[1:3], mixed[:, c : c + 1, c : c + 1], share=_map(observation)
             )
-            alone = CsfWeighting(daly.gains, np.eye(1), daly.support, daly.padded, daly.peak, 2)
+            alone: Weighting = CsfWeighting(
+                daly.gains, np.eye(1), daly.support, daly.padded, daly.peak, 2
+            )
+            if mask is not None:
+                alone = Masked(mask, alone)
             found = self.solver(
                 Problem(leak, alone, wanted[one], (low, high)), np.clip(channels[one], low, high)
             )

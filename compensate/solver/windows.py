@@ -52,10 +52,11 @@ class Windows:
     reach
         How far around each is looked, pixels.
     solver
-        Of each.
+        Solver of each rectangle.
     overhead
-        Pixels that take as long as what a window takes whatever its size. The least of what was
-        tried that makes no picture slower than as a whole (``validation/notes/0009``).
+        Cost of a window that does not depend on its size, as the pixels that take as long. It is
+        the least value tried that makes no picture slower than as a whole
+        (``validation/notes/0009``).
     """
 
     boxes: tuple[Box, ...]
@@ -64,7 +65,7 @@ class Windows:
     overhead: int = 10_000
 
     def __call__(self, problem: Problem, start: Light) -> Result:
-        """Solve it, from a NumPy `start`.
+        """Solve the problem from a NumPy `start`.
 
         Raises
         ------
@@ -111,7 +112,7 @@ def joined(boxes: Iterable[Box], reach: int, overhead: int) -> tuple[Box, ...]:
 
 
 def _pixels(box: Box, reach: int) -> int:
-    """Of a window's padded plane."""
+    """Pixels of a window's padded plane."""
     rows, cols = (side.stop - side.start + 2 * reach for side in box)
     return int(rows * cols)
 
@@ -224,6 +225,6 @@ def _padded(side: slice, outer: slice, reach: int) -> int:
 
 
 def _sampled(gain: NDArray[Any], places: Any) -> NDArray[np.floating[Any]]:
-    """Of one channel at (row, column) frequencies; it is even in both."""
+    """Interpolates the gain of one channel at (row, column) frequencies; it is even in both."""
     half = gain[: gain.shape[0] // 2 + 1]
     return np.asarray(map_coordinates(half, places, order=1, mode="nearest"))

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from compensate.fourier import Fourier, padded_size
 from compensate.vision.blocks import block_sums, interpolated
 from domesim.errors import InputError
-from domesim.strips import in_strips
+from domesim.light.strips import in_strips
 
 Planes = NDArray[np.float32]
 
@@ -23,7 +23,7 @@ FOVEA = 1.0
 """Diameter of the disc, degrees (Ramasubramanian 1999)."""
 
 ACROSS = 8
-"""Samples that the disc has at least, where pixels are finer: the grid is reduced to fewer."""
+"""Samples across the disc, at least, where pixels are finer: the grid is reduced to fewer."""
 
 
 def adaptation_luminance(
@@ -43,11 +43,11 @@ def adaptation_luminance(
     luminance
         (view, row, col), cd/m²; off the screen it is not looked at.
     pixels_per_degree
-        Of the picture.
+        Resolution of the picture.
     screen
         (row, col), true where there is screen. Default: everywhere.
     diameter
-        Of the disc, degrees.
+        Diameter of the disc, degrees.
 
     Returns
     -------

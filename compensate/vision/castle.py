@@ -140,7 +140,7 @@ RED_GREEN = Mechanism(
     critical_area=2816.44,
     corner_frequency=0.0711058,
 )
-"""CSF_castleCSF.m, par.rg."""
+"""The red-green channel (CSF_castleCSF.m, par.rg)."""
 
 YELLOW_VIOLET = Mechanism(
     peak_sensitivity=Saturating(166.683, 62.8974, 0.41193),
@@ -150,10 +150,10 @@ YELLOW_VIOLET = Mechanism(
     critical_area=2.82789e07,
     corner_frequency=0.000635093,
 )
-"""CSF_castleCSF.m, par.yv."""
+"""The yellow-violet channel (CSF_castleCSF.m, par.yv)."""
 
 MECHANISMS = (ACHROMATIC, RED_GREEN, YELLOW_VIOLET)
-"""In the order of the rows of `DKL_FROM_LMS`."""
+"""All mechanisms, in the order of the rows of `DKL_FROM_LMS`."""
 
 
 DETAIL = float(np.pi * 1.5**2)

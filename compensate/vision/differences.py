@@ -49,7 +49,7 @@ from scipy.ndimage import gaussian_filter
 
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, castle
 from domesim.errors import InputError
-from domesim.strips import in_strips
+from domesim.light.strips import in_strips
 
 Floats = NDArray[np.floating[Any]]
 Planes = NDArray[np.float32]
@@ -57,9 +57,9 @@ Planes = NDArray[np.float32]
 LOWEST = 0.2
 """Bands peak above this, cycles/degree; what is coarser is the base band."""
 BASE_FREQUENCY = 0.1
-"""Where the base band's sensitivity is taken, cycles/degree."""
+"""Frequency at which the base band's sensitivity is taken, cycles/degree."""
 PEAK = 2 * 0.3228
-"""Frequency that a band stands for, of the Nyquist frequency of its pixels; the finest: 1."""
+"""Frequency that a band stands for, over the Nyquist frequency of its pixels; the finest has 1."""
 DARKEST = 0.01
 """Least luminance that contrast is relative to, cd/m²."""
 
@@ -104,7 +104,7 @@ def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -
     wanted, seen
         XYZ of light, (view, row, col, 3), cd/m².
     pixels_per_degree
-        Of the pictures.
+        Resolution of the pictures.
 
     Returns
     -------
@@ -183,9 +183,10 @@ def gain(number: int, frequency: float) -> float:
     Parameters
     ----------
     number
-        Of the band.
+        Number of the band.
     frequency
-        Of a grating along an axis, in shares of the Nyquist frequency of the band's own pixels.
+        Frequency of a grating along an axis, in shares of the Nyquist frequency of the band's own
+        pixels.
     """
     passed = [_low_pass(frequency / 2.0**k) for k in range(1, number + 1)]
     return float(np.prod([*passed, 1 - _low_pass(frequency) ** 2]))
@@ -225,7 +226,7 @@ def _frequency(number: int, pixels_per_degree: float) -> float:
 
 
 def _place(number: int) -> float:
-    """The frequency that a band stands for, of the Nyquist frequency of its pixels."""
+    """The frequency that a band stands for, as a share of its pixels' Nyquist frequency."""
     return PEAK if number else 1.0
 
 

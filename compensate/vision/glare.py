@@ -28,7 +28,7 @@ pixel at an angle theta from the gaze has the solid angle that it has in an equi
 around the gaze, sin(theta)/theta of what it has in the middle. For a flat screen that is small this
 is exact. A domemaster is equidistant around its own middle only, and stretched by 1.57 at the rim
 of a hemisphere. There the veil is 3 to 5 % too small in the mean of the screen, and up to 40 % in
-single places near the rim (``tests/compensate/test_glare.py``).
+single places near the rim (``tests/compensate/vision/test_glare.py``).
 """
 
 from __future__ import annotations
@@ -132,11 +132,11 @@ class StrayLight:
         light
             (..., row, col), any unit, 0 off the screen.
         pixels_per_degree
-            Of the picture.
+            Resolution of the picture.
 
         Returns
         -------
-        Of the same shape, float32; also off the screen.
+        y, of the same shape, float32; also off the screen.
 
         Raises
         ------

@@ -29,8 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 from compensate.fourier import Fourier
 from compensate.vision.csf import daly
 from domesim.errors import InputError
-from domesim.strips import in_strips
-from domesim.viewing import Viewing
+from domesim.light.strips import in_strips
+from domesim.room.viewing import Viewing
 
 Floats = NDArray[np.floating[Any]]
 Planes = NDArray[np.float32]
@@ -116,7 +116,7 @@ def fan(angle: Floats, index: int, orientations: int) -> Floats:
     Parameters
     ----------
     angle
-        Of the frequency (row, col) from the column axis, radians, 0..pi.
+        Angle of the frequency (row, col) from the column axis, radians, 0..pi.
     index
         Which fan, from 0.
     orientations
@@ -269,7 +269,7 @@ def _add_responses(
                 local = lightness[view, rows]
                 before = transducer(signals[view, rows] * local)
                 after = transducer(signals[views + view, rows] * local)
-                total[view, rows] += (after - before) ** 2
+                total[view, rows] += (after - before) ** 2  # eq. 11
 
             in_strips(add, total.shape)
 

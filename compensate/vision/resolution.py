@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 Planes = NDArray[np.floating[Any]]
 
 STEP = 0.5
-"""Between resolutions, octaves. Against steps of a sixteenth, maps of visible differences are 1 %
-off at this step (``tests/compensate/test_seats.py``)."""
+"""Distance between resolutions, octaves. Against steps of a sixteenth, maps of visible differences
+are 1 % off at this step (``tests/compensate/solver/test_seats.py``)."""
 
 
 def by_resolution(
@@ -36,7 +36,7 @@ def by_resolution(
     model
         Planes by the factor of the resolution.
     step
-        Between resolutions, octaves.
+        Distance between resolutions, octaves.
     """
     octaves = np.log2(np.where(screen, scale, 1.0))
     low, high = float(octaves[screen].min()), float(octaves[screen].max())

@@ -48,7 +48,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from compensate.vision.castle import DKL_FROM_XYZ
 from domesim.errors import InputError
-from domesim.transfer import SRGB
+from domesim.light.transfer import SRGB
 
 Floats = NDArray[np.floating[Any]]
 
@@ -71,10 +71,10 @@ FINAL_BLUR = 0.02
 """sigma of the last blur, of the grid's longest side (blurfrac)."""
 
 GABOR_ANGLES = (0, 45, 90, 135)
-"""Degrees (gaborangles)."""
+"""Angles of the Gabor filters, degrees (gaborangles)."""
 
 GABOR_SIGMA, GABOR_ELONGATION, GABOR_PERIOD = 2.0, 2.0, np.pi
-"""Width and period in pixels, length over width (initGBVS.m)."""
+"""Gabor filters: width in pixels, length over width, and period in pixels (initGBVS.m)."""
 
 XYZ_FROM_RGB: Floats = np.array(
     [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]

@@ -19,8 +19,8 @@ from importlib import resources
 import matplotlib.pyplot as plt
 import numpy as np
 
-from compensate.master import pose
 from compensate.methods import Solver
+from compensate.pose import pose
 from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
 from compensate.weighting import PerceptualWeighting

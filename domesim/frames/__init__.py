@@ -8,15 +8,15 @@ did not ask to change survives: bit depth, metadata, channel order, alpha and ot
 and right, in two files or packed in one.
 
 Two promises shape the code. A damaged file is an error, never a picture with a black or grey part
-(``integrity.py``, ``reading.py``). And an output is whole or not there (``writing.py``).
+(``formats``, ``reading.py``). And an output is whole or not there (``writing.py``).
 
 Code values are of the picture as it is shown: upright, and over black where it has an alpha. The
 result is stored as the master was. An EXR is read over its display window.
 """
 
 from domesim.frames.colour import ColourTag
-from domesim.frames.formats import LARGEST_SIDE
 from domesim.frames.frame import Frame, Pixels
+from domesim.frames.integrity import LARGEST_SIDE
 from domesim.frames.reading import read_frame
 from domesim.frames.views import Master, Packing, read_master, write_master
 from domesim.frames.whole import write_whole

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim import transfer
 from domesim.frames.frame import Frame
+from domesim.light import transfer
 
 Codes = NDArray[np.float32]
 

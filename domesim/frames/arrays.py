@@ -12,7 +12,7 @@ import numpy as np
 
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
-from domesim.plain import size_of_plain
+from domesim.host.files import size_of_plain
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
@@ -40,7 +40,7 @@ def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> d
     kind
         What such a file is called: "transport".
     names
-        Of the arrays that it must have, besides "format".
+        Names of the arrays that it must have, besides "format".
 
     Raises
     ------

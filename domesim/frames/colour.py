@@ -1,31 +1,24 @@
 """Colour tags <-> what files say of their colour.
 
 A file says it by a Color Interop identifier, ITU-T H.273 code points (cICP), an ICC profile
-(``icc.py``), chromaticities, a PNG's or a DPX's own fields; or nothing, and then what is usual for
-its format counts. Every tag says which of these it is from.
+(``icc.py``), chromaticities, or fields of its own format (``formats``); or nothing, and then what
+is usual for its format counts. Every tag says which of these it is from.
 """
 
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
-from domesim import ocio
 from domesim.errors import InputError
 from domesim.frames import icc
-from domesim.frames.formats import FLOATING, label
-from domesim.frames.integrity import Container
-from domesim.frames.jpeg2000 import states_srgb
 from domesim.frames.messages import one_line
-from domesim.frames.png import chunk, chunks_of
-from domesim.frames.radiance import Radiance
+from domesim.light import ocio
 
 
 @dataclass(frozen=True)
@@ -36,7 +29,7 @@ class ColourTag:
     ----------
     transfer
         "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084" or "dcdm"; or a
-        space of OpenColorIO, whose light is in ACES AP0 (`domesim.ocio`).
+        space of OpenColorIO, whose light is in ACES AP0 (`domesim.light.ocio`).
     primaries
         "BT.709", "P3-D65", "P3-DCI", "BT.2020", "XYZ", "ACES AP0" or "ACES AP1".
     source
@@ -63,7 +56,7 @@ class ColourTag:
 
     @property
     def named(self) -> str:
-        """For a person, without the source: ``sRGB``, ``linear P3-D65``."""
+        """The tag as a person reads it, without the source: ``sRGB``, ``linear P3-D65``."""
         if self.managed:
             return ocio.spoken(self.transfer)
         transfer = TRANSFER_NAMES.get(self.transfer, self.transfer)
@@ -72,23 +65,6 @@ class ColourTag:
 
 BT709_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """(RGB,) shares in luminance as ITU-R BT.709-6, 3.2 rounds them; they sum to 1."""
-
-
-def colour_of(path: Path, spec: Any, name: str, container: Container) -> ColourTag:
-    """What the file says of its colour, or else what is usual for its format."""
-    if name == "openexr":
-        by_format = _colour_of_exr(path, spec)
-    elif name == "dpx":
-        by_format = _colour_of_dpx(path, spec)
-    elif name == "png":
-        by_format = _colour_of_png(path, spec, container.colour_chunks)
-    elif name == "jpeg2000":
-        by_format = _colour_of_jpeg2000(container)
-    elif container.radiance is not None:
-        by_format = _colour_of_radiance(path, container.radiance)
-    else:
-        by_format = _colour_of_others(path, spec, name)
-    return _colour_of_cicp(path, spec) or _colour_of_profile(path, spec) or by_format
 
 
 def colour_of_code_points(path: Path, primaries: int, transfer: int, where: str) -> ColourTag:
@@ -100,7 +76,7 @@ def colour_of_code_points(path: Path, primaries: int, transfer: int, where: str)
         If the transfer is not supported.
     """
     if transfer not in _CICP_TRANSFERS:
-        raise _unsupported_encoding(path, f"transfer {transfer} of ITU-T H.273")
+        raise unsupported_encoding(path, f"transfer {transfer} of ITU-T H.273")
     if primaries not in _CICP_PRIMARIES:
         source = f"file: {where}; primaries assumed, {primaries} is not known"
         return ColourTag(_CICP_TRANSFERS[transfer], "BT.709", source)
@@ -120,43 +96,6 @@ def code_points_of(colour: ColourTag) -> tuple[int, int]:
 def is_sayable(colour: ColourTag) -> bool:
     """Whether code points of ITU-T H.273 can say what it is."""
     return _UNSPECIFIED not in code_points_of(colour)
-
-
-def state_colour(colour: ColourTag, name: str, spec: Any) -> None:
-    """Name the encoding, where the format can and would otherwise be taken for another."""
-    if name == "openexr" and not colour.managed:
-        if colour.transfer != "linear":
-            spec.attribute("colorInteropID", _interop_identifier(colour))
-        if colour.primaries != "BT.709":
-            kind, value = oiio.TypeDesc("float[8]"), CHROMATICITIES[colour.primaries]
-            spec.attribute("chromaticities", kind, value)
-    if name == "dpx":
-        names = {"linear": "Linear", "bt1886": "ITU-R 709-4"}
-        spec.attribute("dpx:Transfer", names.get(colour.transfer, "User defined"))
-        known = colour.primaries == "BT.709"
-        spec.attribute("dpx:Colorimetric", "ITU-R 709-4" if known else "User defined")
-    # JPEG and TIFF can only say "sRGB" (Exif); to others they can merely not say it.
-    if name in ("jpeg", "tiff") and _is_srgb(colour) and not colour.assumed:
-        spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
-
-
-def colour_chunks(colour: ColourTag) -> bytes:
-    """What a PNG says of its colour."""
-    if _is_srgb(colour):
-        return b"" if colour.assumed else chunk(b"sRGB", b"\0")
-    chunks = b""
-    if colour.managed:
-        return chunks
-    if is_sayable(colour):
-        chunks += chunk(b"cICP", bytes((*code_points_of(colour), 0, 1)))
-    exponents = {"linear": 1.0, "gamma2.2": 2.2, "gamma2.4": 2.4, "gamma2.6": 2.6, "dcdm": 2.6}
-    if colour.transfer in exponents:
-        chunks += chunk(b"gAMA", struct.pack(">I", round(100000 / exponents[colour.transfer])))
-    xy = CHROMATICITIES[colour.primaries]
-    if min(xy) >= 0:  # cHRM has no sign, and so not AP0
-        white_first = [round(100000 * value) for value in (*xy[6:], *xy[:6])]
-        chunks += chunk(b"cHRM", struct.pack(">8I", *white_first))
-    return chunks
 
 
 # What there is to know of colour.
@@ -219,131 +158,35 @@ _CICP_TRANSFERS = {
 _UNSPECIFIED = 2
 _CICP_PRIMARIES = {1: "BT.709", 9: "BT.2020", 10: "XYZ", 11: "P3-DCI", 12: "P3-D65"}
 
-# SMPTE ST 268-1, transfer characteristic, by OpenImageIO's names. Video is decoded as a monitor
-# does; nothing more than sRGB can be assumed of the rest; film densities are not light at all.
-_DPX_TRANSFERS = {
-    "Linear": "linear",
-    "SMPTE 274M": "bt1886",
-    "ITU-R 709-4": "bt1886",
-    "ITU-R 601-5 system B or G": "bt1886",
-    "ITU-R 601-5 system M": "bt1886",
-    "User defined": None,
-    "Unspecified video": None,
-    "Undefined": None,
-}
-
-
 # From a file.
 
 
-def _colour_of_cicp(path: Path, spec: Any) -> ColourTag | None:
+def colour_of_cicp(path: Path, spec: Any) -> ColourTag | None:
+    """What its code points of ITU-T H.273 say; None if it has none."""
     code_points = spec.getattribute("CICP")
     if code_points is None:
         return None
     primaries, transfer, _, full_range = code_points
     colour = colour_of_code_points(path, primaries, transfer, "cICP")
     if not full_range:
-        raise _unsupported_encoding(path, "narrow-range video codes")
+        raise unsupported_encoding(path, "narrow-range video codes")
     return colour
 
 
-def _colour_of_profile(path: Path, spec: Any) -> ColourTag | None:
+def colour_of_profile(path: Path, spec: Any) -> ColourTag | None:
+    """What its ICC profile says; None if it has none."""
     profile = spec.getattribute("ICCProfile")
     if not isinstance(profile, np.ndarray):  # an EXR may have any text of that name
         return None
     try:
         transfer, primaries = icc.meaning_of(bytes(profile), CHROMATICITIES)
     except ValueError as error:
-        raise _unsupported_encoding(path, str(error)) from error
+        raise unsupported_encoding(path, str(error)) from error
     named = one_line(spec.get_string_attribute("ICCProfile:profile_description"))
     return ColourTag(transfer, primaries, f"file: ICC profile '{named}'")
 
 
-def _colour_of_radiance(path: Path, header: Radiance) -> ColourTag:
-    if header.chromaticities is None:
-        return ColourTag("linear", "BT.709", "assumed for HDR")
-    primaries = _primaries(header.chromaticities)
-    if primaries is None:
-        raise InputError(
-            f"{path}: wanted primaries of {', '.join(CHROMATICITIES)}, got PRIMARIES "
-            f"{' '.join(f'{value:g}' for value in header.chromaticities)}. Convert it first, or "
-            "say what it is (--encoding)."
-        )
-    return ColourTag("linear", primaries, "file: PRIMARIES")
-
-
-def _colour_of_exr(path: Path, spec: Any) -> ColourTag:
-    stated = spec.get_string_attribute("colorInteropID")
-    stated = stated or spec.get_string_attribute("oiio:ColorSpace")
-    transfer, primaries, source = "linear", "BT.709", "assumed for EXR"
-    known = _interop(path, stated)
-    if known:
-        (transfer, primaries), source = known, f"file: {stated}"
-    chromaticities = spec.getattribute("chromaticities")
-    if chromaticities is None:
-        return ColourTag(transfer, primaries, source)
-    named = _primaries(chromaticities)
-    if named is None:
-        source = f"{source}; primaries assumed, the file's chromaticities are not known ones"
-        return ColourTag(transfer, primaries, source)
-    return ColourTag(transfer, named, "file: chromaticities")
-
-
-def _colour_of_dpx(path: Path, spec: Any) -> ColourTag:
-    stated = spec.get_string_attribute("dpx:Transfer") or "Undefined"
-    if stated not in _DPX_TRANSFERS:
-        raise _unsupported_encoding(path, stated)
-    transfer = _DPX_TRANSFERS[stated]
-    # FFmpeg says so of all it writes (libavcodec/dpxenc.c), and converts nothing.
-    if stated == "Linear" and spec.get_string_attribute("Software").startswith("Lavc"):
-        return ColourTag("srgb", "BT.709", "assumed for DPX by FFmpeg, which always says 'Linear'")
-    if transfer is None:
-        return ColourTag("srgb", "BT.709", f"assumed for DPX with transfer '{stated}'")
-    return ColourTag(transfer, "BT.709", f"file: transfer '{stated}'")
-
-
-def _colour_of_png(path: Path, spec: Any, chunks: bytes) -> ColourTag:
-    found = dict(chunks_of(b"\x89PNG\r\n\x1a\n" + chunks))
-    if b"sRGB" in found:  # overrides gAMA and cHRM (PNG specification, third edition, 4.3)
-        return ColourTag("srgb", "BT.709", "file: sRGB")
-    gamma = spec.get_string_attribute("oiio:ColorSpace")
-    # 0 means nothing (PNG specification, 11.3.2.2).
-    known = _interop(path, gamma) if any(found.get(b"gAMA", b"")[8:-4]) else None
-    transfer = known[0] if known else "srgb"
-    sources = ["gAMA"] if known else []
-    primaries = "BT.709"
-    if b"cHRM" in found:
-        white_first = [value / 100000 for value in struct.unpack_from(">8I", found[b"cHRM"], 8)]
-        named = _primaries(white_first[2:] + white_first[:2])
-        if named is None:
-            sources.append("primaries assumed, its chromaticities are not known ones")
-        else:
-            primaries = named
-            sources.append("cHRM")
-    source = f"file: {', '.join(sources)}" if sources else "assumed for PNG"
-    return ColourTag(transfer, primaries, source)
-
-
-def _colour_of_jpeg2000(container: Container) -> ColourTag:
-    if container.cinema:
-        return ColourTag("dcdm", "XYZ", "file: digital-cinema profile")
-    stated = states_srgb(container.boxes)
-    return ColourTag("srgb", "BT.709", "file: sRGB" if stated else "assumed for JPEG 2000")
-
-
-def _colour_of_others(path: Path, spec: Any, name: str) -> ColourTag:
-    if spec.get_int_attribute("Exif:ColorSpace") == 1:
-        return ColourTag("srgb", "BT.709", "file: Exif")
-    stated = spec.get_string_attribute("oiio:ColorSpace")
-    known = _interop(path, stated)
-    if known and known[0] != "srgb":  # sRGB is OpenImageIO's own guess
-        return ColourTag(*known, f"file: {stated}")
-    if str(spec.format) in FLOATING:
-        return ColourTag("linear", "BT.709", f"assumed for floating {label(name)}")
-    return ColourTag("srgb", "BT.709", f"assumed for {label(name)}")
-
-
-def _interop(path: Path, identifier: str) -> tuple[str, str] | None:
+def interop_named(path: Path, identifier: str) -> tuple[str, str] | None:
     """(transfer, primaries) of a Color Interop identifier; None if it is none."""
     match = _INTEROP.fullmatch(identifier)
     if match is None:
@@ -351,7 +194,7 @@ def _interop(path: Path, identifier: str) -> tuple[str, str] | None:
     curve, gamut, state = match.groups()
     primaries = _INTEROP_PRIMARIES.get(gamut)
     if curve not in _INTEROP_TRANSFERS or primaries is None:
-        raise _unsupported_encoding(path, identifier)
+        raise unsupported_encoding(path, identifier)
     if (curve, primaries) == ("g26", "XYZ"):
         return "dcdm", primaries
     if (curve, state) == ("g24", "display"):
@@ -359,7 +202,7 @@ def _interop(path: Path, identifier: str) -> tuple[str, str] | None:
     return _INTEROP_TRANSFERS[curve], primaries
 
 
-def _primaries(chromaticities: Sequence[float]) -> str | None:
+def primaries_of(chromaticities: Sequence[float]) -> str | None:
     """The known primaries within 0.001 of x, y of red, green, blue and white."""
     for name, known in CHROMATICITIES.items():
         if np.allclose(chromaticities, known, rtol=0, atol=1e-3):
@@ -367,7 +210,8 @@ def _primaries(chromaticities: Sequence[float]) -> str | None:
     return None
 
 
-def _unsupported_encoding(path: Path, got: str) -> InputError:
+def unsupported_encoding(path: Path, got: str) -> InputError:
+    """The error for code values of another meaning than is known."""
     wanted = ", ".join(TRANSFER_NAMES.values())
     return InputError(
         f"{path}: wanted code values that are linear, {wanted}, got {got}. "
@@ -379,11 +223,13 @@ def _unsupported_encoding(path: Path, got: str) -> InputError:
 # To a file.
 
 
-def _is_srgb(colour: ColourTag) -> bool:
+def is_srgb(colour: ColourTag) -> bool:
+    """Whether it is what all programs take for granted."""
     return (colour.transfer, colour.primaries) == ("srgb", "BT.709")
 
 
-def _interop_identifier(colour: ColourTag) -> str:
+def interop_identifier(colour: ColourTag) -> str:
+    """The Color Interop identifier that comes nearest."""
     curve = {"bt1886": "g24", "dcdm": "g26"}.get(colour.transfer)
     curves = {transfer: name for name, transfer in _INTEROP_TRANSFERS.items()}
     gamuts = {primaries: name for name, primaries in _INTEROP_PRIMARIES.items()}

@@ -32,7 +32,7 @@ _SAMPLES = 1 << 18
 
 
 def seed_of(path: Path, view: int = 0) -> Seed:
-    """Of the frame that came from `path`: of its name alone, wherever it lies.
+    """Seed of the frame that came from `path`, by its name alone, wherever it lies.
 
     Thus a frame has the same noise alone and in its sequence, wherever in a name its number is.
     """

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from domesim import ocio
 from domesim.errors import InputError
 from domesim.frames.colour import TRANSFER_NAMES, ColourTag
+from domesim.light import ocio
 
 ENCODINGS = {
     "srgb": ("srgb", "BT.709"),
@@ -45,14 +45,14 @@ def encoding_named(name: str, option: str = "--encoding") -> ColourTag:
     name
         One of `ENCODINGS`; or a transfer and primaries, ``st2084:p3-d65``, the transfer one of
         srgb, linear, gamma2.2, gamma2.4, gamma2.6, bt1886, st2084 and dcdm; or ``ocio:SPACE``, of
-        OpenColorIO's configuration (`domesim.ocio`). In any case.
+        OpenColorIO's configuration (`domesim.light.ocio`). In any case.
     option
         Which.
 
     Raises
     ------
     InputError
-        If there is none; or as for `domesim.ocio.called`.
+        If there is none; or as for `domesim.light.ocio.called`.
     """
     asked = name.lower()
     if asked.startswith(ocio.PREFIX):

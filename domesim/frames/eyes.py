@@ -1,8 +1,8 @@
 """Files that say themselves how two views are packed in one picture, and which eye is first.
 
-A PNG says it by its chunk sTER (*Extensions to the PNG Specification* 1.4, 2.2), a JPEG as JPS
-does (``jpeg.py``), a video by what FFmpeg calls AVStereo3D: Matroska's StereoMode, MP4's st3d,
-frame packing of H.264 and HEVC. An EXR has views, which have names (``stereo_exr.py``).
+Image formats say it each in its way (``formats``), a video by what FFmpeg calls AVStereo3D:
+Matroska's StereoMode, MP4's st3d, frame packing of H.264 and HEVC. An EXR has views, which have
+names (``stereo_exr.py``).
 """
 
 from __future__ import annotations
@@ -11,12 +11,9 @@ import struct
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, final
 
-from domesim.frames.png import chunk
-
 Packed: TypeAlias = Literal["side-by-side", "top-bottom"]
 SIDE_BY_SIDE: Packed = "side-by-side"
 TOP_BOTTOM: Packed = "top-bottom"
-_JPS_LAYOUTS = {2: SIDE_BY_SIDE, 3: TOP_BOTTOM}
 _STEREO_3D = {1: SIDE_BY_SIDE, 2: TOP_BOTTOM}
 _FLAT = 0  # AVStereo3D's type
 
@@ -41,34 +38,8 @@ class Eyes:
     said_by: str
 
     def __str__(self) -> str:
-        """For a person: ``side-by-side, right first (sTER)``."""
+        """The packing as a person reads it: ``side-by-side, right first (sTER)``."""
         return f"{self.packing}, {'right' if self.right_first else 'left'} first ({self.said_by})"
-
-
-def of_png(content: bytes) -> Eyes:
-    """What a chunk sTER says: 0 is for crossed eyes.
-
-    Raises
-    ------
-    ValueError
-        If it is neither way.
-    """
-    if content not in (b"\0", b"\1"):
-        raise ValueError("a chunk sTER of an unknown mode")
-    return Eyes(SIDE_BY_SIDE, content == b"\0", "sTER")
-
-
-def of_jps(layout: int, *, left_first: bool) -> Eyes:
-    """What a stereoscopic JPEG says.
-
-    Raises
-    ------
-    ValueError
-        If views are interleaved, or in colours.
-    """
-    if layout not in _JPS_LAYOUTS:
-        raise ValueError(f"a JPS of layout {layout} (interleaved, or an anaglyph)")
-    return Eyes(_JPS_LAYOUTS[layout], not left_first, "JPS marker")
 
 
 def of_video(stereo_3d: bytes | None, mode: str) -> Eyes | None:
@@ -89,18 +60,6 @@ def of_video(stereo_3d: bytes | None, mode: str) -> Eyes | None:
     if kind not in _STEREO_3D:
         raise ValueError("views that are interleaved, or in turn")
     return Eyes(_STEREO_3D[kind], bool(flags & 1), "stereo mode")
-
-
-def stated(eyes: Eyes, name: str) -> bytes:
-    """The chunk or segment that says it in a format of that name; nothing if none can."""
-    if name == "png" and eyes.packing == SIDE_BY_SIDE:
-        return chunk(b"sTER", bytes([not eyes.right_first]))
-    if name == "jpeg":
-        layout = next(code for code, packing in _JPS_LAYOUTS.items() if packing == eyes.packing)
-        flags = 0 if eyes.right_first else 4
-        body = b"_JPSJPS_" + struct.pack(">H4B", 4, 0, flags, layout, 1)
-        return b"\xff\xe3" + struct.pack(">H", len(body) + 2) + body
-    return b""
 
 
 def stereo_mode(eyes: Eyes) -> str:

@@ -42,11 +42,11 @@ class FilmFormat:
     Parameters
     ----------
     suffix
-        Of its file.
+        Suffix of its file.
     codec
         FFmpeg's encoder.
     bits
-        Of the frames that it is made of, as asked for by ``--bits``; the first if nothing is.
+        Bits of the frames that it is made of, as asked for by ``--bits``; the first if nothing is.
     options
         The encoder's.
     """
@@ -74,7 +74,7 @@ FILMS = {
         ),
     )
 }
-"""By suffix."""
+"""Formats of videos, by suffix."""
 
 
 def write_film(

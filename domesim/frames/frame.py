@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.frames.colour import ColourTag
+from domesim.frames.depths import code_range
 from domesim.frames.eyes import Eyes
-from domesim.frames.formats import code_range, label
+from domesim.frames.formats.base import Format
 from domesim.frames.orientation import UPRIGHT
 
 Pixels: TypeAlias = NDArray[np.float32]
@@ -22,7 +23,8 @@ Pixels: TypeAlias = NDArray[np.float32]
 class Header:
     """What a file holds besides R, G, B; plain Python, so that a frame can be pickled."""
 
-    format: str = ""  # as OpenImageIO calls it; "" for a frame that came from no file
+    format: str = ""  # for a person; "" for a frame that came from no file
+    file: Format | None = None  # what an image file said besides; None for others
     attributes: tuple[tuple[str, str, Any], ...] = ()  # name, type, value
     channels: tuple[str, ...] = ("R", "G", "B")
     kinds: tuple[str, ...] = ("float", "float", "float")  # each channel's type in the file
@@ -30,13 +32,8 @@ class Header:
     extra: tuple[NDArray[Any], ...] = ()  # (row, col) as stored, one for each other channel
     origin: tuple[int, int] = (0, 0)  # of the display window: col, row
     colour: ColourTag | None = None  # as the file has it; None if that is not supported
-    colour_chunks: bytes = b""  # PNG: see png.py
-    big_endian: bool = True  # DPX
-    carried: bytes = b""  # EXR, PNG, JPEG, DPX: what is written back as it is
-    boxes: bytes = b""  # JPEG 2000: see jpeg2000.py
-    comments: bytes = b""  # JPEG 2000, too
-    zero_padded: bool = False  # TIFF: 12 bits in 16, the lower four 0
-    legal: bool = False  # DPX: black and white are 64 and 940 of 10 bits
+    zero_padded: bool = False  # 12 bits in 16, the lower four 0
+    legal: bool = False  # black and white are 64 and 940 of 10 bits
     straight: bool = False  # its colours are not multiplied by alpha
     orientation: int = UPRIGHT  # Exif's number
     eyes: Eyes | None = None  # how two views are packed, if it says so
@@ -64,7 +61,7 @@ class Frame:
     colour
         What the code values mean.
     bits
-        Of a sample in the file: 8, 10, 12, 16 or 32.
+        Bits of a sample in the file: 8, 10, 12, 16 or 32.
     floating
         Whether the format is floating: not quantised, values outside 0..1 possible.
     repaired
@@ -101,6 +98,6 @@ class Frame:
         """One phrase for a person: ``2048 x 2048 JPEG, 8 bit, sRGB (assumed for JPEG)``."""
         rows, cols = self.pixels.shape[:2]
         kind = f"{self.bits} bit float" if self.floating else f"{self.bits} bit"
-        name = label(self.header.format) or "frame"
+        name = self.header.format or "frame"
         meaning = f"{self.colour.named} ({self.colour.source})"
         return "; ".join([f"{cols} x {rows} {name}, {kind}, {meaning}", *self.header.notes])

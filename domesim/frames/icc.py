@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim import transfer
 from domesim.frames.messages import one_line
+from domesim.light import transfer
 
 CURVES = ("linear", "srgb", "gamma2.2", "gamma2.4", "gamma2.6")
 _D50 = np.array([0.9642, 1.0, 0.8249])

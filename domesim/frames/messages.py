@@ -14,7 +14,7 @@ def problem_of(source: Any) -> str:
 
 
 def joined(text: str) -> str:
-    """All of `text`, of a library, in one line."""
+    """Joins all lines of `text`, of a library, into one."""
     return " ".join(text.split())
 
 

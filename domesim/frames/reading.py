@@ -3,39 +3,32 @@
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
-from domesim.errors import InputError
-from domesim.frames import dpx
+from domesim.errors import InputError, reason
 from domesim.frames.alpha import shown_over_black
-from domesim.frames.colour import ColourTag, colour_of
-from domesim.frames.formats import FLOATING, INTEGER, LABELS, SQUARE, code_span, label
+from domesim.frames.colour import ColourTag
+from domesim.frames.depths import FLOATING, INTEGER, code_span
+from domesim.frames.formats import FORMATS, LABELS
+from domesim.frames.formats.base import Format, Window
 from domesim.frames.frame import Frame, Header, Pixels
-from domesim.frames.integrity import (
-    Container,
-    damaged,
-    enough_memory,
-    examine,
-    refuse_sides,
-    stored_otherwise,
-)
-from domesim.frames.jpeg2000 import is_associated
+from domesim.frames.integrity import SQUARE, DamagedError, damaged, enough_memory, refuse_sides
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
 from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size
-from domesim.strips import converted
+from domesim.light.strips import converted
 
 
 def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:
-    """Read an image file: EXR, PNG, TIFF, DPX, JPEG, and what else is in `LABELS`.
+    """Read an image file of one of `domesim.frames.formats`.
 
     Parameters
     ----------
@@ -80,14 +73,10 @@ def _read_image(
 ) -> Frame:
     if video_of(path) is not None:
         return read_video_frame(path, colour=colour)
-    container = examine(path)
-    reader = open_image(path, container)
-    try:
-        layout = layout_of(path, reader, container, grey=grey, colour=colour)
+    with opened(path) as (reader, form):
+        layout = layout_of(path, reader, form, grey=grey, colour=colour)
         samples = read_channels(path, reader, layout)
         refuse_several_images(path, reader)
-    finally:
-        reader.close()
     return frame_of(path, layout, samples, repair=repair, signed=signed)
 
 
@@ -97,23 +86,20 @@ def size_of(path: Path) -> tuple[int, int]:
     Raises
     ------
     InputError
-        If it does not open.
+        If it is not of `domesim.frames.formats`.
     """
     if video_of(path) is not None:
         return video_size(path)
-    reader = open_image(path, examine(path))
-    try:
+    with opened(path) as (reader, _):
         spec = reader.spec()
         sides = int(spec.full_height), int(spec.full_width)
         return sides if known(spec.getattribute("Orientation")) < 5 else sides[::-1]
-    finally:
-        reader.close()
 
 
 def unsaid(frame: Frame) -> str:
     """What a frame's file says else than what its code values mean, for a person; or "".
 
-    A TIFF, JPEG or DPX cannot say most encodings.
+    Most formats cannot say most encodings.
     """
     colour, stated = frame.colour, frame.header.colour
     if stated is not None and colour.means_the_same_as(stated):
@@ -128,24 +114,82 @@ def use_threads(count: int) -> None:
         oiio.attribute(name, count)
 
 
-def open_image(path: Path, container: Container | None = None) -> Any:
-    """OpenImageIO's reader of the file, or of what its examination has stored anew."""
-    if container is not None and container.stored_anew is not None:
+@contextmanager
+def opened(path: Path) -> Iterator[tuple[Any, Format]]:
+    """OpenImageIO's reader of the file, or of what is stored anew of it; and its format.
+
+    Raises
+    ------
+    InputError
+        If there is none, or not all of it, or it is of no known format.
+    """
+    found = _examined(path)
+    reader = _reader_of(path, found)
+    try:
+        name = reader.format_name()
+        if name not in FORMATS:
+            raise InputError(f"{path}: wanted {LABELS}, got {name}. Convert it to EXR or PNG.")
+        # By its suffix OpenImageIO may take it for another than its first bytes say.
+        yield reader, found if found is not None and found.name == name else FORMATS[name]
+    finally:
+        reader.close()
+
+
+def _examined(path: Path) -> Format | None:
+    """The format that a file's first bytes tell, with what it says; None if they tell none."""
+    try:
+        if path.is_dir():
+            raise InputError(f"{path}: wanted an image file, got a folder. Name a file in it.")
+        if not path.exists():
+            raise InputError(f"{path}: wanted an image file, there is none. Check the path.")
+        if not path.is_file():
+            raise InputError(f"{path}: wanted an image file, got a device or pipe. Name a file.")
+        with path.open("rb") as file:
+            start = file.read(16)
+            if not start:
+                raise InputError(
+                    f"{path}: wanted an image, got an empty file. Copy or render it again."
+                )
+            file.seek(0)
+            form = next((each for each in FORMATS.values() if start.startswith(each.starts)), None)
+            return None if form is None else _told(path, form, file)
+    except OSError as error:
+        raise InputError(
+            f"{path}: wanted to read it, got '{reason(error)}'. Check its path and permissions."
+        ) from error
+
+
+def _told(path: Path, form: Format, file: BinaryIO) -> Format:
+    try:
+        return form.examined(path, file)
+    except InputError:
+        raise
+    except DamagedError as error:
+        raise damaged(path, form.label, str(error)) from error
+    except ValueError as error:
+        raise InputError(
+            f"{path}: wanted a complete {form.label} of {form.wanted}, got {error}. "
+            "Copy or render it again, or convert it."
+        ) from error
+
+
+def _reader_of(path: Path, found: Format | None) -> Any:
+    if found is not None and found.stored_anew is not None:
         with os.fdopen(os.memfd_create("stored-anew"), "rb+") as memory:
-            memory.write(container.stored_anew)
+            memory.write(found.stored_anew)
             memory.flush()
             # The reader has it open by itself.
-            return _open_at(path, f"/proc/self/fd/{memory.fileno()}")
+            return _open_at(path, f"/proc/self/fd/{memory.fileno()}", found)
     try:
         name = str(path).encode().decode()
     except UnicodeEncodeError:
         raise InputError(
             f"{path}: wanted a path in UTF-8, got other bytes. Rename the file or its folder."
         ) from None
-    return _open_at(path, name)
+    return _open_at(path, name, found)
 
 
-def _open_at(path: Path, name: str) -> Any:
+def _open_at(path: Path, name: str, found: Format | None) -> Any:
     # Without UnassociatedAlpha, R, G, B of PNG and TIFF come multiplied by alpha.
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
@@ -153,26 +197,14 @@ def _open_at(path: Path, name: str) -> Any:
     # An error that is not fetched is printed when the process ends.
     problem = problem_of(oiio)
     if reader is None:
-        _refuse_compression(path, problem)
+        if found is not None:
+            found.explain(path, problem)
         _refuse_video(path)
         raise InputError(
             f"{path}: wanted an image, got something that does not open as one "
             f"({problem}). Copy or render it again, or convert it to EXR or PNG."
         )
     return reader
-
-
-_LACKING = re.compile(
-    r"(\w+) compression support is not configured|Compression (scheme \d+) .*not implemented"
-)
-"""What libtiff says of a compression that it was built without."""
-
-
-def _refuse_compression(path: Path, problem: str) -> None:
-    """Name a TIFF's compression that is not read."""
-    lacking = _LACKING.search(problem)
-    if lacking is not None:
-        raise stored_otherwise(path, lacking[1] or f"compression {lacking[2]}")
 
 
 _STILLS = (b"heic", b"heix", b"heim", b"heis", b"mif1", b"avif")
@@ -185,7 +217,7 @@ def _refuse_video(path: Path) -> None:
         start = file.read(16)
     if start[4:8] == b"ftyp" and start[8:12] in _STILLS:
         raise InputError(
-            f"{path}: wanted {', '.join(LABELS.values())}, got HEIF or AVIF. Convert it to EXR or "
+            f"{path}: wanted {LABELS}, got HEIF or AVIF. Convert it to EXR or "
             "PNG (ImageMagick: convert IN OUT.png)."
         )
     container = container_of(start)
@@ -200,55 +232,33 @@ def _refuse_video(path: Path) -> None:
 # The header: where the samples are.
 
 
-Window: TypeAlias = tuple[int, int, int, int]
-"""Left, top, cols, rows."""
-
-
 @dataclass(frozen=True)
 class View:
-    """One view of a file that holds several: its name, and its channels.
+    """One view of a file that holds several."""
 
-    Parameters
-    ----------
-    name
-        As the file has it: "left".
-    channels
-        Which of the part's channels -> what they are called in the view: without the view's name.
-    """
-
-    name: str
-    channels: Mapping[int, str]
+    name: str  # as the file has it: "left"
+    channels: Mapping[int, str]  # which of the part's -> what they are called without the view
 
 
 @dataclass(frozen=True)
 class Layout:
     """What a header says of where a frame's samples are."""
 
-    format: str
-    places: tuple[int, ...]  # which of the part's channels
-    channels: tuple[str, ...]
-    kinds: tuple[str, ...]
-    rgb: tuple[int, int, int]
+    format: Format
+    header: Header  # without the samples of other channels
+    places: tuple[int, ...]  # which of the part's channels `header.channels` are
     bits: int
     floating: bool
     data: Window
     display: Window
-    attributes: tuple[tuple[str, str, Any], ...]
     colour: ColourTag
-    stated: ColourTag | None  # what the file has for `colour`; None if that is not supported
-    container: Container
-    part: int  # of the file's
-    orientation: int
-    straight: bool  # whether colours are not multiplied by alpha
-    legal: bool  # whether codes lie between black and white of video
-    notes: tuple[str, ...]
-    view: str = ""
+    view: str
 
 
 def layout_of(
     path: Path,
     reader: Any,
-    container: Container,
+    form: Format,
     *,
     view: View | None = None,
     grey: bool = False,
@@ -259,99 +269,67 @@ def layout_of(
     Their encoding is `colour`, or the file's.
     """
     spec = reader.spec()
-    name = reader.format_name()
-    if name not in LABELS:
-        raise InputError(
-            f"{path}: wanted {', '.join(LABELS.values())}, got {name}. Convert it to EXR or PNG."
-        )
     if spec.deep:
         raise InputError(f"{path}: wanted a flat image, got deep samples. Flatten it first.")
-    data, display = _windows(path, spec, name)
-    refuse_implausible_size(path, spec, name, data, display, container.stored_anew)
-    channels, places = channels_of(path, spec), tuple(range(spec.nchannels))
+    data, display = form.windows(path, spec)
+    refuse_implausible_size(path, spec, form, data, display)
+    channels, places, named = channels_of(path, spec), tuple(range(spec.nchannels)), ""
     if view is not None:
-        channels, places = tuple(view.channels.values()), tuple(view.channels)
-    rgb = find_grey(channels) if grey and name == "openexr" else None
+        channels, places, named = tuple(view.channels.values()), tuple(view.channels), view.name
+    rgb = find_grey(channels) if grey and form.channels == "any" else None
     if rgb is None:
-        rgb = _find_rgb(path, spec, channels, "" if view is None else view.name)
+        rgb = _find_rgb(path, spec.get_string_attribute(f"{form.name}:ColorSpace"), channels, named)
     kinds = tuple(kinds_of(spec)[place] for place in places)
     bits, floating = _depth(path, spec, {kinds[channel] for channel in rgb})
-    meant, stated = _colours(path, spec, name, container, colour)
-    orientation = _orientation(path, spec, name, container)
-    legal = name == "dpx" and not floating and dpx.is_legal(spec, bits)
-    notes = [*_pixel_notes(path, spec, name, container), *(["legal range"] if legal else [])]
+    meant, stated = _colours(path, spec, form, colour)
+    orientation = form.turned or known(spec.getattribute("Orientation"))
+    legal = not floating and form.is_legal(spec, bits)
+    straight = form.unassociated
+    if straight is None:
+        straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
+    notes = [*_pixel_notes(path, spec, form), *(["legal range"] if legal else [])]
     if orientation != UPRIGHT:
         notes.append(f"turned upright: its Orientation is {orientation}")
-    return Layout(
-        format=name,
-        places=places,
+    header = Header(
+        format=form.label,
+        file=replace(form.of_part(reader.current_subimage()), stored_anew=None),
+        attributes=attributes_of(path, spec, form),
         channels=channels,
         kinds=kinds,
         rgb=rgb,
-        bits=bits,
-        floating=floating,
-        data=data,
-        display=display,
-        attributes=attributes_of(path, spec, container),
-        colour=meant,
-        stated=stated,
-        container=container,
-        part=reader.current_subimage(),
-        orientation=orientation,
-        straight=_is_straight(spec, name, container),
+        origin=display[:2],
+        colour=stated,
         legal=legal,
+        straight=straight,
+        orientation=orientation,
+        eyes=form.eyes,
         notes=tuple(notes),
-        view="" if view is None else view.name,
     )
+    return Layout(form, header, places, bits, floating, data, display, meant, named)
 
 
 def _colours(
-    path: Path, spec: Any, name: str, container: Container, given: ColourTag | None
+    path: Path, spec: Any, form: Format, given: ColourTag | None
 ) -> tuple[ColourTag, ColourTag | None]:
     """What code values mean; and what the file says of that, None if it is not supported."""
     if given is None:
-        stated = colour_of(path, spec, name, container)
+        stated = form.colour(path, spec)
         return stated, stated
     try:
-        return given, colour_of(path, spec, name, container)
+        return given, form.colour(path, spec)
     except InputError:
         return given, None
 
 
-def _orientation(path: Path, spec: Any, name: str, container: Container) -> int:
-    """Exif's number."""
-    if name == "dpx":
-        try:
-            return dpx.orientation_of(container.carried[0], big_endian=container.big_endian)
-        except ValueError as error:
-            raise InputError(
-                f"{path}: wanted lines that are rows, got {error}. Turn it first (ImageMagick: "
-                "convert IN -auto-orient OUT)."
-            ) from error
-    if container.radiance is not None:
-        return container.radiance.orientation
-    return known(spec.getattribute("Orientation"))
-
-
-def _is_straight(spec: Any, name: str, container: Container) -> bool:
-    """Whether colours are not multiplied by alpha."""
-    if name == "jpeg2000":
-        return not is_associated(container.boxes)
-    return name == "bmp" or bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
-
-
-def _pixel_notes(path: Path, spec: Any, name: str, container: Container) -> tuple[str, ...]:
-    """What is to be said of the pixels' shape; refuse pictures that are not of square ones."""
-    stated = spec.getattribute("PixelAspectRatio")
-    if container.radiance is not None:
-        stated = container.radiance.pixel_aspect
+def _pixel_notes(path: Path, spec: Any, form: Format) -> tuple[str, ...]:
+    """Notes on the pixels' shape; refuses pictures whose pixels are not square."""
+    stated = form.aspect or spec.getattribute("PixelAspectRatio")
     if not isinstance(stated, float | int) or not 0 < stated < np.inf:
         return ()
     if abs(stated - 1) <= SQUARE:
         return ()
-    if name in ("openexr", "dpx", "hdr"):
+    if form.shaped:
         raise not_square(path, stated)
-    # Others tell how densely to print.
     return (f"pixels taken as square, though its densities say {stated:.4g} : 1",)
 
 
@@ -370,13 +348,9 @@ def kinds_of(spec: Any) -> tuple[str, ...]:
     return each or (str(spec.format),) * spec.nchannels
 
 
-def attributes_of(
-    path: Path, spec: Any, container: Container | None = None
-) -> tuple[tuple[str, str, Any], ...]:
+def attributes_of(path: Path, spec: Any, form: Format) -> tuple[tuple[str, str, Any], ...]:
     """Name, type and value of each attribute."""
-    invented: frozenset[str] = frozenset()
-    if container is not None and spec.getattribute("dpx:Version") is not None:
-        invented = dpx.INDUSTRY if len(container.carried[0]) < dpx.HEADER else invented
+    invented = form.invented()
     attributes = tuple(
         (attribute.name, str(attribute.type), attribute.value)
         for attribute in spec.extra_attribs
@@ -403,46 +377,11 @@ def _refuse_unprintable(path: Path, what: str, names: Sequence[str]) -> None:
             )
 
 
-def _windows(path: Path, spec: Any, name: str) -> tuple[Window, Window]:
-    """The data and the display window: left, top, cols, rows."""
-    data = (spec.x, spec.y, spec.width, spec.height)
-    # Only EXR means it: what PNG (oFFs) and TIFF (XPosition) tell is a place on a sheet of paper.
-    if name != "openexr":
-        return (0, 0, *data[2:]), (0, 0, *data[2:])
-    display = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
-    inside = all(
-        display[axis] <= data[axis]
-        and data[axis] + data[axis + 2] <= display[axis] + display[axis + 2]
-        for axis in (0, 1)
-    )
-    if not inside:
-        # Light from beyond the edge of the screen is on no screen, and cutting it off unasked
-        # would break the promise that a file keeps what it holds.
-        raise InputError(
-            f"{path}: wanted pixels within the display window {_window(display)}, got overscan "
-            f"{_window(data)}. Crop it first (oiiotool IN --crop {_window(display)} -o OUT)."
-        )
-    return data, display
-
-
-def _window(window: Window) -> str:
-    left, top, cols, rows = window
-    return f"{cols}x{rows}{left:+d}{top:+d}"
-
-
-# Decoded bytes a byte of file. zlib reaches 1032; flat JPEGs stay below it; PIZ and DWA know no
-# useful limit, and of DPX OpenImageIO checks it itself.
-_LARGEST_RATIO = {"openexr": 1100.0, "png": 1100.0, "tiff": 1100.0, "jpeg": 1100.0}
 _UNLIMITED_COMPRESSION = ("piz", "dwaa", "dwab", "htj2k", "htj2k256", "htj2k32", "lj2k")
 
 
 def refuse_implausible_size(
-    path: Path,
-    spec: Any,
-    name: str,
-    data: Window,
-    display: Window,
-    stored_anew: bytes | None = None,
+    path: Path, spec: Any, form: Format, data: Window, display: Window
 ) -> None:
     """Before memory is asked for."""
     for cols, rows in (data[2:], display[2:]):
@@ -451,10 +390,10 @@ def refuse_implausible_size(
         raise InputError(f"{path}: wanted an image, got a volume of depth {spec.depth}. Slice it.")
     if spec.get_string_attribute("compression") in _UNLIMITED_COMPRESSION:
         return
-    decoded, stored = spec.image_bytes(True), len(stored_anew or b"") or path.stat().st_size
-    if decoded > _LARGEST_RATIO.get(name, np.inf) * stored:
+    decoded, stored = spec.image_bytes(True), len(form.stored_anew or b"") or path.stat().st_size
+    if decoded > form.largest_ratio * stored:
         raise InputError(
-            f"{path}: wanted a whole {label(name)}, got {stored} bytes for {data[2]} x {data[3]} "
+            f"{path}: wanted a whole {form.label}, got {stored} bytes for {data[2]} x {data[3]} "
             f"px of {spec.nchannels} channels. It is probably damaged: copy or render it again."
         )
 
@@ -468,13 +407,11 @@ def find_grey(channels: Sequence[str]) -> tuple[int, int, int] | None:
     return (upper.index("Y"),) * 3
 
 
-def _find_rgb(path: Path, spec: Any, channels: tuple[str, ...], view: str) -> tuple[int, int, int]:
+def _find_rgb(path: Path, model: str, channels: tuple[str, ...], view: str) -> tuple[int, int, int]:
     """Which channels are R, G, B."""
-    # OpenImageIO turns these into an RGB of its own making.
-    for attribute in ("jpeg:ColorSpace", "tiff:ColorSpace"):
-        model = spec.get_string_attribute(attribute)
-        if model not in ("", "RGB", "YCbCr", "palette"):
-            raise InputError(f"{path}: wanted channels R, G, B, got {model}. Convert it to RGB.")
+    # OpenImageIO turns others into an RGB of its own making.
+    if model not in ("", "RGB", "YCbCr", "palette"):
+        raise InputError(f"{path}: wanted channels R, G, B, got {model}. Convert it to RGB.")
     found = [[k for k, name in enumerate(channels) if name.lower() == wanted] for wanted in "rgb"]
     if all(len(matches) == 1 for matches in found):
         red, green, blue = (matches[0] for matches in found)
@@ -521,21 +458,22 @@ Samples: TypeAlias = tuple[NDArray[Any], list[NDArray[Any]]]
 
 def read_channels(path: Path, reader: Any, layout: Layout) -> Samples:
     """The samples that `layout` tells of."""
-    others = [k for k in range(len(layout.channels)) if k not in layout.rgb]
-    if len(set(layout.kinds)) == 1:
+    header = layout.header
+    others = [k for k in range(len(header.channels)) if k not in header.rgb]
+    if len(set(header.kinds)) == 1:
         # One pass, in the file's own type: OpenImageIO converts half to float 4 times slower
         # than NumPy does.
         span = range(min(layout.places), max(layout.places) + 1)
-        samples = read_samples(path, reader, span, layout.kinds[0])
+        samples = read_samples(path, reader, span, header.kinds[0])
         at = [span.index(place) for place in layout.places]
-        plain = [at[k] for k in layout.rgb] == [0, 1, 2] and len(span) == 3
-        rgb = samples if plain else samples[..., [at[k] for k in layout.rgb]]
+        plain = [at[k] for k in header.rgb] == [0, 1, 2] and len(span) == 3
+        rgb = samples if plain else samples[..., [at[k] for k in header.rgb]]
         return rgb, [np.ascontiguousarray(samples[..., at[k]]) for k in others]
-    places = [layout.places[k] for k in layout.rgb]
+    places = [layout.places[k] for k in header.rgb]
     span = range(min(places), max(places) + 1)
     rgb = read_samples(path, reader, span, "float")[..., [span.index(k) for k in places]]
     return rgb, [
-        read_plane(path, reader, layout.places[k], layout.channels[k], layout.kinds[k])
+        read_plane(path, reader, layout.places[k], header.channels[k], header.kinds[k])
         for k in others
     ]
 
@@ -556,11 +494,10 @@ def read_plane(path: Path, reader: Any, place: int, channel: str, kind: str) -> 
 def read_samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray[Any]:
     """(row, col, channel) of the data window of the reader's present part."""
     samples = reader.read_image(reader.current_subimage(), 0, channels.start, channels.stop, kind)
-    problem = problem_of(reader)
-    _refuse_compression(path, problem)
+    problem, form = problem_of(reader), FORMATS[reader.format_name()]
+    form.explain(path, problem)
     if samples is None or problem:
-        got = f"one that does not decode ({problem})"
-        raise damaged(path, label(reader.format_name()), got)
+        raise damaged(path, form.label, f"one that does not decode ({problem})")
     result: NDArray[Any] = samples
     return result
 
@@ -584,75 +521,20 @@ def frame_of(
 ) -> Frame:
     """What was read, as a frame; `repair` and `signed` as for `read_image`."""
     rgb, extra = samples
-    _refuse_unsaid_dcdm(path, rgb, layout)
-    zero_padded = _is_zero_padded(rgb, layout)
+    header = layout.header
+    zero_padded = layout.format.is_padded(path, rgb, layout.bits, layout.colour)
     bits = 12 if zero_padded else layout.bits
-    pixels = _code_values(rgb, bits, legal=layout.legal)
-    if layout.container.radiance is not None:
-        pixels /= np.array(layout.container.radiance.exposure, np.float32)
-    repaired = 0
-    if layout.floating and len(set(layout.rgb)) == 1:
-        grey, repaired = _without_impossible_samples(
-            path, pixels[..., :1], layout, repair=repair, signed=signed
-        )
-        pixels = np.repeat(grey, 3, axis=-1)
-    elif layout.floating:
+    pixels, repaired = layout.format.exposed(_code_values(rgb, bits, legal=header.legal)), 0
+    if layout.floating:
+        grey = len(set(header.rgb)) == 1
         pixels, repaired = _without_impossible_samples(
-            path, pixels, layout, repair=repair, signed=signed
+            path, pixels[..., : 1 if grey else 3], layout, repair=repair, signed=signed
         )
-    pixels = _as_shown(pixels, layout)
+        pixels = np.repeat(pixels, 3, axis=-1) if grey else pixels
     planes = tuple(_as_shown(plane, layout) for plane in extra)
-    header = Header(
-        format=layout.format,
-        attributes=layout.attributes,
-        channels=layout.channels,
-        kinds=layout.kinds,
-        rgb=layout.rgb,
-        extra=planes,
-        origin=layout.display[:2],
-        colour=layout.stated,
-        colour_chunks=layout.container.colour_chunks,
-        big_endian=layout.container.big_endian,
-        carried=layout.container.carried[layout.part],
-        boxes=layout.container.boxes,
-        comments=layout.container.comments,
-        zero_padded=zero_padded,
-        legal=layout.legal,
-        straight=layout.straight,
-        orientation=layout.orientation,
-        eyes=layout.container.eyes,
-        notes=layout.notes,
-    )
-    frame = Frame(
-        pixels=pixels,
-        path=path,
-        colour=layout.colour,
-        bits=bits,
-        floating=layout.floating,
-        repaired=repaired,
-        header=header,
-    )
-    return shown_over_black(frame)
-
-
-def _is_zero_padded(rgb: NDArray[Any], layout: Layout) -> bool:
-    """Whether it is a DCDM's TIFF: 12 bits, above four that are 0 (DCI DCSS, 3.2.2)."""
-    if (layout.format, layout.bits, layout.colour.transfer) != ("tiff", 16, "dcdm"):
-        return False
-    return not np.bitwise_or.reduce(rgb, axis=None) & 15
-
-
-def _refuse_unsaid_dcdm(path: Path, rgb: NDArray[Any], layout: Layout) -> None:
-    """Ask about 12 bits in 16 that nobody says the meaning of: sRGB has no reason for them."""
-    if (layout.format, layout.kinds[0], layout.colour.assumed) != ("tiff", "uint16", True):
-        return
-    used = np.bitwise_or.reduce(rgb, axis=None)
-    if used & 0xF0 and not used & 0x0F:
-        raise InputError(
-            f"{path}: wanted to know what its code values are, got 12 bits in 16, as a DCDM's "
-            "X'Y'Z', and no word of it. Add --encoding dcdm, or --encoding srgb (or what it is) "
-            "if it is none."
-        )
+    header = replace(header, extra=planes, zero_padded=zero_padded)
+    shown, colour, floating = _as_shown(pixels, layout), layout.colour, layout.floating
+    return shown_over_black(Frame(shown, path, colour, bits, floating, repaired, header))
 
 
 def _code_values(samples: NDArray[Any], bits: int, *, legal: bool = False) -> Pixels:
@@ -672,9 +554,8 @@ def _code_values(samples: NDArray[Any], bits: int, *, legal: bool = False) -> Pi
 
 def _as_shown(samples: NDArray[Any], layout: Layout) -> NDArray[Any]:
     """`samples` of the data window, with 0 around them up to the display window, upright."""
-    if layout.orientation != UPRIGHT:
-        return turned(_over_display_window(samples, layout), layout.orientation)
-    return _over_display_window(samples, layout)
+    whole, orientation = _over_display_window(samples, layout), layout.header.orientation
+    return whole if orientation == UPRIGHT else turned(whole, orientation)
 
 
 def _over_display_window(samples: NDArray[Any], layout: Layout) -> NDArray[Any]:

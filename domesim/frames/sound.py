@@ -21,7 +21,7 @@ class Sound:
     container
         PyAV's, which gets it.
     rate
-        Of its frames, a second: sound of another rate is left out.
+        Rate of its frames, a second: sound of another rate is left out.
     """
 
     def __init__(self, source: Path | None, container: Any, rate: Fraction) -> None:

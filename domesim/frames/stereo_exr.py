@@ -21,14 +21,21 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.frames import exr
 from domesim.frames.colour import ColourTag
+from domesim.frames.formats.base import Window
+from domesim.frames.formats.exr import (
+    EXR,
+    MAGIC,
+    attributes_in,
+    said,
+    state_compression,
+    with_attributes,
+)
 from domesim.frames.frame import Frame
-from domesim.frames.integrity import Container, damaged, examine
+from domesim.frames.integrity import damaged
 from domesim.frames.messages import one_line
 from domesim.frames.reading import (
     View,
-    Window,
     attributes_of,
     channels_of,
     find_grey,
@@ -36,23 +43,20 @@ from domesim.frames.reading import (
     kinds_of,
     layout_of,
     listed,
-    open_image,
+    opened,
     read_channels,
     read_plane,
     read_samples,
     refuse_implausible_size,
 )
 from domesim.frames.writing import (
-    EXR_STRUCTURE,
     as_stored,
     bare_specification,
-    carried_attributes,
     encode,
     interleaved,
     planes_of,
     samples_of,
     specification,
-    state_exr_compression,
     target_of,
 )
 
@@ -104,18 +108,15 @@ def read_stereo_exr(
     """
     if not _is_exr(path):
         return None
-    container = examine(path)
-    reader = open_image(path)
-    try:
+    with opened(path) as (reader, form):
+        assert isinstance(form, EXR)
         count = reader.spec().get_int_attribute("oiio:subimages", 1)
         if count > 1:
-            return _read_parts(path, reader, container, count, repair=repair, colour=colour)
-        views = stated_views(attributes_of(path, reader.spec()))
+            return _read_parts(path, reader, form, count, repair=repair, colour=colour)
+        views = stated_views(attributes_of(path, reader.spec(), form))
         if len(views) < 2:
             return None
-        return _read_views(path, reader, container, views, repair=repair, colour=colour)
-    finally:
-        reader.close()
+        return _read_views(path, reader, form, views, repair=repair, colour=colour)
 
 
 def encoded_stereo_exr(frames: Pair, file: StereoFile, path: Path, bits: int | None) -> bytes:
@@ -139,7 +140,7 @@ def stated_views(attributes: Sequence[tuple[str, str, Any]]) -> tuple[str, ...]:
 
 
 def channels_by_view(channels: Sequence[str], views: Sequence[str]) -> tuple[dict[int, str], ...]:
-    """Of each view: which channels are its own -> what they are called without its name.
+    """Maps each view's own channels, by index, to their names without the view's name.
 
     What belongs to no view (``disparity.x``) goes with the default view, which comes first.
     """
@@ -156,10 +157,10 @@ def channels_by_view(channels: Sequence[str], views: Sequence[str]) -> tuple[dic
 
 
 def _is_exr(path: Path) -> bool:
-    """By its first bytes, as OpenImageIO knows it; what cannot be read is for others to say."""
+    """Whether the first bytes are an EXR's, as for OpenImageIO; errors are for others to tell."""
     try:
         with path.open("rb") as file:
-            return file.read(4) == b"v/1\x01"
+            return file.read(4) == MAGIC
     except OSError:
         return False
 
@@ -170,7 +171,7 @@ def _is_exr(path: Path) -> bool:
 def _read_views(
     path: Path,
     reader: Any,
-    container: Container,
+    form: EXR,
     views: tuple[str, ...],
     *,
     repair: bool,
@@ -189,10 +190,10 @@ def _read_views(
 
     def read(index: int) -> Frame:
         view = View(views[index], of_view[index])
-        layout = layout_of(path, reader, container, view=view, grey=True, colour=colour)
+        layout = layout_of(path, reader, form, view=view, grey=True, colour=colour)
         frame = frame_of(path, layout, read_channels(path, reader, layout), repair=repair)
         # Alone, it is a file of one view, which says so by this attribute.
-        kept = [each for each in layout.attributes if each[0] not in ("multiView", "view")]
+        kept = [each for each in layout.header.attributes if each[0] not in ("multiView", "view")]
         attributes = (*kept, ("view", "string", views[index]))
         return replace(frame, header=replace(frame.header, attributes=attributes))
 
@@ -225,7 +226,7 @@ def _encoded_views(frames: Pair, file: MultiView, path: Path, bits: int | None) 
     spec.attribute("multiView", oiio.TypeDesc(f"string[{len(file.views)}]"), file.views)
     planes = [*planes_of(stored[0], targets[0]), *planes_of(stored[1], targets[1])]
     content = encode(path, "openexr", [(spec, interleaved(planes, kinds))])
-    return exr.with_attributes(content, [carried_attributes(frames[0], whole)])
+    return with_attributes(content, [said(whole)])
 
 
 # Multi-part.
@@ -234,7 +235,7 @@ def _encoded_views(frames: Pair, file: MultiView, path: Path, bits: int | None) 
 def _read_parts(
     path: Path,
     reader: Any,
-    container: Container,
+    form: EXR,
     count: int,
     *,
     repair: bool,
@@ -252,10 +253,10 @@ def _read_parts(
         if not reader.seek_subimage(index, 0):
             raise damaged(path, "EXR", f"one without part {index + 1} of {count}")
         if index not in pictures:
-            parts.append(_read_part(path, reader, container))
+            parts.append(_read_part(path, reader, form))
             continue
         view = View(views[index], dict(enumerate(specs[index].channelnames)))
-        layout = layout_of(path, reader, container, view=view, grey=True, colour=colour)
+        layout = layout_of(path, reader, form, view=view, grey=True, colour=colour)
         samples = read_channels(path, reader, layout)
         side = pictures.index(index)
         frames[side] = frame_of(path, layout, samples, repair=repair)
@@ -285,9 +286,9 @@ def _has_picture(channels: Sequence[str]) -> bool:
     return {"R", "G", "B"} <= names or find_grey(channels) is not None
 
 
-def _read_part(path: Path, reader: Any, container: Container) -> Part:
+def _read_part(path: Path, reader: Any, form: EXR) -> Part:
     spec = reader.spec()
-    carried = container.carried[reader.current_subimage()]
+    carried = form.carried[reader.current_subimage()]
     if spec.deep:
         raise InputError(
             f"{path}: wanted flat parts beside the views, got one of deep samples. "
@@ -295,7 +296,7 @@ def _read_part(path: Path, reader: Any, container: Container) -> Part:
         )
     data: Window = (spec.x, spec.y, spec.width, spec.height)
     display: Window = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
-    refuse_implausible_size(path, spec, "openexr", data, display)
+    refuse_implausible_size(path, spec, form, data, display)
     kinds, channels = kinds_of(spec), channels_of(path, spec)
     if len(set(kinds)) == 1:
         samples = read_samples(path, reader, range(len(channels)), kinds[0])
@@ -303,21 +304,21 @@ def _read_part(path: Path, reader: Any, container: Container) -> Part:
     else:
         each = enumerate(zip(channels, kinds, strict=True))
         planes = tuple(read_plane(path, reader, k, name, kind) for k, (name, kind) in each)
-    return Part(channels, kinds, data, display, attributes_of(path, spec), carried, planes)
+    return Part(channels, kinds, data, display, attributes_of(path, spec, form), carried, planes)
 
 
 def _encoded_parts(frames: Pair, file: MultiPart, path: Path, bits: int | None) -> bytes:
     targets = [target_of(frame, path, bits) for frame in frames]
     stored = [as_stored(*each) for each in zip(frames, targets, strict=True)]
     specs = [specification(*each) for each in zip(frames, targets, strict=True)]
-    carried = [carried_attributes(*each) for each in zip(frames, targets, strict=True)]
+    carried = [said(target) for target in targets]
     # OpenEXR wants the same of all parts.
     chromaticities = specs[0].getattribute("chromaticities")
     parts, attributes = [], []
     for part in file.parts:
         if isinstance(part, Part):
             spec = _specification_of(part)
-            own = exr.attributes_in(part.carried)
+            own = attributes_in(part.carried)
             if chromaticities is not None:
                 spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), chromaticities)
                 own.pop(b"chromaticities", None)
@@ -326,14 +327,14 @@ def _encoded_parts(frames: Pair, file: MultiPart, path: Path, bits: int | None) 
         else:
             parts.append((specs[part], samples_of(stored[part], targets[part])))
             attributes.append(carried[part])
-    return exr.with_attributes(encode(path, "openexr", parts), attributes)
+    return with_attributes(encode(path, "openexr", parts), attributes)
 
 
 def _specification_of(part: Part) -> Any:
-    kept = [each for each in part.attributes if each[0] in EXR_STRUCTURE]
+    kept = [each for each in part.attributes if each[0] in EXR.kept]
     spec = bare_specification(part.channels, part.kinds, part.data[2:], kept)
     spec.x, spec.y = part.data[:2]
     spec.full_x, spec.full_y, spec.full_width, spec.full_height = part.display
     compression = next((value for name, _, value in part.attributes if name == "compression"), "")
-    state_exr_compression(spec, compression)
+    state_compression(spec, compression)
     return spec

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any, final
 
 from domesim.errors import InputError
-from domesim.frames.integrity import examine
-from domesim.frames.reading import attributes_of, open_image
+from domesim.frames.reading import attributes_of, opened
 from domesim.frames.video import rate_and_timecode, video_of
 
 RATES = (1, 1000)
@@ -31,7 +30,7 @@ class Timing:
     rate
         Frames a second.
     timecode
-        Of the first frame, ``01:00:00:00``; "" for none.
+        Timecode of the first frame, ``01:00:00:00``; "" for none.
     """
 
     rate: Fraction
@@ -43,12 +42,8 @@ def timing_of(path: Path, usual: Fraction) -> Timing:
     if video_of(path) is not None:
         return Timing(*rate_and_timecode(path))
     with suppress(InputError):
-        container = examine(path)
-        reader = open_image(path, container)
-        try:
-            stated = attributes_of(path, reader.spec(), container)
-        finally:
-            reader.close()
+        with opened(path) as (reader, form):
+            stated = attributes_of(path, reader.spec(), form)
         attributes = {name: value for name, _, value in stated}
         rate = _rate(attributes) or usual
         return Timing(rate, _timecode(attributes.get("smpte:TimeCode"), rate))

@@ -39,15 +39,14 @@ from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of_code_points
 from domesim.frames.eyes import Eyes, of_video
 from domesim.frames.ffv1 import is_whole
-from domesim.frames.formats import SQUARE
 from domesim.frames.frame import Frame, Header
-from domesim.frames.integrity import damaged, refuse_sides
+from domesim.frames.integrity import SQUARE, damaged, refuse_sides
 from domesim.frames.messages import one_line
 from domesim.frames.orientation import UPRIGHT, turned
 from domesim.frames.yuv import MATRICES, PixelFormat, code_values, pixel_format
 
 SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv", ".mxf")
-"""Of files that are videos."""
+"""Suffixes of files that are videos."""
 
 CODECS = {"prores": "ProRes", "ffv1": "FFV1", "h264": "H.264", "hevc": "HEVC"}
 """Each of these was seen to notice damage, as far as it can."""
@@ -193,7 +192,7 @@ def read_video_frame(path: Path, *, colour: ColourTag | None = None) -> Frame:
 
 
 def rate_and_timecode(path: Path) -> tuple[Fraction, str]:
-    """Of the video that `path` names a frame of; with its timecode if that is the first frame."""
+    """Frames a second of the video of frame `path`; and its timecode if that is the first frame."""
     decoder = _decoder(*_state(path.parent))
     timecode = decoder.timecode if _number(path) == 1 else ""
     return Fraction(decoder.stream.guessed_rate), timecode
@@ -235,7 +234,7 @@ def _refused(path: Path) -> Iterator[None]:
 
 
 def _opened(video: Path) -> tuple[Any, Stream]:
-    """Its container and picture."""
+    """The container and the picture of a video."""
     av = pyav(video)
     with _refused(video):
         # No playlists and the like, which name other files
@@ -285,7 +284,7 @@ def _require_codec(video: Path, context: Any) -> None:
 
 
 def _step(stream: Stream) -> Fraction:
-    """Of one frame, in the stream's unit of time."""
+    """Duration of one frame, in the stream's unit of time."""
     return 1 / (Fraction(stream.guessed_rate) * Fraction(stream.time_base))
 
 
@@ -629,7 +628,7 @@ def _stated_colour(video: Path, tags: _Tags) -> ColourTag:
 
 
 def _widened(alpha: NDArray[Any], bits: int) -> NDArray[Any]:
-    """Of 8 or 16 bits, the upper ones repeated below."""
+    """Codes of 8 or 16 bits; those of other depths become 16, their upper bits repeated."""
     if bits in (8, 16):
         return alpha.copy()
     return (alpha << (16 - bits) | alpha >> (2 * bits - 16)).astype(np.uint16)

@@ -21,11 +21,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
-from domesim.frames import jpeg
 from domesim.frames.colour import ColourTag
+from domesim.frames.depths import code_range
 from domesim.frames.dithering import seed_of
-from domesim.frames.eyes import Eyes, stated
-from domesim.frames.formats import SUFFIXES, code_range
+from domesim.frames.eyes import Eyes
+from domesim.frames.formats import SUFFIXES, jpeg
+from domesim.frames.formats.exr import EXR
 from domesim.frames.frame import Frame
 from domesim.frames.integrity import enough_memory
 from domesim.frames.mistaken import (
@@ -117,7 +118,7 @@ class Master:
 
     @property
     def bits(self) -> int:
-        """Of a sample; the most, should left and right differ."""
+        """Bits of a sample; the larger number, should left and right differ."""
         return max(frame.bits for frame in self.frames)
 
     @property
@@ -314,7 +315,7 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
             f"{files[0]}: wanted left and right of an MPO for .mpo, got "
             f"{_DESCRIPTIONS.get(master.packing, 'one picture')}. Choose .jpg."
         )
-    if master.packing == "mpo" and SUFFIXES.get(files[0].suffix.lower()) != "jpeg":
+    if master.packing == "mpo" and not isinstance(SUFFIXES.get(files[0].suffix.lower()), jpeg.JPEG):
         raise InputError(
             f"{files[0]}: wanted .mpo or .jpg for left and right in one MPO, got "
             f"'{files[0].suffix}'. Choose one of these, or save left and right as two files first."
@@ -324,7 +325,7 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
             raise ValueError(
                 f"write_master takes '{master.packing}' as read from such a file, got new"
             )
-        if SUFFIXES.get(files[0].suffix.lower()) != "openexr":
+        if not isinstance(SUFFIXES.get(files[0].suffix.lower()), EXR):
             raise InputError(
                 f"{files[0]}: wanted .exr for left and right in one {master.packing} file, got "
                 f"'{files[0].suffix}'. Choose .exr, two files, or side-by-side."
@@ -473,7 +474,8 @@ def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: b
     if master.packing in _AXES:
         eyes = master.eyes
         # What cannot be said is not so, either: then left comes first.
-        if eyes is not None and not _can_say(eyes, master.packing, path):
+        form = SUFFIXES[path.suffix.lower()]  # see `require_writable`
+        if eyes is not None and not (eyes.packing == master.packing and form.stated_eyes(eyes)):
             eyes = None
         first, second = (master.frames[view] for view in _order(eyes))
         whole = _whole(first, second, master.packing)
@@ -481,11 +483,6 @@ def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: b
         return encoded(whole, path, bits, seed_of(whole.path) if dither else None)
     assert master.file is not None  # see `require_writable`
     return encoded_stereo_exr((left, right), master.file, path, bits)
-
-
-def _can_say(eyes: Eyes, packing: Packing, path: Path) -> bool:
-    name = SUFFIXES[path.suffix.lower()]  # see `require_writable`
-    return eyes.packing == packing and bool(stated(eyes, name))
 
 
 def _whole(left: Frame, right: Frame, packing: Packing) -> Frame:

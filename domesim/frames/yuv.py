@@ -50,7 +50,7 @@ class PixelFormat:
     name
         As FFmpeg calls it.
     bits
-        Of a sample.
+        Bits of a sample.
     chroma
         "4:4:4", "4:2:2" or "4:2:0"; "" for R, G, B.
     alpha
@@ -119,19 +119,37 @@ def code_values(
         for channel in range(3):
             _scaled(planes[channel], black, white - black, pixels[..., channel])
         return np.clip(pixels, 0, 1, out=pixels), alpha
-    _, of_red, of_blue = MATRICES[matrix]
     luma = np.empty(pixels.shape[:2], np.float32)
     _scaled(planes[0], black, white - black, luma)
-    for channel, plane, weight in ((2, planes[1], of_blue), (0, planes[2], of_red)):
+    differences = []
+    for plane in planes[1:3]:
         small = np.empty(plane.shape, np.float32)
         _scaled(plane, 128 * scale, span, small)
-        difference = _full_size(small, kind.chroma, luma.shape)
+        differences.append(full_size(small, kind.chroma, luma.shape))
+    return from_luma(luma, differences[0], differences[1], matrix), alpha
+
+
+def from_luma(
+    luma: NDArray[np.float32], blue: NDArray[np.float32], red: NDArray[np.float32], matrix: int
+) -> NDArray[np.float32]:
+    """(row, col, 3) R, G, B code values within 0..1 of (row, col) Y, C_B and C_R.
+
+    Parameters
+    ----------
+    luma, blue, red
+        Scaled to 0..1, and to -0.5..0.5; `luma` is overwritten.
+    matrix
+        One of `MATRICES`.
+    """
+    _, of_red, of_blue = MATRICES[matrix]
+    pixels = np.empty((*luma.shape, 3), np.float32)
+    for channel, difference, weight in ((2, blue, of_blue), (0, red, of_red)):
         np.multiply(difference, np.float32(2 * (1 - weight)), out=pixels[..., channel])
         pixels[..., channel] += luma
     luma -= np.float32(of_red) * pixels[..., 0]
     luma -= np.float32(of_blue) * pixels[..., 2]
     np.multiply(luma, np.float32(1 / (1 - of_red - of_blue)), out=pixels[..., 1])
-    return np.clip(pixels, 0, 1, out=pixels), alpha
+    return np.clip(pixels, 0, 1, out=pixels)
 
 
 def limited_codes(pixels: NDArray[np.float32], matrix: int, bits: int) -> list[NDArray[np.float32]]:
@@ -144,7 +162,7 @@ def limited_codes(pixels: NDArray[np.float32], matrix: int, bits: int) -> list[N
     matrix
         One of `MATRICES`.
     bits
-        Of a code.
+        Bits of a code.
     """
     _, of_red, of_blue = MATRICES[matrix]
     weights = np.array([of_red, 1 - of_red - of_blue, of_blue], np.float32)
@@ -184,9 +202,19 @@ def _scaled(plane: NDArray[Any], zero: int, span: int, into: NDArray[np.float32]
     into /= np.float32(span)
 
 
-def _full_size(
-    small: NDArray[np.float32], chroma: str, shape: Sequence[int]
-) -> NDArray[np.float32]:
+def small_size(plane: NDArray[np.float32], chroma: str) -> NDArray[np.float32]:
+    """Colour differences of every pixel as a video of that `chroma` keeps them: smoothed first."""
+    if chroma in ("4:2:0", "4:2:2"):
+        edged = np.pad(plane, ((0, 0), (1, 1)), "edge")
+        before, here, after = edged[:, :-2:2], edged[:, 1:-1:2], edged[:, 2::2]
+        plane = np.asarray((before + 2 * here + after[:, : here.shape[1]]) / 4, np.float32)
+    if chroma == "4:2:0":
+        below = np.minimum(np.arange(0, len(plane), 2) + 1, len(plane) - 1)
+        plane = np.asarray((plane[0::2] + plane[below]) / 2, np.float32)
+    return plane
+
+
+def full_size(small: NDArray[np.float32], chroma: str, shape: Sequence[int]) -> NDArray[np.float32]:
     """Colour differences at each of `shape` pixels, linear between those that there are."""
     if chroma == "4:2:0":
         small = _between_rows(small, shape[0])

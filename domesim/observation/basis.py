@@ -21,8 +21,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from domesim.dome import Dome
 from domesim.errors import InputError
+from domesim.room.dome import Dome
 
 Floats = NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
 from domesim.light import Array, Light, kind, namespace
+from domesim.light.strips import in_strips
 from domesim.observation.stereo import VIEWS, StereoObservation, require_black
-from domesim.strips import in_strips
 
 
 @final
@@ -98,7 +98,7 @@ class Crosstalk(StereoObservation):
 
     @property
     def central(self) -> NDArray[Any]:
-        """(view, primary, view, primary): that of the mean of the map."""
+        """(view, primary, view, primary): the matrix by the mean of the map."""
         leaks = self._share.mean(axis=(1, 2))[:, None, None] * self._matrices
         primaries = self._shape[3]
         result = np.zeros((2, primaries, 2, primaries))
@@ -106,11 +106,6 @@ class Crosstalk(StereoObservation):
             result[view, :, view] = np.eye(primaries)
             result[view, :, 1 - view] = leaks[view]
         return result
-
-    @property
-    def uniform(self) -> bool:
-        """Whether the map is flat."""
-        return bool(np.ptp(self._share, axis=(1, 2)).max() == 0)
 
     def slopes(self, like: Light) -> tuple[Array, Array]:
         """See `StereoObservation`."""
@@ -131,7 +126,8 @@ class Crosstalk(StereoObservation):
         """phi(x): what each eye sees of the other's picture, (view, row, col, primary)."""
         matrices, share, _ = self._like(light)
         xp = namespace(light)
-        return xp.stack([share[v] * (light[1 - v, ...] @ matrices[v].T) for v in range(2)])
+        leaks = [share[v] * (light[1 - v, ...] @ matrices[v].T) for v in range(2)]  # eq. 8
+        return xp.stack(leaks)
 
     def invert(self, seen: Light) -> Light:
         """The light whose observation is `seen`; negative where no projector could do it.
@@ -249,9 +245,9 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
 def over_pixels(
     coarse: NDArray[np.float64], rows: int, cols: int, *, sloping: bool = True
 ) -> NDArray[np.float64]:
-    """(view, row, col) of a map of cells: linear between their centres.
+    """(view, row, col): a map of cells, interpolated linearly between their centres.
 
-    Beyond the last it goes on as it slopes, or is flat.
+    Beyond the last centre the map goes on with its slope, or stays flat.
     """
     result = np.asarray(coarse, np.float64)
     for axis, count in ((1, rows), (2, cols)):

@@ -1,7 +1,7 @@
 """What sees what among screen, floor and wall: elements, form factors, and light's exchange.
 
-The pieces of `radiosity`, whose docstring has the formulas. Lengths are in units of the dome's
-radius.
+These are the pieces of `radiosity`, whose docstring has the formulas. Lengths are in units of the
+dome's radius.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from domesim.errors import InputError
-from domesim.lenses import field_weight
 from domesim.observation.spherical import bare_gain
-from domesim.theatre import Theatre
+from domesim.room.lenses import field_weight
+from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -51,7 +51,7 @@ class Enclosure:
 
     @property
     def screen_area(self) -> float:
-        """In units of the radius squared."""
+        """Area of the screen, in units of the radius squared."""
         return self.theatre.dome.screen_area / self._unit**2
 
     @cached_property
@@ -68,7 +68,7 @@ class Enclosure:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many elements of each kind there are."""
+        """Number of elements of each kind."""
         found = {"screen": len(self.points)}
         return found | {sheet.name: len(sheet.areas) for sheet in self._sheets}
 
@@ -260,7 +260,7 @@ class Enclosure:
     def _sampled(
         self, points: Floats, normals: Floats, sheet: Sheet, patches: NDArray[np.int64]
     ) -> tuple[Floats, Floats]:
-        """Form factors from points to a patch each, by points on it: unhindered, and in fact."""
+        """Form factors from points to a patch each, by points on it: unhindered, and as hidden."""
         there, behind, areas = (part[patches] for part in sheet.samples)
         apart = there - points[:, None]
         square = np.sum(apart * apart, -1)
@@ -476,7 +476,8 @@ class Sheet:
     name
         What it is.
     radii, heights
-        Of the circles between the rings: outwards and up, seen from the inside.
+        Radii and heights of the circles between the rings, which go outwards and up, seen from the
+        inside.
     sectors
         Patches in a ring.
     """
@@ -598,7 +599,7 @@ class Sheet:
         return np.diff(total, axis=2)
 
     def _edges(self, points: Floats, normals: Floats) -> Floats:
-        """(point, ring, sector) the same along the straight edges at the sectors' starts."""
+        """(point, ring, sector) integrals of `_arcs` along the straight edges between sectors."""
         corner = self.corners - points[:, None, None]
         start, stop = corner[:, :-1], corner[:, 1:]
         turn = np.cross(start, stop - start)
@@ -621,7 +622,7 @@ class Solver:
         self._factor = cho_factor(system, lower=True, overwrite_a=True)
 
     def solve(self, emission: Floats) -> Floats:
-        """(element, picture)."""
+        """(element, picture) b of the emission e."""
         # Of the light after the first bounce, so that dark surfaces lose no digits
         first = self._root * (self._links @ emission)
         result = emission.copy()
@@ -630,5 +631,5 @@ class Solver:
 
 
 def chunks(count: int) -> Iterator[slice]:
-    """So few of `count` things at a time that their pairs fit into memory."""
+    """Slices of `count` things, each so few that their pairs fit into memory."""
     return (slice(start, min(start + _CHUNK, count)) for start in range(0, count, _CHUNK))

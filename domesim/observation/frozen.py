@@ -30,7 +30,7 @@ class Frozen(AdjointObservation):
         return self._inner.shape
 
     def _observe(self, light: Light) -> Light:
-        return self._inner.direct(light) + self._pollution
+        return self._inner.direct(light) + self._pollution  # eq. 9
 
     def _direct(self, light: Light) -> Light:
         return self._inner.direct(light)

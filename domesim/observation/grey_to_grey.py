@@ -123,7 +123,7 @@ class Linearised(StereoObservation):
     Parameters
     ----------
     exact
-        What this is near to.
+        The table that this linearises.
     at, seen
         (view, row, col, primary) light, and what is seen of it.
     own, other
@@ -153,11 +153,6 @@ class Linearised(StereoObservation):
             result[view, :, view] = np.diag(own[view])
             result[view, :, 1 - view] = np.diag(other[view])
         return result
-
-    @property
-    def uniform(self) -> bool:
-        """Never: slopes follow the picture."""
-        return False
 
     def _observe(self, light: Light) -> Light:
         return self._linear(light) + self._like(light, self._constant)

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Array, Light, kind, namespace, total
+from domesim.light.strips import in_parts
 from domesim.observation.base import AdjointObservation
-from domesim.strips import in_parts
 
 
 @final

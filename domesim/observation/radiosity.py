@@ -38,12 +38,12 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.enclosure import Enclosure, Solver, chunks
 from domesim.observation.transport import NODES, Transport, node_places, sample_nodes
-from domesim.theatre import Theatre
+from domesim.room.dome import Dome
+from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -53,7 +53,8 @@ RESOLUTION = 16
 
 _PROBES = 240
 _FINEST = 0.1
-"""Scale of the pictures that modes are made for, in the domemaster's radius: two pi per wave."""
+"""Finest scale of the pictures that modes are made for, in the domemaster's radius: a wavelength
+over 2 pi."""
 _CLOSE = 1e-9
 
 
@@ -162,7 +163,7 @@ class _Solution:
     def modes(self, nodes: int, tolerance: float) -> Floats:
         """(mode, node, node): 1, then what best spans the deviations from the closed form.
 
-        Those of pictures that the nodes can tell apart, of all primaries together.
+        The pictures are those that the nodes can tell apart, of all primaries together.
         """
         room, root = self.room, np.sqrt(self.room.share)[:, None]
         # Orthonormal pictures, and their answers less the mean: without what mode 0 has
@@ -185,7 +186,7 @@ class _Solution:
         return np.asarray(np.einsum("ij,jab->iab", np.linalg.inv(lower), modes))
 
     def core(self, modes: Floats) -> Floats:
-        """(primary, mode, mode) that comes nearest to the solution (Galerkin)."""
+        """(primary, mode, mode) core that comes nearest to the solution (Galerkin)."""
         room = self.room
         sampled = sample_nodes(modes, *room.places)
         inverse = np.linalg.inv((sampled * room.share) @ sampled.T)
@@ -205,7 +206,7 @@ class _Solution:
         return np.asarray(self._solvers[mix].solve(scaled * root) / root)
 
     def direct(self, points: Floats | None = None) -> Floats:
-        """(primary, point, picture): phi of the pictures on points of the screen, or on its own."""
+        """(primary, point, picture): phi of the pictures, by default at the screen's own points."""
         emission = _pictures(*self.room.places)
         if points is None:
             return np.stack([self._indirect(mix, emission) for mix in self.room.mixes])
@@ -250,7 +251,7 @@ class _Solution:
 
 
 def _waves(u: Floats, v: Floats) -> Floats:
-    """(point, picture): waves of all directions, the shortest a tenth of the radius long / 2 pi."""
+    """(point, picture): waves of all directions; the shortest wavelength is 2 pi `_FINEST`."""
     rng = np.random.default_rng(1)
     count = min(_PROBES, len(u) // 3)
     slope, phase = rng.standard_normal((2, count)) / _FINEST, rng.uniform(0, 2 * np.pi, count)
@@ -259,7 +260,7 @@ def _waves(u: Floats, v: Floats) -> Floats:
 
 
 def _onto_screen(dome: Dome, u: Floats, v: Floats, reach: float) -> tuple[Floats, Floats, Flags]:
-    """The screen's nearest places to (u, v), and which of them are within reach of it but off."""
+    """Places of the screen nearest to (u, v), and which (u, v) are off it but within `reach`."""
     near_u, near_v = u.copy(), v.copy()
     for _ in range(8 if dome.truncated_below is not None else 1):
         if dome.truncated_below is not None:

@@ -45,13 +45,8 @@ class SeveralSeats(StereoObservation):
 
     @property
     def central(self) -> NDArray[Any]:
-        """(seen view, primary, view, primary): each seat's."""
+        """(seen view, primary, view, primary): the matrices of all seats."""
         return np.concatenate([seat.central for seat in self.seats])
-
-    @property
-    def uniform(self) -> bool:
-        """Whether every seat's observation is."""
-        return all(seat.uniform for seat in self.seats)
 
     def of_seat(self, seen: Light, number: int) -> Light:
         """(2, row, col, primary): what one seat sees, of what all see."""

@@ -17,10 +17,10 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.light import Array, Light
 from domesim.observation.lowrank import LowRank, LowRankObservation
+from domesim.room.dome import Dome
 
 
 def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
@@ -52,7 +52,7 @@ def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
         )
     if albedo * screen_area >= sphere:
         raise InputError("a closed sphere of albedo 1 never loses light; lower the albedo")
-    return float(albedo / (sphere - albedo * screen_area))
+    return float(albedo / (sphere - albedo * screen_area))  # eq. 15
 
 
 def bare_gain(albedo: float, dome: Dome) -> float:
@@ -61,9 +61,10 @@ def bare_gain(albedo: float, dome: Dome) -> float:
     Parameters
     ----------
     albedo
-        Of the screen, 0..1.
+        Albedo of the screen, 0..1.
     dome
-        Its shape. A tall dome has more screen than its sphere; then of the nearly closed sphere.
+        Shape of the screen. A tall dome, with more screen than its sphere, counts as a nearly
+        closed sphere.
     """
     sphere = 4 * np.pi * dome.radius**2
     area = dome.screen_area if dome.screen_area <= sphere * (1 + 1e-12) else 0.999 * sphere

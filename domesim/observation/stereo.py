@@ -24,22 +24,17 @@ class StereoObservation(AdjointObservation):
     """
 
     def local(self, light: Light) -> Light:
-        """A x: no pixel's light is seen in another place."""
+        """Returns A x: no pixel's light is seen in another place."""
         return self.linear(light)
 
     def local_adjoint(self, light: Light) -> Light:
-        """A' y."""
+        """Returns A' y."""
         return self.adjoint(light)
 
     @property
     @abstractmethod
     def central(self) -> NDArray[Any]:
         """(seen view, primary, view, primary): the one matrix nearest to all pixels' own."""
-
-    @property
-    @abstractmethod
-    def uniform(self) -> bool:
-        """Whether all pixels have that matrix."""
 
     def slopes(self, like: Light) -> tuple[Array, Array]:
         """What an eye sees of its own view's light, and of the other's, in the same primary.

@@ -28,13 +28,13 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.frames.arrays import read_arrays, write_arrays
 from domesim.light import Array, Light, kind, namespace, on_host
 from domesim.observation.base import AdjointObservation
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.lowrank import LowRank, LowRankObservation
+from domesim.room.dome import Dome
 
 Floats = NDArray[np.float64]
 
@@ -356,7 +356,7 @@ class TabulatedDome(AdjointObservation):
         return self._screen
 
     def low_rank(self, tolerance: float = 5e-3, highest: int = 8) -> LowRankDome:
-        """The same with few modes, each an array of the picture's size: what a solver needs.
+        """The observation with few modes, each of the picture's size: what a solver needs.
 
         Its memory grows with their square. At this tolerance the reflected light of small patches
         is kept to some 0.3 % (of a planetarium: five modes).
@@ -380,17 +380,17 @@ class TabulatedDome(AdjointObservation):
         )
 
     def excitation(self, light: Light) -> Floats:
-        """(primary, node, node): what a transport's modes collect of `light`, on their nodes.
+        """(primary, node, node): `light` as modes on the nodes collect it.
 
-        Mode by mode its sum with a mode is the integral of m D x dA / A_s.
+        The sum of its product with a mode m is the integral of m D x dA / A_s.
         """
         light = self._guarded(light, "collects")
         return on_host(self._collected(light, self._like(light).flux))
 
     def means(self, light: Light) -> Floats:
-        """(primary, node, node): by which a function on the nodes has its mean with `light`.
+        """(primary, node, node) weights by which functions on the nodes are averaged with `light`.
 
-        Over the screen's area; light off the screen does not count.
+        The mean is over the screen's area; light off the screen does not count.
         """
         light = self._guarded(light, "averages")
         repeated = np.repeat(self._areas * self._screen, self.shape[-1], axis=1)
@@ -480,7 +480,7 @@ class TabulatedDome(AdjointObservation):
 @final
 @dataclass(frozen=True)
 class _Factors:
-    """What a `TabulatedDome` multiplies by, as arrays of one library."""
+    """Arrays that a `TabulatedDome` multiplies by, in one library."""
 
     direct: Array
     flux: Array

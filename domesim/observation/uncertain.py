@@ -19,20 +19,20 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
 from domesim.light import Light
 from domesim.observation.base import Observation
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.crosstalk import Crosstalk, over_pixels
 from domesim.observation.stereo import StereoObservation
 from domesim.observation.transport import TabulatedDome, Transport, sample_nodes
+from domesim.room.dome import Dome
 
 Floats = NDArray[np.float64]
 
 SIGMAS = 1.96
 """Standard errors to either side of a 95 % interval."""
 _RINGS = 48
-"""Of the points by which means over a dome are taken."""
+"""Rings of points by which means over a dome are taken."""
 
 
 class Changes(ABC):
@@ -40,7 +40,7 @@ class Changes(ABC):
 
     @abstractmethod
     def seen(self, z: Floats) -> Light:
-        """(seen view, row, col, primary): sum_k z_k c_k, of (change,) z."""
+        """(seen view, row, col, primary): sum_k z_k c_k for (change,) z."""
 
     @abstractmethod
     def products(self, residual: Light) -> tuple[float, Floats, Floats]:
@@ -53,11 +53,11 @@ class Uncertain(ABC):
     @property
     @abstractmethod
     def best(self) -> Observation:
-        """What is seen, by all that is known."""
+        """The observation as it is by all that is known."""
 
     @abstractmethod
     def changes(self, light: Light) -> Changes:
-        """What of `light`, in NumPy, may be seen otherwise."""
+        """How what is seen of `light`, a NumPy array, may differ from the best."""
 
 
 @final
@@ -79,7 +79,7 @@ class UncertainDome(Uncertain):
     best
         What is seen.
     steps
-        For each surface.
+        A step for each surface.
     factor
         (surface, primary, change) L: albedos are off by L z.
     """
@@ -125,7 +125,7 @@ def _reflected(transport: Transport, collected: Floats) -> Floats:
 
 @final
 class _DomeChanges(Changes):
-    """Functions (change, primary, node, node)."""
+    """Changes of a dome: functions (change, primary, node, node)."""
 
     def __init__(self, dome: TabulatedDome, grids: Floats) -> None:
         self._dome, self._grids = dome, grids
@@ -159,7 +159,7 @@ class UncertainMap:
     share
         (view, row, col) coarse, means over cells of the screen.
     changes
-        (change, view, row, col) of it.
+        (change, view, row, col) changes of `share`.
     """
 
     share: Floats
@@ -177,9 +177,9 @@ class UncertainPair(Uncertain):
     seats
         What is seen from each seat, by what `best` has.
     matrices
-        (change, view, primary, primary) of the matrices, the same at all seats.
+        (change, view, primary, primary) changes of the matrices, the same at all seats.
     maps
-        Of each seat.
+        Map of each seat.
     """
 
     def __init__(
@@ -209,7 +209,7 @@ class UncertainPair(Uncertain):
 
 @final
 class _PairChanges(Changes):
-    """Those of several seats."""
+    """Changes of a pair, as several seats see them."""
 
     def __init__(self, seats: Sequence[_SeatChanges]) -> None:
         self._seats = seats
@@ -225,7 +225,7 @@ class _PairChanges(Changes):
 
 @final
 class _SeatChanges(Changes):
-    """Of the matrices, the first changes; of this seat's map, those from `start`."""
+    """Changes of a seat: those of the matrices are first, those of its map begin at `start`."""
 
     def __init__(
         self,
@@ -267,9 +267,9 @@ class _SeatChanges(Changes):
         return square, flat @ crossed.ravel(), turned @ flat.T
 
     def _moments(self, residual: Light) -> tuple[Floats, Floats]:
-        """(view, row, col, primary, primary) of each cell: other light's, and residual's with it.
+        """(view, row, col, primary, primary) products in cells: other light's, residual's with it.
 
-        As shares of the means over pixels, views and primaries.
+        Their sums over all cells are means over pixels, views and primaries.
         """
         _, cell_rows, cell_cols = self._map.share.shape
         rows, cols, primaries = self._light.shape[1:]

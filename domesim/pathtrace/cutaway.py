@@ -23,16 +23,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull
 
-from domesim import transfer
-from domesim.beams import lit_edge
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, write_frame
-from domesim.furniture import manikin
-from domesim.lenses import lens_frame
+from domesim.light import transfer
 from domesim.pathtrace.llvm import load_mitsuba
-from domesim.pathtrace.night.mesh import Triangles, ball, box, join, moved, prism, quad, tube
-from domesim.theatre import Floor, Lamp, Lens, Theatre
+from domesim.pathtrace.solids import Triangles, ball, box, join, moved, prism, quad, tube
+from domesim.room.beams import lit_edge
+from domesim.room.dome import Dome
+from domesim.room.furniture import manikin
+from domesim.room.lenses import lens_frame
+from domesim.room.theatre import Floor, Lamp, Lens, Theatre
 
 Floats = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def cutaway(
         None: a graticule, a line each 30 degrees of azimuth and 15 degrees from the zenith, with
         the front in red.
     width, height
-        Of the result, pixels.
+        Size of the result, pixels.
     samples
         Paths to the pixel; rounded up to a number that spreads evenly.
     seed
@@ -270,7 +270,7 @@ def _model(theatre: Theatre, picture: NDArray[np.float32] | None) -> Iterator[_P
 
 
 def _model_grey(albedo: Sequence[float]) -> Floats:
-    """How light a model of a surface is."""
+    """Grey of a surface in the model, from its albedo."""
     return 0.18 + 0.62 * np.clip(np.asarray(albedo, np.float64), 0, 1)
 
 
@@ -326,7 +326,7 @@ def _shell(
     lowest
         z below which there is nothing, m.
     reflectance
-        Of its inside.
+        Reflectance of its inside.
     light
         (row, col, rgb): what its inside shows.
     """

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from domesim.pathtrace.machine import NumPy
 from domesim.pathtrace.room import NOTHING, SCREEN, Room
 from domesim.pathtrace.tracer import camera_frame
-from domesim.theatre import Theatre, Viewpoint
+from domesim.room.theatre import Theatre, Viewpoint
 
 Floats = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ def _rays(eye: Viewpoint, size: int) -> tuple[Floats, Floats, NDArray[np.bool_]]
 def _irradiance(
     theatre: Theatre, light: NDArray[np.floating], places: Floats, normals: Floats
 ) -> Floats:
-    """(point, primary) of places in the room by the screen's light, without shadows."""
+    """(point, primary) irradiance of places in the room by the screen, without shadows."""
     dome = theatre.dome
     inside = dome.inside(_PATCHES, _PATCHES)
     directions = dome.directions(_PATCHES, _PATCHES)[inside]

@@ -170,17 +170,6 @@ def choose_backend(environment: Mapping[str, str] | None = None) -> Backend:
     return _choose(environment, partial(_choose_llvm, environment))
 
 
-def choose_llvm(environment: Mapping[str, str] | None = None) -> Backend:
-    """Find a libLLVM that Dr.Jit can be trusted with; the scalar variant if there is none.
-
-    Parameters
-    ----------
-    environment
-        Where to look for ``DRJIT_LIBLLVM_PATH``; the process's own by default.
-    """
-    return _choose_llvm(os.environ if environment is None else environment, _Memory())
-
-
 def query_version(path: Path, companions: tuple[Path, ...] = (), timeout: float = 60.0) -> Version:
     """Ask the library at `path` for its version, in a process of its own.
 

@@ -126,7 +126,7 @@ def walks(
     count, lanes
         Walks a lane, and lanes.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     bounces
         Number of bounces after which walks end.
     first

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.theatre import Solid
+from domesim.room.theatre import Solid
 
 Lanes: TypeAlias = Any
 """One number for each lane: an array of the machine."""

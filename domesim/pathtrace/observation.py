@@ -16,7 +16,7 @@ from domesim.errors import InputError
 from domesim.light import Light, require_light
 from domesim.observation.base import Observation
 from domesim.pathtrace.tracer import CENTRE, Progress, Settings, Status, Traced, Tracer
-from domesim.theatre import Theatre
+from domesim.room.theatre import Theatre
 
 
 @final
@@ -27,7 +27,7 @@ class Observed:
     Attributes
     ----------
     direct
-        Computed, not traced: exact.
+        Direct light; it is computed, not traced, and exact.
     indirect
         Light that has bounced, with standard errors.
     ambient
@@ -48,7 +48,7 @@ class Observed:
 
     @property
     def standard_error(self) -> Light:
-        """Of `mean`."""
+        """Standard error of `mean`, in the same shape."""
         square = self.indirect.standard_error[None] ** 2
         if self.ambient is not None:
             square = square + self.ambient.standard_error[None] ** 2
@@ -75,9 +75,9 @@ class PathTracedDome(Observation):
     eye
         Where the eye is, m in the room's frame; a Lambertian screen looks the same from everywhere.
     tracer
-        Of the same theatre, to share.
+        Tracer of the same theatre, to share.
     progress
-        Told how long work gets on.
+        Called to tell how the work gets on.
 
     Raises
     ------
@@ -119,7 +119,7 @@ class PathTracedDome(Observation):
 
     @property
     def tracer(self) -> Tracer:
-        """What traces."""
+        """The tracer that is used."""
         return self._tracer
 
     def trace(self, light: Light) -> Observed:
@@ -176,7 +176,7 @@ class PathTracedDome(Observation):
 
 
 def part_of(progress: Progress | None, number: int, parts: int) -> Progress | None:
-    """What one of several like parts of a work is to tell, so that shares never shrink."""
+    """Progress of one of several like parts of a work; the share that it tells never shrinks."""
     if progress is None:
         return None
     largest = 0.0

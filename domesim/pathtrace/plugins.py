@@ -1,7 +1,7 @@
 """Mitsuba plugins that think in domemasters: a camera that takes one, a projector that throws it.
 
-Both use the mapping of `domesim.dome` in a frame of their own: x to the picture's right, y to its
-bottom, z along the axis (a dome's right, front and zenith). `to_world` places that frame; for a
+Both use the mapping of `domesim.room.dome` in a frame of their own: x to the picture's right, y to
+its bottom, z along the axis (a dome's right, front and zenith). `to_world` places that frame; for a
 dome it is ``look_at(origin, target=origin + zenith, up=front)``. Angles are in radians.
 
 ``domemaster``, a sensor

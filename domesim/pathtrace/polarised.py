@@ -14,7 +14,7 @@ quotient most of the noise cancels.
 
 Light is reflected once: a flat screen does not light itself, and the room is black. (What walls and
 people send back to the screen comes from all of a picture; it is no crosstalk of a place on it.)
-`domesim.polarisation` computes the same in NumPy, by other means.
+`domesim.stereo.polarisation` computes the same in NumPy, by other means.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.pathtrace.llvm import backend, load_mitsuba
 from domesim.pathtrace.tracer import interruptible, launch_seed
-from domesim.polarisation import ALUMINIUM
-from domesim.stereo import QUARTER, CircularFilter, Point, SilverScreen, StereoTheatre
+from domesim.stereo.polarisation import ALUMINIUM
+from domesim.stereo.system import QUARTER, CircularFilter, Point, SilverScreen, StereoTheatre
 
 Progress = Callable[[float], None]
 """Told the share of the work that is done."""
@@ -40,9 +40,9 @@ _Floats = NDArray[np.float64]
 _LAUNCH = 1 << 18
 """Paths that are computed before anyone may interrupt: a second or few."""
 _LENS_RADIUS = 0.05
-"""Of the outer sphere round a lens, m, at least."""
+"""Least radius of the outer sphere round a lens, m."""
 _APART = 4e-4
-"""And at least so many times the largest of its coordinates, and a metre: Mitsuba lets a ray go on
+"""Least radius of that sphere over the lens's largest coordinate plus 1 m: Mitsuba lets a ray go on
 from a quarter of that beyond what it has met, and must not miss the other sphere."""
 
 
@@ -59,7 +59,7 @@ class CrosstalkMap:
         (eye, row, col) the other picture's luminance over the eye's own, for equal pictures; eye 0
         is the left one, which sees the right one's picture. Means over cells of the screen.
     standard_error
-        Of `share`, same shape. The errors of different entries are independent.
+        Standard errors of `share`, same shape. The errors of different entries are independent.
     samples
         Places in each cell, for each eye.
     """
@@ -94,7 +94,7 @@ def crosstalk_map(
         Places in each cell, for each eye. With 1024 of them in 9 x 16 cells the standard error
         is some thousandths of the crosstalk.
     seed
-        Of the random places, which differ between seats. The same arguments give the same map.
+        Seed of the random places, which differ between seats. The same arguments give the same map.
     progress
         Told how far it is, after every launch.
 
@@ -145,7 +145,7 @@ def luminance_map(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> CrosstalkMap:
-    """`crosstalk_map` of a theatre whose filters may depend on the primary: of luminance.
+    """`crosstalk_map` of luminance, for a theatre whose filters may depend on the primary.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def luminance_map(
 
 @final
 class _Sums:
-    """What is needed for the quotient of two means and its standard error, cell by cell."""
+    """Sums for the quotient of two means and its standard error, cell by cell."""
 
     def __init__(self, cells: int) -> None:
         self.count = 0
@@ -305,7 +305,7 @@ def _passed(mi: Any, glass: CircularFilter) -> _Floats:
 
 
 def _numbers(entries: list[Any], rays: int = 1) -> _Floats:
-    """(entry, ray)."""
+    """(entry, ray) numbers of Dr.Jit's `entries`, computed at once."""
     import drjit as dr  # noqa: PLC0415
 
     dr.eval(entries)  # at once: each by itself would trace all paths anew

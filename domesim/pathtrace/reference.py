@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.lenses import field_weight
 from domesim.pathtrace.llvm import load_mitsuba
 from domesim.pathtrace.machine import NumPy
 from domesim.pathtrace.plugins import register
 from domesim.pathtrace.room import NOTHING, SCREEN, Room
 from domesim.pathtrace.sources import lobe_bsdf
-from domesim.theatre import Albedo, Lobe, Theatre
+from domesim.room.dome import Dome
+from domesim.room.lenses import field_weight
+from domesim.room.theatre import Albedo, Lobe, Theatre
 
 _MASK_ROWS = 3600
 """Steps of the opacity mask from pole to pole: half-angles are kept to 0.05 degrees."""
@@ -49,7 +49,7 @@ def path_traced(
     size
         Pixels a side of the result.
     samples, seed, depth
-        Of Mitsuba's integrator.
+        Settings of Mitsuba's integrator.
     detail
         Pixels a side of the picture that the projector throws.
 

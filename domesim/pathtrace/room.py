@@ -13,7 +13,7 @@ from typing import Any, final
 import numpy as np
 
 from domesim.pathtrace.machine import Lanes, Machine, Mesh, Vector
-from domesim.theatre import Albedo, Theatre
+from domesim.room.theatre import Albedo, Theatre
 
 NOTHING, SCREEN, BACK, SHELL, FLOOR, WALL, BLACK, SOLID = range(8)
 """What a ray meets; `SOLID` + k is the solid of index k. `BLACK` absorbs."""

@@ -13,10 +13,11 @@ from domesim.errors import InputError
 from domesim.pathtrace.loop import Aim, Colour, Scatter, Source, difference
 from domesim.pathtrace.machine import DrJit, Lanes, Machine, Vector
 from domesim.pathtrace.room import BACK, NOTHING, SCREEN, SHELL, Hit, Room, along, dot, scaled
-from domesim.theatre import Albedo, Lobe
+from domesim.room.theatre import Albedo, Lobe
 
 _TRUST = 8.0
-"""Noise of one walk with 1, 4, 8, 16: 0.40, 0.26, 0.21, 0.19 of the mean (night, dome_imax)."""
+"""Number of draws that aimed ones count as. With 1, 4, 8, 16 the noise of one walk is 0.40, 0.26,
+0.21, 0.19 of the mean (night, dome_imax)."""
 
 
 @final
@@ -119,7 +120,7 @@ class Throw:
     def arrivals(
         self, room: Room, hit: Hit, to_eye: Vector, active: Lanes
     ) -> Iterator[tuple[Vector, Lanes, Colour]]:
-        """Where on the screen the light belongs that shows at `hit`, which lanes, how much.
+        """Yields places on the screen whose light shows at `hit`, their lanes, and how much.
 
         How much is relative to the picture there times the sum of `thrown`.
         """
@@ -183,7 +184,7 @@ class Throw:
     def _on_shell(
         self, room: Room, hit: Hit, beam: _Beam, active: Lanes
     ) -> tuple[Vector, Lanes, Colour]:
-        """Light that has come from a lens through a hole: with the square of the distance."""
+        """Light from a lens that came through a hole; it falls with the square of the distance."""
         m = room.machine
         origin, direction, distance = _from_lens(m, hit.position, beam.lens)
         hole = room.screen_along(origin, direction, m.where(active, NOTHING, NOTHING))
@@ -469,7 +470,7 @@ def _from_lens(
 
 
 def _over_white(room: Room) -> dict[int, Albedo]:
-    """What reflects before the screen -> its albedo over the screen's, for that is white's."""
+    """Albedo of what stands before the screen over the screen's, by surface: white is the unit."""
     screen = room.theatre.screen_albedo
     found = {}
     for surface, albedo in room.albedos.items():

@@ -38,7 +38,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from domesim.errors import InputError
-from domesim.lenses import lens_gains
 from domesim.observation.basis import ScreenBasis, disc_quadrature
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import bare_gain
@@ -57,13 +56,14 @@ from domesim.pathtrace.tracer import (
     launch_seed,
     over,
 )
-from domesim.theatre import Theatre
+from domesim.room.lenses import lens_gains
+from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
 
 LANES = 1 << 16
 _DETAIL = 256
-"""Pixels a side at which it is known what of the projectors' light gets to the screen."""
+"""Pixels a side of the picture that tells which of the projectors' light gets to the screen."""
 BATCHES = 24
 """Fewest batches: their spread is the uncertainty."""
 
@@ -115,15 +115,15 @@ def tabulate(
     most
         Most walks.
     degree
-        Of the patterns' polynomials.
+        Degree of the patterns' polynomials.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     eye
         Where the screen is seen from, m; matters for a screen with a lobe.
     explicit
         Start from explicit nodes of floor and wall; if None, where the floor meets the screen.
     tracer
-        Of the same theatre, to share.
+        Tracer of the same theatre, to share.
     provenance
         To be stored with the operator.
     progress
@@ -177,7 +177,7 @@ def tabulate(
 def _walked(
     estimate: _Estimate, error: float, most: float, seed: int, progress: Progress | None
 ) -> Status:
-    """Add batches of walks to an estimate; how that ended."""
+    """Adds batches of walks to an estimate; returns how that ended."""
     with interruptible() as interrupted:
         while estimate.walks < most:
             estimate.walk(seed)
@@ -199,7 +199,7 @@ def _walked(
 class _Estimate:
     """Batches of walks, and the transport that they give.
 
-    With `nodes`, the transport of the theatre's enclosure, only what the theatre differs from it.
+    With `nodes`, the transport of the theatre's enclosure, walks find only the difference to it.
     """
 
     def __init__(
@@ -409,7 +409,7 @@ class _Walker:
         factor: Colour,
         kappa: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> list[list[Lanes]]:
-        """Sums with weight times factor times each product at `place` (and kappa its mean)."""
+        """Adds weight x factor x (each product at `place` + kappa x its mean) to the sums."""
         # Where there is no hit, the place is no number.
         u, v = (m.where(active, part, 0.0) for part in place)
         along, down = _chebyshev(u, self._basis.degree), _chebyshev(v, self._basis.degree)

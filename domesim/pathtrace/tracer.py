@@ -25,15 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from domesim.dome import strips
 from domesim.errors import InputError
-from domesim.lenses import lens_gains, seen_gain
 from domesim.pathtrace.llvm import backend, load_mitsuba
 from domesim.pathtrace.loop import Source, Start, Tally, bounce_limit, eye_directions, walks
 from domesim.pathtrace.machine import DrJit, Lanes, Machine, NumPy, Vector
 from domesim.pathtrace.room import NOTHING, SCREEN, Hit, Room, dot, scaled
 from domesim.pathtrace.sources import GainLobe, Lamps, Picture, Throw
-from domesim.theatre import Point, Theatre, Viewpoint
+from domesim.room.dome import strips
+from domesim.room.lenses import lens_gains, seen_gain
+from domesim.room.theatre import Point, Theatre, Viewpoint
 
 Image = NDArray[np.float32]
 
@@ -71,7 +71,7 @@ class Settings:
     tolerance
         Share of the indirect light that may be lost after the last bounce.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     tile
         Most pixels at a time: bounds the memory.
     per_bounce
@@ -194,7 +194,7 @@ class Tracer:
     def throw(self, size: int, *, unhindered: bool = False) -> Throw:
         """How the projectors' light gets to the eye, from a domemaster of that size.
 
-        `unhindered`, nothing stops it on its way to the screen.
+        If `unhindered`, nothing stops it on its way to the screen.
         """
         thrown, reaching = self._thrown(size, size)
         return Throw(self.room, thrown, thrown if unhindered else reaching, self.lobe)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.observation.base import Observation
+from domesim.observation.projector import Projector
 from domesim.observation.uncertain import Uncertain
-from domesim.projector import Projector
-from domesim.viewing import Viewing
+from domesim.room.viewing import Viewing
 
 
 class Scene(ABC):

@@ -34,7 +34,7 @@ class CrosstalkMaps:
     matrix_changes
         Likewise (change, eye, primary, primary) of the scene's matrices.
     provenance
-        Of what scene, and how, as plain JSON.
+        From what scene it is, and how it was made, as plain JSON.
     """
 
     seats: tuple[str, ...]

@@ -11,16 +11,28 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim import furniture, viewing
-from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.lenses import lens_gains, seen_gain
-from domesim.masks import read_mask
 from domesim.observation.lowrank import LowRankObservation
+from domesim.observation.projector import Projector
 from domesim.observation.spherical import ClosedFormDome, bare_gain
 from domesim.observation.transport import PHOTOGRAPHS, TabulatedDome, Transport
 from domesim.observation.uncertain import SIGMAS, UncertainDome
-from domesim.projector import Projector
+from domesim.room import furniture, viewing
+from domesim.room.dome import Dome
+from domesim.room.lenses import lens_gains, seen_gain
+from domesim.room.masks import read_mask
+from domesim.room.theatre import (
+    Cavity,
+    Floor,
+    Lamp,
+    Lens,
+    Lobe,
+    Solid,
+    Theatre,
+    Viewpoint,
+    Wall,
+)
+from domesim.room.viewing import Viewing
 from domesim.scene.base import Scene
 from domesim.scene.dome_file import (
     DomeFile,
@@ -32,18 +44,6 @@ from domesim.scene.dome_file import (
 from domesim.scene.fields import three
 from domesim.scene.measured_dome import albedo_steps, whole_transport
 from domesim.scene.mistakes import Mistakes
-from domesim.theatre import (
-    Cavity,
-    Floor,
-    Lamp,
-    Lens,
-    Lobe,
-    Solid,
-    Theatre,
-    Viewpoint,
-    Wall,
-)
-from domesim.viewing import Viewing
 
 
 @final
@@ -196,9 +196,9 @@ class DomeScene(Scene):
     def reflected_error(self) -> tuple[float, float, float]:
         """Half of the 95 % interval of white's reflected light, relative, one a primary.
 
-        Of the bare screen, phi = rho s / (1 - rho s) with s its share of the sphere, so that
-        d phi / phi = d rho / (rho (1 - rho s)). A residual that is left for want of a better albedo
-        is this share of the reflected light. 0 if nothing was measured.
+        On the bare screen phi = rho s / (1 - rho s), with s its share of the sphere. So d phi / phi
+        is d rho / (rho (1 - rho s)). A residual that is left for want of a better albedo is this
+        share of the reflected light. It is 0 if nothing was measured.
         """
         if self.measured is None or "screen" not in self.measured.standard_errors:
             return 0.0, 0.0, 0.0
@@ -309,7 +309,7 @@ def _mean_gain(theatre: Theatre, size: int = 128) -> float:
     if theatre.corrected:
         return 1.0
     areas = theatre.dome.screen_areas(size, size)
-    # A file with holes loads, so that they can be shown (`domesim.coverage`)
+    # A file with holes loads, so that they can be shown (`domesim.inspection.coverage`)
     gains = lens_gains(theatre, size, size, holes=True)
     return float(np.sum(areas * gains.sum(0)) / areas.sum())
 

@@ -24,9 +24,9 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails
 
-from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.projector import Projector
+from domesim.observation.projector import Projector
+from domesim.room.dome import Dome
 from domesim.scene.fields import (
     AmbientSection,
     Coordinate,

@@ -15,7 +15,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from domesim.errors import InputError
-from domesim.plain import read_plain
+from domesim.host.files import read_plain
+from domesim.host.texts import text_in
 from domesim.scene import dome, stereo
 from domesim.scene.base import Scene
 from domesim.scene.dome import DomeScene
@@ -23,7 +24,6 @@ from domesim.scene.dome_file import DomeFile
 from domesim.scene.mistakes import all_mistakes, suggestion
 from domesim.scene.stereo import StereoScene
 from domesim.scene.stereo_file import StereoFile
-from domesim.texts import text_in
 
 
 def load_scene(name_or_path: str | Path) -> Scene:

@@ -12,16 +12,16 @@ from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import bare_gain
 from domesim.observation.transport import NODES, Transport
 from domesim.observation.uncertain import Step
+from domesim.room.theatre import Theatre
 from domesim.scene.dome_file import MeasuredSection
 from domesim.scene.fields import three
-from domesim.theatre import Theatre
 
 Floats = NDArray[np.float64]
 
 _RESOLUTION = 6
-"""Of radiosity."""
+"""Resolution of radiosity."""
 _STEP = 0.02
-"""Of an albedo, relative: more than what two solutions differ by for other reasons, yet linear."""
+"""Relative step of an albedo: more than two solutions differ by for other reasons, yet linear."""
 SURFACES = ("screen", "floor", "wall")
 
 

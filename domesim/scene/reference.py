@@ -84,7 +84,7 @@ class Key(NamedTuple):
     example: Any
 
     def row(self) -> str:
-        """Its row of a table."""
+        """Row of the key in a table."""
         shape, limits = _shape(self.schema)
         unit = next((unit for end, unit in _UNITS.items() if self.name.endswith(end)), "")
         default = self.schema.get("default")

@@ -11,15 +11,15 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim import viewing
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices, over_pixels
 from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.projector import Projector
 from domesim.observation.seats import SeveralSeats
 from domesim.observation.stereo import StereoObservation
 from domesim.observation.uncertain import UncertainMap, UncertainPair
-from domesim.polarisation import crosstalk_estimate
-from domesim.projector import Projector
+from domesim.room import viewing
+from domesim.room.viewing import Viewing
 from domesim.scene.base import Scene
 from domesim.scene.crosstalk_maps import CrosstalkMaps
 from domesim.scene.stereo_file import (
@@ -30,8 +30,8 @@ from domesim.scene.stereo_file import (
     grids,
 )
 from domesim.scene.stereo_measured import measured_system
-from domesim.stereo import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
-from domesim.viewing import Viewing
+from domesim.stereo.polarisation import crosstalk_estimate
+from domesim.stereo.system import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
 
 MAP_CELLS = (9, 15)
 """Rows and cols of a crosstalk map that is computed: it is smooth."""

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from domesim.projector import MEASURED, PRIMARIES
+from domesim.observation.projector import MEASURED, PRIMARIES
 from domesim.scene.fields import (
     TAGS,
     AmbientSection,
@@ -189,8 +189,8 @@ class CrosstalkSection(Section):
 
     ``to_left_error`` and ``to_right_error`` are standard errors of ``to_left`` and ``to_right``.
     ``readings`` is a path from the scene file's folder; ``black`` and ``allow_negative`` say how to
-    take them (see `domesim.measurement.readings.read_readings` and
-    `domesim.measurement.crosstalk.measured_crosstalk`).
+    take them (see `domesim.readings.meter.read_readings` and
+    `domesim.readings.crosstalk.measured_crosstalk`).
     """
 
     share: LeakOfAView | None = None

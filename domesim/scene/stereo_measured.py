@@ -1,6 +1,6 @@
 """A stereo system whose crosstalk and projectors were measured: readings -> what a scene needs.
 
-Light of such a scene is in the common gamut of both projectors (`domesim.measurement.gamut`): its
+Light of such a scene is in the common gamut of both projectors (`domesim.readings.gamut`): its
 primaries are the scene's, its white is light 1.0, and crosstalk is between pictures in it.
 """
 
@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.projector import MEASURED, Projector, relative_primaries
+from domesim.observation.projector import MEASURED, Projector, relative_primaries
 from domesim.scene.stereo_file import CrosstalkSection, MeasuredProjectorSection
 
 if TYPE_CHECKING:
-    from domesim.measurement.pair import MeasuredPair
+    from domesim.readings.pair import MeasuredPair
 
 AGREEMENT = 0.02
 """Share by which figures of the scene file may differ from those of the readings: rounding."""
@@ -64,8 +64,8 @@ def measured_system(
         file.
     """
     # Takes SciPy's optimisers and distributions along, which other scenes do not need
-    from domesim.measurement.pair import measured_pair  # noqa: PLC0415
-    from domesim.measurement.readings import read_readings  # noqa: PLC0415
+    from domesim.readings.meter import read_readings  # noqa: PLC0415
+    from domesim.readings.pair import measured_pair  # noqa: PLC0415
 
     assert crosstalk.readings is not None
     path = folder / crosstalk.readings

@@ -10,12 +10,15 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from compensate.aim import Aim, Sight, lifted, veiled
-from compensate.master import compensate, pose, solved
+from compensate.figures import Appraisal
+from compensate.master import compensate
+from compensate.pose import pose
+from compensate.solve import solved
 from compensate.solver.result import Status
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.scene import load_scene
-from validation.experiments.quality.inputs import dome_at, stereo_at
+from validation.inputs import dome_at, stereo_at
 from validation.masters import night
 from validation.pairs import generated
 
@@ -103,7 +106,7 @@ def test_a_moon_has_no_dark_rim():
     beside, around = aimed[(far > 11) & (far < 13)], aimed[far > 30]
     assert around.min() > 2 * 0.003
     assert beside.min() > 0.98 * around.min()  # a plain guided filter as base: 0.51
-    assert aimed[far < 9] == pytest.approx(0.9, rel=0.05)
+    assert aimed[far < 8] == pytest.approx(0.9, rel=0.05)
 
 
 def test_more_lift_is_more_contrast_and_less_black():
@@ -149,7 +152,7 @@ def test_any_array_library(kind):
     xp = array_api_strict
     random = np.random.default_rng(2)
     master = random.random((1 if kind == "dome" else 2, 20, 24, 3)) * 0.1
-    sight = Sight(np.ones((20, 24), bool), WEIGHTS, 15.0, 2.0)
+    sight = Sight(np.ones((20, 24), bool), WEIGHTS, 15.0, 4.0)
     there = replace(sight, screen=xp.asarray(sight.screen))
     floor = np.full_like(master, 0.05)
     if kind == "dome":
@@ -182,7 +185,7 @@ def test_tabulated_theatres_and_tables_have_an_aim():
     shutter = load_scene("stereo_shutter")
     light = generated(96)
     before, after = (
-        pose(light, shutter).loss(x) for x in (light, compensate(light, shutter).light)
+        Appraisal(pose(light, shutter)).loss(x) for x in (light, compensate(light, shutter).light)
     )
     assert after < before
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from foreseeing import held, left, night, posed_in
 
+from compensate.figures import Appraisal
 from domesim.observation.radiosity import radiosity
+from domesim.room.theatre import Floor
 from domesim.scene import DomeScene, load_scene
 from domesim.scene.dome_file import MeasuredSection
-from domesim.theatre import Floor
 
 SIZE = 32
 
@@ -56,7 +57,7 @@ def test_domes_by_their_albedos(lift, correlation):
     """Truths are drawn about what was found; the closed form has them exactly."""
     scene = bare((0.5, 0.5, 0.5), 0.02, correlation)
     posed = posed_in(scene, night(scene, SIZE, SIZE, lift=lift))
-    found = posed.foreseen(posed.subtractive)
+    found = Appraisal(posed).foreseen(posed.subtractive)
     rng = np.random.default_rng(1)
     assert scene.measured is not None
     covariance = scene.measured.covariance(["screen"])[0, :, 0]
@@ -83,12 +84,12 @@ def test_a_room_is_judged_by_all_of_it():
     found = measured({"screen": 0.001, "floor": 0.004}, 0.5)
     scene = replace(scene, theatre=theatre, measured=found)
     posed = posed_in(scene, night(scene, SIZE, SIZE, lift=0.3))
-    foreseen = posed.foreseen(posed.subtractive)
+    foreseen = Appraisal(posed).foreseen(posed.subtractive)
     room = replace(scene, transport=radiosity(theatre, resolution=9)).observation(SIZE, SIZE)
     light, error = left(posed, posed.subtractive, room)
     assert foreseen.light.likely == pytest.approx(light, rel=0.03)
     assert foreseen.weighted.likely == pytest.approx(error, rel=0.03)
-    assert posed.visible_error(posed.subtractive) < 0.1 * error
+    assert Appraisal(posed).visible_error(posed.subtractive) < 0.1 * error
 
 
 def test_what_was_not_measured_is_not_foreseen():
@@ -104,7 +105,7 @@ def test_domes_by_a_measured_transport():
     stored = replace(stored, core_error=core_error, provenance={"measured": "survey.toml"})
     scene = replace(scene, measured=None, transport=stored)
     posed = posed_in(scene, night(scene, SIZE, SIZE, lift=0.3))
-    found = posed.foreseen(posed.subtractive)
+    found = Appraisal(posed).foreseen(posed.subtractive)
     rng = np.random.default_rng(2)
     seen = []
     for _ in range(300):

@@ -11,11 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from compensated import compensate_frame
 from theatres import DATA, needs_data
 
-from compensate.cli import goal
-from compensate.master import compensate, compensate_frame, pose, pose_frame
+from compensate.commands.aiming import Aiming
+from compensate.figures import Appraisal
+from compensate.master import compensate
 from compensate.methods import DOME as METHODS
+from compensate.pose import Stage, pose
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import Subtractive
@@ -31,10 +34,11 @@ from domesim.frames import (
     write_frame,
     write_master,
 )
-from domesim.projector import Projector
+from domesim.observation.projector import Projector
+from domesim.room.theatre import Theatre
 from domesim.scene import load_scene
-from domesim.screening import decoded, encoded, within_range
-from domesim.theatre import Theatre
+from domesim.scene.choice import SceneChoice
+from domesim.scene.screening import decoded, encoded, within_range
 from validation.masters import night
 
 SRGB = ColourTag("srgb", "BT.709", "the test")
@@ -186,7 +190,7 @@ def test_a_2k_frame_within_3_gib_unchanged_off_the_screen(tmp_path):
 
 
 def test_a_frame_is_posed_as_its_light_is(scene):
-    posed, out_of_range = pose_frame(frame(64), scene)
+    posed, out_of_range = Stage(scene).pose_frame(frame(64))
     assert out_of_range == 0
     light = decoded(frame(64), scene)
     assert light[:, ~posed.screen].any()
@@ -199,7 +203,7 @@ def test_what_a_file_cannot_hold_is_told(scene):
     wide = replace(scene, projector=Projector("P3-D65", 13.7, 0.007))
     outcome = compensate_frame(frame(64), wide)
     assert outcome.figures.file_clipped > 0.05
-    stored = outcome.posed.stored_loss(outcome.frame)
+    stored = outcome.appraisal.stored_loss(outcome.frame)
     assert stored != pytest.approx(outcome.figures.loss_after, rel=0.02)
     assert compensate_frame(frame(64), scene).figures.file_clipped == 0
 
@@ -209,7 +213,7 @@ def test_the_loss_of_the_stored_file_is_told(scene, tmp_path, bits, worse):
     outcome = compensate_frame(frame(96, bits), scene)
     path = tmp_path / "out.png"
     write_master(outcome.frame, [path], bits=bits)
-    stored = outcome.posed.stored_loss(read_master([path]))
+    stored = outcome.appraisal.stored_loss(read_master([path]))
     assert (abs(stored / outcome.figures.loss_after - 1) > 3e-4) == worse
 
 
@@ -262,13 +266,14 @@ def test_the_certificate_is_told_in_just_noticeable_differences():
         energy = posed.problem.weighting.energy(seen - best)
         white = posed.scene.projector.white / posed.scene.viewing.adaptation
         rms = np.sqrt(energy / posed.screen.sum()) * white * posed.problem.weighting.peak
-        assert rms <= posed.distance(early)
-        assert posed.distance(early) <= 10 * rms
+        assert rms <= Appraisal(posed).distance(early)
+        assert Appraisal(posed).distance(early) <= 10 * rms
 
 
 def test_quality_is_a_tolerance():
-    assert goal(None, quality=False) == 1e-3
-    assert goal(None, quality=True) == 1e-4
-    assert goal(0.01, quality=False) == 0.01
+    scene = SceneChoice("dome_imax")
+    assert Aiming().recipe(scene).tolerance == 1e-3
+    assert Aiming(quality=True).recipe(scene).tolerance == 1e-4
+    assert Aiming(tolerance=0.01).recipe(scene).tolerance == 0.01
     with pytest.raises(InputError, match=r"--quality is --tolerance 1e-4, got --tolerance 0\.01"):
-        goal(0.01, quality=True)
+        Aiming(tolerance=0.01, quality=True).recipe(scene)

@@ -6,7 +6,7 @@ import array_api_strict
 import numpy as np
 import pytest
 
-from compensate.means import box_mean, guided, smooth
+from compensate.means import block_means, block_sums, box_mean, enlarged, guided, smooth
 
 RNG = np.random.default_rng(4)
 PICTURE = RNG.random((5, 7))
@@ -60,11 +60,42 @@ def test_what_is_off_the_screen_does_not_count():
     np.testing.assert_allclose(found, guided(plane * screen, screen, 2, 0.5)[:, :4])
 
 
+def test_sums_of_blocks_have_all_pixels_and_the_last_is_cut_off():
+    found = block_sums(PICTURE, 3)
+    assert found.shape == (2, 3)
+    assert found[1, 2] == pytest.approx(PICTURE[3:, 6:].sum())
+    assert found.sum() == pytest.approx(PICTURE.sum())
+    assert block_means(PICTURE, 3)[1, 2] == pytest.approx(PICTURE[3:, 6:].mean())
+
+
+def test_a_slope_is_enlarged_to_itself_between_the_middles_of_blocks():
+    slope = np.arange(20.0) * np.ones((8, 1))
+    found = enlarged(block_means(slope, 4), 4, (8, 20))
+    np.testing.assert_allclose(found[:, 2:18], slope[:, 2:18])
+    assert (found[:, 0] == found[:, 1]).all()  # flat beyond the first middle
+
+
+def test_a_guided_mean_of_blocks_is_nearly_that_of_pixels():
+    rows, cols = np.mgrid[:96, :96]
+    screen = np.hypot(rows - 48, cols - 48) < 46
+    picture = np.where(cols < 41, 0.0, 4.0) + 0.5 * np.sin(rows / 3)
+    plain, fast = (
+        guided(picture, screen, 8 // block, 1.0, np.exp(-picture), block=block) for block in (1, 2)
+    )
+    apart = np.abs(plain - fast)[screen]
+    assert 0 < apart.mean() < 0.03
+    assert apart.max() < 0.3  # of a step of 4
+
+
 def test_any_array_library():
     there = array_api_strict.asarray(PICTURE)
     on = array_api_strict.asarray(np.ones((5, 7), bool))
     for found, expected in (
         (smooth(there, 1.0), smooth(PICTURE, 1.0)),
         (guided(there, on, 1, 0.3), guided(PICTURE, np.ones((5, 7), bool), 1, 0.3)),
+        (
+            guided(there, on, 1, 0.3, block=2),
+            guided(PICTURE, np.ones((5, 7), bool), 1, 0.3, block=2),
+        ),
     ):
         np.testing.assert_allclose(np.asarray(found), expected, rtol=1e-12)

@@ -93,8 +93,6 @@ def test_maps_that_are_not_what_they_should_be():
         LinearObservation(SHAPE, lambda x: np.roll(x, 1, 2), lambda y: np.roll(y, 1, 2))
     with pytest.raises(ValueError, match=r"returns \(1, 20, 20, 3\), got \(1, 20, 20, 1\)"):
         LinearWeighting(SHAPE, lambda x: x[..., :1], lambda w: w)
-    with pytest.raises(ValueError, match="no padding"):
-        LinearWeighting(SHAPE, lambda x: x, lambda w: w).quadratic(np.zeros(SHAPE), whole=True)
 
 
 def test_what_does_not_fit_is_refused(desired):

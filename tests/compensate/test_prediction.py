@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compensate.master import Posed, pose
+from compensate.figures import Appraisal
+from compensate.pose import Posed, pose
 from compensate.prediction import (
     MARKED,
     Combination,
@@ -377,7 +378,7 @@ def test_a_frame_without_pollution_has_empty_maps() -> None:
 def test_the_rooms_own_light_is_no_pollution(scene: DomeScene | StereoScene) -> None:
     size = (1, 64, 64, 3) if isinstance(scene, DomeScene) else (2, ROWS, COLS, 3)
     posed = pose(np.zeros(size, np.float32), scene)
-    assert posed.pollution > 0.005
+    assert Appraisal(posed).pollution > 0.005
     found = triage(posed)
     assert found.untouched.residual.max() == 0
     assert found.verdict is Verdict.NOTHING
@@ -431,7 +432,7 @@ def test_shares_are_of_the_screens_area() -> None:
     luminance = np.where(np.hypot(row, col) < 29, 0.02, 8.0)
     posed = pose(fulldome(luminance, scene), scene)
     found = predict(posed)
-    weighted = float(posed.areas[found.mask[0]].sum() / posed.areas.sum())
+    weighted = float(posed.setting.areas[found.mask[0]].sum() / posed.setting.areas.sum())
     assert found.share == pytest.approx(weighted)
     assert abs(weighted - found.mask.sum() / posed.screen.sum()) > 0.01
 

@@ -7,7 +7,8 @@ import pytest
 
 from compensate import ruler
 from compensate.aim import Aim
-from compensate.master import pose
+from compensate.figures import Appraisal
+from compensate.pose import pose
 from compensate.ruler import Ruler
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
@@ -23,9 +24,9 @@ def test_no_setting_of_the_method_changes_it():
         PerceptualWeighting(),
         PerceptualWeighting(LowFrequencyFloor(1.0)),
     )
-    posed = [pose(light, scene, eye) for eye in eyes]
+    appraisals = [Appraisal(pose(light, scene, eye)) for eye in eyes]
     for figure in ("loss", "visible_error"):
-        found = {round(getattr(each, figure)(light), 9) for each in posed}
+        found = {round(getattr(each, figure)(light), 9) for each in appraisals}
         assert len(found) == 1
 
 

@@ -11,9 +11,9 @@ import pytest
 import survey_rooms
 from rooms import BEFORE, ROOMS, THEATRES, room
 
+from domesim.room.theatre import Theatre
 from domesim.scene import load_scene
 from domesim.scene.dome import DomeScene
-from domesim.theatre import Theatre
 from validation.energy import imbalance
 
 

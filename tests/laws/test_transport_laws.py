@@ -10,10 +10,10 @@ import array_api_strict
 import numpy as np
 import pytest
 
-from domesim.dome import Dome
 from domesim.observation.basis import ScreenBasis
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.transport import Transport, node_places
+from domesim.room.dome import Dome
 
 DOMES = {
     "cap": Dome(3.0, np.radians(105), 0.2),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
 from domesim.errors import InputError
-from validation.benchmarks import measuring, recording, tao, writing
+from validation.benchmarks import files, measuring, recording, tao, writing
 from validation.benchmarks.measuring import (
     Cost,
     Settings,
@@ -339,3 +340,16 @@ def test_growth_is_fitted():
     linear = writing.growth([ran(n, 1.0 * n) for n in times], "dome")
     assert max(linear.ratios.values()) > 1.5
     assert writing.growth([ran(n, 1.0) for n in (512, 1024)], "dome") is None
+
+
+@pytest.mark.long
+def test_commands_are_timed_from_file_to_file(tmp_path):
+    one, further = islice(files.file_costs(quick=True), 2)
+    assert one.work.startswith("dome 512")
+    assert one.busy is None
+    assert one.seconds > further.seconds > 0
+    assert 0 < further.busy <= 1.5
+    assert one.pairs == one.seconds / one.unit
+    assert 0.05 < one.gib < 2
+    assert files.write(tmp_path, [one, further]).stat().st_size > 0
+    assert "% of" in files.line(further)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from compensate.master import pose
+from compensate.pose import pose
 from compensate.weighting import PerceptualWeighting
 from domesim.scene import load_scene
 from validation.crops import Crop, caption

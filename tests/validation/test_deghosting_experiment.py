@@ -130,13 +130,13 @@ def test_averages_keep_the_light():
 def test_a_missing_pair_says_what_to_do(monkeypatch, tmp_path):
     monkeypatch.setenv(pairs.FOLDER, str(tmp_path))
     with pytest.raises(Missing, match=r"fog_multiview\.exr; set DOMESIM_DATA"):
-        pairs.from_data("fog", load_scene(deghosting.SCENE))
+        pairs.from_data("fog", load_scene(deghosting.STEREO_SCENE))
 
 
 @pytest.mark.parametrize("name", pairs.FILES)
 def test_the_test_data_are_pairs(name):
     try:
-        light, clipped = pairs.from_data(name, load_scene(deghosting.SCENE))
+        light, clipped = pairs.from_data(name, load_scene(deghosting.STEREO_SCENE))
     except Missing as missing:
         pytest.skip(str(missing))
     assert len(light) == 2

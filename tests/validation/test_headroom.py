@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from compensate.aim import Aim
-from compensate.master import pose
+from compensate.pose import pose
 from validation.content import DOMES
 from validation.experiment import Missing
 from validation.experiments import headroom
 from validation.experiments.headroom import _difference, _seen
-from validation.experiments.quality.inputs import dome_at
+from validation.inputs import dome_at
 from validation.judges import climbable
 from validation.panel import delta_e_itp
 

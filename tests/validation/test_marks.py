@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compensate.master import pose
+from compensate.pose import pose
 from compensate.prediction import predict
 from compensate.visible import SEEN
 from domesim.scene import load_dome
 from validation import marks
 from validation.experiments import only_visible
-from validation.experiments.quality.inputs import dome_at, stereo_at
+from validation.inputs import dome_at, stereo_at
 from validation.marks import LEVELS, Agreement, agreement, tuned
 
 

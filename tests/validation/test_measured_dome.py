@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from domesim.dome import Dome
-from domesim.survey.camera import domemaster_camera
-from domesim.theatre import Theatre
+from domesim.measure.dome.camera import domemaster_camera
+from domesim.room.dome import Dome
+from domesim.room.theatre import Theatre
 from validation.laboratory import Faults, patterns_for, photographed
 
 

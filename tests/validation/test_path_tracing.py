@@ -11,7 +11,7 @@ import pytest
 from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.loop import bounce_limit
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.theatre import Theatre
+from domesim.room.theatre import Theatre
 from validation.experiments import closed_form, corrected_models, second_opinion
 from validation.statistics import assert_unbiased
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from rooms import BEFORE, ROOMS
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.observation.spherical import bare_gain
-from domesim.theatre import Theatre
+from domesim.room.dome import Dome
+from domesim.room.theatre import Theatre
 from validation import radiance
 from validation.experiments import public_cases, random_theatres
 

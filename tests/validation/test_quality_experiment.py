@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from findings import change, failed, no_colorvideovdp
 
-from validation import judges, panel
+from validation import inputs, judges, panel
 from validation.experiment import Work
 from validation.experiments import quality
-from validation.experiments.quality import inputs, measuring, verdict
-from validation.experiments.quality.inputs import CHOOSING, Input
+from validation.experiments.quality import measuring, verdict
 from validation.experiments.quality.measuring import KNOB, WAYS, Cell
+from validation.inputs import CHOOSING, Input
 
 
 @pytest.fixture(autouse=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from compensate.aim import Aim
-from compensate.master import pose, solved
+from compensate.pose import pose
+from compensate.solve import solved
 from compensate.vision.glare import StrayLight
 from domesim.scene import load_dome
 from validation.experiments.stray_light import aimed

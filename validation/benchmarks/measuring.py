@@ -103,7 +103,7 @@ class Cost:
     seen
         The lights on the way.
     stops
-        Of the product's solver.
+        Stops of the product's solver.
     """
 
     problem: str
@@ -217,7 +217,7 @@ def measure(case: Case, name: str, least: float | None, settings: Settings) -> C
     case
         The problem.
     name
-        Of the solver.
+        Name of the solver.
     least
         The least cost; None to measure only how the product's solver runs.
     settings
@@ -271,7 +271,7 @@ def traced(
     case
         The problem.
     name
-        Of the solver, in `SOLVERS`.
+        Name of the solver, in `SOLVERS`.
     least
         The least cost.
     goal, budget
@@ -383,7 +383,7 @@ class _Units:
         self._units, self._repeats = (pair, clip), repeats
 
     def times(self, run: Callable[[], float]) -> _Times:
-        """Of `run`, which says how many seconds it took; each between measurements of the units.
+        """Median of the times that `run` returns; units are measured before and after each.
 
         A machine that others use, too, is now faster and now slower.
         """
@@ -431,7 +431,7 @@ def _remembered(case: Case, path: Path) -> float:
 
 
 def _digest(task: Task) -> str:
-    """Of all that the least cost depends on."""
+    """Digest of all that the least cost depends on."""
     problem = task.problem
     found = hashlib.sha256(np.ascontiguousarray(problem.desired).tobytes())
     # What is seen of noise and how it is weighted stand for observation and weighting

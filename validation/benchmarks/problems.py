@@ -27,7 +27,7 @@ from scipy.ndimage import zoom
 
 from compensate.aim import Eye
 from compensate.fourier import padded_size
-from compensate.master import Posed, pose
+from compensate.pose import Posed, pose
 from compensate.problem import Problem
 from compensate.solver import baselines, deghosting
 from compensate.weighting import (
@@ -41,9 +41,9 @@ from domesim.light import Light
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.lowrank import LowRank, LowRankObservation
+from domesim.room.viewing import Viewing
 from domesim.scene import Scene, load_dome, load_scene
-from domesim.screening import decoded
-from domesim.viewing import Viewing
+from domesim.scene.screening import decoded
 from validation.masters import bundled_night, night
 from validation.pairs import averaged, from_data, generated
 

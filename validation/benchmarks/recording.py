@@ -79,7 +79,7 @@ class Recorder:
     seconds
         Until the last light.
     iterations
-        Of the solver; counted up with each light unless it says.
+        Iterations of the solver; counted up with each light unless it says.
     """
 
     def __init__(

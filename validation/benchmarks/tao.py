@@ -54,7 +54,7 @@ def minimise_by_tao(method: str, recorder: Recorder, start: Light, iterations: i
     method
         ``gpcg`` or ``blmvm``.
     recorder
-        Of the problem, in float64.
+        Recorder of the problem, in float64.
     start
         Feasible light.
     iterations

@@ -16,10 +16,10 @@ import numpy as np
 
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
+from domesim.room.theatre import Theatre
 from domesim.scene import load_dome
-from domesim.theatre import Theatre
 from validation.benchmarks.commands import Job, run_command
-from validation.experiments.corrected_models import THEATRES
+from validation.theatres import THEATRES
 
 
 @dataclass(frozen=True)

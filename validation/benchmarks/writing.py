@@ -39,7 +39,7 @@ class Growth:
     a, b
         s, and s for each n log2 n.
     r_squared
-        Of the fit.
+        R² of the fit.
     ratios
         Measured over fitted seconds, by size.
     """
@@ -134,7 +134,7 @@ def _times(costs: Sequence[Cost], problem: str) -> list[tuple[int, int, float]]:
 
 
 def _gap_plots(out: Path, costs: Sequence[Cost]) -> list[str]:
-    """Of each problem, at its largest size that was traced."""
+    """Plots each problem's gaps at the largest size that was traced; returns the names."""
     names = []
     for problem in PROBLEMS:
         traced = [cost for cost in costs if cost.problem == problem and cost.seen]

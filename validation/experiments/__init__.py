@@ -32,6 +32,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "chroma_floor",
         "deghosting",
         "quality",
+        "two_eyes",
         "headroom",
         "flicker",
         "convergence",
@@ -44,8 +45,9 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "table1",
         "only_visible",
         "user_study",
+        "audiences",
     ),
-    "What it costs": ("costs", "shows"),
+    "What it costs": ("costs", "shows", "live"),
 }
 """Names of the experiments, in the report's order, by heading."""
 

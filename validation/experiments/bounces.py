@@ -19,7 +19,7 @@ import numpy as np
 
 from validation.drawing import COLOURS, plot
 from validation.experiment import Column, Finding, Plot, Table, Work, at_least, require_tracer
-from validation.experiments.closed_form import BOUNCES, Cell, measure
+from validation.reflection import BOUNCES, Cell, measure
 from validation.statistics import FALSE_ALARM, bias_p, calibration
 
 CAPS = ((45, 0.3), (90, 0.5), (90, 0.8), (120, 0.6), (150, 0.9), (180, 0.7))

@@ -26,14 +26,15 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from compensate.master import Posed, pose, solved
+from compensate.figures import Appraisal
+from compensate.pose import Posed, pose
+from compensate.solve import solved
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.observation.spherical import bare_gain
 from domesim.scene import DomeScene, Scene, StereoScene
-from validation import judges
+from validation import inputs, judges
 from validation.experiment import Column, Finding, Table, Work, at_least, at_most
-from validation.experiments.quality import inputs
 from validation.pairs import no_wider
 
 WHITE = inputs.USUAL_LUMINANCE
@@ -45,7 +46,7 @@ USUAL = 0.1
 NODES = 3
 SIZE = 192
 NAMES = ("night", "generated", "full dome", "fog", "trunks")
-"""Of `inputs.wanted`."""
+"""Names of the inputs, as in `inputs.wanted`."""
 LIFTED = ("night", "generated")
 """Which are shown as days, too."""
 WORTH = 0.05
@@ -139,8 +140,8 @@ def measure(case: Case, sigmas: Sequence[float], cautions: Sequence[float]) -> P
         room, shown = posed(truth), projected(model)
         seen = room.observation.observe(shown)
         found[_key(model, truth)] = Seen(
-            room.visible_error(shown),
-            room.visible_error(shown),
+            Appraisal(room).visible_error(shown),
+            Appraisal(room).visible_error(shown),
             judges.if_installed(judges.colorvideovdp, desired, seen, scene),
             judges.if_installed(judges.flip, desired, seen, scene),
         )
@@ -290,4 +291,4 @@ _COLUMNS = {
     "minimised": Column(name="minimised error", unit="JND rms", digits=".4g"),
     "visible": Column(name="visible error", unit="JND rms", digits=".4g"),
 }
-"""Of `Seen`."""
+"""Columns of tables, by the attribute of `Seen` that they show."""

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from compensate.master import pose
+from compensate.figures import Appraisal
+from compensate.pose import pose
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
@@ -54,7 +55,7 @@ def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[st
     slack = 1e-5  # of white
     outside = np.any((rgb < -slack) | (rgb > 1 + slack), axis=-1)[0]
     return {
-        "clipped": posed.clipped,
+        "clipped": Appraisal(posed).clipped,
         "out_of_gamut": float(outside[screen].mean()),
         "excess_clipped": problem.cost(problem.project(rgb)) / joint.cost - 1,
         "excess_subtractive": problem.cost(posed.subtractive) / joint.cost - 1,

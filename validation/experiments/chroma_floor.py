@@ -13,7 +13,7 @@ Expected
 from __future__ import annotations
 
 from compensate.aim import Aim, Eye
-from compensate.master import pose_frame
+from compensate.pose import Stage
 from compensate.solver.admm import ADMM
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
@@ -42,7 +42,7 @@ def measure(scene: str = "dome_imax", step: int = 1) -> dict[str, float]:
         "contrast": Aim(),
     }
     for name, weighting in weightings.items():
-        posed, _ = pose_frame(frame, theatre, weighting)
+        posed, _ = Stage(theatre, weighting).pose_frame(frame)
         lights = {name: ADMM()(posed.problem, posed.subtractive).light}
         if name == "one_policy":
             lights |= {"nothing": posed.desired, "subtractive": posed.subtractive}

@@ -23,7 +23,7 @@ import numpy as np
 
 from compensate.vision.csf import LowFrequencyFloor, daly
 from compensate.weighting import PerceptualWeighting
-from domesim.viewing import Viewing, of_flat_screen
+from domesim.room.viewing import Viewing, of_flat_screen
 from validation.drawing import plot
 from validation.experiment import Column, Finding, Table, Work, at_most, between
 

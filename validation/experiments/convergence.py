@@ -36,14 +36,14 @@ from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.gpcg import GPCG
 from compensate.weighting import PerceptualWeighting
-from domesim.dome import Dome
 from domesim.frames.colour import BT709_LUMINANCE
 from domesim.light import Light, dot
 from domesim.observation.base import AdjointObservation
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import ClosedFormDome
-from domesim.theatre import Floor, Theatre
-from domesim.viewing import Viewing
+from domesim.room.dome import Dome
+from domesim.room.theatre import Floor, Theatre
+from domesim.room.viewing import Viewing
 from validation.benchmarks.measuring import GAPS, Cost, Settings, least_cost, measure
 from validation.benchmarks.problems import night_dome
 from validation.benchmarks.solvers import OURS, SOLVERS
@@ -178,7 +178,7 @@ def dense(problem: Problem) -> tuple[Floats, Floats, NDArray[np.bool_]]:
 
 
 def _gradient_error(problem: Problem, seed: int) -> float:
-    """Of every value; the cost is quadratic, so that central differences are exact."""
+    """Largest relative error of the gradient; central differences of a quadratic are exact."""
     light = np.random.default_rng(seed).random(problem.desired.shape)
     differences = np.zeros_like(light)
     for index in np.ndindex(light.shape):

@@ -26,13 +26,12 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import ClosedFormDome
 from domesim.observation.transport import Transport
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Traced, Tracer
-from domesim.theatre import Floor, Lobe, Theatre, Wall
+from domesim.room.theatre import Theatre
 from validation.drawing import plot
 from validation.experiment import (
     Check,
@@ -45,22 +44,10 @@ from validation.experiment import (
     at_most,
     require_tracer,
 )
-from validation.experiments.closed_form import reflected
+from validation.reflection import reflected
 from validation.statistics import rms_difference
+from validation.theatres import THEATRES
 
-DOME = Dome(5.0, np.pi / 2)
-THEATRES: Mapping[str, Theatre] = {
-    "recessed floor": Theatre(
-        DOME,
-        (0.5, 0.5, 0.5),
-        floor=Floor(-1.5, 5.0, (0.2, 0.2, 0.2)),
-        wall=Wall(5.0, -1.5, 0.0, (0.1, 0.1, 0.1)),
-    ),
-    "floor at the spring line": Theatre(
-        DOME, (0.5, 0.5, 0.5), floor=Floor(0.0, 5.0, (0.2, 0.2, 0.2))
-    ),
-    "gain lobe of share 0.3": Theatre(DOME, (0.5, 0.5, 0.5), lobe=Lobe(0.3, 0.3)),
-}
 PICTURES = ("white", "front", "rim", "patch")
 RANKS = (1, 2, 3, 5, 8, 12)
 SIZE = 64
@@ -142,7 +129,7 @@ def measure(
     errors
         Relative standard errors that tabulations are to reach.
     resolutions
-        Of radiosity.
+        Resolution of radiosity.
     ranks
         To which the last tabulation is reduced, too.
     brute_force
@@ -150,7 +137,7 @@ def measure(
     pictures
         Which of `light`.
     seed
-        Of all random numbers.
+        Seed of all random numbers.
     """
     theatre = THEATRES[name]
     tracer = Tracer(theatre)

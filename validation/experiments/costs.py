@@ -27,7 +27,8 @@ from typing import final
 
 import numpy as np
 
-from compensate.master import Stage, solve_frame
+from compensate.master import solve_frame
+from compensate.pose import Stage
 from domesim.frames import read_master, write_master
 from domesim.light import Light
 from domesim.pathtrace.tracer import Settings, Tracer
@@ -41,7 +42,8 @@ from validation.pairs import generated
 FRAMES = 4
 """The first of a sequence."""
 MORE = 12
-"""Of all of it: what they take more is of further frames, without the start."""
+"""Frames of the whole sequence: what they take more than `FRAMES` is the cost of further frames,
+without the start."""
 
 _PAIRS = "stereo_polarised_paper"
 
@@ -54,13 +56,14 @@ class Sequence:
     Attributes
     ----------
     seconds
-        Of its first `FRAMES`, from the first file to the last, with some seconds of the start.
+        Seconds of its first `FRAMES`, from the first file to the last, with some seconds of the
+        start.
     longer
-        Of all `MORE` frames, likewise.
+        Seconds of all `MORE` frames, likewise.
     solver
-        Of the solver alone, `FRAMES` one after the other.
+        Seconds of the solver alone, `FRAMES` one after the other.
     files
-        Of reading the masters and writing the results, likewise.
+        Seconds of reading the masters and writing the results, likewise.
     """
 
     seconds: float
@@ -70,7 +73,7 @@ class Sequence:
 
     @property
     def further(self) -> float:
-        """Of each further frame, without the start."""
+        """Seconds of each further frame, without the start."""
         return (self.longer - self.seconds) / (MORE - FRAMES)
 
     @property
@@ -120,7 +123,7 @@ def deghosting(width: int, seed: int) -> Job:
 
 
 def sequences(width: int, seed: int) -> tuple[Sequence, Sequence]:
-    """Of a generated pair that moves and darkens; and of the same where nothing clips."""
+    """Times a generated pair that moves and darkens, and the same where nothing clips."""
     light = generated(width, seed)[:, : width * 1080 // 2048]
     frames = [
         np.roll(light, k * width // 16, axis=2) * np.float32(1 - 0.1 * (k % FRAMES))

@@ -21,22 +21,23 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any, TypeAlias, final
 
 import numpy as np
 
+from compensate.figures import Appraisal
 from compensate.ghosts import ghost_left
-from compensate.master import Posed, pose, solved
 from compensate.methods import STEREO
+from compensate.pose import Posed, pose
+from compensate.solve import solved
 from compensate.solver.gpcg import GPCG
 from compensate.solver.paper import PaperMethod
 from compensate.solver.result import Status
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
-from domesim.observation.crosstalk import leak_matrices
 from domesim.scene import Scene, StereoScene, load_scene
 from validation import crops, drawing, judges, pairs
 from validation.experiment import (
@@ -51,15 +52,15 @@ from validation.experiment import (
     at_most,
     equal,
 )
+from validation.inputs import STEREO_SCENE, scene_at
 
-SCENE = "stereo_polarised_paper"
 LEVELS = (0.01, 0.02, 0.05, 0.1)
 """Shares of light that reach the other eye."""
 QUICK_LEVELS = (0.01, 0.05)
 STILL = 0.05
-"""Of pictures."""
+"""Crosstalk of the pictures on the page."""
 PAIRS = ("fog", "trunks", "motorcycle", *pairs.SEQUENCE)
-"""Of the test data."""
+"""Pairs of the test data."""
 WIDEST, QUICK_WIDTH = 512, 96
 """Pixels."""
 PAPER_ITERATIONS, PAPER_PHASES = 60, 5
@@ -107,7 +108,7 @@ class Cell:
     flip, quality
         FLIP, and ColorVideoVDP in JOD: means of both eyes; None if not installed.
     seconds, ffts
-        Of the solution.
+        Seconds and FFTs of the solution.
     status
         Name of the solver's `Status`.
     gap
@@ -133,15 +134,6 @@ class Cell:
     panel: Panel | None
 
 
-def scene_at(crosstalk: float) -> StereoScene:
-    """The scene with that share of light reaching the other eye, at all seats."""
-    scene = load_scene(SCENE)
-    assert isinstance(scene, StereoScene)
-    matrices = leak_matrices(crosstalk)
-    seats = {name: replace(seat, matrices=matrices) for name, seat in scene.seats.items()}
-    return replace(scene, seats=seats)
-
-
 def measure(posed: Posed, method: str, *, panel: bool = False, gain: float | None = None) -> Cell:
     """One method for a posed pair.
 
@@ -165,14 +157,14 @@ def measure(posed: Posed, method: str, *, panel: bool = False, gain: float | Non
     result = solved(asked, method, solver)
     seconds = time.perf_counter() - begin
     seen, desired = posed.seen(result.light), posed.problem.desired
-    edges = posed.ghost_edges(result.light)
+    edges = Appraisal(posed).ghost_edges(result.light)
     assert edges is not None
     residual, ghost = (
         judges.luminance(light - desired, scene) for light in (seen, posed.seen(desired))
     )
     return Cell(
-        clipped=posed.clipped,
-        error=posed.visible_error(result.light),
+        clipped=Appraisal(posed).clipped,
+        error=Appraisal(posed).visible_error(result.light),
         rms=scene.projector.white * float(np.sqrt(np.mean(residual**2))),
         edges=edges,
         left=ghost_left(residual, ghost, scene.viewing.pixels_per_degree(*desired.shape[1:3])),
@@ -198,7 +190,7 @@ def unclipped(width: int, seed: int) -> tuple[float, float, float]:
         float(np.abs(posed.residual(solved(posed, method).light)).max())
         for method in ("subtractive", "perceptual")
     ]
-    return posed.clipped, left[0], left[1]
+    return Appraisal(posed).clipped, left[0], left[1]
 
 
 def run(work: Work) -> Finding:
@@ -290,12 +282,12 @@ def _wanted(work: Work) -> tuple[Mapping[str, Wanted], list[str]]:
 
 def _read(name: str) -> Light:
     """The pair, no wider than `WIDEST`."""
-    light, _ = pairs.from_data(name, load_scene(SCENE))
+    light, _ = pairs.from_data(name, load_scene(STEREO_SCENE))
     return pairs.no_wider(light, WIDEST)
 
 
 def _lawless(posed: Posed, method: str, seen: Light) -> float:
-    """Of methods of whose outcome something is known without a solver."""
+    """Largest error of a method whose outcome is known without a solver; 0 for other methods."""
     desired = np.asarray(posed.problem.desired, np.float64)
     error = seen - desired
     if method == "none":
@@ -455,7 +447,7 @@ _SEEN = (
 
 
 def _seen(cell: Cell) -> tuple[float | None, ...]:
-    """Of `_SEEN`."""
+    """A row of the columns `_SEEN`."""
     return cell.error, cell.rms, cell.edges, cell.left, cell.flip, cell.quality
 
 

@@ -22,13 +22,13 @@ from typing import Any, final
 
 import numpy as np
 
-from domesim.dome import Dome
-from domesim.furniture import seating
-from domesim.lenses import lens_gains
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import ClosedFormDome
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.theatre import Cavity, Floor, Lens, Lobe, Theatre, Wall
+from domesim.room.dome import Dome
+from domesim.room.furniture import seating
+from domesim.room.lenses import lens_gains
+from domesim.room.theatre import Cavity, Floor, Lens, Lobe, Theatre, Wall
 from validation.drawing import plot
 from validation.experiment import (
     Check,
@@ -41,7 +41,7 @@ from validation.experiment import (
     at_most,
     require_tracer,
 )
-from validation.experiments.closed_form import patch, reflected
+from validation.reflection import patch, reflected
 from validation.statistics import rms_difference
 
 SIZE = 64

@@ -24,14 +24,15 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.master import Posed, pose
+from compensate.figures import Appraisal
+from compensate.pose import Posed, pose
 from compensate.prediction import remaining
 from compensate.vision.resolution import by_resolution
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import DomeScene, load_dome
 from validation.experiment import Check, Column, Finding, Table, Work, at_least, at_most
-from validation.experiments.quality.inputs import Input, reported_domemasters
+from validation.inputs import Input, reported_domemasters
 from validation.pairs import no_wider
 
 SCENE = "dome_planetarium"
@@ -47,7 +48,7 @@ class Seat:
     Attributes
     ----------
     least, most
-        Of its pixels per degree over the assumed ones.
+        Least and largest ratio of its pixels per degree to the assumed ones.
     error
         Visible error, JND rms.
     apart
@@ -112,7 +113,7 @@ def measure(one: Input, size: int) -> dict[str, Seat]:
             1.0,
             _rms(assumed, centre),
             0.0,
-            centre.loss_subtractive,
+            Appraisal(centre).loss_subtractive,
             float(mask[0, centre.screen].mean()),
             0.0,
         )
@@ -128,7 +129,7 @@ def measure(one: Input, size: int) -> dict[str, Seat]:
             float(scale.max()),
             _rms(here, posed),
             _rms(here - assumed, posed),
-            posed.loss_subtractive,
+            Appraisal(posed).loss_subtractive,
             float(seen[0, posed.screen].mean()),
             float((seen != mask)[0, posed.screen].mean()),
         )

@@ -19,10 +19,10 @@ from typing import Any, final
 
 import numpy as np
 
-from domesim.dome import Dome
 from domesim.observation.spherical import ClosedFormDome, closed_form_gain
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.theatre import Theatre
+from domesim.room.dome import Dome
+from domesim.room.theatre import Theatre
 from validation.drawing import plot
 from validation.experiment import (
     Column,
@@ -35,7 +35,7 @@ from validation.experiment import (
     between,
     require_tracer,
 )
-from validation.experiments.closed_form import reflected
+from validation.reflection import reflected
 
 SIZE = 64
 ALBEDO = 0.5

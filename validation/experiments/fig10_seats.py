@@ -23,21 +23,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compensate.master import pose, solved
+from compensate.figures import Appraisal
+from compensate.pose import pose
+from compensate.solve import solved
 from compensate.solver.worst_seat import WorstSeat
 from compensate.weighting import PerceptualWeighting
 from domesim.scene import load_stereo
-from validation.experiment import (
-    Check,
-    Column,
-    Finding,
-    Pictures,
-    Table,
-    Work,
-    at_least,
-    at_most,
-)
-from validation.experiments.fig2_fig6_deghosting import (
+from validation.closeups import (
     EYES,
     exposure,
     ghosted_eye,
@@ -47,6 +39,16 @@ from validation.experiments.fig2_fig6_deghosting import (
     panels,
     project,
     uncorrectable,
+)
+from validation.experiment import (
+    Check,
+    Column,
+    Finding,
+    Pictures,
+    Table,
+    Work,
+    at_least,
+    at_most,
 )
 
 SCENES = ("stereo_polarised_paper", "stereo_cinema_silver")
@@ -61,7 +63,7 @@ METHODS: Mapping[str, str] = {
     "worst": "ours, worst seat",
 }
 ONE_SEAT = ("none", "subtractive", "paper", "perceptual")
-"""Of them, those that are computed for the sweet spot alone."""
+"""Methods that are computed for the sweet spot alone."""
 SHOWN = ("none", "subtractive", "paper", "perceptual", "all")
 
 
@@ -122,8 +124,8 @@ def measure(scene_name: str, name: str, width: int, seed: int = 0) -> Outcome:
     lights["worst"] = worst.light
     seen = {}
     for method, shown in lights.items():
-        edges = {seat: one.ghost_edges(shown) or 0.0 for seat, one in posed.items()}
-        errors = {seat: one.visible_error(shown) for seat, one in posed.items()}
+        edges = {seat: Appraisal(one).ghost_edges(shown) or 0.0 for seat, one in posed.items()}
+        errors = {seat: Appraisal(one).visible_error(shown) for seat, one in posed.items()}
         mean = float(np.sqrt(np.mean(np.square(list(errors.values())))))
         seen[method] = Seen(errors, edges, mean)
     region = uncorrectable(sweet)

@@ -20,23 +20,29 @@ Expected
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
+from compensate.figures import Appraisal
 from compensate.ghosts import edge_energy
-from compensate.master import Posed, pose, solved
-from compensate.problem import Problem
-from compensate.solver.gpcg import GPCG
-from compensate.solver.paper import PaperMethod
-from compensate.solver.result import Result
-from compensate.weighting import REGULARISATION, PerceptualWeighting
+from compensate.pose import Posed, pose
+from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
-from domesim.scene import Scene, StereoScene, load_stereo
-from validation.drawing import pictures
+from domesim.scene import load_stereo
+from validation.closeups import (
+    EYES,
+    GENERATED,
+    exposure,
+    ghosted_eye,
+    listed,
+    looked_at,
+    pair,
+    panels,
+    project,
+    uncorrectable,
+)
 from validation.experiment import (
     Check,
     Column,
@@ -48,10 +54,8 @@ from validation.experiment import (
     at_most,
 )
 from validation.judges import luminance
-from validation.pairs import averaged, from_data, generated, present
 
 SCENE = "stereo_polarised_paper"
-GENERATED = "generated"
 DATA = ("fog", "beachball 1", "trunks", "motorcycle")
 """Pairs of the test data."""
 TITLES: Mapping[str, str] = {
@@ -60,13 +64,6 @@ TITLES: Mapping[str, str] = {
     "paper": "the paper's",
     "perceptual": "ours",
 }
-EYES = ("left", "right")
-REGION = 0.25
-"""Width and height of the region, in widths of the picture; the height 9/16 of it."""
-SHOWN = 300
-"""Least width of a picture on the page, pixels."""
-BRIGHTEST = 12
-"""How many times brighter than it is a region is shown, at most: bright ones less."""
 
 
 @dataclass(frozen=True)
@@ -111,92 +108,6 @@ class Outcome:
     pictures: tuple[Pictures, ...]
 
 
-def pair(name: str, width: int, scene: StereoScene, seed: int = 0) -> Light:
-    """A pair about `width` pixels wide, in float64.
-
-    Raises
-    ------
-    Missing
-        If it is of the test data, which is not there.
-    """
-    if name == GENERATED:
-        return generated(width, seed).astype(np.float64)
-    light, _ = from_data(name, scene)
-    times = max(1, round(light.shape[2] / width))
-    return averaged(light, times).astype(np.float64)
-
-
-def listed(names: Iterable[str]) -> str:
-    """The names of pairs, in words."""
-    return ", ".join("a generated night" if name == GENERATED else name for name in names)
-
-
-def project(posed: Posed, method: str) -> Light:
-    """What a method projects; the paper's with the product's regulariser."""
-    if method != "paper":
-        return solved(posed, method).light
-    solver = cast("GPCG", _regularised)
-    scene = posed.scene
-    paper = PaperMethod(scene.viewing, scene.projector.luminance_weights, solver)
-    return solved(posed, method, paper).light
-
-
-def _regularised(problem: Problem, start: Light) -> Result:
-    kept = Problem(
-        problem.observation,
-        problem.weighting,
-        problem.desired,
-        (problem.lower, problem.upper),
-        anchor=start,
-        regularisation=REGULARISATION,
-    )
-    return GPCG(frozen=True, max_iterations=60)(kept, start)
-
-
-def uncorrectable(posed: Posed) -> tuple[slice, slice]:
-    """Rows and cols of the region where subtraction leaves most of a ghost."""
-    rows, cols = posed.screen.shape
-    wide = round(REGION * cols)
-    high = min(rows, round(wide * 9 / 16))
-    left = luminance(posed.seen(posed.subtractive) - posed.desired, posed.scene)
-    # What is in the middle counts most, so that the ghost is not at the region's edge
-    energy = gaussian_filter(np.sum(left**2, axis=0), (high / 4, wide / 4), mode="constant")
-    # Where the whole region is in the picture
-    inner = energy[high // 2 : rows - (high - 1) // 2, wide // 2 : cols - (wide - 1) // 2]
-    top, first = np.unravel_index(int(np.argmax(inner)), inner.shape)
-    return slice(int(top), int(top) + high), slice(int(first), int(first) + wide)
-
-
-def ghosted_eye(posed: Posed, region: tuple[slice, slice]) -> int:
-    """The eye to which subtraction leaves more of the ghost in a region: 0 is the left one."""
-    left = luminance(posed.seen(posed.subtractive) - posed.desired, posed.scene)
-    return int(np.argmax(np.sum(left[:, region[0], region[1]] ** 2, axis=(1, 2))))
-
-
-def panels(
-    caption: str, lights: Mapping[str, Light], scene: Scene, *, brighter: float, eye: str
-) -> Pictures:
-    """Pictures of an eye, large enough to be looked at, that many times brighter."""
-    shown = {title: _enlarged(light) for title, light in lights.items()}
-    drawn = pictures(caption, shown, scene, brightest=1 / brighter)
-    return Pictures(
-        caption=caption,
-        panels=tuple(
-            panel.model_copy(update={"alt": f"{eye}: {panel.title}"}) for panel in drawn.panels
-        ),
-    )
-
-
-def _enlarged(light: Light) -> Light:
-    times = max(1, -(-SHOWN // light.shape[2]))
-    return np.asarray(light).repeat(times, axis=1).repeat(times, axis=2)
-
-
-def exposure(region: Light, scene: Scene) -> int:
-    """How many times brighter a region is to be shown: so that half of it is below mid-grey."""
-    return int(np.clip(0.2 / max(np.median(luminance(region, scene)), 1e-6), 1, BRIGHTEST))
-
-
 def measure(name: str, width: int, seed: int = 0) -> Outcome:
     """A pair in the paper's rig, at the sweet spot."""
     scene = load_stereo(SCENE)
@@ -205,7 +116,9 @@ def measure(name: str, width: int, seed: int = 0) -> Outcome:
     region = uncorrectable(posed)
     seen = {method: _measured(posed, light, region) for method, light in lights.items()}
     rows, cols = posed.screen.shape
-    return Outcome((cols, rows), seen, posed.clipped, _pictures(name, posed, lights, region))
+    return Outcome(
+        (cols, rows), seen, Appraisal(posed).clipped, _pictures(name, posed, lights, region)
+    )
 
 
 def _measured(posed: Posed, light: Light, region: tuple[slice, slice]) -> Seen:
@@ -214,10 +127,10 @@ def _measured(posed: Posed, light: Light, region: tuple[slice, slice]) -> Seen:
         luminance(posed.seen(one) - posed.desired, posed.scene)[:, region[0], region[1]]
         for one in (light, posed.desired)
     )
-    edges = posed.ghost_edges(light)
+    edges = Appraisal(posed).ghost_edges(light)
     assert edges is not None
     return Seen(
-        posed.visible_error(light),
+        Appraisal(posed).visible_error(light),
         edges,
         edge_energy(error, ghost, density),
         float(np.sqrt(np.mean(error**2) / np.mean(ghost**2))),
@@ -272,14 +185,6 @@ def _pictures(
             eye=f"The {who} eye's region",
         ),
     )
-
-
-def looked_at(work: Work, data: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Pairs, those of the test data in full runs only, and what is left out."""
-    if work.quick:
-        return (GENERATED,), ("The test data's pairs: they take minutes.",)
-    found, left_out = present(data)
-    return (GENERATED, *found), tuple(left_out)
 
 
 def run(work: Work) -> Finding:

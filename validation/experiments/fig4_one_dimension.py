@@ -32,7 +32,7 @@ from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import REGULARISATION, CsfWeighting, csf_gains
 from domesim.light import Light
 from domesim.observation.lowrank import LowRank, LowRankObservation
-from domesim.viewing import of_flat_screen
+from domesim.room.viewing import of_flat_screen
 from validation.drawing import COLOURS, plot
 from validation.experiment import (
     Check,

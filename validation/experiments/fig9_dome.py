@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.comparison import Comparison, compare_methods
+from compensate.page.comparison import Comparison, compare_methods
 from domesim.light import Light
 from domesim.scene import load_dome
 from validation.drawing import pictures
@@ -41,7 +41,7 @@ from validation.seen import BANDS, halos, mean_within, saturation_and_hue, struc
 Floats = NDArray[np.floating[Any]]
 
 THEATRE = "dome_imax"
-"""Of the demo; the others are looked at when there is time."""
+"""Theatre of the demo; the others are looked at when there is time."""
 OTHERS = ("dome_planetarium", "dome_hemisphere")
 TITLES: Mapping[str, str] = {
     "master": "Master",
@@ -49,12 +49,12 @@ TITLES: Mapping[str, str] = {
     "subtractive": "Seen, subtractive",
     "perceptual": "Seen, perceptual",
 }
-"""Of the pictures."""
+"""Titles of the pictures, by method."""
 ROWS: Mapping[str, str] = {**TITLES, "raised-black": "Seen, raised black"}
 BRIGHTER = 8
-"""How many times brighter than they are the pictures are shown."""
+"""Factor by which the pictures are brightened."""
 REACH = 1.0
-"""Of detail, degrees."""
+"""Reach of detail (sigma of the mean that is subtracted), degrees."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Seen:
     coarse_detail
         The same of structure of 2 to 10 degrees, outside the lit buildings.
     correlation
-        Of the (fine) dark detail.
+        Correlation of the (fine) dark detail with that of the master.
     fine_contrast
         Rms of the dark detail over the mean of dark pixels within about a degree.
     contrast

@@ -38,13 +38,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from compensate.aim import Eye
-from compensate.master import Posed, Stage, solved
 from compensate.methods import Solver, perceptual
+from compensate.pose import Posed, Stage
+from compensate.solve import solved
 from compensate.solver.result import Result, Status
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
-from domesim.screening import decoded, within_range
+from domesim.scene.screening import decoded, within_range
 from validation import drawing, films, judges, masters, pairs
 from validation.experiment import (
     Check,
@@ -57,7 +58,7 @@ from validation.experiment import (
     at_most,
     equal,
 )
-from validation.experiments.quality.inputs import dome_at, stereo_at
+from validation.inputs import dome_at, stereo_at
 
 Floats = NDArray[np.float64]
 
@@ -90,7 +91,7 @@ STANDING = 6
 START, END = (0.7, 0.3), (0.9, 0.3)
 """Way of the disc."""
 STANDS = 0.4
-"""Of the width, from the left: what stands still, far from the disc."""
+"""Share of the width, from the left, that stands still, far from the disc."""
 
 ALONE, TIGHTER, WARM, WARM_TIGHTER = (
     "alone, 1e-3 (the product's)",
@@ -132,7 +133,7 @@ class Shown:
 
     @property
     def ffts(self) -> float:
-        """Of planes, a frame."""
+        """Mean number of FFTs of planes a frame."""
         return float(np.mean([result.ffts for result in self.results]))
 
 
@@ -166,7 +167,7 @@ class Fade:
     flicker
         In it.
     ffts
-        Of planes, a frame.
+        FFTs of planes, a frame.
     """
 
     wanted: list[float]
@@ -189,17 +190,17 @@ class Way:
     Attributes
     ----------
     ffts
-        Of planes, a frame.
+        FFTs of planes, a frame.
     flicker
         In the whole picture.
     standing
         In a master that stands still, the largest change of projected light.
     change, change_best
-        Of the part that stands still: JND that 99.9 % of the changes of what is seen there do not
-        exceed, and the optimum's.
+        JND that 99.9 % of the changes of what is seen in the part that stands still do not exceed,
+        and the optimum's.
     codes
-        Of the same part, the largest change of what is seen in 10 bit codes (gamma 2.4) and in 12
-        bit codes (gamma 2.6) that 99.9 % do not exceed, and the optimum's.
+        Change of what is seen in that part, in 10 bit codes (gamma 2.4) and in 12 bit codes (gamma
+        2.6), that 99.9 % do not exceed, and the optimum's.
     level, level_best
         Mean luminance that is seen there, frame by frame; white = 1.
     """
@@ -227,7 +228,7 @@ class Judged:
     Attributes
     ----------
     film, best
-        Of what is seen, and would be seen of the optimum.
+        JOD of what is seen, and of what would be seen of the optimum.
     standing
         Mean of its frames, each standing still as a film.
     stills
@@ -413,7 +414,7 @@ def flicker(product: Shown, best: Shown) -> Flicker:
 def _noticed(posed: Posed, change: Light) -> NDArray[np.floating[Any]]:
     """(view, row, col) of a change of what is seen: its weighted size in each place, in JND."""
     rows, cols = posed.screen.shape
-    weighted = np.asarray(posed.judge.apply(change))[..., :rows, :cols]
+    weighted = np.asarray(posed.setting.judge.apply(change))[..., :rows, :cols]
     thresholds = posed.scene.projector.white / posed.scene.viewing.adaptation
     size: NDArray[np.floating[Any]] = np.sqrt(np.sum(weighted**2, axis=1))
     return size * (thresholds * posed.problem.weighting.peak)

@@ -22,7 +22,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from compensate.master import Posed, pose
+from compensate.figures import Appraisal
+from compensate.pose import Posed, pose
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
@@ -58,7 +59,7 @@ EXAMPLE = (0.1, (0.005, 0.4))
 def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[str, float]:
     """Relative excess cost of GPCG with frozen and exact pollution over the certified minimum."""
     posed = pose(night(size, seed).astype(np.float64), load_dome(scene), PerceptualWeighting())
-    return {**_excesses(posed), "pollution_cd_m2": posed.pollution}
+    return {**_excesses(posed), "pollution_cd_m2": Appraisal(posed).pollution}
 
 
 def measure_pair(pair: Light, crosstalk: float) -> dict[str, float]:
@@ -99,7 +100,7 @@ def _excesses(posed: Posed) -> dict[str, float]:
     frozen = GPCG(frozen=True, tolerance=1e-5, max_iterations=60)(problem, start)
     exact = GPCG(tolerance=1e-5, max_iterations=120)(problem, start)
     return {
-        "clipped": posed.clipped,
+        "clipped": Appraisal(posed).clipped,
         "excess_frozen": frozen.cost / least - 1,
         "excess_exact": exact.cost / least - 1,
         "excess_subtractive": problem.cost(start) / least - 1,

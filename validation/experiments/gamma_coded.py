@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from compensate.master import pose
+from compensate.figures import Appraisal
+from compensate.pose import pose
 from compensate.solver.admm import ADMM
 from compensate.weighting import PerceptualWeighting
 from domesim.scene import load_dome
@@ -33,11 +34,11 @@ def measure(
     linear = ADMM()(posed.problem, posed.subtractive).light
     decoded = ADMM()(coded.problem, coded.subtractive).light ** np.float32(gamma)
     return {
-        "clipped": posed.clipped,
-        "nothing": posed.visible_error(posed.desired),
-        "gamma_coded": posed.visible_error(decoded),
-        "subtractive": posed.visible_error(posed.subtractive),
-        "linear": posed.visible_error(linear),
+        "clipped": Appraisal(posed).clipped,
+        "nothing": Appraisal(posed).visible_error(posed.desired),
+        "gamma_coded": Appraisal(posed).visible_error(decoded),
+        "subtractive": Appraisal(posed).visible_error(posed.subtractive),
+        "linear": Appraisal(posed).visible_error(linear),
     }
 
 

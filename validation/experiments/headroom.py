@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.aim import Aim
-from compensate.master import Posed, pose, solved
+from compensate.pose import Posed, pose
+from compensate.solve import solved
 from domesim.light import Light
 from domesim.observation.base import AdjointObservation
-from domesim.projector import conversion
+from domesim.observation.projector import conversion
 from domesim.scene import Scene
 from validation.experiment import (
     Check,
@@ -39,7 +40,7 @@ from validation.experiment import (
     at_least,
     at_most,
 )
-from validation.experiments.quality.inputs import (
+from validation.inputs import (
     USUAL_ALBEDO,
     USUAL_LUMINANCE,
     Input,
@@ -51,17 +52,16 @@ from validation.pairs import no_wider
 from validation.panel import delta_e_itp
 
 INPUTS = ("Milky Way", "Stellarium", "planetary limb", "underwater")
-"""Those of a full run."""
-
+"""Inputs of a full run."""
 
 SIZE = 192
-"""Pixels."""
+"""Side of a picture, pixels."""
 STEPS, RATE = 200, 0.05
-"""Of Adam; the rate is of the light's square root, and falls to a tenth."""
+"""Steps of Adam and their first rate, of the light's square root; it falls to a tenth."""
 HINGE = 20.0
 """JOD that a Delta E ITP twice the default's costs."""
 SHARE = 0.6
-"""Of what can be had, that the default should take."""
+"""Share of what can be had that the default should take."""
 _NEAR = 1e-3
 """Delta E ITP above the default's that counts as the same, relative."""
 _DARKEST = 1e-7

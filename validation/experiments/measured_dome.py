@@ -29,22 +29,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from domesim.dome import Dome
 from domesim.errors import InputError
+from domesim.measure.dome.camera import SURFACES, Camera, looked_at, places_in
+from domesim.measure.dome.fit import Known, Survey
+from domesim.measure.dome.model import RESOLUTION, nominal_albedos, surfaces_of
+from domesim.measure.dome.nuisances import Errors
+from domesim.measure.dome.photographs import Photographs
+from domesim.measure.dome.run import survey_of
 from domesim.observation.radiosity import radiosity
 from domesim.observation.uncertain import SIGMAS
 from domesim.pathtrace.tracer import Tracer
+from domesim.room.dome import Dome
+from domesim.room.theatre import Albedo, Floor, Theatre, Wall
 from domesim.scene import DomeScene
 from domesim.scene.fields import three
 from domesim.scene.loading import scene_of_text
 from domesim.scene.writing import as_toml
-from domesim.survey.camera import SURFACES, Camera, looked_at, places_in
-from domesim.survey.fit import Known, Survey
-from domesim.survey.model import RESOLUTION, nominal_albedos, surfaces_of
-from domesim.survey.nuisances import Errors
-from domesim.survey.photographs import Photographs
-from domesim.survey.run import survey_of
-from domesim.theatre import Albedo, Floor, Theatre, Wall
 from validation.drawing import plot
 from validation.experiment import (
     Check,
@@ -77,7 +77,7 @@ ASSUMED = Errors()
 QUICK, FULL = 1, 100
 """Theatres."""
 QUICK_RESOLUTION = 8
-"""Of radiosity, at which floor albedos come out 0.2 % too large."""
+"""Resolution of radiosity in a quick run, at which floor albedos come out 0.2 % too large."""
 PATTERN, PHOTOGRAPH, WALKS = 128, 96, 32
 FIELD = np.radians(220.0)
 MEASURED = ("gain", "screen", "floor")

@@ -31,6 +31,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.measure.dome.camera import Camera
+from domesim.measure.dome.photographs import Photographs
+from domesim.measure.dome.responses import responses_of
+from domesim.measure.dome.without_geometry import DEGREE, Found, found_in
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.transport import Transport, sample_nodes
 from domesim.observation.uncertain import SIGMAS
@@ -39,10 +43,6 @@ from domesim.pathtrace.tracer import Tracer
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.loading import scene_of_text
 from domesim.scene.writing import as_toml
-from domesim.survey.camera import Camera
-from domesim.survey.photographs import Photographs
-from domesim.survey.responses import responses_of
-from domesim.survey.without_geometry import DEGREE, Found, found_in
 from validation.drawing import plot
 from validation.experiment import (
     Check,
@@ -104,16 +104,16 @@ _SMALL: Mapping[str, Any] = {
 @final
 @dataclass(frozen=True)
 class Effort:
-    """Of photographs and of what they are compared with.
+    """Effort spent on photographs and on what they are compared with.
 
     Parameters
     ----------
     photograph, walks
         Pixels a side, and walks a pixel.
     degree
-        Of functions on the screen.
+        Degree of functions on the screen.
     error, most
-        Of tabulation: error to reach, and most walks.
+        Error to reach in tabulation, and most walks.
     size, walks_seen
         Pixels a side of masters, and walks a pixel when they are looked at.
     """
@@ -147,7 +147,8 @@ class Room:
     exhausted
         Whether more patterns were asked for.
     reflected
-        Of white, in the second primary: measured, its standard error, tabulated.
+        Mean reflected light of white in the second primary: measured, its standard error,
+        tabulated.
     off, closed_off
         Relative rms errors of the reflected light of a night and a day: measured; closed form.
     held

@@ -31,8 +31,9 @@ from typing import TypeVar, final
 
 import numpy as np
 
-from compensate.master import Posed, pose, solved
+from compensate.pose import Posed, pose
 from compensate.prediction import remaining
+from compensate.solve import solved
 from compensate.solver.admm import ADMM
 from compensate.solver.result import Result
 from compensate.solver.windows import Windows
@@ -50,7 +51,7 @@ from validation.experiment import (
     at_least,
     at_most,
 )
-from validation.experiments.quality.inputs import (
+from validation.inputs import (
     DOMEMASTERS,
     LUMINANCES,
     USUAL_CROSSTALK,
@@ -76,7 +77,8 @@ PAPER: Mapping[str, tuple[float, float, int, float]] = {
 }
 """Its Table 1: area -> shares of columns and rows, FFTs, seconds."""
 HELD, AREA = 0.95, 2.0
-"""Of what is marked in the mask, at least, and the mask over what is marked, at most."""
+"""Least share of the marked pixels that is in the mask, and largest area of the mask over
+theirs."""
 FEW = 1e-4
 """Share of a picture: of fewer marks, shares say nothing."""
 
@@ -89,7 +91,7 @@ class Area:
     Attributes
     ----------
     share
-        Of the picture.
+        Share of the picture.
     ffts, iterations, seconds
         As the paper's columns; FFTs of the whole picture's planes, and shares of them.
     """
@@ -108,7 +110,7 @@ class Shown:
     Attributes
     ----------
     pixels
-        Of a view.
+        Pixels of a view.
     mask, windows
         Shares of the screen that are predicted to be seen after subtraction, and that changed.
     ffts, seconds
@@ -216,7 +218,7 @@ def measure(posed_as: Callable[[], Posed]) -> Shown:
 
 
 def agree(one: Input) -> Agreement:
-    """Of an input at its pollutions and luminances, untouched and subtracted."""
+    """Agreement on an input, summed over its places, untouched and subtracted."""
     light = one.read().astype(np.float32)
     places = {(pollution, USUAL_LUMINANCE) for pollution in one.pollutions}
     places |= {(one.usual, white) for white in LUMINANCES}
@@ -301,7 +303,7 @@ class Tried:
 
     @property
     def area(self) -> float:
-        """Of the mask, over that of what is marked."""
+        """Area of the mask over that of the marked pixels."""
         return self.of.at(self.level)[1]
 
 

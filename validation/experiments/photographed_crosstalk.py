@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from domesim.measurement.crosstalk_photographs import crosstalk_maps
-from domesim.measurement.photographs import Corners, Glass, Photographs, by_edges
-from domesim.measurement.readings import EYES
+from domesim.measure.crosstalk_photographs import crosstalk_maps
+from domesim.measure.photographs import Corners, Glass, Photographs, by_edges
 from domesim.observation.uncertain import SIGMAS
+from domesim.readings.meter import EYES
 from validation.experiment import Column, Finding, Table, Work, at_least, at_most, between
 
 Floats = NDArray[np.float64]
@@ -39,14 +39,14 @@ QUICK, FULL = 3, 40
 WRONG = (0.0, 0.25, 0.5, 1.0)
 """Standard deviations of a corner's coordinates, pixels."""
 CELLS = (9, 15)
-"""Of maps, as the command has them."""
+"""Rows and columns of maps, as the command has them."""
 SMALL, LARGE = (96, 180), (160, 300)
 """Photographs, pixels."""
 READ_OUT, PHOTONS = 1.2e-4, 4e-6
 """Variance of a pixel is READ_OUT² + PHOTONS x light: 0.3 % of white, 3 % of its ghost; the mean of
 some ten photographs of an ordinary camera."""
 BLUR = 0.7
-"""Of the lens, pixels (standard deviation)."""
+"""Standard deviation of the lens's blur, pixels."""
 WALL = 0.01
 """Light of the wall around the screen, of white."""
 LEAK, DARK = 0.015, 0.005
@@ -71,7 +71,7 @@ class Screen:
     off
         Way -> rms relative error of the cells.
     corners_off, corners_z
-        Of corners found by edges: rms error in pixels, and in standard errors; NaN if not found.
+        Rms error of corners found by edges, in pixels, and in standard errors; NaN if not found.
     """
 
     held: dict[str, float]

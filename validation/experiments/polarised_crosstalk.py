@@ -7,8 +7,8 @@ Rationale
     of both filters. In `stereo_cinema_silver`, polarised light is traced to seats in the sweet
     spot's row, further and further to the side (`domesim.pathtrace.polarised`, Mitsuba). It is
     compared with Mueller calculus for all cells of the screen and both eyes
-    (`domesim.polarisation`, NumPy: no code is shared), and in the middle of the screen with the
-    line above. Both take the same screen for granted: GGX facets of aluminium, one reflection.
+    (`domesim.stereo.polarisation`, NumPy: no code is shared), and in the middle of the screen with
+    the line above. Both take the same screen for granted: GGX facets of aluminium, one reflection.
     Whether a real screen is one, no measurement here tells.
 Expected
     No bias against Mueller calculus, with z-scores that are standard normal. In the middle of the
@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 
 from domesim.observation.uncertain import SIGMAS
 from domesim.pathtrace.polarised import crosstalk_map
-from domesim.polarisation import crosstalk_estimate, screen_gain
 from domesim.scene import load_stereo
-from domesim.stereo import CircularFilter, PolarisedProjector, StereoTheatre
+from domesim.stereo.polarisation import crosstalk_estimate, screen_gain
+from domesim.stereo.system import CircularFilter, PolarisedProjector, StereoTheatre
 from validation.drawing import COLOURS, plot
 from validation.experiment import (
     Check,
@@ -53,7 +53,7 @@ SWEET_SPOT = "sweet spot"
 CELLS = (5, 9)
 """Rows and cols of the screen; the middle cell is about a metre either way."""
 BIAS = 0.005
-"""Of crosstalk, relative, that must not go unnoticed."""
+"""Relative bias of crosstalk that must not go unnoticed."""
 
 
 @dataclass(frozen=True)

@@ -30,14 +30,14 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
-from domesim.furniture import box
 from domesim.observation.spherical import bare_gain
 from domesim.pathtrace.loop import Colour, Source, bounce_limit, cosine_direction, walks
 from domesim.pathtrace.machine import Lanes, Vector
 from domesim.pathtrace.room import NOTHING, SOLID, Hit, Room, dot, scaled
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.theatre import Floor, Lamp, Solid, Theatre, Wall
+from domesim.room.dome import Dome
+from domesim.room.furniture import box
+from domesim.room.theatre import Floor, Lamp, Solid, Theatre, Wall
 from validation import radiance
 from validation.experiment import (
     Check,
@@ -58,7 +58,7 @@ SIZE = 48
 """Pixels a side of the domes' pictures."""
 GREY = (0.5, 0.5, 0.5)
 SIDE, FLUX = 4.0, 10_000.0
-"""Of the cube of case 5.8, m, and of the source in its middle, lm."""
+"""Side of the cube of case 5.8, m, and flux of the source in its middle, lm."""
 
 AREA_SOURCE = (
     32.68, 75.09, 81.38, 69.12, 53.41, 39.90,
@@ -135,7 +135,7 @@ GROUND = Rectangle((0, 0, 0), (4, 0, 0), (0, 4, 0))
 FACING = Rectangle((0, 4, 0), (4, 0, 0), (0, 0, 3))
 CEILING_LIGHT = Rectangle((1.5, 1.5, 3), (1, 0, 0), (0, 1, 0))
 LOW, HIGH = (0.0, 2.5, 0.0), (4.0, 2.7, 1.0)
-"""Of the box before it."""
+"""Lowest and highest corner of the black box before the lit wall, m."""
 WALL_AT = Rectangle((0, 0, 0), (4, 0, 0), (0, 0, 3))
 
 

@@ -21,11 +21,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
-from domesim.furniture import box
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.theatre import Albedo, Floor, Lens, Solid, Theatre, Wall
+from domesim.room.dome import Dome
+from domesim.room.furniture import box
+from domesim.room.theatre import Albedo, Floor, Lens, Solid, Theatre, Wall
 from validation import radiance
 from validation.energy import imbalance
 from validation.experiment import (
@@ -45,7 +45,7 @@ ENERGY, TABULATED, OTHER = "energy", "render and tabulate", "render and Radiance
 SIZE = 32
 """Pixels a side of the pictures."""
 BATCHES = 12
-"""Of walks that an energy balance takes."""
+"""Batches of walks that an energy balance takes."""
 
 
 @final
@@ -58,7 +58,7 @@ class Opinions:
     stopped
         Share of the projectors' light that does not reach the screen.
     missing, missing_error
-        Of what is emitted, by the balance of energy, and its standard error.
+        Share of the emitted light that the balance of energy misses, and its standard error.
     rendered, rendered_error
         Mean reflected light of white by pictures, projector white = 1, and its standard error.
     tabulated, tabulated_error
@@ -127,9 +127,9 @@ def measure(theatre: Theatre, *, error: float, rays: int, seed: int) -> Opinions
     error
         Relative standard error to reach by pictures (of all of them) and by tabulation.
     rays
-        Of Radiance; 0 if it is not asked.
+        Rays of Radiance; 0 if it is not asked.
     seed
-        Of all random numbers.
+        Seed of all random numbers.
     """
     tracer = Tracer(theatre)
     areas = theatre.dome.screen_areas(SIZE, SIZE)

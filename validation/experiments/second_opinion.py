@@ -21,13 +21,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
-from domesim.furniture import seating
 from domesim.observation.spherical import ClosedFormDome
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.reference import path_traced
 from domesim.pathtrace.tracer import Settings, Tracer
-from domesim.theatre import Floor, Lens, Lobe, Theatre, Wall
+from domesim.room.dome import Dome
+from domesim.room.furniture import seating
+from domesim.room.theatre import Floor, Lens, Lobe, Theatre, Wall
 from validation.experiment import Column, Finding, Table, Work, at_most, require_tracer
 
 DOME = Dome(5.0, np.pi / 2, np.radians(15))
@@ -97,7 +97,7 @@ def measure(
     error
         Ours: relative standard error of a pixel.
     seed
-        Of both's random numbers.
+        Seed of the random numbers of both.
     """
     shown = picture(size)
     reference = np.stack([path_traced(theatre, shown, size, samples=samples, seed=RUNS * seed + run)

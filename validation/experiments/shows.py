@@ -30,16 +30,16 @@ from typing import Any, final
 
 import numpy as np
 
-from domesim.batch.cluster import in_cluster
-from domesim.batch.crew import Crew
-from domesim.batch.job import FOLDER
-from domesim.batch.work import Column as Figure
-from domesim.batch.work import Failed, Finished, Note, Order, Recipe, Writing
-from domesim.batch.work import Work as Duty
-from domesim.checksums import sha256
+from domesim.host.cores import cores
 from domesim.light import Light
-from domesim.shows import Show
-from domesim.strips import cores
+from domesim.shows.checksums import sha256
+from domesim.shows.cluster import in_cluster
+from domesim.shows.crew import Crew
+from domesim.shows.job import FOLDER
+from domesim.shows.show import Show
+from domesim.shows.work import Column as Figure
+from domesim.shows.work import Failed, Finished, Note, Order, Recipe, Writing
+from domesim.shows.work import Work as Duty
 from validation.benchmarks.commands import run_command
 from validation.benchmarks.schedulers import crowd, scheduler
 from validation.experiment import Column, Finding, Missing, Table, Work, at_least, at_most
@@ -77,7 +77,7 @@ class Runs:
     Attributes
     ----------
     seconds
-        Of each.
+        Seconds of each.
     different
         How many files differ from the first's.
     files

@@ -27,9 +27,10 @@ from typing import TypeAlias, final
 import numpy as np
 
 from compensate.aim import Aim, Sight, lifted, with_hue
-from compensate.master import Posed, pose, solved
+from compensate.pose import Posed, pose
 from compensate.prediction import Prediction, predict
 from compensate.problem import Problem
+from compensate.solve import solved
 from compensate.solver.baselines import clipped_subtraction
 from compensate.vision.glare import StrayLight
 from domesim.light import Light
@@ -46,7 +47,7 @@ from validation.experiment import (
     at_most,
     between,
 )
-from validation.experiments.quality.inputs import (
+from validation.inputs import (
     USUAL_ALBEDO,
     USUAL_LUMINANCE,
     Input,
@@ -64,7 +65,7 @@ WORTH = 0.02
 """JOD that a setting would have to gain."""
 
 Jods: TypeAlias = tuple[float, float, float]
-"""Of subtraction, the default, and the aim with the eye's light."""
+"""JOD of subtraction, of the default, and of the aim with the eye's light."""
 
 
 @final

@@ -27,18 +27,18 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
+from domesim.measure.dome.camera import SURFACES, Camera, looked_at, places_in
+from domesim.measure.dome.fit import Survey
+from domesim.measure.dome.model import Interreflection, Places, nominal_albedos, surfaces_of
+from domesim.measure.dome.nuisances import Errors
+from domesim.measure.dome.photographs import Photographs, direct_light
+from domesim.measure.dome.responses import responses_of
+from domesim.measure.dome.run import survey_of
+from domesim.measure.dome.without_geometry import DEGREE, found_in
 from domesim.observation.uncertain import SIGMAS
+from domesim.room.dome import Dome
+from domesim.room.theatre import Floor, Theatre, Wall
 from domesim.scene.fields import three
-from domesim.survey.camera import SURFACES, Camera, looked_at, places_in
-from domesim.survey.fit import Survey
-from domesim.survey.model import Interreflection, Places, nominal_albedos, surfaces_of
-from domesim.survey.nuisances import Errors
-from domesim.survey.photographs import Photographs, direct_light
-from domesim.survey.responses import responses_of
-from domesim.survey.run import survey_of
-from domesim.survey.without_geometry import DEGREE, found_in
-from domesim.theatre import Floor, Theatre, Wall
 from validation.experiment import Check, Column, Finding, Table, Work, at_most, between
 from validation.laboratory import patterns_for, sectors_for
 
@@ -50,7 +50,8 @@ QUICK, FULL = 2, 40
 QUICK_ALONE, FULL_ALONE = 1, 12
 """Theatres without geometry."""
 RESOLUTION = 6
-"""Of radiosity, in which photographs are computed and explained: what differs is nobody's error."""
+"""Resolution of radiosity, in which photographs are computed and explained: what differs is
+nobody's error."""
 PATTERN, PHOTOGRAPH = 128, 96
 GAIN = (0.6, 0.8, 1.0)
 AMBIENT = 0.003

@@ -45,7 +45,7 @@ VIDEOS, CHOICES = 6, 20
 """Choices between stills; videos, and choices between two conditions of each."""
 
 FALSE_ALARM = 0.05
-"""Of all three pairs together."""
+"""Probability of a false alarm in any of the three pairs together."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Totals:
     ways
         In which the choices of the three pairs can add up to them.
     concluded
-        Of these, in how many perceptual compensation is significantly preferred to both others.
+        Number of these in which perceptual compensation is significantly preferred to both others.
     """
 
     wins: tuple[int, ...]
@@ -149,7 +149,8 @@ def videos(wins: int, false_alarm: float, *, correct: bool) -> Videos:
     wins
         Choices for perceptual compensation in all six.
     false_alarm
-        Of two-sided binomial tests: of each; or of all together, with Holm's correction.
+        Probability of a false alarm in two-sided binomial tests: of each; or of all together, with
+        Holm's correction.
     correct
         Whether with it.
     """

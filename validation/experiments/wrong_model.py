@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from compensate.master import Posed, pose
+from compensate.figures import Appraisal
+from compensate.pose import Posed, pose
 from compensate.solver.admm import ADMM
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
@@ -34,7 +35,7 @@ from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.scene import DomeScene, load_dome
-from domesim.screening import decoded, mean_luminance, within_range
+from domesim.scene.screening import decoded, mean_luminance, within_range
 from validation import judges
 from validation.drawing import pictures, plot
 from validation.experiment import (
@@ -103,7 +104,7 @@ class Effort:
     error, most
         Relative standard error of the tabulated operator, and most walks for it.
     blur
-        Of the traced light before judges see it, degrees.
+        Blur of the traced light before judges see it, degrees.
     """
 
     size: int = 512
@@ -191,7 +192,7 @@ class Judge:
     score
         None if it is not installed.
     unit, digits
-        Of its scores.
+        Unit of its scores, and their digits.
     """
 
     name: str
@@ -297,6 +298,7 @@ def measure(name: str, effort: Effort, seed: int = 0) -> Outcome:
 
     master = _night(scene, effort.size)
     posed = {model: pose(master, knows, PerceptualWeighting()) for model, knows in models.items()}
+    appraised = {model: Appraisal(one) for model, one in posed.items()}
     lights = _projected(posed)
     looks = real.look(lights)
     untouched, wanted = looks["untouched"], looks["untouched"].direct
@@ -306,7 +308,7 @@ def measure(name: str, effort: Effort, seed: int = 0) -> Outcome:
     return Outcome(
         seen={
             method: Seen(
-                posed["tabulated" if method == "tabulated" else "closed_form"].visible_error(light),
+                appraised[method if method == "tabulated" else "closed_form"].visible_error(light),
                 _visible_error(looks[method].seen - wanted, posed["closed_form"]),
                 _jackknife(looks[method].seen - wanted, mean_luminance, scene),
                 judged.get(("flip", method)),
@@ -320,7 +322,7 @@ def measure(name: str, effort: Effort, seed: int = 0) -> Outcome:
             for model, light in predicted.items()
         },
         rough=real.off_by(real.smooth(untouched) - untouched.seen, untouched),
-        clipped=posed["tabulated"].clipped,
+        clipped=appraised["tabulated"].clipped,
         ghost=scene.theatre.shines_back,
         missing=missing,
         shown=pictures(
@@ -481,8 +483,8 @@ def _jackknife(
 def _energy(residuals: Images, energy: Callable[[Images], float]) -> Estimate:
     """Energy of what noisy (repeat, row, col, primary) residuals have in common.
 
-    Of their mean, it would have the noise's own energy in it. The mean over pairs of *different*
-    repeats of <r_i, r_j> has not: (||sum of all||² - sum of ||each||²) / (n² - n).
+    The energy of their mean would have the noise's own energy in it. The mean over pairs of
+    *different* repeats of <r_i, r_j> has not: (||sum of all||² - sum of ||each||²) / (n² - n).
     """
     total, count = residuals.sum(0), len(residuals)
     own = np.array([energy(residual) for residual in residuals])

@@ -6,10 +6,10 @@ on Numerical Analysis* 49, 1715-1735, eq. 2.2):
 
     s <- sum alpha_i t_i,     alpha = argmin ||sum alpha_i r_i||,  sum alpha_i = 1
 
-Only the inner products of residuals are needed. Of large planes they are taken on every fourth
-pixel and row, so that old residuals cost little memory; of small ones on all, for a few pixels of a
-small pattern may all be alike, and what is least on them may be large elsewhere. Of old points,
-their differences d_i from the newest are kept, in 16 bits a pixel instead of 32, which costs no
+Only the inner products of residuals are needed. On large planes they take every fourth pixel and
+row, so that old residuals cost little memory. On small planes they take all: a few pixels of a
+small pattern may all be alike, and what is least on them may be large elsewhere. Old points are
+kept as their differences d_i from the newest, in 16 bits a pixel instead of 32, which costs no
 iteration (``validation/notes/0006``). With s = t + sum alpha_i d_i and the next residual r, they
 become
 
@@ -33,7 +33,7 @@ _STRIDE = 4  # between the pixels of large planes that are looked at
 _SMALL = 1 << 16  # pixels of a plane that is looked at as a whole
 _DAMPING = 1e-8  # of the inner products' trace
 LARGEST, TINY = np.float32(32767), np.float32(1e-37)
-"""What 16 bits hold, and the least that counts as light."""
+"""Largest code of 16 bits, and the least value that counts as light."""
 
 
 @final
@@ -77,7 +77,7 @@ class Anderson:
         self.clear()
 
     def next(self, point: Planes, residual: Planes) -> Planes:
-        """The next s, of t = s + r and r, in t's place; r's planes are left as they are."""
+        """The next s from t = s + r and r, in t's place; r's planes are left as they are."""
         sampled = [_sampled(plane) for plane in residual]
         products = np.array([self._dot(sampled, other) for other in [sampled, *self._residuals]])
         self.energy = _stride(residual[0]) ** 2 * float(products[0])
@@ -116,12 +116,12 @@ class Anderson:
 
 @final
 class Short:
-    """A plane in 16 bits a pixel, in shares of its row's largest; rows are set as an array's.
+    """A plane in 16 bits a pixel, as shares of each row's largest value; rows can be set.
 
     Parameters
     ----------
     shape
-        (row, col) of a plane of float32: 0, as yet.
+        (row, col) of the plane, which begins as 0.
     """
 
     def __init__(self, shape: tuple[int, ...]) -> None:
@@ -129,7 +129,7 @@ class Short:
         self.units = np.zeros((shape[0], 1), np.float32)
 
     def rows(self, rows: slice, weight: float = 1.0) -> NDArray[np.float32]:
-        """Some of its rows, times a weight."""
+        """Some rows of the plane, times a weight, as float32."""
         part = self.codes[rows].astype(np.float32)  # faster than in the product
         part *= self.units[rows] * np.float32(weight)
         return part
@@ -149,7 +149,7 @@ def _nothing(like: Array) -> Any:
 
 
 def _advance(plane: Array, residual: Array, kept: list[Any], was: Any, weights: Any) -> None:
-    """In place: differences to those from a plane's new point, and that to the next s."""
+    """Moves a plane to the next s, and its differences to those from the new point, in place."""
     short = len(kept) == 2 and isinstance(kept[0], Short)
     if short and (compiled := loops(plane)):
         numbers = (tuple(map(plane.dtype.type, each)) for each in (was, weights))
@@ -172,14 +172,14 @@ def _advance(plane: Array, residual: Array, kept: list[Any], was: Any, weights: 
 
 
 def _rows_of(difference: Any, rows: slice, weight: float = 1.0) -> Array:
-    """A new array of some of its rows, times a weight."""
+    """Some rows of a difference, times a weight, as a new array."""
     if isinstance(difference, Short):
         return difference.rows(rows, weight)
     return difference[rows, :] * weight
 
 
 def _least(gram: Any) -> Any:
-    """Weights, of sum 1, of the combination of vectors with that Gram matrix that is least."""
+    """Weights, which sum to 1, of the shortest combination of vectors with that Gram matrix."""
     size = len(gram)
     if size == 1:
         return np.ones(1)

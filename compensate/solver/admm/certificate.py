@@ -56,16 +56,16 @@ class Certificate:
         return max(cost - self._lower, 0.0) / self._lower if self._lower > 0 else math.inf
 
     def raise_to(self, bound: float) -> None:
-        """A new lower bound of the minimum."""
+        """Note a new lower bound of the minimum."""
         rounded = max(abs(bound), self._start) + _OF_THE_BOUND * abs(bound)
         self._lower = max(self._lower, bound - self._rounding * rounded)
 
     def expect(self, cost: float) -> None:
-        """About what the minimum will be."""
+        """Note about how large the minimum will be."""
         self._expected = min(max(cost, 0.01 * self._start), self._start)
 
     def verdict(self, cost: float, iteration: int) -> Status | None:
-        """Why to stop at a feasible cost after `iteration` iterations, if there is a reason."""
+        """Status to stop with at a feasible cost after `iteration` iterations; None to go on."""
         before, since = self.gap, iteration - self.iterations
         self.cost, self.iterations = cost, iteration
         gap = self.gap
@@ -94,7 +94,8 @@ class Certificate:
     def likely(self, sign: float, iteration: int) -> bool:
         """Whether the gap is likely to be small enough.
 
-        By a `sign` that goes with it, and by how fast it fell between the last two certificates.
+        It is judged by a `sign` that goes with the gap, and by how fast the gap fell between the
+        last two certificates.
         """
         self._sign = sign
         if iteration < self._due:

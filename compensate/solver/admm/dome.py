@@ -29,7 +29,6 @@ from functools import cached_property, lru_cache
 from typing import Any, final
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from compensate.fourier import Fourier
@@ -111,7 +110,7 @@ def _hessian(
 
 @final
 class DomeHessian(Hessian):
-    """Of one view with low-rank pollution, on padded planes (primary).
+    """Hessian of one view with low-rank pollution, on padded planes (primary).
 
     Parameters
     ----------
@@ -190,13 +189,13 @@ class DomeHessian(Hessian):
         each_strip(correct, spectra[0])
 
     def _compiled(self, spectra: Spectra) -> Any:
-        """The compiled loops, where there are any for such a problem."""
+        """The compiled loops, or None if there are none for this problem."""
         fits = self._blocks.compiles and self.core.shape[-1] == 1
         return loops(*spectra) if fits else None
 
     @property
     def _shapes_and_squares(self) -> tuple[Any, ...]:
-        """What the compiled loops take, of one mode."""
+        """Arguments of the compiled loops: V and U of the only mode, and the squares."""
         return *parts([self._shapes[0], self._shapes[1]]), self._blocks.three_squares
 
     def _numbers(self, sigma: Sequence[float]) -> tuple[Any, Any]:
@@ -206,7 +205,7 @@ class DomeHessian(Hessian):
     def _compiled_sums(
         self, compiled: Any, spectra: Spectra, plus: Spectra | None, sigma: Sequence[float]
     ) -> tuple[Any, Any]:
-        """As `_solve_blocks`."""
+        """Does what `_solve_blocks` does, by compiled loops."""
         fourier = self.fourier
         # How much the first and the last column count
         sums = np.zeros((fourier.rows, 9))
@@ -220,7 +219,7 @@ class DomeHessian(Hessian):
     def _solve_blocks(
         self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None
     ) -> tuple[Any, Any]:
-        """B^-1 of `spectra`, in place, and their inner products with the modes.
+        """Turns `spectra` into B^-1 of them, in place; takes inner products with the modes.
 
         Returns
         -------
@@ -335,7 +334,7 @@ class DomeHessian(Hessian):
         return self._arranged(np.einsum("pq,jk->pqjk", np.eye(count), one))
 
     def _small_inverse(self, sigma: tuple[float, ...]) -> Any:
-        """Of M^-1 + Z' B^-1 Z, M^-1 = [[0, I], [I, -U'WU]]; rows and columns (primary, mode)."""
+        """Inverse of M^-1 + Z' B^-1 Z by (primary, mode); M^-1 = [[0, I], [I, -U'WU]]."""
         if sigma not in self._small:
             count, modes = len(self.metric), self.core.shape[-1]
 
@@ -371,7 +370,7 @@ class DomeHessian(Hessian):
         return on_host(xp.real(product)).astype(np.float64)
 
     def _arranged(self, products: Any) -> dict[str, Any]:
-        """(primary mode, primary mode) matrices of (primary, primary, V and U, V and U) ones."""
+        """Turns (primary, primary, V and U, V and U) into (primary mode, primary mode) matrices."""
         modes, count = self.core.shape[-1], len(self.metric)
         first, second = slice(0, modes), slice(modes, 2 * modes)
         return {
@@ -385,4 +384,7 @@ class DomeHessian(Hessian):
 
     def _core_matrix(self) -> Any:
         """The core as (primary mode, primary mode)."""
-        return scipy.linalg.block_diag(*self.core)
+        count, modes, _ = self.core.shape
+        result = np.zeros((count, modes, count, modes), self.core.dtype)
+        result[np.arange(count), :, np.arange(count)] = self.core
+        return result.reshape(count * modes, -1)

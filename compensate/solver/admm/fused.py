@@ -1,4 +1,4 @@
-"""Whether the solver's inner loops are compiled: with the extra ``fast``, of Numba, they are.
+"""Whether the solver's inner loops are compiled: Numba, of the extra ``fast``, does that.
 
 ``DOMESIM_FAST=0`` in the environment leaves them out.
 """
@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from domesim.light import Array
-from domesim.strips import threads
+from domesim.light.strips import threads
 
 _WORTH = 1 << 16
 """Samples of a plane from which on a compiled loop pays: to wake its threads takes milliseconds."""
 
 
 def loops(*planes: Array) -> Any:
-    """`compensate.solver.admm.loops`, if it is to be had and pays for NumPy's planes; else None."""
+    """The module `loops` if Numba is there and a compiled loop pays for these planes; else None."""
     pays = all(isinstance(plane, np.ndarray) and plane.size >= _WORTH for plane in planes)
     return _compiled() if pays else None
 
@@ -32,7 +32,7 @@ def parts(spectra: Sequence[Array]) -> tuple[Array, ...]:
 
 
 def parts_or_zero(plus: Sequence[Array] | None, spectra: Sequence[Array]) -> tuple[Array, ...]:
-    """`parts` of what is added to `spectra`: zeros, which take no memory, where that is nothing."""
+    """`parts` of `plus`; if it is None, zeros like `spectra`, which take no memory."""
     if plus is not None:
         return parts(plus)
     (first, *_) = parts(spectra)

@@ -23,7 +23,7 @@ from compensate.fourier import Fourier
 from compensate.solver.admm.fused import loops, parts, parts_or_zero
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, namespace, on_host, total
-from domesim.strips import in_parts
+from domesim.light.strips import in_parts
 
 Planes: TypeAlias = list[Array]
 """One (padded row, padded col) array for each primary of each view."""
@@ -64,7 +64,7 @@ class Hessian(ABC):
 
     @abstractmethod
     def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
-        """(H_0 + diag(sigma))^-1 of `spectra`, and of what is to be added, in place.
+        """Turn `spectra` into (H_0 + diag(sigma))^-1 (spectra + plus), in place.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class Hessian(ABC):
 
     @abstractmethod
     def _coarser(self, squares: Sequence[Array]) -> Hessian:
-        """`coarser`, with its Omega_c²."""
+        """Builds `coarser` from its Omega_c²."""
 
     @cached_property
     def weights(self) -> float:
@@ -95,7 +95,7 @@ class Hessian(ABC):
 
     @cached_property
     def curvature(self) -> float:
-        """What is typical of the quadratic's, to a certificate."""
+        """Typical curvature h of the quadratic, as a certificate takes it."""
         median = float(np.median(on_host(self.squares[0][::8, ::8])))
         return min(max(median, _LEAST_CURVATURE), _MOST_CURVATURE)
 
@@ -118,12 +118,12 @@ class Hessian(ABC):
 
 @final
 class ViewsHessian(Hessian):
-    """Of views that are seen by themselves: whatever is not in w mixes no frequencies.
+    """Hessian of views that are seen by themselves: whatever is not in w mixes no frequencies.
 
     Parameters
     ----------
     weighting
-        Of the seen views.
+        Weighting of the seen views.
     squares
         Omega_c² as arrays of the planes' library.
     fourier
@@ -158,7 +158,7 @@ class ViewsHessian(Hessian):
         return self._product(spectra, keep=True)
 
     def _product(self, spectra: Spectra, *, keep: bool) -> float:
-        """<w, H_0 w>; H_0 w takes w's place, if that is not to be kept."""
+        """<w, H_0 w>; H_0 w takes w's place unless `keep` is set."""
         energy = 0.0
         for part, blocks in self._views():
             planes = spectra[part]
@@ -185,7 +185,7 @@ class ViewsHessian(Hessian):
 
 @final
 class Blocks:
-    """sum_c Omega_c² K_c.
+    """The matrices sum_c Omega_c² K_c, one for each frequency.
 
     Parameters
     ----------
@@ -217,12 +217,12 @@ class Blocks:
 
     @property
     def three_squares(self) -> tuple[Array, ...]:
-        """`squares`, three of them, for the compiled loops; see `coefficients`."""
+        """`squares`, repeated to three for the compiled loops; see `coefficients`."""
         return tuple((self.squares * 3)[:3])
 
     @cached_property
     def coefficients(self) -> Any:
-        """(3, plane, plane) matrices of `three_squares`: 0 for those that are there again."""
+        """(3, plane, plane) matrices of `three_squares`; those of repeated squares are 0."""
         result = np.zeros((3, self.size, self.size), self.squares[0].dtype)
         result[: len(self.matrices)] = self.matrices
         return result
@@ -304,7 +304,7 @@ class Blocks:
 def _substituted(
     factors: tuple[list[list[Any]], list[Any]], spectra: Sequence[Array]
 ) -> list[Array]:
-    """What solves L D L' y = spectra."""
+    """Solves L D L' y = spectra for y."""
     lower, inverse = factors
     size = len(inverse)
     y = list(spectra)
@@ -341,14 +341,14 @@ def metric_of(opponent: NDArray[np.floating[Any]]) -> tuple[float, ...]:
 def penalty_of(typical: float, share: float) -> float:
     """The penalty that goes with a spectrum whose median Omega² is `typical`.
 
-    The geometric mean of that and the largest, 1, times a `share`; where most frequencies are
-    seen, 3/2 of it.
+    It is `share` times the geometric mean of `typical` and the largest Omega², 1; where most
+    frequencies are seen, it is 3/2 of `typical`.
     """
     return max(1.5 * typical, share * math.sqrt(typical))
 
 
 def halved_spectrum(plane: Array) -> Array:
-    """The low frequencies of (row, col // 2 + 1): those that planes of half the size have."""
+    """Low frequencies of a (row, col // 2 + 1) spectrum: those of planes of half the size."""
     rows, cols = plane.shape
     keep, quarter = (cols - 1) // 2 + 1, rows // 4
     xp = namespace(plane)

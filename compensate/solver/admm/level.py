@@ -27,10 +27,10 @@ from compensate.solver.admm.fused import loops
 from compensate.solver.admm.hessian import Hessian, Planes, Spectra, each_strip
 from compensate.solver.admm.pyramid import Value, doubled, halved, halved_value, padded, rows_of
 from domesim.light import Array, namespace, total
-from domesim.strips import is_large
+from domesim.light.strips import is_large
 
 Bounds: TypeAlias = Sequence[tuple[Array, Array]]
-"""Lower and upper ones of each plane, or of strips."""
+"""Lower and upper bounds of each plane, or of strips."""
 
 
 class Mixing(ABC):
@@ -38,11 +38,11 @@ class Mixing(ABC):
 
     @abstractmethod
     def seen(self, light: Planes, rows: slice) -> Planes:
-        """M d."""
+        """Returns M d."""
 
     @abstractmethod
     def back(self, gradient: Planes, rows: slice) -> Planes:
-        """M' g."""
+        """Returns M' g."""
 
     @abstractmethod
     def light(self, seen: Planes, rows: slice) -> Planes:
@@ -60,7 +60,7 @@ class Mixing(ABC):
 
     @abstractmethod
     def curvature(self, p: int, rows: slice) -> Value:
-        """Of a light plane, <M u, M u> of each pixel."""
+        """<M u, M u> of each pixel, where u is 1 in light plane `p` and 0 in all others."""
 
     @abstractmethod
     def coarser(self) -> Mixing:
@@ -126,7 +126,7 @@ class Level:
     lower
         (row, col) lower bounds of each plane of d.
     width
-        How far up the upper ones are; planes may share one.
+        Distance of the upper bounds from the lower ones; planes may share one.
     target
         b's spectra.
     cost
@@ -143,7 +143,7 @@ class Level:
     _kept: tuple[Planes, Planes] | None = None
 
     def aim(self, residual: Planes) -> None:
-        """Set target and cost by what is seen too much at the base; its planes are used up."""
+        """Set target and cost by the residual at the base, whose planes are used up."""
         spectra = []
         while residual:
             spectra.append(self.hessian.fourier.forward(residual.pop(0)))
@@ -153,7 +153,7 @@ class Level:
         self.cost = 0.5 * energy
 
     def start(self, light: Planes | None = None) -> Planes:
-        """Padded planes of what is seen of d (row, col); 0 by default."""
+        """Padded planes of M d, from (row, col) planes d; 0 by default."""
         fourier = self.hessian.fourier
         like = self.lower[0]
         planes = [padded(like[:0, :], fourier) for _ in self.hessian.metric]
@@ -171,7 +171,7 @@ class Level:
         return result
 
     def feasible(self, s: Planes, weights: list[float]) -> Planes:
-        """Z of s, (row, col): M d."""
+        """The iterate z of s: (row, col) planes M d within the bounds."""
         if (found := self.mixing.compiled(self, s, weights)) is not None:
             return found
         z = [namespace(s[0]).empty_like(self.lower[0]) for _ in s]
@@ -185,9 +185,9 @@ class Level:
         return z
 
     def towards(self, s: Planes, weights: list[float]) -> Iterator[Array]:
-        """Weight (z - u) = weight (2 z - s): what the x-step goes to, plane by plane.
+        """Yields weight (z - u) = weight (2 z - s), where the x-step goes to, plane by plane.
 
-        z is kept for `move`, but where memory counts for more than time.
+        z is kept for `move` unless memory counts for more than time.
         """
         z = self.feasible(s, weights)
         self._kept = None if is_large(s[0]) else (s, list(z))
@@ -195,13 +195,13 @@ class Level:
             yield self._towards(plane, z.pop(0), weight)
 
     def move(self, s: Planes, w: Planes, weights: list[float], relaxation: float) -> None:
-        """In place: w to the residual r = relaxation (w - z), and s to s + r."""
+        """Turns w into the residual r = relaxation (w - z), and s into s + r, in place."""
         for plane, to, z in zip(s, w, self._feasible(s, weights), strict=True):
             self._move(plane, to, z, relaxation)
         self._kept = None
 
     def reweigh(self, s: Planes, weights: list[float], ratio: float) -> None:
-        """In place: the same z of s, and `ratio` times its dual s - z."""
+        """Keeps z of s and multiplies its dual s - z by `ratio`, in place."""
         rows, cols = self.lower[0].shape
         for p, z in enumerate(self.feasible(s, weights)):
             s[p] *= ratio
@@ -218,7 +218,7 @@ class Level:
     def lower_bound(
         self, s: Planes, w: Planes, weights: list[float]
     ) -> Iterator[tuple[float, Array]]:
-        """The planes' parts of a lower bound of the minimum, at the x-step's w.
+        """Yields each plane's part of a lower bound of the minimum, at the x-step's w.
 
         The gradient of f at w is weight (z - u - w), without a transform; g's is mu w. The padding
         is pinned: all of its gradient is known.
@@ -226,7 +226,7 @@ class Level:
         Yields
         ------
         known
-            1/2 <w, f'(w)> + 1/2 mu ||w||² less what the bounds allow at most to win.
+            1/2 <w, f'(w)> + 1/2 mu ||w||² less the most that the bounds allow to win.
         free
             g_F.
         """
@@ -262,7 +262,7 @@ class Level:
             known = 0.0
 
     def weights(self, rho: float) -> list[float]:
-        """Rho P, one a plane."""
+        """Weights rho P, one a plane."""
         return [rho * value for value in self.hessian.metric]
 
     def coarser(self) -> Level:
@@ -288,7 +288,7 @@ class Level:
     def of_coarser(
         self, light: Planes, dual: Planes, were: list[float], weights: list[float]
     ) -> Planes:
-        """S of the coarser level's `state`, where weights `were` others."""
+        """The iterate s from the coarser level's `state`, whose weights `were` others."""
         rows, cols = self.lower[0].shape
         for p, (was, weight) in enumerate(zip(were, weights, strict=True)):
             coarse = dual[p]
@@ -303,7 +303,7 @@ class Level:
         ]
 
     def _nearest(self, s: Planes, rows: slice, weights: list[float]) -> Planes:
-        """Rows of `light`: of w = s shrunk by the regulariser."""
+        """Rows of `light`: the d within bounds nearest to s, which the regulariser shrinks."""
         cols = self.lower[0].shape[1]
         wanted = [
             plane[rows, :cols] * (weight / (weight + self.damping))
@@ -313,7 +313,7 @@ class Level:
         return self.mixing.nearest(wanted, metric, self.bounds(rows), rows)
 
     def _feasible(self, s: Planes, weights: list[float]) -> Planes:
-        """`feasible`, as `towards` found it if s is the same still."""
+        """`feasible`; it takes what `towards` found if s is still the same."""
         if self._kept is not None and self._kept[0] is s:
             return self._kept[1]
         return self.feasible(s, weights)
@@ -350,7 +350,7 @@ class Level:
         each_strip(work, s)
 
     def _parted(self, w: Planes, gradient: Planes, rows: slice) -> tuple[float, Planes]:
-        """What the bounds allow at most to win of a gradient at w, below 0, and the rest of it."""
+        """Splits a gradient at w: the most that bounds allow to win, below 0, and the rest."""
         xp, mixing, bounds = namespace(w[0]), self.mixing, self.bounds(rows)
         change, left = mixing.light(w, rows), []
         for p, q in enumerate(mixing.back(gradient, rows)):
@@ -368,7 +368,7 @@ class Level:
         return known, rest
 
     def _added(self, planes: Planes, light: Planes, sign: float, *, clip: bool = False) -> Planes:
-        """Padded planes with `sign` M d added, in place; of a d within the bounds, to `clip`."""
+        """Adds `sign` M d to padded planes, in place; `clip` brings d within the bounds first."""
         cols = self.lower[0].shape[1]
 
         def work(rows: slice) -> None:

@@ -18,7 +18,8 @@ from numba.extending import overload
 # made a solution ten times slower while other programs ran, and are no faster while none do.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-_EXACT = {"contract", "nsz"}  # of fast-math: no sum is reordered
+_EXACT = {"nsz"}  # no sum is reordered, and none is fused with a product: what Numba loads from its
+# cache fuses others than what it has just compiled
 
 _COMPILED: Any = numba.njit(
     parallel=True, cache=True, nogil=True, error_model="numpy", fastmath=_EXACT
@@ -38,7 +39,7 @@ def _at(value, row, col):  # type: ignore[no-untyped-def]
 
 
 def one(like):  # type: ignore[no-untyped-def]
-    """1, of a number's type: with a literal, single precision would become double, and slow."""
+    """1 in a number's type: a literal would make single precision double, and slow."""
     raise NotImplementedError
 
 
@@ -75,7 +76,7 @@ def move(s: Any, w: Any, z: Any, relaxation: Any) -> None:
 
 
 @_COMPILED
-def nearest_pair(
+def nearest_pair(  # noqa: PLR0913 - Numba takes plain values
     z: Any, other_z: Any, s: Any, other_s: Any, lower: Any, other_lower: Any, own: Any,
     other_own: Any, other: Any, other_other: Any, width: Any, other_width: Any, shrink: Any,
 ) -> None:  # fmt: skip
@@ -133,7 +134,7 @@ def advance(
             plane[i, j] += weights[0] * (unit * a) + weights[1] * (other * b)
 
 
-@numba.njit(inline="always", error_model="numpy", fastmath={"contract", "nsz"})
+@numba.njit(inline="always", error_model="numpy", fastmath={"nsz"})
 def solve3(m: Any, sigma: Any, x: Any, y: Any, z: Any, b0: Any, b1: Any, b2: Any) -> Any:
     """(sum of x, y, z times three matrices + diag(sigma))^-1 (b0, b1, b2), by LDL'."""
     d0 = x * m[0, 0, 0] + y * m[1, 0, 0] + z * m[2, 0, 0] + sigma[0]
@@ -206,7 +207,7 @@ def dome3(
 def correct3(
     a: Any, b: Any, c: Any, v: Any, u: Any, squares: Any, matrices: Any, sigma: Any, weights: Any
 ) -> None:
-    """The second half: less B^-1 of V and U times `weights` (3, primary), and less U times."""
+    """The second half: subtracts B^-1 of V and U times `weights` (3, primary), and U times."""
     first, second, third = squares
     for i in numba.prange(first.shape[0]):
         for k in range(2 * first.shape[1]):

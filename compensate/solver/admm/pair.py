@@ -6,10 +6,10 @@ has to do with M: of one pixel's light d, two views and a few primaries,
 
     min_d  sum over eyes and primaries of P (M d - wanted)²,     lower <= d <= upper
 
-Where primaries do not mix that is two lights at once, of which the best is that of M'P M without
-bounds, or has one on its edge: the better of two candidates. (At the edge of another light alone, d
-would have to be drawn beyond it, where the free one is not.) Where primaries leak into others,
-these pairs are solved in turn, again and again.
+Where primaries do not mix, two lights are found at once. The best of them is the one without bounds
+if it lies within them, else the better of two candidates, each with one light at its bound. (At the
+edge of another light alone, d would have to be drawn beyond it, where the free one is not.) Where
+primaries leak into others, these pairs are solved in turn, again and again.
 
 Eyes are left, right, left, right, ... of one seat after the other; planes of light are all
 primaries of the left view and then those of the right one; planes of what is seen, those of each
@@ -38,7 +38,7 @@ from domesim.observation.seats import SeveralSeats
 from domesim.observation.stereo import StereoObservation
 
 Two: TypeAlias = tuple[Any, Any]
-"""Of the left view, and of the right one."""
+"""Values of the left view, and of the right one."""
 
 _ROUNDS = 60  # of leaks into other primaries: each makes them less by a factor of them
 _SWEEPS = 4  # over mixed primaries: ADMM does with nearly the best, its certificate holds for any
@@ -79,7 +79,7 @@ class Eyes(Mixing):
 
     @staticmethod
     def of(observation: StereoObservation, like: Light) -> Eyes:
-        """Those of an observation, as planes of `like`'s library."""
+        """The eyes of an observation, with planes of `like`'s library."""
         if isinstance(observation, SeveralSeats):
             each = [Eyes.of(seat, like) for seat in observation.seats]
             own, share, leak = (
@@ -100,7 +100,7 @@ class Eyes(Mixing):
 
     @property
     def primaries(self) -> int:
-        """How many there are."""
+        """Number of primaries."""
         return len(self.own[0])
 
     @cached_property
@@ -160,7 +160,7 @@ class Eyes(Mixing):
     def nearest(
         self, wanted: Planes, metric: Sequence[float], bounds: Bounds, rows: slice
     ) -> Planes:
-        """See `Mixing`; near the nearest, where primaries mix."""
+        """See `Mixing`; where primaries mix, d is only near the nearest."""
         free = self._best(wanted, metric, rows)
         xp = namespace(free[0])
         if not self.mixed:
@@ -267,7 +267,7 @@ class Eyes(Mixing):
         return self._solved(self.back(counted, rows), metric, rows)
 
     def _solved(self, right: Planes, metric: Sequence[float], rows: slice) -> Planes:
-        """(M'P M)^-1: of each primary by itself, and of leaks into others little by little."""
+        """(M'P M)^-1 of planes: each primary alone, then leaks between primaries by iteration."""
         count = self.primaries
         blocks = [self._alone(p, metric, rows) for p in range(count)]
 
@@ -333,7 +333,7 @@ def nearest_of_two(free: Two, lower: Two, upper: Two, hx: Any, hy: Any, cross: A
 
 
 def _value(plane: Any, like: Light) -> Value:
-    """A plane as one of `like`'s library; a number where it is one of 1 x 1."""
+    """A plane in `like`'s library; a number if it has only 1 x 1 pixels."""
     if plane.shape == (1, 1):
         return float(plane[0, 0])
     return namespace(like).asarray(plane, dtype=like.dtype, device=like.device)
@@ -345,7 +345,7 @@ def _scaled(plane: Any, value: Value) -> Any:
 
 
 def _sum(weights: Sequence[float], planes: Planes) -> Any:
-    """Of planes times weights; None where all are 0."""
+    """Weighted sum of planes; None where all weights are 0."""
     result = None
     for weight, plane in zip(weights, planes, strict=True):
         if weight:
@@ -355,7 +355,7 @@ def _sum(weights: Sequence[float], planes: Planes) -> Any:
 
 
 def _solved_two(hx: Any, hy: Any, cross: Any, g: Any, h: Any) -> Two:
-    """What solves [[hx, cross], [cross, hy]] d = (g, h)."""
+    """Solves [[hx, cross], [cross, hy]] d = (g, h) for d."""
     scale = 1 / (hx * hy - cross * cross)
     return g * (hy * scale) - h * (cross * scale), h * (hx * scale) - g * (cross * scale)
 
@@ -373,7 +373,7 @@ def _curvature(
 
 
 def _settled(steps: Planes, values: Planes) -> bool:
-    """Whether steps are nothing beside the values, to a precision that rounding lets them reach."""
+    """Whether steps are negligible beside the values, at a precision that rounding allows."""
     xp = namespace(values[0])
     scale = max(_LEAST, *(float(xp.max(xp.abs(plane))) for plane in values))
     share = max(_SETTLED, 2 * float(xp.finfo(values[0].dtype).eps))

@@ -13,7 +13,7 @@ from compensate.solver.admm.level import Level
 from compensate.solver.admm.pyramid import Value, halved, padded
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace
-from domesim.strips import in_parts
+from domesim.light.strips import in_parts
 
 _SMALLEST = 32  # rows and columns of a coarser plane
 _WORTH = 0.05  # of the squared weights
@@ -27,11 +27,11 @@ class Split:
     Attributes
     ----------
     problem
-        What it is of.
+        The whole problem.
     level
         The problem on full planes.
     gain
-        (1, row, col, 1) what planes are times light; None for 1.
+        (1, row, col, 1) factor from light to planes; None for 1.
     """
 
     problem: Problem
@@ -40,7 +40,7 @@ class Split:
 
     @property
     def base(self) -> Any:
-        """The light that planes are relative to: the regulariser's."""
+        """Light that planes are relative to: the regulariser's anchor."""
         return self.problem.anchor
 
     def planes(self, light: Light) -> Planes:
@@ -68,7 +68,7 @@ class Split:
         return result
 
     def levels(self, residual: Light, *, coarser: bool) -> list[Level]:
-        """The problem itself, and `coarser` ones, whose base shows a `residual` too much.
+        """Levels: the problem itself, and `coarser` ones; `residual` is that of the base.
 
         A level is worth while if its frequencies have a twentieth of the weights (squared).
         """
@@ -106,7 +106,8 @@ def planes_of(light: Light) -> Planes:
 def widths_of(problem: Problem, gain: Array | None = None) -> list[Value]:
     """Upper bounds above lower ones, times a `gain`: for each plane, as `Level` has.
 
-    One number where that is the same for all, one plane where it is for all primaries and views.
+    A width is one number if it is the same everywhere; planes share one if it is the same for all
+    primaries and views.
     """
     xp = namespace(problem.desired)
     width = problem.upper - problem.lower
@@ -152,7 +153,7 @@ def require_certifiable(problem: Problem) -> CsfWeighting:
 
 
 def residual_of(problem: Problem, weighting: CsfWeighting) -> Light:
-    """What the anchor shows too much, where it counts."""
+    """Residual of the anchor; 0 where it does not count."""
     residual = problem.residual(problem.anchor)
     if not weighting.support.all():
         xp = namespace(residual)

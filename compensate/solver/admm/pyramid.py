@@ -9,7 +9,7 @@ from compensate.solver.admm.hessian import each_strip
 from domesim.light import Array, namespace
 
 Value: TypeAlias = float | Array
-"""Of all pixels, or (row, col)."""
+"""One value for all pixels, or a (row, col) plane of them."""
 
 
 def padded(picture: Array, fourier: Fourier) -> Array:
@@ -22,7 +22,7 @@ def padded(picture: Array, fourier: Fourier) -> Array:
 
 
 def halved(plane: Array) -> Array:
-    """(row, col) to half as many rows and columns: means of 2 x 2, with a 0 beyond an odd edge."""
+    """A plane of half the rows and columns: means of 2 x 2, with a 0 beyond an odd edge."""
     xp = namespace(plane)
     rows, cols = plane.shape
     if rows % 2 or cols % 2:
@@ -46,7 +46,7 @@ def halved_value(value: Value) -> Value:
 
 
 def doubled(plane: Array, rows: int, cols: int, times: float = 1.0) -> Array:
-    """`rows` and `cols` of each pixel four times, and all of it `times` a factor."""
+    """Repeats each pixel 2 x 2, cut to `rows` and `cols`, and multiplies all by `times`."""
     xp = namespace(plane)
     result = xp.empty((rows, cols), dtype=plane.dtype, device=plane.device)
 

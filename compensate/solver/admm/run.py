@@ -50,11 +50,11 @@ from compensate.solver.admm.pair import split_pair
 from compensate.solver.admm.planes import Split, require_certifiable, residual_of
 from compensate.solver.admm.pyramid import padded
 from compensate.solver.result import Result, Status
+from domesim.host.memory import give_back_memory
 from domesim.light import Light, namespace
-from domesim.memory import give_back_memory
+from domesim.light.strips import in_parts, is_large
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.stereo import StereoObservation
-from domesim.strips import in_parts, is_large
 
 
 @final
@@ -76,12 +76,12 @@ class ADMM:
         strong pollution all are raised, with ||C||^1.5: found by trial, and tested from a cap of 60
         degrees and albedo 0.3 to 170 degrees and 0.95.
     hold
-        See there.
+        Iterations with the first, larger penalty; see `penalties`.
     coarse
-        Iterations on the coarsest planes, and on each of those between. How coarse they are, is up
-        to the weighting (`Split.levels`).
+        Iterations on the coarsest planes, and on each of those between. The weighting decides how
+        coarse they are (`Split.levels`).
     memory
-        Of the acceleration: how many old points it combines.
+        Number of old points that the acceleration combines.
     stop_when_invisible
         Also stop when what could still be gained is less than the problem's `negligible`.
     first_check, check_every
@@ -147,7 +147,7 @@ class _Run:
     settings
         The solver.
     split, levels
-        The problem, and from there on coarser and coarser ones.
+        The problem, and its levels from fine to coarse.
     typical
         Median Omega².
     """
@@ -178,7 +178,7 @@ class _Run:
         return self._fine(level.start(split.planes(split.problem.project(start))))
 
     def result(self, status: Status | None) -> Result:
-        """What was found, the base where that is better; but for its optimality, and FFTs."""
+        """The best light, which may be the base; its optimality and FFTs are yet to be set."""
         certificate = self._certificate
         light, cost = self._found, certificate.cost
         if self._level.cost < cost:
@@ -195,14 +195,14 @@ class _Run:
         )
 
     def _from_coarse(self) -> Planes | None:
-        """S on full planes, after iterations on coarser ones; None without any."""
+        """The iterate s on full planes, after coarser ones; None if there are none."""
         s = None
         while len(self._levels) > 1:
             s = self._finer(self._coarse(s), self._penalties[len(self._levels) == 2])
         return s
 
     def _coarse(self, s: Planes | None) -> Planes:
-        """S after some iterations on the coarsest planes that are left."""
+        """The iterate s after some iterations on the coarsest planes that are left."""
         level, (first, other) = self._levels[-1], self._settings.coarse
         weights = level.weights(self._penalties[0])
         anderson = Anderson(self._settings.memory, weights)
@@ -215,7 +215,7 @@ class _Run:
         return s
 
     def _finer(self, s: Planes, rho: float) -> Planes:
-        """S of the next finer level, where the penalty is rho; the coarse one is given up."""
+        """The iterate s on the next finer level, for a penalty rho; the coarse level is dropped."""
         coarse = self._levels.pop()
         were = coarse.weights(self._penalties[0])
         light, dual = coarse.state(s, were)
@@ -265,7 +265,7 @@ class _Run:
     def _step(self, s: Planes, weights: list[float], *, due: bool, guess: bool) -> Planes:
         """The x-step's w; where a certificate is due, the lower bound is known afterwards.
 
-        With a `guess`, about what the minimum will be.
+        With `guess`, the certificate also learns about how large the minimum will be.
         """
         level, hessian = self._level, self._level.hessian
         spectra = _x_step(level, s, weights)
@@ -286,7 +286,7 @@ class _Run:
         return w
 
     def _cost(self, s: Planes, weights: list[float]) -> float:
-        """Of s's feasible planes."""
+        """Cost of the feasible planes that belong to s."""
         level, hessian = self._level, self._level.hessian
         planes = level.feasible(s, weights)
         regulariser, spectra = level.regulariser(planes), []
@@ -303,7 +303,7 @@ class _Run:
         return anderson.next(s, w)
 
     def _checked(self, cost: float, iteration: int) -> Status | None:
-        """Note a feasible cost; why to stop, if there is a reason, or when to look again."""
+        """Notes a feasible cost, and when; returns the status to stop with, or None to go on."""
         certificate, settings = self._certificate, self._settings
         status = certificate.verdict(cost, iteration)
         self._checked_at = iteration
@@ -340,7 +340,7 @@ def _same(light: Light, other: Light) -> bool:
 
 
 def _x_step(level: Level, s: Planes, weights: list[float]) -> Spectra:
-    """W's spectra: (H_0 + rho P)^-1 (b + rho P (z - u))."""
+    """Spectra of w = (H_0 + rho P)^-1 (b + rho P (z - u))."""
     fourier = level.hessian.fourier
     spectra = [fourier.forward(plane) for plane in level.towards(s, weights)]
     level.hessian.solve(spectra, weights, level.target)

@@ -16,8 +16,8 @@ from image_files import store
 
 from domesim.frames import read_frame, write_frame
 from domesim.frames.encodings import encoding_named
-from domesim.frames.jpeg2000 import boxes_of
-from domesim.transfer import named
+from domesim.frames.formats.jpeg2000 import boxes_of
+from domesim.light.transfer import named
 
 ROWS, COLS = 33, 40
 NOTE = "over black where its alpha lets it through"
@@ -98,6 +98,16 @@ def test_colours_are_multiplied_by_the_encoding_that_a_person_names(tmp_path: Pa
         expected = decoded(codes, colour.transfer) * alpha[..., None]
         light = decoded(read.pixels, colour.transfer)
         np.testing.assert_allclose(light, expected, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("source", ["in.png", "in.jp2"])
+def test_a_dcps_codestream_gets_the_picture_over_black(tmp_path: Path, source: str) -> None:
+    """It has no alpha. Expected: within what its 12 lossy bits are for smooth pictures."""
+    codes = np.full((ROWS, COLS, 4), (40000, 30000, 50000, 20000), np.uint16)
+    read = read_frame(store(tmp_path / source, codes, "R,G,B,A"), colour=encoding_named("dcdm"))
+    write_frame(read, tmp_path / "out.j2c")
+    written = read_frame(tmp_path / "out.j2c").pixels
+    np.testing.assert_allclose(written, read.pixels, rtol=0, atol=2 / 4095)
 
 
 @pytest.mark.parametrize(("suffix", "dtype"), [("exr", "float16"), ("tif", "uint16")])

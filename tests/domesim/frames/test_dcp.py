@@ -21,10 +21,10 @@ from videos import KINDS, Kind, write_numbered
 from domesim.errors import InputError
 from domesim.frames import Frame, Master, read_frame, read_master, write_frame
 from domesim.frames.encodings import encoding_named
-from domesim.frames.jpeg2000 import is_cinema
+from domesim.frames.formats.jpeg2000 import is_cinema
 from domesim.frames.timing import Timing, timing_of
 from domesim.frames.video import frame_paths
-from domesim.sequences import find_frames, find_moments, find_pairs
+from domesim.shows.sequences import find_frames, find_moments, find_pairs
 
 av = pytest.importorskip("av")
 ROWS, COLS = 96, 96

@@ -17,7 +17,7 @@ from videos import KINDS, write_video
 
 from domesim.errors import InputError
 from domesim.frames import read_frame, read_master, write_master
-from domesim.frames.png import chunk
+from domesim.frames.formats.png import chunk
 from domesim.frames.video import frame_paths
 
 ROWS, COLS = 32, 48

@@ -14,7 +14,7 @@ from image_files import store
 from domesim.errors import InputError
 from domesim.frames import ColourTag, read_frame, write_frame
 from domesim.frames.encodings import encoding_named
-from domesim.frames.png import chunk
+from domesim.frames.formats.png import chunk
 
 ROWS, COLS = 34, 40
 

@@ -9,8 +9,8 @@ import pytest
 from command_line import Run
 from image_files import store
 
-from domesim.batch import work
 from domesim.frames import Master
+from domesim.shows import work
 
 
 @pytest.mark.parametrize("command", ["observe", "compensate"])

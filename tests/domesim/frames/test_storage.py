@@ -17,7 +17,7 @@ from PIL import Image
 
 from domesim.errors import InputError
 from domesim.frames import read_frame, write_frame
-from domesim.frames.png import chunk
+from domesim.frames.formats.png import chunk
 
 REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 

@@ -11,10 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from rooms import BEFORE, HEMISPHERE, ROOMS, SCREEN
 
-from domesim.dome import Dome
 from domesim.errors import InputError
-from domesim.furniture import box
-from domesim.lenses import lens_gains
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.enclosure import Enclosure, Sheet
 from domesim.observation.radiosity import radiosity
@@ -22,7 +19,10 @@ from domesim.observation.spherical import closed_form_gain
 from domesim.observation.transport import Transport, sample_nodes
 from domesim.pathtrace.machine import NumPy
 from domesim.pathtrace.tracer import Tracer
-from domesim.theatre import Cavity, Floor, Lamp, Lobe, Theatre, Wall
+from domesim.room.dome import Dome
+from domesim.room.furniture import box
+from domesim.room.lenses import lens_gains
+from domesim.room.theatre import Cavity, Floor, Lamp, Lobe, Theatre, Wall
 
 Floats = NDArray[np.float64]
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from pairs import COLOURED, pair, share
 
-from domesim.dome import Dome
 from domesim.observation.crosstalk import Crosstalk, over_pixels
 from domesim.observation.radiosity import radiosity
 from domesim.observation.seats import SeveralSeats
 from domesim.observation.transport import Transport
 from domesim.observation.uncertain import Step, UncertainDome, UncertainMap, UncertainPair
-from domesim.theatre import Floor, Theatre
+from domesim.room.dome import Dome
+from domesim.room.theatre import Floor, Theatre
 
 ROWS, COLS, CELLS = 54, 75, (9, 15)
 NONE = np.zeros((0, 2, 3, 3))

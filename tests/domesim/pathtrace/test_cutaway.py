@@ -10,13 +10,13 @@ import pytest
 from numpy.typing import NDArray
 from rooms import BARE, GREY, THEATRES
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.frames import read_frame
 from domesim.pathtrace import cutaway as module
 from domesim.pathtrace.cutaway import cutaway, graticule, to_png
 from domesim.pathtrace.llvm import load_mitsuba
-from domesim.theatre import Lamp, Lens, Theatre
+from domesim.room.dome import Dome
+from domesim.room.theatre import Lamp, Lens, Theatre
 
 RED, GREEN, BLUE = np.eye(3)
 SMALL = {"width": 64, "height": 48, "samples": 4}

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from domesim.dome import Dome
-from domesim.furniture import box
 from domesim.pathtrace.glance import glance
-from domesim.theatre import Floor, Theatre, Viewpoint, Wall
+from domesim.room.dome import Dome
+from domesim.room.furniture import box
+from domesim.room.theatre import Floor, Theatre, Viewpoint, Wall
 
 DOME = Dome(5.0, np.pi / 2)
 BARE = Theatre(DOME, (0.5, 0.5, 0.5))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from domesim.lenses import lobe_gain
 from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.sources import GainLobe
 from domesim.pathtrace.tracer import best_machine
-from domesim.theatre import Lobe
+from domesim.room.lenses import lobe_gain
+from domesim.room.theatre import Lobe
 
 pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 

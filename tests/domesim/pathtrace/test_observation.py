@@ -11,14 +11,14 @@ import pytest
 from numpy.typing import NDArray
 from rooms import ALBEDO, room
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.observation.spherical import ClosedFormDome
 from domesim.pathtrace.machine import NumPy
 from domesim.pathtrace.observation import Observed, PathTracedDome
 from domesim.pathtrace.room import FLOOR, NOTHING, SCREEN, Room
 from domesim.pathtrace.tracer import Settings, Status, Traced, Tracer
-from domesim.theatre import Floor, Lamp, Theatre
+from domesim.room.dome import Dome
+from domesim.room.theatre import Floor, Lamp, Theatre
 
 SIZE = 24
 Floats = NDArray[np.float64]

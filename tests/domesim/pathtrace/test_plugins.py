@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from domesim.dome import Dome
 from domesim.errors import InputError
 from domesim.pathtrace.llvm import load_mitsuba
 from domesim.pathtrace.plugins import register
+from domesim.room.dome import Dome
 
 ALBEDO = 0.4
 

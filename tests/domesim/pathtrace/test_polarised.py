@@ -14,8 +14,8 @@ from domesim.errors import InputError
 from domesim.pathtrace import polarised
 from domesim.pathtrace.llvm import Backend, backend, load_mitsuba
 from domesim.pathtrace.polarised import crosstalk_map, luminance_map
-from domesim.polarisation import crosstalk_estimate
-from domesim.stereo import SilverScreen
+from domesim.stereo.polarisation import crosstalk_estimate
+from domesim.stereo.system import SilverScreen
 from validation.statistics import assert_unbiased, calibration
 
 pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)

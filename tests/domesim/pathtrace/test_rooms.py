@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from rooms import BEFORE
 
-from domesim.dome import Dome
-from domesim.lenses import lens_gains
 from domesim.observation.radiosity import radiosity
 from domesim.pathtrace import tabulate as tabulate_module
 from domesim.pathtrace.loop import bounce_limit
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Status, Tracer
-from domesim.theatre import Cavity, Floor, Lamp, Solid, Theatre, Viewpoint
+from domesim.room.dome import Dome
+from domesim.room.lenses import lens_gains
+from domesim.room.theatre import Cavity, Floor, Lamp, Solid, Theatre, Viewpoint
 
 GREY = (0.5, 0.5, 0.5)
 BLACK = (0.0, 0.0, 0.0)

@@ -27,12 +27,12 @@ from collections.abc import Callable
 from functools import cache, partial
 
 from domesim.light import Light
-from validation import panel
+from validation import inputs, panel
 from validation.crops import caption
 from validation.experiment import Finding, Panel, Pictures, Work
-from validation.experiments.quality import inputs, verdict
-from validation.experiments.quality.inputs import CHOOSING, DOMEMASTERS, Input, Place, words
+from validation.experiments.quality import verdict
 from validation.experiments.quality.measuring import KNOB, WAYS, Case, Cell, measure
+from validation.inputs import CHOOSING, DOMEMASTERS, Input, Place, words
 
 
 def run(work: Work) -> Finding:

@@ -13,7 +13,8 @@ from scipy.ndimage import gaussian_filter
 
 from compensate.aim import Aim, Eye
 from compensate.ghosts import edge_sigma
-from compensate.master import Posed, pose, solved
+from compensate.pose import Posed, pose
+from compensate.solve import solved
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene
@@ -61,21 +62,21 @@ class Cell:
     judged
         Name of a judge -> its figure.
     kept, kept_fifth
-        Of pixels that subtraction shows exactly and whose base is not lifted: median and 5th
-        percentile of the light over the master's.
+        Light kept at pixels that subtraction shows exactly and whose base is not lifted: median and
+        5th percentile of the light over the master's.
     shifted
         Share of them whose u'v' is off by more than 0.01.
     structure
-        Of each of `seen.BANDS`: the share that is seen.
+        Share of the structure in each of `seen.BANDS` that is seen.
     hue, saturation
-        Of a dome's dark half: shift in degrees, and share that is kept.
+        Colours of a dome's dark half: shift in degrees, and share that is kept.
     halos
         Share of the screen.
     black
         1st percentile of luminance, cd/m².
     contour, contrast_contour, other_eye
-        Of a pair's ghosts where subtraction clips: contours of light and of contrast, and the
-        correlation of the residual's slopes with those of the other eye's picture.
+        Figures of a pair's ghosts where subtraction clips: contours of light and of contrast, and
+        the correlation of the residual's slopes with those of the other eye's picture.
     lit
         Light of lit things over the master's.
     panels

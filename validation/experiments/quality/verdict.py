@@ -10,15 +10,6 @@ import numpy as np
 from validation import panel
 from validation.experiment import Cell as Entry
 from validation.experiment import Check, Column, Table, at_least, at_most
-from validation.experiments.quality.inputs import (
-    CHOOSING,
-    DOMEMASTERS,
-    PAIRED,
-    Input,
-    Place,
-    kinds,
-    words,
-)
 from validation.experiments.quality.measuring import (
     DEFAULT,
     LOWER,
@@ -26,6 +17,15 @@ from validation.experiments.quality.measuring import (
     SUBTRACTION,
     WAYS,
     Cell,
+)
+from validation.inputs import (
+    CHOOSING,
+    DOMEMASTERS,
+    PAIRED,
+    Input,
+    Place,
+    kinds,
+    words,
 )
 from validation.statistics import Estimate, estimate
 

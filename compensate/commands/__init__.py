@@ -1,0 +1,1 @@
+"""Subcommands of `domesim` that compensate and predict."""

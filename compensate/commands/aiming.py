@@ -1,0 +1,92 @@
+"""Options of subcommands that compensate: what a picture is made for, and what computes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, final
+
+import typer
+
+from compensate.aim import Aim
+from compensate.devices import CPU
+from compensate.shows.compensating import Compensating
+from domesim.errors import InputError
+from domesim.scene.choice import SceneChoice
+
+
+@final
+@dataclass(frozen=True)
+class Aiming:
+    """What a picture is made for, and what computes it."""
+
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="Perceptual: certified distance from the least cost at which to stop (of the "
+            "worst seat: five times that); 1e-3 by default.",
+            show_default=False,
+        ),
+    ] = None
+    quality: Annotated[
+        bool,
+        typer.Option("--quality", help="Perceptual: --tolerance 1e-4, for about twice the time."),
+    ] = False
+    lift: Annotated[
+        float | None,
+        typer.Option(
+            help="Perceptual: from the deepest black (0, plain subtraction) to all contrast (4): "
+            f"how many times the missing light dark places are lifted; {Aim().lift:g} by default.",
+            show_default=False,
+        ),
+    ] = None
+    low_frequency_gain: Annotated[
+        float | None,
+        typer.Option(
+            help="--weighting paper: how much coarse luminance errors count, 0..1 of the most "
+            "visible ones; 0.1 by default.",
+            show_default=False,
+        ),
+    ] = None
+    eye: Annotated[
+        str | None,
+        typer.Option(
+            "--weighting",
+            help="Perceptual: contrast keeps the master's contrasts and hues over the black that "
+            "is left, which is the default; paper minimises the difference of light by one "
+            "adaptation luminance and Daly's sensitivity, with a certificate, which is what "
+            "several seats get.",
+            show_default=False,
+        ),
+    ] = None
+    device: Annotated[
+        str,
+        typer.Option(
+            "--device",
+            help="Perceptual: what computes: cpu; cuda or cuda:1, a GPU by PyTorch (extra gpu); "
+            "cupy, a GPU by CuPy; torch, the processor by PyTorch.",
+        ),
+    ] = CPU
+
+    def recipe(self, choice: SceneChoice, method: str = "perceptual", **ways: bool) -> Compensating:
+        """What is done to each frame, in the `ways` of `Compensating`.
+
+        Raises
+        ------
+        InputError
+            If both options of the tolerance are given.
+        """
+        if self.quality and self.tolerance is not None:
+            raise InputError(
+                f"--quality is --tolerance 1e-4, got --tolerance {self.tolerance:g}, too"
+            )
+        tolerance = 1e-4 if self.quality else self.tolerance
+        return Compensating(
+            choice,
+            method,
+            1e-3 if tolerance is None else tolerance,
+            self.eye,
+            self.lift,
+            self.low_frequency_gain,
+            self.device,
+            **ways,
+        )

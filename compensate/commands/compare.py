@@ -1,0 +1,114 @@
+"""``domesim compare`` and ``domesim demo``: a page that compares what methods show."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from importlib import resources
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from compensate.aim import Eye
+from compensate.commands.aiming import Aiming
+from compensate.figures import Figures
+from compensate.methods import Solver
+from compensate.page.comparison import Comparison, compare_methods, shown_methods
+from compensate.shows.compensating import line_of
+from domesim.commands.options import (
+    Place,
+    SceneName,
+    Telling,
+    TransportFile,
+    about_scene,
+    grouped,
+    scene_of,
+)
+from domesim.commands.shows import Masters
+from domesim.errors import InputError
+from domesim.frames import Master, read_master, write_master
+from domesim.host.console import Console, about
+from domesim.host.console import prepare as prepare_folder
+from domesim.scene import DomeScene, Scene
+from domesim.scene.choice import SceneChoice
+
+
+@grouped
+def compare(
+    place: Place,
+    masters: Masters,
+    aiming: Aiming,
+    telling: Telling,
+    out: Annotated[
+        Path, typer.Option("--out", help="The page to write, an .html file.", show_default=False)
+    ],
+    size: Annotated[
+        int, typer.Option(help="Largest side of the pictures on the page, pixels.", min=16)
+    ] = 1024,
+) -> None:
+    """Write a page that compares the master with what is seen, uncompensated and compensated."""
+    console = telling.console()
+    choice, scene = place.load(console)
+    show = masters.find()
+    if len(show.moments) > 1:
+        raise InputError(
+            f"{masters.master or masters.left}: a page shows one frame, got {len(show.moments)}; "
+            f"name one of them"
+        )
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{out}: a page is an .html file; give it such a name")
+    recipe = aiming.recipe(choice)
+    solver, eye = recipe.solver(scene, console.note), recipe.weighting(scene)
+    prepare_folder(out.parent)
+    (moment,) = show.moments
+    with about(moment[0]):
+        frame = show.read(moment, repair=masters.repair)
+        console.say(f"{moment[0].name}: {frame.described()}")
+        comparison = _compared(frame, scene, console, solver, eye)
+    comparison.write_page(out, size=size, command=_command_line())
+    console.say(f"Open {out.resolve()}")
+    facts = {**place.about(scene), **frame.facts(), "page": str(out)}
+    console.figures({**facts, "methods": comparison.figures()})
+
+
+@grouped
+def demo(
+    telling: Telling,
+    out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("out/demo"),
+    scene: SceneName = "dome_imax",
+    transport: TransportFile = None,
+) -> None:
+    """Run the main job on the bundled night scene: frames to project, what is seen, the page."""
+    console = telling.console()
+    theatre = scene_of(SceneChoice(scene, transport), console)
+    if not isinstance(theatre, DomeScene):
+        raise InputError(f"--scene {scene}: the demo's master is a domemaster; use a dome theatre")
+    with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
+        frame = read_master([path])
+    console.say(f"Master: {frame.described()}", f"Theatre: {theatre.name}. {theatre.description}")
+    prepare_folder(out)
+    comparison = _compared(frame, theatre, console, None, None)
+    files = []
+    for name, written in comparison.frames():
+        write_master(written, [out / f"{name}.exr"])
+        files.append(str(out / f"{name}.exr"))
+    page = out / "compare.html"
+    comparison.write_page(page, size=1024, command=_command_line())
+    console.say(f"Frames: {', '.join(files)}", f"Open {page.resolve()}")
+    facts = {**about_scene(theatre), **frame.facts(), "files": files, "page": str(page)}
+    console.figures({**facts, "methods": comparison.figures()})
+
+
+def _compared(
+    frame: Master, scene: Scene, console: Console, solver: Solver | None, eye: Eye | None
+) -> Comparison:
+    with console.progress("solving", len(shown_methods(scene))) as start:
+        comparison = compare_methods(frame, scene, solver=solver, weighting=eye, progress=start)
+    for figures in comparison.figures().values():
+        console.say(line_of(Figures(**figures)))
+    return comparison
+
+
+def _command_line() -> str:
+    return shlex.join(["domesim", *sys.argv[1:]])

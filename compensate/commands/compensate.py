@@ -1,0 +1,67 @@
+"""``domesim compensate``: the frames to project."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from compensate.commands.aiming import Aiming
+from compensate.methods import METHODS
+from domesim.commands.options import Place, Telling, grouped
+from domesim.commands.shows import Doing, Masters, Results
+
+
+@grouped
+def compensate(
+    place: Place,
+    masters: Masters,
+    aiming: Aiming,
+    results: Results,
+    doing: Doing,
+    telling: Telling,
+    method: Annotated[
+        str, typer.Option(help=f"What to project: {', '.join(METHODS)}.")
+    ] = "perceptual",
+    only_visible: Annotated[
+        bool,
+        typer.Option(
+            "--only-visible",
+            help="Perceptual: solve only rectangles in which what subtraction leaves is predicted "
+            "to be seen ('domesim predict --combination local-contrast'), and subtract elsewhere: "
+            "faster where that is next to nothing. No certificate.",
+        ),
+    ] = False,
+    spatial: Annotated[
+        bool,
+        typer.Option(
+            "--spatial-weights",
+            help="--weighting paper, or --method paper: errors count by how visible 'domesim "
+            "predict' finds the pollution there (eq. 7 of the paper). No certificate.",
+        ),
+    ] = False,
+    pages: Annotated[
+        int,
+        typer.Option(
+            help="Sequences: for how many of the worst frames to write a page that compares "
+            "methods.",
+            min=0,
+        ),
+    ] = 3,
+) -> None:
+    """Compute the frames to project, so that the audience sees the master as closely as can be."""
+    console = telling.console()
+    choice, scene = place.load(console)
+    recipe = aiming.recipe(choice, method, only_visible=only_visible, spatial=spatial)
+    recipe.require_sense(scene)
+    if doing.scheduler is None:  # whose workers may have a device that this machine has not
+        recipe.solver(scene, console.note)
+    doing.show(
+        masters.find(doing.frames),
+        recipe,
+        console,
+        what="compensating",
+        writing=results.writing(repair=masters.repair),
+        facts=place.about(scene),
+        pages=pages,
+    )

@@ -1,0 +1,93 @@
+"""``domesim report-card``: a stereo system's crosstalk, and what two eyes see of a pair in it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from compensate.figures import Appraisal
+from compensate.pose import Stage
+from compensate.report_card import METHODS, Crosstalk, crosstalk, disparity, viewer_crosstalk, ways
+from domesim.commands.options import SeatName, Telling, TransportFile, grouped
+from domesim.commands.render import SceneArgument
+from domesim.commands.shows import Masters, require_one_seat
+from domesim.errors import InputError
+from domesim.host.console import Console, about
+from domesim.scene import StereoScene
+from domesim.scene.choice import SceneChoice
+
+
+@grouped
+def report_card(
+    scene: SceneArgument,
+    masters: Masters,
+    telling: Telling,
+    seat: SeatName = None,
+    transport: TransportFile = None,
+) -> None:
+    """Tell a stereo system's crosstalk, and what two eyes see of a pair in it."""
+    console = telling.console()
+    system = SceneChoice(scene, transport, seat).load()
+    if not isinstance(system, StereoScene):
+        raise InputError(
+            f"{scene}: a report card is of a stereo system, got a dome; for that use 'domesim "
+            f"scene check {scene}'"
+        )
+    require_one_seat(system, seat, "a report card is of one seat")
+    found = crosstalk(system)
+    console.say(f"{system.name}, {system.chosen[0]}: {system.model}")
+    for eye, each in found.items():
+        console.say(*_told(eye, each))
+    figures: dict[str, Any] = {
+        "scene": system.name,
+        "seat": system.chosen[0],
+        "crosstalk": {
+            eye: {**asdict(each), "verdict": each.verdict} for eye, each in found.items()
+        },
+    }
+    if not masters.master is masters.left is masters.right is None:
+        figures["pair"] = _of_pair(system, masters, console)
+    console.figures(figures)
+
+
+def _told(eye: str, each: Crosstalk) -> tuple[str, ...]:
+    extinction = "infinite" if each.extinction is None else f"{each.extinction:.0f} : 1"
+    return (
+        f"{eye} eye: system crosstalk {each.system:.2%} (worst place {each.worst:.2%}), extinction "
+        f"ratio {extinction}",
+        f"  {each.verdict}",
+    )
+
+
+def _of_pair(scene: StereoScene, masters: Masters, console: Console) -> dict[str, Any]:
+    """Figures of a pair, which are said, too."""
+    show = masters.find()
+    if len(show.moments) > 1:
+        raise InputError(
+            f"{masters.master or masters.left}: a report card is of one pair, got "
+            f"{len(show.moments)}; name one"
+        )
+    (moment,) = show.moments
+    with about(moment[0]):
+        posed, _ = Stage(scene).pose_frame(show.read(moment, repair=masters.repair))
+        found = ways(posed)
+    depth, viewer, clipped = disparity(posed), viewer_crosstalk(posed), Appraisal(posed).clipped
+    console.say(
+        f"{moment[0].name}: disparity {depth['nearest_deg']:+.2f}° to "
+        f"{depth['farthest_deg']:+.2f}° (+ is before the screen), sure on "
+        f"{depth['sure']:.0%} of the picture; too dark for exact subtraction on {clipped:.1%}",
+        f"  viewer crosstalk: median {viewer['median']:.1%}, above 10 % on "
+        f"{viewer['share_above_10']:.1%} of the picture",
+    )
+    for method, each in found.items():
+        console.say(
+            f"  {METHODS[method]:<12} fused {each.fused_loss:.3f} JOD lost, each eye alone "
+            f"{each.one_eye:.3f} JOD; contrast off by {each.contrast:.2f} thresholds; rivalry on "
+            f"{each.rivalry:.1%} of the picture"
+        )
+    return {
+        "clipped": clipped,
+        "disparity": dict(depth),
+        "viewer_crosstalk": dict(viewer),
+        "methods": {method: asdict(each) for method, each in found.items()},
+    }

@@ -1,0 +1,306 @@
+"""How good the light of a method is: figures that people compare.
+
+Quality is `compensate.ruler`'s, which no setting of a method changes; beside it stand the paper's
+visible error, what is left of ghosts, and how sure a measured scene is of all that.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.foresight import Foreseen, foreseen
+from compensate.ghosts import edge_energy, ghost_contour
+from compensate.pose import Posed, differences, is_rounding
+from compensate.ruler import Ruler
+from compensate.solver.result import Result
+from compensate.weighting import Weighting
+from domesim.frames import Master
+from domesim.light import Light
+from domesim.light.strips import in_strips
+from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.seats import SeveralSeats
+from domesim.scene import Scene, StereoScene
+from domesim.scene.screening import decoded, mean_luminance
+
+_INVISIBLE_LIGHT = 1e-5  # of white: far below a 16 bit code of any transfer function's shadows
+
+
+@final
+@dataclass(frozen=True)
+class Figures:
+    """What compensation did to a frame, and how good it is.
+
+    Parameters
+    ----------
+    method
+        Which of `compensate.methods`.
+    clipped
+        Share of the screen's pixels, of all views, where exact subtraction needs less light than
+        none.
+    out_of_range
+        Share of the screen's pixels that the projector cannot show even without pollution.
+    pollution
+        Mean luminance of the pollution of the untouched frame on the screen, cd/m².
+    loss_before, loss_subtractive, loss_after
+        How much worse it looks than the master: the reference model's mean over the screen, in
+        just-objectionable differences (`compensate.ruler`), untouched, subtracted, and as
+        compensated, before rounding to the file's code values. No setting changes the model. Of
+        several seats, their mean. `loss_before` may be left out (`Solution.outcome`).
+    ghost_edges
+        Ghost edge energy of a stereo pair (`compensate.ghosts`) at the first seat, 1 for the
+        untouched master; None without ghosts.
+    loss_by_seat
+        `loss_after` of each of several seats.
+    file_clipped
+        Share of the screen's pixels whose colour the file's encoding cannot hold.
+    status
+        What the solver's outcome means.
+    gap
+        Certified upper bound of the cost's relative distance from the least possible, or None.
+    distance
+        The same in just-noticeable differences: what is seen differs from what the optimum would
+        show by at most so much, root-mean-square of the weighted difference over the screen.
+    iterations, ffts
+        Work done by the solver.
+    seconds
+        Time of the solution, without reading and writing.
+    light_left, error_left
+        What is left in fact in a measured scene: (low, likely, high) ends of the 95 % interval and
+        median. The first is the residual's root-mean-square over the screen, 1 = projector white,
+        the second `Appraisal.visible_error`; both by the whole room and not by the closed form.
+        None if nothing was measured.
+    """
+
+    method: str
+    clipped: float
+    out_of_range: float
+    pollution: float
+    loss_before: float | None
+    loss_subtractive: float
+    loss_after: float
+    ghost_edges: float | None
+    loss_by_seat: dict[str, float]
+    file_clipped: float
+    status: str
+    gap: float | None
+    distance: float | None
+    iterations: int
+    ffts: int
+    seconds: float
+    light_left: tuple[float, float, float] | None = None
+    error_left: tuple[float, float, float] | None = None
+
+
+@final
+@dataclass(frozen=True)
+class Appraisal:
+    """How good light is for a posed master; what is computed once serves all methods."""
+
+    posed: Posed
+
+    @property
+    def _scene(self) -> Scene:
+        return self.posed.scene
+
+    @property
+    def _screen(self) -> NDArray[np.bool_]:
+        return self.posed.screen
+
+    @cached_property
+    def clipped(self) -> float:
+        """Share of the screen's pixels where subtraction needs less light than none."""
+        if self.posed.exact:
+            return 0.0
+        shown, wanted = self.posed.shown, self.posed.single.desired
+        if isinstance(self.posed.observation, SeveralSeats):
+            shown = self.posed.single.observation.observe(self.posed.subtractive)
+
+        def count(view: int, rows: slice) -> int:
+            return self._too_bright(shown[view, rows] - wanted[view, rows], rows)
+
+        return sum(in_strips(count, shown.shape)) / (len(shown) * np.count_nonzero(self._screen))
+
+    @cached_property
+    def loss_subtractive(self) -> float:
+        """`loss` of exact clipped subtraction."""
+        return self.loss(self.posed.subtractive)
+
+    @property
+    def pollution(self) -> float:
+        """Mean luminance that pollution and ambient light add to the untouched master, cd/m²."""
+        return self._untouched[0]
+
+    @cached_property
+    def loss_before(self) -> float:
+        """`loss` of the untouched master."""
+        return self._untouched[2] if not self.posed.exact else self.loss(self.posed.desired)
+
+    @cached_property
+    def _untouched(self) -> tuple[float, NDArray[np.floating], float]:
+        """`pollution`, (view, row, col) luminance that a pair sees too much, and `loss_before`.
+
+        The last is NaN where subtraction is exact: it may never be asked for.
+        """
+        residual = self.posed.observation.observe(self.posed.desired)
+        lost = math.nan if self.posed.exact else _mean(self._losses(residual))
+        residual -= self.posed.wanted
+        ghost = self._luminance(residual[: self._scene.views if self._scene.views > 1 else 0])
+        return mean_luminance(residual, self._scene, self.posed.setting.areas), ghost, lost
+
+    def _luminance(self, light: Light) -> NDArray[np.floating]:
+        planes = np.empty(light.shape[:3], light.dtype)
+        weights = self._scene.projector.luminance_weights.astype(light.dtype)
+        in_strips(
+            lambda view, rows: np.matmul(light[view, rows], weights, out=planes[view, rows]),
+            light.shape,
+        )
+        return planes
+
+    def _too_bright(self, part: Light, rows: slice) -> int:
+        """How many pixels of the screen show more light than they should, in some primary."""
+        if part.max() <= _INVISIBLE_LIGHT:
+            return 0
+        # Primary by primary: NumPy's `any` of three is ten times slower
+        found = reduce(np.logical_or, np.moveaxis(part > _INVISIBLE_LIGHT, -1, 0))
+        return int(np.count_nonzero(found & self._screen[rows]))
+
+    def visible_error(self, light: Light) -> float:
+        """Root-mean-square weighted residual over the screen, in just-noticeable differences.
+
+        It is the paper's: Daly's sensitivity at one adaptation luminance, with the default settings
+        of `PerceptualWeighting`. A weighted residual is in light (1.0 = white) at the eye's most
+        sensitive frequency; over the adaptation luminance it is a contrast, times the CSF's peak a
+        multiple of the threshold. Several seats count by their weights.
+        """
+        residual = self.posed.residual(light)
+        if is_rounding(residual):
+            return 0.0
+        judge = self.posed.setting.judge
+        return self._in_differences(judge.energy(residual), judge)
+
+    def loss(self, light: Light) -> float:
+        """How much worse it looks than the master, JOD (`compensate.ruler`); of all seats."""
+        return _mean(self._losses(self._seen(light)))
+
+    def stored_loss(self, stored: Master) -> float:
+        """`loss` of a frame as a file holds it, with its rounding."""
+        return self.loss(decoded(stored, self._scene))
+
+    def _in_differences(self, energy: float, weighting: Weighting) -> float:
+        """Just-noticeable differences, rms, of a weighted residual's energy."""
+        mean_square = energy / (np.count_nonzero(self._screen) * self._scene.views)
+        return float(np.sqrt(mean_square)) * differences(self._scene, weighting)
+
+    def foreseen(self, light: Light) -> Foreseen | None:
+        """What is left of the pollution in fact; None if nothing of the scene was measured.
+
+        Its weighted residual is in just-noticeable differences, as `visible_error`.
+        """
+        uncertain = self.posed.setting.uncertain
+        if uncertain is None:
+            return None
+        residual = uncertain.best.observe(light)
+        residual -= self.posed.wanted
+        found = foreseen(residual, uncertain.changes(light), self.posed.setting.judge.apply)
+        pixels = np.count_nonzero(self._screen) * self._scene.views
+        unit = differences(self._scene, self.posed.setting.judge) / np.sqrt(pixels)
+        return replace(found, weighted=found.weighted.times(unit))
+
+    def distance(self, result: Result) -> float | None:
+        """How far, at most, what is seen is from what the optimum x* shows, JND rms; see `Figures`.
+
+        As x* is optimal, 1/2 ||lambda(psi(x) - psi(x*))||² <= cost(x) - cost(x*), of an affine psi:
+        None for a table, and for several seats, of which the worst may count.
+        """
+        several = isinstance(self.posed.observation, GreyToGrey | SeveralSeats)
+        if result.gap is None or several:
+            return None
+        if not result.gap:
+            return 0.0
+        energy = 2 * result.cost * result.gap / (1 + result.gap)
+        return self._in_differences(energy, self.posed.problem.weighting)
+
+    def ghost_edges(self, light: Light) -> float | None:
+        """Ghost edge energy of a stereo pair at the first seat; None without ghosts that have any.
+
+        A ghost that was rounding from the start gives no figure.
+        """
+        if self._scene.views == 1:
+            return None
+        ghost = self._untouched[1]
+        if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT:
+            return None
+        if self.posed.exact and light is self.posed.subtractive:
+            return 0.0
+        error = self._luminance(self.posed.residual(light)[: self._scene.views])
+        if is_rounding(error):
+            return 0.0
+        density = self._scene.viewing.pixels_per_degree(*self._screen.shape)
+        energy = edge_energy(error, ghost, density)
+        return energy if np.isfinite(energy) else None
+
+    def ghost_contour(self, light: Light) -> float | None:
+        """Ghost contour of a stereo pair at the first seat, where subtraction clips.
+
+        None without ghosts that have edges there.
+        """
+        if self._scene.views == 1 or self.posed.exact:
+            return None
+        first = slice(self._scene.views)
+        too_bright = self.posed.shown[first] - self.posed.wanted[first] > _INVISIBLE_LIGHT
+        where = np.any(too_bright, axis=-1) & self._screen
+        error = self._luminance(self.posed.residual(light)[: self._scene.views])
+        density = self._scene.viewing.pixels_per_degree(*self._screen.shape)
+        return ghost_contour(error, self._untouched[1], where, density)
+
+    def lost_map(self, seen: Light) -> NDArray[np.floating]:
+        """(view, row, col) JOD of what is seen at the first seat, as `Ruler.lost_map`."""
+        ruler = next(iter(self._rulers.values()))
+        if is_rounding(seen, ruler.wanted):
+            return np.zeros(seen.shape[:3], np.float32)
+        return ruler.lost_map(seen)
+
+    def loss_by_seat(self, light: Light) -> dict[str, float]:
+        """`loss` at each of several seats; empty for one."""
+        several = isinstance(self.posed.observation, SeveralSeats)
+        return self._losses(self._seen(light)) if several else {}
+
+    def _seen(self, light: Light) -> Light:
+        """What is seen of `light` at all seats."""
+        return (
+            self.posed.shown
+            if light is self.posed.subtractive
+            else self.posed.observation.observe(light)
+        )
+
+    def _losses(self, seen: Light) -> dict[str, float]:
+        """Loss by the seat's name, from what all seats see; a single seat has no name."""
+        losses = {}
+        for number, (name, ruler) in enumerate(self._rulers.items()):
+            shown = seen
+            if isinstance(self.posed.observation, SeveralSeats):
+                shown = self.posed.observation.of_seat(seen, number)
+            losses[name] = 0.0 if is_rounding(shown, ruler.wanted) else ruler.lost(shown)
+        return losses
+
+    @cached_property
+    def _rulers(self) -> dict[str, Ruler]:
+        """Ruler by the seat's name; a single seat has no name."""
+        seats = {"": self.posed.wanted}
+        if isinstance(self.posed.observation, SeveralSeats):
+            assert isinstance(self._scene, StereoScene)
+            seats = {
+                name: self.posed.observation.of_seat(self.posed.wanted, number)
+                for number, name in enumerate(self._scene.chosen)
+            }
+        return {name: Ruler(wanted, self._scene, self._screen) for name, wanted in seats.items()}
+
+
+def _mean(losses: dict[str, float]) -> float:
+    return float(np.mean(list(losses.values())))

@@ -1,0 +1,124 @@
+"""Code values of raw frames <-> light, by tables: 8, 10 or 16 bits, or half precision."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.frames.colour import ColourTag
+from domesim.light import transfer
+from domesim.observation.projector import Projector, require_primaries
+
+
+@final
+@dataclass(frozen=True)
+class PixelFormat:
+    """How a raw frame holds its pixels, as FFmpeg names it.
+
+    Parameters
+    ----------
+    channels
+        Of a pixel; the first three are R, G, B.
+    dtype
+        Of a sample, little-endian.
+    """
+
+    channels: int
+    dtype: str
+
+    @property
+    def floating(self) -> bool:
+        """Whether samples are of half precision."""
+        return self.dtype == "<f2"
+
+    @property
+    def largest(self) -> int:
+        """The largest code; 0 of half precision."""
+        return 0 if self.floating else (1 << 8 * self.size) - 1
+
+    @property
+    def size(self) -> int:
+        """Bytes of a sample."""
+        return int(np.dtype(self.dtype).itemsize)
+
+
+PIXEL_FORMATS: Mapping[str, PixelFormat] = {
+    "rgb24": PixelFormat(3, "u1"),
+    "rgba": PixelFormat(4, "u1"),
+    "rgb48le": PixelFormat(3, "<u2"),
+    "rgba64le": PixelFormat(4, "<u2"),
+    "rgbaf16": PixelFormat(4, "<f2"),
+}
+"""Layouts of raw frames by name."""
+
+
+@final
+@dataclass(frozen=True)
+class Coding:
+    """What code values mean on a projector.
+
+    Parameters
+    ----------
+    projector
+        Whose light it is.
+    colour
+        Transfer and primaries of code values.
+
+    Raises
+    ------
+    InputError
+        If they are not known.
+    """
+
+    projector: Projector
+    colour: ColourTag
+
+    def __post_init__(self) -> None:
+        require_primaries(self.colour.primaries)
+        _ = self.curve
+
+    @property
+    def curve(self) -> transfer.Transfer:
+        """The transfer function."""
+        return transfer.named(self.colour.transfer, white=self.projector.white)
+
+    @cached_property
+    def mixing(self) -> NDArray[np.float64]:
+        """(3, 3) from linear RGB of the codes' primaries to light."""
+        linear = transfer.Linear()
+        return np.asarray(self.projector.decode(np.eye(3), linear, self.colour.primaries).T)
+
+    @property
+    def mixes(self) -> bool:
+        """Whether `mixing` is more than rounding away from doing nothing."""
+        return bool(np.abs(self.mixing - np.eye(3)).max() > 1e-12)
+
+    def table(self, codes: PixelFormat) -> NDArray[np.float32]:
+        """(code,) linear light of each code; of half precision by its bits, and NaN of NaN."""
+        every = np.arange(1 << 8 * codes.size, dtype=f"<u{codes.size}")
+        if codes.floating:
+            values = every.view("<f2").astype(np.float32)
+            values[np.isinf(values)] = np.nan
+        else:
+            values = (every / codes.largest).astype(np.float64)
+        with np.errstate(all="ignore"):
+            return np.asarray(self.curve.decode(values), np.float32)
+
+    def decoded(self, samples: NDArray[Any]) -> NDArray[np.float32]:
+        """(..., primary) light of samples (..., channel) of a raw frame, not clipped."""
+        values = samples[..., :3]
+        codes = values.astype(np.float32)
+        if samples.dtype != np.float16:
+            codes /= np.float32(np.iinfo(samples.dtype).max)
+        found: NDArray[np.float32] = self.projector.decode(codes, self.curve, self.colour.primaries)
+        return found
+
+    def encoded(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(..., RGB) code values 0..1 of light."""
+        codes = self.projector.encode(light, self.curve, self.colour.primaries)
+        return np.clip(codes, 0, 1)

@@ -1,0 +1,232 @@
+"""What a scene means for a live picture: numbers and small maps that all its frames share.
+
+Live pictures are made by the aim of `compensate.aim` and exact clipped subtraction, as files are.
+What varies smoothly over the screen is kept by cells, at most 64 across, and is linear in between:
+of a dome the direct gain, ambient light, and the modes of its reflections; of a pair the map of its
+crosstalk. `compensate.live.dome`, `pair` and `shader` compute with nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias, cast, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from compensate.aim import NEARBY, Aim, Sight, dome_block, scales, veil_block
+from compensate.means import block_sums
+from domesim.errors import InputError
+from domesim.observation.crosstalk import Crosstalk
+from domesim.observation.lowrank import LowRankObservation
+from domesim.scene import Scene
+
+CELLS = 64
+"""Most cells across a picture."""
+
+Floats: TypeAlias = NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class DomeConstants:
+    """A dome for pictures of one size.
+
+    Light here is over the direct gain D: that of a floor f is f / D, which is what subtraction
+    takes off the projected light.
+
+    Parameters
+    ----------
+    aim
+        Its settings.
+    screen
+        (row, col) bool.
+    weights
+        (primary,) of luminance.
+    dark
+        Luminance below which the eye loses contrast, of white.
+    block, radius
+        Pixels of a block's side, and blocks of a box's radius, of the base.
+    cell
+        Pixels of a cell's side: of whole blocks.
+    gain
+        (cell row, cell col): D.
+    ambient
+        (primary, cell row, cell col): ambient light over D.
+    spread
+        (rank, cell row, cell col): modes over D.
+    collect
+        (rank, cell row, cell col): what a unit of light on a pixel excites.
+    core
+        (primary, rank, rank): how the modes excite each other.
+    """
+
+    aim: Aim
+    screen: NDArray[np.bool_]
+    weights: Floats
+    dark: float
+    block: int
+    radius: int
+    cell: int
+    gain: Floats
+    ambient: Floats
+    spread: Floats
+    collect: Floats
+    core: Floats
+
+    @property
+    def views(self) -> int:
+        """One."""
+        return 1
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class PairConstants:
+    """A stereo system for pairs of one size.
+
+    Parameters
+    ----------
+    aim
+        Its settings.
+    rows, cols
+        Of each view.
+    weights
+        (primary,) of luminance.
+    dark
+        Luminance below which the eye loses contrast, of white.
+    sigmas
+        Standard deviations of the veils' means, pixels, from the coarsest.
+    blocks
+        Pixels of a block's side, of each.
+    nearby
+        Standard deviation of the mean that a veil stands out from, pixels.
+    cell
+        Pixels of a cell's side; 0 if the map is flat.
+    share
+        (view, cell row, cell col) of the map, or (view, 1, 1).
+    matrices
+        (view, primary, primary): what an eye sees of the other's light where the map is 1.
+    black
+        (view, primary) light without any picture.
+    """
+
+    aim: Aim
+    rows: int
+    cols: int
+    weights: Floats
+    dark: float
+    sigmas: tuple[float, ...]
+    blocks: tuple[int, ...]
+    nearby: float
+    cell: int
+    share: Floats
+    matrices: Floats
+    black: Floats
+
+    @property
+    def views(self) -> int:
+        """Two."""
+        return 2
+
+
+Constants: TypeAlias = DomeConstants | PairConstants
+
+
+def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> Constants:
+    """What `scene` means for pictures of `rows` x `cols` pixels a view.
+
+    Raises
+    ------
+    InputError
+        If the scene is of several seats, its crosstalk is a table from grey to grey, or it cannot
+        show such a picture.
+    """
+    aim = aim or Aim()
+    if scene.several_seats:
+        raise InputError(f"{scene.name}: live pictures are for one seat; name one (--seat)")
+    observation = scene.solvable(rows, cols)
+    sight = Sight(
+        scene.screen(rows, cols),
+        scene.projector.luminance_weights,
+        scene.projector.white,
+        scene.viewing.pixels_per_degree(rows, cols),
+    )
+    if isinstance(observation, LowRankObservation):
+        return _of_dome(observation, sight, aim)
+    if isinstance(observation, Crosstalk):
+        return _of_pair(observation, sight, aim)
+    raise InputError(
+        f"{scene.name}: live pictures take crosstalk that is linear, got a table from grey to "
+        f"grey; compensate such shows as files (domesim compensate)"
+    )
+
+
+def turns_of(k: PairConstants) -> int:
+    """How often the eyes take turns until subtraction is exact to 1e-5.
+
+    Each gains what the strongest crosstalk leaves of the other's last change.
+    """
+    strength = max(
+        float(np.linalg.norm(matrix, 2) * share.max())
+        for matrix, share in zip(k.matrices, k.share, strict=True)
+    )
+    return 1 + math.ceil(math.log(1e-5) / math.log(min(max(strength, 1e-5), 0.9)))
+
+
+def _of_dome(observation: LowRankObservation, sight: Sight, aim: Aim) -> DomeConstants:
+    f, screen = observation.factors, observation.screen
+    block = dome_block(sight.density)
+    cell = block * -(-max(screen.shape) // (CELLS * block))
+    on = screen.astype(np.float64)
+    count = block_sums(on, cell)
+    there = count > 0
+
+    def by_cells(planes: NDArray[np.floating]) -> Floats:
+        """Means over the screen; beyond it, those of the nearest cell."""
+        means = block_sums(on * planes, cell) / np.maximum(count, 1)
+        if there.all():
+            return np.asarray(means)
+        nearest = distance_transform_edt(~there, return_distances=False, return_indices=True)
+        return np.asarray(means[(..., *cast("tuple[NDArray[np.intp], ...]", nearest))])
+
+    gain = np.asarray(f.direct_gain, np.float64)
+    return DomeConstants(
+        aim=aim,
+        screen=screen,
+        weights=sight.weights,
+        dark=aim.dark / sight.white,
+        block=block,
+        radius=max(1, round(aim.reach * sight.density / block)),
+        cell=cell,
+        gain=by_cells(gain),
+        ambient=by_cells(f.ambient / gain),
+        spread=by_cells(f.spread / gain),
+        collect=by_cells(f.collect),
+        core=np.asarray(f.core, np.float64),
+    )
+
+
+def _of_pair(observation: Crosstalk, sight: Sight, aim: Aim) -> PairConstants:
+    rows, cols = observation.shape[1:3]
+    sigmas = scales(aim, sight)
+    cell, share = 0, observation.share.max(axis=(1, 2), keepdims=True)
+    if np.ptp(observation.share, axis=(1, 2)).any():
+        cell = -(-max(rows, cols) // CELLS)
+        share = block_sums(observation.share, cell) / block_sums(np.ones((rows, cols)), cell)
+    return PairConstants(
+        aim=aim,
+        rows=rows,
+        cols=cols,
+        weights=sight.weights,
+        dark=aim.dark / sight.white,
+        sigmas=tuple(sigmas),
+        blocks=tuple(veil_block(sigma) for sigma in sigmas),
+        nearby=NEARBY * sight.density,
+        cell=cell,
+        share=share,
+        matrices=observation.matrices,
+        black=observation.black,
+    )

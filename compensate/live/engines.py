@@ -1,0 +1,123 @@
+"""What computes live pictures: compiled loops, a GPU by PyTorch, or the library's own NumPy."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.aim import Aim
+from compensate.devices import CPU
+from compensate.live.coding import Coding, PixelFormat
+from compensate.live.constants import DomeConstants, constants_of
+from compensate.pose import Stage
+from compensate.solve import solved
+from domesim.frames.dithering import dither
+from domesim.light.strips import threads
+from domesim.scene import Scene
+from domesim.scene.screening import within_range
+
+Engine: TypeAlias = Callable[[NDArray[Any], int], NDArray[Any]]
+"""Frame (row, col, channel) and its number -> the frame to project, which the next overwrites."""
+
+FAST, PLAIN = "numba", "numpy"
+"""Names of what computes on the processor."""
+
+
+def engine_of(
+    scene: Scene,
+    rows: int,
+    cols: int,
+    coding: Coding,
+    pixels: PixelFormat,
+    *,
+    beside: bool,
+    aim: Aim,
+    dithers: bool,
+    device: str | None = None,
+) -> tuple[str, Engine]:
+    """The name of what computes, and itself.
+
+    Parameters
+    ----------
+    scene
+        The theatre, or stereo system.
+    rows, cols
+        Of each view.
+    coding, pixels
+        What code values mean, and their layout.
+    beside
+        Whether views of a pair lie side by side.
+    aim, dithers
+        Settings of the aim; whether codes are rounded with noise.
+    device
+        As for `compensate.devices.on_device`; a GPU where PyTorch finds one if None.
+
+    Raises
+    ------
+    InputError
+        As for `constants_of`; or if there is no such device.
+    """
+    constants = constants_of(scene, rows, cols, aim)
+    device = device or ("cuda" if _has_gpu() else CPU)
+    how: Any = {"beside": beside, "aim": aim, "dithers": dithers}
+    if device != CPU:
+        from compensate.live.arrays import ByArrays  # noqa: PLC0415 - not for who has no GPU
+
+        return device, ByArrays(scene, rows, cols, coding, pixels, device=device, **how)
+    if not _compiles():
+        return PLAIN, _plain(scene, coding, pixels, **how)
+    if isinstance(constants, DomeConstants):
+        from compensate.live.dome import CompiledDome  # noqa: PLC0415 - of an extra
+
+        return FAST, CompiledDome(constants, coding, pixels, dithers=dithers)
+    from compensate.live.pair import CompiledPair  # noqa: PLC0415
+
+    return FAST, CompiledPair(constants, coding, pixels, beside=beside, dithers=dithers)
+
+
+def _has_gpu() -> bool:
+    """Whether PyTorch finds a GPU; it is not imported where there is no sign of one."""
+    if not Path("/dev/nvidia0").exists() or importlib.util.find_spec("torch") is None:
+        return False
+    import torch  # noqa: PLC0415 - it takes seconds
+
+    return bool(torch.cuda.is_available())
+
+
+def _compiles() -> bool:
+    """Whether the extra ``fast`` is here, and wanted: see `compensate.solver.admm.fused`."""
+    if os.environ.get("DOMESIM_FAST", "1") == "0" or importlib.util.find_spec("numba") is None:
+        return False
+    os.environ.setdefault("NUMBA_NUM_THREADS", str(threads()))
+    return True
+
+
+def _plain(
+    scene: Scene, coding: Coding, pixels: PixelFormat, *, beside: bool, aim: Aim, dithers: bool
+) -> Engine:
+    """`compensate.master` for raw frames."""
+    stage = Stage(scene, aim)
+    axis = 1 if beside else 0
+
+    def compensated(codes: NDArray[Any], number: int) -> NDArray[Any]:
+        views = np.stack(np.split(codes, scene.views, axis)) if scene.views > 1 else codes[None]
+        screen = scene.screen(*views.shape[1:3])
+        desired, _ = within_range(coding.decoded(views), screen)
+        found = coding.encoded(solved(stage.pose(desired), "perceptual").light)
+        out = np.array(views)
+        if not pixels.floating:
+            found *= np.float32(pixels.largest)
+            if dithers:
+                dither(found, pixels.largest, (1, number))
+            else:
+                np.rint(found, out=found)
+        np.copyto(out[..., :3], found.astype(pixels.dtype), where=screen[None, :, :, None])
+        return np.concatenate(list(out), axis) if scene.views > 1 else out[0]
+
+    return compensated

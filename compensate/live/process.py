@@ -1,0 +1,235 @@
+"""A resident process: frames in, compensated frames out.
+
+Three threads have a frame each: one reads, one compensates, one writes. The next frame is read
+when the last begins to be compensated, so that none waits for longer than one other takes; and
+whoever sends frames waits while all three threads are busy.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from queue import Empty, Full, Queue
+from typing import Any, TypeAlias, final
+
+import numpy as np
+
+from domesim.errors import InputError
+
+Compensate: TypeAlias = Callable[[Any, int], Any]
+"""Frame as it was read and its number -> the frame to write."""
+
+_WAIT = 0.2  # seconds between looks at whether anybody still listens
+_KEPT = 100_000  # latencies
+
+
+@final
+class _GoneError(Exception):
+    """Whoever reads what is written has gone."""
+
+
+@final
+@dataclass
+class Told:
+    """What became of the frames.
+
+    Parameters
+    ----------
+    frames, dropped
+        How many were written, and left out because newer ones had come.
+    seconds
+        From the first frame that was read to the last that was written.
+    latencies
+        Seconds from a frame read to the same frame written, of the last ones.
+    """
+
+    frames: int = 0
+    dropped: int = 0
+    seconds: float = 0.0
+    latencies: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT))
+
+    def figures(self, fps: float | None) -> dict[str, Any]:
+        """For a program; latencies in frames if the stream's rate is known."""
+        found: dict[str, Any] = {"frames": self.frames, "dropped": self.dropped}
+        if not self.frames:
+            return found
+        latencies = np.array(self.latencies)
+        found["fps"] = self.frames / max(self.seconds, 1e-9)
+        found["latency_ms"] = {
+            "median": float(np.median(latencies) * 1e3),
+            "p99": float(np.quantile(latencies, 0.99) * 1e3),
+            "largest": float(latencies.max() * 1e3),
+        }
+        if fps is not None:
+            found["latency_frames"] = float(np.median(latencies) * fps)
+        return found
+
+
+def read_exactly(source: int, wanted: int, sink: int | None = None) -> bytearray:
+    """That many bytes of a file descriptor; fewer only at its end.
+
+    Raises
+    ------
+    _GoneError
+        If nobody reads `sink` any more.
+    """
+    data = bytearray(wanted)
+    view, got = memoryview(data), 0
+    poll = select.poll()
+    poll.register(source, select.POLLIN)
+    if sink is not None:
+        poll.register(sink, 0)  # errors only
+    while got < wanted:
+        ready = dict(poll.poll(_WAIT * 1e3))
+        if sink is not None and ready.get(sink, 0) & (select.POLLERR | select.POLLHUP):
+            raise _GoneError
+        if source not in ready:
+            continue
+        count = os.readv(source, [view[got:]])
+        if not count:
+            return data[:got]
+        got += count
+    return data
+
+
+def read_line(source: int, longest: int, sink: int | None = None) -> bytes:
+    """Bytes up to the next end of a line, which is taken off, or to the end; see `read_exactly`."""
+    line = bytearray()
+    while len(line) < longest:
+        byte = read_exactly(source, 1, sink)
+        if bytes(byte) in (b"", b"\n"):
+            break
+        line += byte
+    return bytes(line)
+
+
+def stream(
+    frames: Iterator[Any],
+    compensate: Compensate,
+    sink: int,
+    *,
+    drop: bool = False,
+    head: Callable[[Any], list[Any]] = lambda frame: [frame],
+) -> Told:
+    """Compensate frames until there are no more.
+
+    Parameters
+    ----------
+    frames
+        Reads them, one after the other.
+    compensate
+        Makes what `head` takes; one at a time.
+    sink
+        File descriptor that they go to.
+    drop
+        Leave out frames that wait while a newer one has come; else whoever sends them waits.
+    head
+        The buffers to write of a frame, which nothing changes any more.
+
+    Raises
+    ------
+    InputError
+        If a frame cannot be read, or nobody reads the results any more.
+    """
+    line = _Line(frames, sink, drop)
+    for thread in line.threads:
+        thread.start()
+    number = 0
+    try:
+        while (item := line.get(line.came)) is not None:
+            line.room.release()
+            read_at, frame = item
+            line.put(line.made, (read_at, head(compensate(frame, number))))
+            number += 1
+        line.put(line.made, None)
+        line.threads[1].join()
+    finally:
+        line.stop.set()
+    for error in line.errors:
+        if isinstance(error, _GoneError | BrokenPipeError):
+            raise InputError(
+                f"standard output: whoever read the frames has gone, after {line.told.frames} of "
+                f"them"
+            ) from None
+        raise error
+    return line.told
+
+
+@final
+class _Line:
+    """What the threads of a stream share: one that reads, one that writes, and whoever computes."""
+
+    def __init__(self, frames: Iterator[Any], sink: int, drop: bool) -> None:
+        self._frames, self._sink, self._drop = frames, sink, drop
+        self.told = Told()
+        self.came: Queue[Any] = Queue(1)
+        self.made: Queue[Any] = Queue(1)
+        self.room = threading.Semaphore(1)
+        self.stop = threading.Event()
+        self.errors: list[BaseException] = []
+        self.threads = [
+            threading.Thread(
+                target=self._guarded, args=(work,), name=f"domesim-live-{name}", daemon=True
+            )
+            for name, work in (("reads", self._read), ("writes", self._write))
+        ]
+
+    def put(self, queue: Queue[Any], item: Any) -> None:
+        """Wait for a place, unless it is over."""
+        while not self.stop.is_set():
+            with contextlib.suppress(Full):
+                queue.put(item, timeout=_WAIT)
+                return
+
+    def get(self, queue: Queue[Any]) -> Any:
+        """Wait for something; None if it is over."""
+        while not self.stop.is_set():
+            with contextlib.suppress(Empty):
+                return queue.get(timeout=_WAIT)
+        return None
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """Errors go to the main thread, which raises them."""
+        try:
+            work()
+        except BaseException as error:
+            self.errors.append(error)
+            self.stop.set()
+
+    def _read(self) -> None:
+        while not self.stop.is_set():
+            if not self._drop and not self.room.acquire(timeout=_WAIT):
+                continue
+            frame = next(self._frames, None)
+            if self._drop and frame is not None:
+                with contextlib.suppress(Empty):
+                    self.came.get_nowait()
+                    self.told.dropped += 1
+            self.put(self.came, None if frame is None else (time.perf_counter(), frame))
+            if frame is None:
+                return
+
+    def _write(self) -> None:
+        first = None
+        while (item := self.get(self.made)) is not None:
+            read_at, buffers = item
+            for buffer in buffers:
+                _write_all(self._sink, buffer)
+            now = time.perf_counter()
+            first = read_at if first is None else first
+            self.told.frames += 1
+            self.told.seconds = now - first
+            self.told.latencies.append(now - read_at)
+
+
+def _write_all(sink: int, buffer: Any) -> None:
+    view = memoryview(buffer).cast("B")
+    done = 0
+    while done < len(view):
+        done += os.write(sink, view[done:])

@@ -1,0 +1,289 @@
+"""User shaders for mpv and libplacebo: a scene's live pictures as one file.
+
+The passes do what `compensate.aim` does, on a GPU. Textures between passes are of half precision in
+players, so that what must be known better is kept in two numbers. Floors are found by a relaxed
+iteration, s + w (G(s) - s), whose error shrinks by half of the feedback over one and that half in
+each step, whatever is clipped, if w is one over one and half of the feedback.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.aim import Aim
+from compensate.live.coding import Coding
+from compensate.live.constants import (
+    DomeConstants,
+    PairConstants,
+    constants_of,
+    turns_of,
+)
+from compensate.live.smoothing import weights_of
+from domesim import __version__
+from domesim.errors import InputError
+from domesim.frames.colour import ColourTag
+from domesim.light.transfer import DCDM, SRGB, ST2084, Gamma, Linear
+from domesim.scene import Scene
+
+_EXACT = 1e-4
+"""Share of their first error to which floors are found."""
+_SIDE = 256  # texels of a row of spans
+
+
+@final
+@dataclass(frozen=True)
+class _Texture:
+    """Numbers that a shader's file holds: (row, col, channel)."""
+
+    values: NDArray[np.float32]
+
+    @property
+    def width(self) -> int:
+        return int(self.values.shape[1])
+
+    @property
+    def height(self) -> int:
+        return int(self.values.shape[0])
+
+    @property
+    def hex(self) -> str:
+        return self.values.astype("<f4").tobytes().hex()
+
+
+def shader_of(
+    scene: Scene,
+    rows: int,
+    cols: int,
+    colour: ColourTag,
+    *,
+    beside: bool = True,
+    aim: Aim | None = None,
+) -> str:
+    """The text of a user shader.
+
+    Parameters
+    ----------
+    scene
+        The theatre, or stereo system.
+    rows, cols
+        Of each view, pixels.
+    colour
+        What code values are.
+    beside
+        Whether the video has both views of a pair side by side, and not one above the other.
+    aim
+        Its settings.
+
+    Raises
+    ------
+    InputError
+        As for `constants_of`; or if no shader knows the colour's curve, or the screen has holes.
+    """
+    coding = Coding(scene.projector, colour)
+    across, down = (scene.views, 1) if beside else (1, scene.views)
+    constants = constants_of(scene, rows, cols, aim)
+    about = {
+        "scene": scene.name,
+        "described": f"domesim {__version__}; {' '.join(scene.description.split())}",
+        "width": across * cols,
+        "height": down * rows,
+        "white": scene.projector.white,
+        "density": f"{scene.viewing.pixels_per_degree(rows, cols):.4g}",
+        **_about_coding(coding),
+    }
+    if isinstance(constants, DomeConstants):
+        name, found = "dome.glsl.j2", _about_dome(constants)
+    else:
+        name, found = "pair.glsl.j2", _about_pair(constants, beside=beside)
+    about |= found
+    said = repr(sorted((key, _told(value)) for key, value in about.items()))
+    about["digest"] = hashlib.sha256(said.encode()).hexdigest()[:16]
+    return _rendered(name, about)
+
+
+def _about_coding(coding: Coding) -> dict[str, Any]:
+    """What templates say of code values."""
+    curve = coding.curve
+    about: dict[str, Any] = {
+        "coding": coding.colour.named,
+        "mixing": _matrix(coding.mixing),
+        "back": _matrix(np.linalg.inv(coding.mixing)),
+        "curve": "power",
+        "peak": "1.0",
+        "exponent": 1.0,
+    }
+    match curve:
+        case SRGB():
+            about["curve"] = "srgb"
+        case ST2084():
+            about["curve"] = "st2084"
+            about["white"] = curve.white
+        case DCDM():
+            about |= {"peak": _glsl(curve.peak / curve.white), "exponent": 2.6}
+        case Gamma():
+            about["exponent"] = curve.exponent
+        case Linear():
+            pass
+        case _:
+            raise InputError(
+                f"{coding.colour.source}: no shader knows this curve; use srgb, bt1886, gamma2.2, "
+                f"linear, st2084 or dcdm"
+            )
+    return about
+
+
+def _about_dome(k: DomeConstants) -> dict[str, Any]:
+    """What the dome's template says of its constants."""
+    rows, cols = k.screen.shape
+    cell_rows, cell_cols = k.gain.shape
+    if (np.diff(k.screen.astype(np.int8), axis=1) == 1).sum(axis=1).max() > 1:
+        raise InputError("a shader takes screens whose rows are in one piece, got one with holes")
+    some = k.screen.any(axis=1)
+    spans = np.zeros((-(-rows // _SIDE) * _SIDE, 2))
+    spans[:rows, 0] = k.screen.argmax(axis=1) * some
+    spans[:rows, 1] = (cols - k.screen[:, ::-1].argmax(axis=1)) * some
+    collect = k.collect * k.cell**2
+    largest = np.abs(collect.sum(axis=(1, 2))).max()
+    feedback = _feedback(k)
+    return {
+        "textures": ("SPANS", "GAIN", "AMBIENT", "SPREAD", "COLLECT", "CORE"),
+        "spans_side": _SIDE,
+        "spans": _texture(spans.reshape(-1, _SIDE, 2)),
+        "gain": _texture(k.gain[..., None]),
+        "ambient": _texture(_of_four(np.moveaxis(k.ambient, 0, -1))),
+        "spread": _texture(k.spread.reshape(-1, cell_cols, 1)),
+        "collect": _texture(collect.reshape(-1, cell_cols, 1) / largest),
+        "core": _texture(_of_four(np.moveaxis(k.core, 0, -1)) * largest),
+        "rank": len(k.spread),
+        "rows": rows,
+        "cols": cols,
+        "block": k.block,
+        "radius": k.radius,
+        "cell": k.cell,
+        "block_rows": -(-rows // k.block),
+        "block_cols": -(-cols // k.block),
+        "cell_rows": cell_rows,
+        "cell_cols": cell_cols,
+        "steps": math.ceil(math.log(_EXACT) / math.log(feedback / 2 / (1 + feedback / 2))),
+        "relaxation": _glsl(1 / (1 + feedback / 2)),
+        "weights": _vector(k.weights),
+        "dark": _glsl(k.dark),
+        "middle": _glsl(math.log(k.dark) / 2),
+        "edge": k.aim.edge,
+        "darkest": _glsl(k.aim.darkest),
+        "lift": _glsl(k.aim.lift),
+        "fade": _glsl(k.aim.fade),
+        "hue": _glsl(k.aim.hue),
+    }
+
+
+def _about_pair(k: PairConstants, *, beside: bool) -> dict[str, Any]:
+    """What the pair's template says of its constants."""
+    fine = k.blocks[-1]
+    fine_cols, fine_rows = -(-k.cols // fine), -(-k.rows // fine)
+    octaves = []
+    for sigma, block in zip(k.sigmas, k.blocks, strict=True):
+        within = block // fine
+        octaves.append(
+            _smoothing(-(-fine_cols // within), -(-fine_rows // within), within, sigma / block)
+        )
+    near = _smoothing(fine_cols, fine_rows, 1, k.nearby / fine)
+    numbers = range(len(octaves))
+    return {
+        "textures": (
+            *("SHARE", "ACROSSNEAR", "DOWNNEAR"),
+            *(f"{name}{number}" for name in ("ACROSS", "DOWN") for number in numbers),
+        ),
+        "share": _texture(k.share.reshape(-1, k.share.shape[2], 1)),
+        "cell": k.cell,
+        "cell_rows": k.share.shape[1],
+        "cell_cols": k.share.shape[2],
+        "rows": k.rows,
+        "cols": k.cols,
+        "fine": fine,
+        "fine_rows": fine_rows,
+        "fine_cols": fine_cols,
+        "beside": beside,
+        "octaves": octaves,
+        "near": near,
+        "matrices": [_matrix(matrix) for matrix in k.matrices],
+        "black": [_vector(black) for black in k.black],
+        "rounds": -(-turns_of(k) // 2),
+        "weights": _vector(k.weights),
+        "dark": _glsl(k.dark),
+        "lift": _glsl(k.aim.lift),
+        "faint": _glsl(k.aim.faint),
+    }
+
+
+def _smoothing(cols: int, rows: int, block: int, sigma: float) -> SimpleNamespace:
+    """A plane's size, and how `compensate.means.smooth` weighs its neighbours near its edges."""
+    about: dict[str, Any] = {"cols": cols, "rows": rows, "block": block, "reach": {}, "kept": {}}
+    for name, axis, count in (("across", "x", cols), ("down", "y", rows)):
+        table = weights_of(count, sigma)
+        about[name] = _texture(table[..., None])
+        about["kept"][axis], about["reach"][axis] = len(table), table.shape[1] // 2
+    return SimpleNamespace(**about)
+
+
+def _feedback(k: DomeConstants) -> float:
+    """Largest share of a screenful of light that comes back to the screen."""
+    rows, cols = k.gain.shape
+    on = np.zeros((rows * k.cell, cols * k.cell))
+    on[: k.screen.shape[0], : k.screen.shape[1]] = k.screen
+    count = on.reshape(rows, k.cell, cols, k.cell).sum(axis=(1, 3))
+    overlap = np.einsum("jrc,krc,rc->jk", k.collect, k.spread, count)
+    return float(np.abs(np.linalg.eigvals(k.core @ overlap)).max())
+
+
+def _texture(values: NDArray[np.floating]) -> _Texture:
+    return _Texture(np.asarray(values, np.float32))
+
+
+def _of_four(values: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Three channels and an empty one: no GPU takes three."""
+    return np.concatenate([values, 0 * values[..., :1]], axis=-1)
+
+
+def _told(value: Any) -> Any:
+    """What a digest is made of."""
+    if isinstance(value, SimpleNamespace):
+        return [(key, _told(each)) for key, each in sorted(vars(value).items())]
+    if isinstance(value, list):
+        return [_told(each) for each in value]
+    return value.hex if isinstance(value, _Texture) else value
+
+
+def _glsl(value: float) -> str:
+    """A number as GLSL reads it."""
+    text = repr(float(np.float32(value)))
+    return text if "." in text or "e" in text else f"{text}.0"
+
+
+def _vector(values: NDArray[np.floating]) -> str:
+    return f"vec3({', '.join(map(_glsl, values.tolist()))})"
+
+
+def _matrix(values: NDArray[np.floating]) -> str:
+    """Column by column, as GLSL has them."""
+    return f"mat3({', '.join(_glsl(each) for each in values.T.ravel().tolist())})"
+
+
+def _rendered(name: str, about: dict[str, Any]) -> str:
+    import jinja2  # noqa: PLC0415 - slow to import
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("compensate.live"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    text = environment.get_template(name).render(k=SimpleNamespace(**about))
+    return "\n".join(line.rstrip() for line in text.splitlines() if line.strip()) + "\n"

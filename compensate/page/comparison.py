@@ -1,0 +1,225 @@
+"""One master under all methods: what each would have the audience see, as files and as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from importlib import metadata
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from compensate.aim import Eye
+from compensate.figures import Appraisal
+from compensate.master import Outcome, solve_frame
+from compensate.methods import Solver
+from compensate.page.page import Figure, View, write_page
+from compensate.pose import Posed, Stage
+from domesim.frames import Master
+from domesim.light import Light
+from domesim.scene import DomeScene, Scene
+from domesim.scene.screening import encoded
+
+PERCEPTUAL = ("Seen, perceptual", "the master's contrasts and hues, over the black that is left")
+DOME = {
+    "none": ("Seen, untouched", "the master projected as it is: reflected light greys the blacks"),
+    "subtractive": ("Seen, subtractive", "reflected light subtracted, clipped at black"),
+    "raised-black": ("Seen, raised black", "the whole picture lifted until nothing clips"),
+    "perceptual": PERCEPTUAL,
+}
+STEREO = {
+    "none": ("Seen, untouched", "the master projected as it is: each eye sees a ghost"),
+    "subtractive": ("Seen, subtractive", "the ghost subtracted, clipped at black"),
+    "raised-black-local": ("Seen, raised black", "lifted around ghosts until nothing clips"),
+    "perceptual": PERCEPTUAL,
+}
+"""Methods that are shown: name -> title and note."""
+
+
+@final
+@dataclass(frozen=True)
+class Comparison:
+    """The outcomes of the methods that are shown, for one master in one scene."""
+
+    frame: Master
+    appraisal: Appraisal
+    outcomes: Mapping[str, Outcome]
+
+    @property
+    def posed(self) -> Posed:
+        """The master in its scene."""
+        return self.appraisal.posed
+
+    def figures(self) -> dict[str, dict[str, Any]]:
+        """Method -> figures."""
+        return {method: asdict(outcome.figures) for method, outcome in self.outcomes.items()}
+
+    def frames(self) -> Iterator[tuple[str, Master]]:
+        """Name and frame of what to project, and of what is seen with each method."""
+        posed = self.appraisal.posed
+        yield "project", self.outcomes["perceptual"].frame
+        for method, seen in self._seen():
+            yield f"seen-{method}", encoded(self.frame, seen, posed.scene, posed.screen)[0]
+
+    def write_page(self, path: Path, *, size: int, command: str) -> None:
+        """Write the compare page.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written.
+        """
+        scene = self.posed.scene
+        titles = shown_methods(scene)
+        views = [self._view("Master", self._wanted, "what the audience should see", "master")]
+        for method, seen in self._seen():
+            view = self._view(titles[method][0], seen, titles[method][1], "seen")
+            views.append(replace(view, lost=self.appraisal.lost_map(seen)))
+        views.append(
+            self._view(
+                "Projected, perceptual",
+                self.outcomes["perceptual"].light,
+                "what the projectors are sent",
+                "projected",
+            )
+        )
+        theatre = scene.theatre if isinstance(scene, DomeScene) else None
+        write_page(
+            path,
+            views,
+            title=" and ".join(file.name for file in self.frame.paths),
+            subtitle=f"{scene.name}: {scene.description}",
+            white=scene.projector.white,
+            figures=self._table(),
+            facts=self._facts(command),
+            size=size,
+            mask=None if theatre is None else self.posed.screen,
+            theatre=theatre,
+        )
+
+    @property
+    def _wanted(self) -> Light:
+        return self.posed.problem.desired[: self.posed.scene.views, ...]
+
+    def _view(self, name: str, light: Light, note: str, kind: str) -> View:
+        pictures = [np.maximum(eye, 0) for eye in self.posed.scene.projector.to_display(light)]
+        return View(name, pictures[0], note, kind, *pictures[1:])
+
+    def _seen(self) -> Iterator[tuple[str, Light]]:
+        for method, outcome in self.outcomes.items():
+            yield method, self.posed.seen(outcome.light)
+
+    def _table(self) -> list[Figure]:
+        screen, projector = self.posed.screen, self.posed.scene.projector
+        weights = projector.luminance_weights * projector.white
+        titles = shown_methods(self.posed.scene)
+        names = {method: titles[method][0] for method in self.outcomes}
+        pictures = {"Master": self._wanted}
+        pictures |= {names[method]: seen for method, seen in self._seen()}
+        darkest = {
+            name: float(np.percentile(seen[:, screen] @ weights, 1))
+            for name, seen in pictures.items()
+        }
+        table = [
+            Figure(
+                "Quality lost",
+                "JOD",
+                {names[m]: f"{o.figures.loss_after:.3g}" for m, o in self.outcomes.items()},
+                "How much worse it looks than the master, by a published model of vision: of two "
+                "pictures 1 JOD apart, 75 of 100 people prefer the better.",
+            ),
+            Figure(
+                "Darkest 1 %",
+                "cd/m²",
+                {name: f"{value:.3g}" for name, value in darkest.items()},
+                "Luminance below which the darkest hundredth of the screen lies.",
+            ),
+        ]
+        if self.posed.scene.views == 2:
+            table += self._ghosts(names)
+        by_seat = [
+            Figure(
+                f"Quality lost, {seat}",
+                "JOD",
+                {names[m]: f"{o.figures.loss_by_seat[seat]:.3g}" for m, o in self.outcomes.items()},
+                "The same at this seat; the pictures are what the first seat sees.",
+            )
+            for seat in next(iter(self.outcomes.values())).figures.loss_by_seat
+        ]
+        return table + by_seat
+
+    def _ghosts(self, names: Mapping[str, str]) -> list[Figure]:
+        """What is left of the ghosts, as `compensate.ghosts` and the documents define it."""
+        contours: dict[str, str] = {}
+        for method, outcome in self.outcomes.items():
+            found = self.appraisal.ghost_contour(outcome.light)
+            if found is not None:
+                contours[names[method]] = f"{found:.0%}"
+        edges = {
+            names[m]: f"{o.figures.ghost_edges:.0%}"
+            for m, o in self.outcomes.items()
+            if o.figures.ghost_edges is not None
+        }
+        return [
+            Figure(
+                "Ghost contour",
+                "of the untouched",
+                contours,
+                "Edges of ghosts that are left where subtraction clips, which is where methods "
+                "differ.",
+            ),
+            Figure(
+                "Ghost edge energy",
+                "of the untouched",
+                edges,
+                "All edges over the whole picture that are not the master's, those of veils too.",
+            ),
+        ]
+
+    def _facts(self, command: str) -> dict[str, str]:
+        scene, best = self.posed.scene, self.outcomes["perceptual"].figures
+        other = "Reflected" if scene.views == 1 else "The other eye's"
+        return {
+            "Master": self.frame.described(),
+            **scene.facts(),
+            f"{other} and stray light": f"{best.pollution:.3g} cd/m² on average, untouched",
+            "Too dark for exact subtraction": f"{best.clipped:.1%} of the screen",
+            "Out of the projector's range": f"{best.out_of_range:.1%} of the screen",
+            "Solver": f"{best.status} {best.iterations} iterations, {best.ffts} FFTs, "
+            f"{best.seconds:.1f} s"
+            + ("" if best.gap is None else f", within {best.gap:.1e} of the optimum"),
+            "Version": f"domesim {metadata.version('domesim')}",
+            "Command": command,
+        }
+
+
+def shown_methods(scene: Scene) -> Mapping[str, tuple[str, str]]:
+    """The methods that a comparison shows: name -> title and note."""
+    return DOME if isinstance(scene, DomeScene) else STEREO
+
+
+def compare_methods(
+    frame: Master,
+    scene: Scene,
+    *,
+    solver: Solver | None,
+    weighting: Eye | None,
+    progress: Callable[[str], None] = lambda name: None,
+) -> Comparison:
+    """Run the methods that are shown on one master; `solver` is the perceptual one's.
+
+    Raises
+    ------
+    InputError
+        If the frame is no master for the scene.
+    """
+    posed, out_of_range = Stage(scene, weighting).pose_frame(frame)
+    appraisal = Appraisal(posed)
+    outcomes = {}
+    for method in shown_methods(scene):
+        progress(method)
+        outcomes[method] = solve_frame(
+            frame, posed, out_of_range, method, solver if method == "perceptual" else None
+        ).outcome(appraisal)
+    return Comparison(frame, appraisal, outcomes)

@@ -1,0 +1,357 @@
+"""A master in a scene, as what is wanted, what is seen, and the paper's problem (Fig. 3).
+
+    file -> frames -> projector.decode -> Light -> **problem** -> solver -> projector.encode -> file
+
+`Stage` poses the frames of a show, `Setting` is what all of one size share, and `Posed` is one of
+them. The methods of `compensate.solve` start from that, and `compensate.figures` says how good
+their answers are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import cast, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.aim import Aim, Eye, Sight, lifted, veiled, with_hue
+from compensate.problem import Problem
+from compensate.solver import baselines, deghosting
+from compensate.solver.worst_seat import seat_importance
+from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
+from domesim.errors import InputError
+from domesim.frames import Master
+from domesim.light import Light, require_light
+from domesim.light.strips import all_within, in_strips
+from domesim.observation.base import AdjointObservation, Observation
+from domesim.observation.crosstalk import Crosstalk
+from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.lowrank import LowRankObservation
+from domesim.observation.seats import SeveralSeats
+from domesim.observation.uncertain import Uncertain
+from domesim.scene import Scene, StereoScene
+from domesim.scene.screening import decoded, within_range
+
+NEGLIGIBLE = 0.001
+"""Visible error, JND rms, for which no solver need go on."""
+
+_ROUNDING = 8 * float(np.finfo(np.float32).eps)  # of white; as `ADMM` sees it
+
+
+@final
+@dataclass(frozen=True)
+class Posed:
+    """A master in a scene.
+
+    Parameters
+    ----------
+    setting
+        What all frames of this size share.
+    desired
+        (view, row, col, primary) master light, in 0..1 on the screen.
+    wanted
+        (seen view, row, col, primary) what all seats should see.
+    problem
+        The paper's least squares: what to minimise without an aim. It may know the observation
+        linearised.
+    single
+        The problem for methods that know one seat only: of several, the mean one.
+    subtractive, shown
+        The light of exact clipped subtraction, and what is seen of it, at all seats.
+    """
+
+    setting: Setting
+    desired: Light
+    wanted: Light
+    problem: Problem
+    single: Problem
+    subtractive: Light
+    shown: Light
+
+    @property
+    def scene(self) -> Scene:
+        """The theatre, or stereo system."""
+        return self.setting.scene
+
+    @property
+    def observation(self) -> Observation:
+        """What the audience sees, exactly."""
+        return self.setting.observation
+
+    @property
+    def screen(self) -> NDArray[np.bool_]:
+        """(row, col) pixels that count."""
+        return self.setting.screen
+
+    @cached_property
+    def exact(self) -> bool:
+        """Whether subtraction shows what is wanted, to rounding."""
+        return is_rounding(self.shown, self.wanted)
+
+    def aimed(self) -> Light | None:
+        """The light that shows the aim; None if the picture is made for something else."""
+        eye = self.setting.eye
+        if not isinstance(eye, Aim):
+            return None
+        return self.setting.aimed(eye, self.desired, self.subtractive, self.shown)
+
+    def residual(self, light: Light) -> Light:
+        """psi(x) - wanted, of all seats: (seen view, row, col, primary)."""
+        residual = self.observation.observe(light)
+        residual -= self.wanted
+        return residual
+
+    def seen(self, light: Light) -> Light:
+        """(view, row, col, primary) what is seen of projected `light`, at the first seat."""
+        return self.observation.observe(light)[: self.scene.views, ...]
+
+
+def pose(desired: Light, scene: Scene, weighting: Eye | None = None) -> Posed:
+    """A master in a scene; parameters as for `compensate.master.compensate`."""
+    return Stage(scene, weighting).pose(desired)
+
+
+@final
+class Stage:
+    """Poses the frames of a show, which share all but their pictures.
+
+    Parameters
+    ----------
+    scene
+        The theatre, or stereo system.
+    weighting
+        Settings of the vision model.
+    """
+
+    def __init__(self, scene: Scene, weighting: Eye | None = None) -> None:
+        self._scene = scene
+        self._eye = weighting or preferred(scene)
+        self._setting: Setting | None = None
+
+    def pose(self, desired: Light) -> Posed:
+        """The optimisation problem of a master (view, row, col, primary); see `compensate`.
+
+        Raises
+        ------
+        InputError
+            If the master leaves 0..1 on the screen.
+        """
+        require_light(desired, who="compensate")
+        setting = self._of_size(*desired.shape[1:3])
+        require_light(desired, setting.observation.shape, who="compensate")
+        require_within_range(desired, setting.screen)
+        desired = _on(setting.screen, desired)
+        single, subtractive = setting.subtracted(desired)
+        solvable = single.observation
+        if isinstance(setting.observation, SeveralSeats):
+            solvable = setting.observation
+        wanted = single.desired if solvable is single.observation else solvable.direct(desired)
+        problem = Problem(
+            solvable,
+            setting.weighting,
+            wanted,
+            (single.lower, single.upper),
+            anchor=subtractive,
+            regularisation=REGULARISATION * len(desired) / len(wanted),  # of seats as of one
+            negligible=setting.negligible,
+        )
+        shown = setting.observation.observe(subtractive)
+        return Posed(setting, desired, wanted, problem, single, subtractive, shown)
+
+    def pose_frame(self, frame: Master) -> tuple[Posed, float]:
+        """`pose` for a master, and the share of its screen out of the projector's range."""
+        light = decoded(frame, self._scene)
+        desired, out_of_range = within_range(light, self._of_size(*light.shape[1:3]).screen)
+        return self.pose(desired), out_of_range
+
+    def _of_size(self, rows: int, cols: int) -> Setting:
+        if self._setting is None or self._setting.screen.shape != (rows, cols):
+            self._setting = _setting(self._scene, self._eye, rows, cols)
+        return self._setting
+
+
+@final
+@dataclass(frozen=True)
+class Setting:
+    """What all frames of one size have in common in a scene.
+
+    Parameters
+    ----------
+    scene
+        The theatre, or stereo system.
+    eye
+        The aim or weighting that pictures are made for.
+    observation
+        What the audience sees, at all seats.
+    single
+        What it sees at the one seat, or at the mean one of several.
+    plain
+        The paper's weighting of one seat.
+    weighting
+        The paper's weighting of all seats.
+    judge
+        The paper's weighting with its default settings, for figures. It counts transforms of its
+        own: figures may be computed while another frame is solved.
+    screen
+        (row, col) bool: pixels off the screen neither count nor change.
+    areas
+        (row, col) of the pixels, m².
+    """
+
+    scene: Scene
+    eye: Eye
+    observation: Observation
+    single: Observation
+    plain: CsfWeighting
+    weighting: CsfWeighting
+    judge: CsfWeighting
+    screen: NDArray[np.bool_]
+    areas: NDArray[np.floating]
+
+    @cached_property
+    def sight(self) -> Sight:
+        """How a picture is seen."""
+        projector = self.scene.projector
+        density = self.scene.viewing.pixels_per_degree(*self.screen.shape)
+        return Sight(self.screen, projector.luminance_weights, projector.white, density)
+
+    @cached_property
+    def uncertain(self) -> Uncertain | None:
+        """How sure the scene is of what is seen; None if nothing of it was measured."""
+        return self.scene.uncertain(*self.screen.shape)
+
+    @property
+    def negligible(self) -> float:
+        """Cost of a visible error of `NEGLIGIBLE`."""
+        samples = np.count_nonzero(self.screen) * self.scene.views / 2
+        return float(samples * (NEGLIGIBLE / differences(self.scene, self.plain)) ** 2)
+
+    def subtracted(self, desired: Light) -> tuple[Problem, Light]:
+        """The problem at the mean seat, and its exact clipped subtraction.
+
+        A table is linearised there.
+        """
+        # Subtraction needs no adjoint, so that it knows a table as it is.
+        observation = cast("AdjointObservation", self.single)
+        if isinstance(observation, LowRankObservation):
+            on = observation.screen_like(desired)[None, :, :, None]
+            problem = Problem(observation, self.plain, observation.direct(desired), (0.0, on))
+            return problem, baselines.clipped_subtraction(problem)[0]
+        problem = Problem(observation, self.plain, desired)
+        if isinstance(observation, Crosstalk):
+            return problem, deghosting.subtracted_crosstalk(observation, desired)
+        light, _ = deghosting.clipped_subtraction(problem)
+        if isinstance(self.single, GreyToGrey):
+            problem = problem.observed_by(self.single.linearised(light))
+        return problem, light
+
+    def aimed(self, aim: Aim, desired: Light, subtractive: Light, seen: Light) -> Light:
+        """The light that shows the aim, by exact clipped subtraction.
+
+        Parameters
+        ----------
+        aim
+            Its settings.
+        desired, subtractive, seen
+            The master, exact clipped subtraction of it, and what that shows.
+        """
+        if len(desired) > 1:
+            left = np.maximum(seen - desired, 0)
+            return self.subtracted(veiled(aim, self.sight, desired, left))[1]
+        direct = self.single.direct
+        wanted = direct(desired)
+        white = direct(np.broadcast_to(np.ones((), desired.dtype), desired.shape))
+        raised = lifted(aim, self.sight, wanted, seen - direct(subtractive), white)
+        light = self._showing(raised)
+        floor = self.single.observe(light)
+        floor -= direct(light)
+        del light
+        return self._showing(with_hue(aim, wanted, raised, floor))
+
+    def _showing(self, seen: Light) -> Light:
+        """The light of a dome that shows `seen`, by exact clipped subtraction."""
+        observation = cast("LowRankObservation", self.single)
+        on = observation.screen_like(seen)[None, :, :, None]
+        return baselines.clipped_subtraction(Problem(observation, self.plain, seen, (0.0, on)))[0]
+
+
+def preferred(scene: Scene) -> Eye:
+    """A scene's default: the aim for one seat, else the weighting (``validation/notes/0007``)."""
+    return PerceptualWeighting() if scene.several_seats else Aim()
+
+
+def _setting(scene: Scene, eye: Eye, rows: int, cols: int) -> Setting:
+    single = observation = scene.solvable(rows, cols)
+    if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
+        single = scene.mean_seat(rows, cols)
+    screen = scene.screen(rows, cols)
+    if isinstance(eye, Aim) and isinstance(observation, SeveralSeats):
+        raise InputError(
+            "an aim is of one seat, got several; name one (--seat), or use the paper's weighting "
+            "(--weighting paper)"
+        )
+    paper = PerceptualWeighting() if isinstance(eye, Aim) else eye
+    plain = paper.of(scene.viewing, scene.projector, screen, scene.views)
+    weighting = plain
+    if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
+        weighting = plain.with_importance(seat_importance(scene.weights))
+    reference = plain
+    if paper != PerceptualWeighting():
+        reference = PerceptualWeighting().of(scene.viewing, scene.projector, screen, scene.views)
+    judge = reference.with_importance(weighting.importance).counted_apart()
+    areas = scene.pixel_areas(rows, cols)
+    return Setting(scene, eye, observation, single, plain, weighting, judge, screen, areas)
+
+
+def require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:
+    """See that light is within 0..1 on the screen.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    if all_within(desired, 0, 1):
+        return
+    outside = int(np.count_nonzero(screen[None, :, :, None] & ~((desired >= 0) & (desired <= 1))))
+    if outside:
+        raise InputError(
+            f"desired light must lie in 0..1 on the screen, got {outside} values that do not; "
+            f"bring it within range first (domesim.scene.screening.within_range)"
+        )
+
+
+def _on(screen: NDArray[np.bool_], light: Light) -> Light:
+    """Light without what lies off the screen, which nobody sees: files keep it (`encoded`)."""
+
+    def lit(view: int, rows: slice) -> bool:
+        return bool(np.any(light[view, rows][~screen[rows]]))
+
+    if screen.all() or not any(in_strips(lit, light.shape)):
+        return light
+    kept = np.empty_like(light)
+
+    def keep(view: int, rows: slice) -> None:
+        np.multiply(light[view, rows], screen[rows, :, None], out=kept[view, rows])
+
+    in_strips(keep, light.shape)
+    return kept
+
+
+def is_rounding(residual: Light, expected: Light | None = None) -> bool:
+    """Whether a residual is no more than rounding away from what is expected, or from 0."""
+
+    def work(view: int, rows: slice) -> bool:
+        part = residual[view, rows]
+        if expected is not None:
+            part = part - expected[view, rows]
+        return max(float(part.max()), -float(part.min())) <= _ROUNDING
+
+    return all(in_strips(work, residual.shape))
+
+
+def differences(scene: Scene, weighting: Weighting) -> float:
+    """Just-noticeable differences in a weighted residual of 1.0 (white)."""
+    return scene.projector.white / scene.viewing.adaptation * weighting.peak

@@ -1,0 +1,161 @@
+"""The report card: crosstalk of a stereo system, and of a pair in it, in others' words.
+
+Of the *system*, by what each eye sees of four plain frames (own picture black or white, the other's
+black or white; L_KW: own black, other white), in the words of Woods [1]:
+
+    system crosstalk = (L_KW - L_KK) / (L_WK - L_KK)        extinction ratio = 1 / system crosstalk
+
+Of a *pair*, his viewer crosstalk, leaked over own light at each place, and what two eyes see of it
+(`vision.binocular.pair`): as it is, subtracted, compensated.
+
+Limits, with whose they are: a step of 1 % is visible, 5.8 % is perceptible but does not annoy [2];
+5 to 10 % is often acceptable, less with higher contrast or larger disparity [3]. Those of ISO/IEC
+and of DIGSS were not found in text that is public, and are left out.
+
+[1] A. J. Woods, "Crosstalk in stereoscopic displays: a review", J. Electronic Imaging 21, 040902
+(2012). [2] "73.4: Investigation of crosstalk in a 2-view 3D display", SID Symposium Digest,
+abstract.
+[3] L. Wang et al., J. Display Technology 7, 208 (2011), as van Baar et al. 2011, section 2, has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.figures import Appraisal
+from compensate.pose import Posed
+from compensate.solve import solved
+from compensate.vision.binocular.pair import Pair
+from domesim.light import Light
+from domesim.scene import StereoScene
+
+VISIBLE, ANNOYING, ACCEPTABLE = 0.01, 0.058, 0.1
+"""Crosstalk that is a visible step; that does not annoy yet; the most that is often acceptable."""
+EYES = ("left", "right")
+METHODS = {"none": "as it is", "subtractive": "subtracted", "perceptual": "compensated"}
+GRID = (9, 16)
+"""Rows and cols of the plain frames: a map of crosstalk is smooth."""
+
+
+@final
+@dataclass(frozen=True)
+class Crosstalk:
+    """What one eye sees of the other's picture, mean over the screen, and worst place.
+
+    Attributes
+    ----------
+    system, worst
+        System crosstalk.
+    extinction
+        Extinction ratio; None without crosstalk.
+    """
+
+    system: float
+    worst: float
+    extinction: float | None
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        if self.worst < VISIBLE:
+            return "below a visible step (1 %)"
+        if self.worst <= ANNOYING:
+            return "perceptible, not annoying by itself (up to 5.8 %)"
+        if self.worst <= ACCEPTABLE:
+            return "often acceptable, less so with high contrast or large disparity (up to 10 %)"
+        return "more than is acceptable (10 %)"
+
+
+@final
+@dataclass(frozen=True)
+class Way:
+    """What two eyes see of a pair by one method.
+
+    Attributes
+    ----------
+    fused_loss, contrast, rivalry
+        As of `TwoEyes`.
+    one_eye
+        Quality lost for each eye alone, JOD (`compensate.ruler`).
+    """
+
+    fused_loss: float
+    contrast: float
+    rivalry: float
+    one_eye: float
+
+
+def crosstalk(scene: StereoScene) -> dict[str, Crosstalk]:
+    """Crosstalk of each eye at the scene's seat.
+
+    Parameters
+    ----------
+    scene
+        Scene of one chosen seat.
+    """
+    observation = scene.observation(*GRID)
+    weights = scene.projector.luminance_weights
+
+    def seen(left: float, right: float) -> NDArray[Any]:
+        frame: Light = np.ones((2, *GRID, 3)) * np.reshape([left, right], (2, 1, 1, 1))
+        return np.asarray(observation.observe(frame) @ weights)
+
+    black, alone = seen(0, 0), (seen(1, 0), seen(0, 1))
+    found = {}
+    for view, eye in enumerate(EYES):
+        kk, wk, kw = (plane[view] for plane in (black, alone[view], alone[1 - view]))
+        leak = (kw - kk) / (wk - kk)
+        system = float((kw - kk).mean() / (wk - kk).mean())
+        found[eye] = Crosstalk(system, float(leak.max()), 1 / system if system > 0 else None)
+    return found
+
+
+def ways(posed: Posed) -> dict[str, Way]:
+    """What two eyes see of a pair, by each of `METHODS`.
+
+    Raises
+    ------
+    InputError
+        If it is no pair, or OpenCV is not installed.
+    """
+    pair = Pair(posed.wanted[: posed.scene.views], posed.scene)
+    appraisal, found = Appraisal(posed), {}
+    for method in METHODS:
+        light = solved(posed, method).light
+        two = pair.two_eyes(posed.seen(light))
+        found[method] = Way(two.fused_loss, two.contrast, two.rivalry, appraisal.loss(light))
+    return found
+
+
+def viewer_crosstalk(posed: Posed) -> Mapping[str, float]:
+    """Leaked over own light of the untouched pair: median, and share of the picture above 10 %."""
+    scene = posed.scene
+    assert isinstance(scene, StereoScene)
+    weights = scene.projector.luminance_weights
+    own = posed.desired @ weights
+    black = np.zeros_like(posed.desired)
+    leaked = (posed.observation.observe(posed.desired) - posed.desired) @ weights
+    stray = posed.observation.observe(black) @ weights
+    ratio = np.maximum(leaked - stray, 0) / np.maximum(own + stray, 1e-6)
+    return {
+        "median": float(np.median(ratio)),
+        "share_above_10": float(np.mean(ratio > ACCEPTABLE)),
+    }
+
+
+def disparity(posed: Posed) -> Mapping[str, float]:
+    """Ends of the disparity that is sure, and the share that is."""
+    left, _ = Pair(posed.wanted[: posed.scene.views], posed.scene).disparity
+    sure = left.shift[left.sure] if left.sure.any() else np.zeros(1)
+    density = posed.scene.viewing.pixels_per_degree(*left.shift.shape)
+    far, near = np.percentile(sure, [1, 99]) / density
+    return {
+        "nearest_deg": float(near),
+        "farthest_deg": float(far),
+        "sure": float(left.sure.mean()),
+    }

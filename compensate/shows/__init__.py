@@ -1,0 +1,1 @@
+"""What is done to each frame of a show by the commands that compensate and predict."""

@@ -1,0 +1,339 @@
+"""What ``domesim compensate`` does to each frame."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, final
+
+from compensate.aim import Aim, Eye
+from compensate.devices import CPU, on_device
+from compensate.figures import Appraisal, Figures
+from compensate.master import Solution, solve_frame
+from compensate.methods import Solver, perceptual, require_method
+from compensate.pose import Posed, Stage, preferred
+from compensate.solver.accelerated import Accelerated
+from compensate.visible import OnlyVisible, SpatiallyWeighted
+from compensate.vision.csf import LowFrequencyFloor
+from compensate.weighting import PerceptualWeighting
+from domesim.errors import InputError
+from domesim.frames import Master
+from domesim.scene import Scene, StereoScene
+from domesim.scene.choice import SceneChoice
+from domesim.shows.small import thinned
+from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
+
+PAPER, CONTRAST = "paper", "contrast"
+"""What a picture can be made for: the paper's least squares, or its contrasts (the aim)."""
+
+INVISIBLE = 0.01
+"""JOD of rounding that is not worth a word."""
+
+SIZE = 1024
+"""Largest side of pictures on the pages of the worst frames, pixels."""
+
+
+@final
+@dataclass(frozen=True)
+class Compensating(Recipe):
+    """What to project for each frame, in its own encoding.
+
+    Parameters
+    ----------
+    scene
+        The theatre, or stereo system.
+    method
+        One of the scene's methods.
+    tolerance
+        Tolerance of the perceptual method.
+    eye
+        "contrast" or "paper"; None for the scene's default.
+    lift
+        How many times the aim lifts the missing light; None for its own.
+    low_frequency_gain
+        Floor of the paper's weighting; None for its own.
+    device
+        What computes.
+    only_visible
+        Solve only where what subtraction leaves is predicted to be seen.
+    spatial
+        Count errors by how visible the pollution is there (eq. 7).
+    """
+
+    scene: SceneChoice
+    method: str = "perceptual"
+    tolerance: float = 1e-3
+    eye: str | None = None
+    lift: float | None = None
+    low_frequency_gain: float | None = None
+    device: str = CPU
+    only_visible: bool = False
+    spatial: bool = False
+
+    def work(self, note: Note) -> Work[Any, Any]:
+        """See `Recipe`."""
+        theatre = self.scene.load()
+        solver = self.solver(theatre, note)
+        stage = Stage(theatre, self.weighting(theatre))
+
+        def prepare(source: Master) -> tuple[Master, Posed, float]:
+            return source, *stage.pose_frame(source)
+
+        def solve(given: tuple[Master, Posed, float]) -> Solution:
+            source, posed, out_of_range = given
+            chosen = OnlyVisible(posed, solver) if self.only_visible and solver else solver
+            if self.spatial:
+                chosen = SpatiallyWeighted(posed, self._masked(posed))
+            return solve_frame(source, posed, out_of_range, self.method, chosen)
+
+        return Work(prepare, solve, _end)
+
+    def require_sense(self, theatre: Scene) -> None:
+        """See that the settings go together.
+
+        Raises
+        ------
+        InputError
+            If they do not.
+        """
+        self.weighting(theatre)
+        require_method(self.method, theatre)
+        if not 0 < self.tolerance < 1:
+            raise InputError(f"tolerance must lie between 0 and 1, got {self.tolerance:g}")
+        aimed = isinstance(self.weighting(theatre), Aim)
+        if self.method == "perceptual" and aimed and (self.only_visible or self.device != CPU):
+            raise InputError(
+                f"--only-visible and --device are of --weighting {PAPER}: contrasts need no solver"
+            )
+        if self.spatial:
+            self._require_spatial(theatre, aimed=aimed)
+        if self.only_visible:
+            table = isinstance(theatre, StereoScene) and theatre.table is not None
+            if self.method != "perceptual" or theatre.several_seats or table or self.device != CPU:
+                raise InputError(
+                    "--only-visible is for --method perceptual, one seat without a grey-to-grey "
+                    "table, and the processor; leave it out"
+                )
+        if self.method != "perceptual":
+            if self.device != CPU:
+                raise InputError(
+                    f"--device {self.device}: {self.method} is computed on the processor only"
+                )
+            if theatre.several_seats and self.scene.seat == "worst":
+                raise InputError(
+                    f"--seat worst: {self.method} knows one seat or the mean of all; use "
+                    f"--seat all, name one, or leave --method out"
+                )
+
+    def _require_spatial(self, theatre: Scene, *, aimed: bool) -> None:
+        """See that eq. 7 is asked for where it can be."""
+        least_squares = self.method == "paper" or (self.method == "perceptual" and not aimed)
+        table = isinstance(theatre, StereoScene) and theatre.table is not None
+        if (
+            not least_squares
+            or theatre.several_seats
+            or table
+            or self.device != CPU
+            or self.only_visible
+        ):
+            raise InputError(
+                f"--spatial-weights is for --weighting {PAPER} or --method paper, one seat without "
+                f"a grey-to-grey table, the processor, and not --only-visible; leave it out"
+            )
+
+    def _masked(self, posed: Posed) -> Solver:
+        """What solves masked problems."""
+        if self.method == "paper":
+            return require_method("paper", posed.scene)(posed.scene, posed.single)
+        return Accelerated(self.tolerance)
+
+    def weighting(self, theatre: Scene) -> Eye:
+        """What pictures are made for.
+
+        Raises
+        ------
+        InputError
+            If there is no such thing, or a setting belongs to the other.
+        """
+        if self.eye not in (None, PAPER, CONTRAST):
+            raise InputError(
+                f"--weighting {self.eye!r} is not known; use one of {CONTRAST}, {PAPER}"
+            )
+        found = preferred(theatre)
+        if self.eye is not None:
+            found = Aim() if self.eye == CONTRAST else PerceptualWeighting()
+        if self.lift is not None and not isinstance(found, Aim):
+            raise InputError(f"--lift is of --weighting {CONTRAST}; leave it out")
+        if self.low_frequency_gain is not None and isinstance(found, Aim):
+            raise InputError(
+                f"--low-frequency-gain is of --weighting {PAPER}; of {CONTRAST}, use --lift"
+            )
+        if self.lift is not None:
+            return Aim(lift=self.lift)
+        if self.low_frequency_gain is not None:
+            return PerceptualWeighting(LowFrequencyFloor(self.low_frequency_gain))
+        return found
+
+    def solver(self, theatre: Scene, note: Note) -> Solver | None:
+        """The solver of the paper's weighting, or None: all else is computed directly.
+
+        Raises
+        ------
+        InputError
+            If the settings do not go together, or there is no such device.
+        """
+        self.require_sense(theatre)
+        if self.method != "perceptual" or isinstance(self.weighting(theatre), Aim):
+            return None
+
+        def progress(iteration: int, gap: float) -> None:
+            note(f"iteration {iteration}, within {gap:.1e} of the optimum")
+
+        worst = self.scene.seat == "worst"
+        solver = perceptual(theatre, self.tolerance, worst=worst, progress=progress)
+        return on_device(solver, self.device)
+
+    def settings(self) -> dict[str, Any]:
+        """See `Recipe`."""
+        settings = {name: value for name, value in vars(self).items() if name != "scene"}
+        return {"command": "compensate", **self.scene.settings(), **settings}
+
+    small = "The master, and what is projected"
+
+    def options(self, writing: Writing) -> dict[str, str]:
+        """See `Recipe`."""
+        return self.choices() | writing.options()
+
+    def choices(self) -> dict[str, str]:
+        """Those of `options` that say what is computed."""
+        theatre = self.scene.load()
+        found = {**self.scene.options(), "--method": self.method}
+        if self.method != "perceptual":
+            return found | ({"--spatial-weights": "yes"} if self.spatial else {})
+        weighting = self.weighting(theatre)
+        if isinstance(weighting, Aim):
+            return {**found, "--weighting": CONTRAST, "--lift": f"{weighting.lift:g}"}
+        found |= {"--weighting": PAPER, "--tolerance": f"{self.tolerance:g}"}
+        gain = self.low_frequency_gain
+        found["--low-frequency-gain"] = f"{LowFrequencyFloor().gain if gain is None else gain:g}"
+        found["--device"] = self.device
+        found |= {"--only-visible": "yes"} if self.only_visible else {}
+        return found | ({"--spatial-weights": "yes"} if self.spatial else {})
+
+    def judged(self, figures: Mapping[str, Any]) -> Judged | None:
+        """See `Recipe`: by what is lost of the quality, as stored where that is known."""
+        after, before = figures["loss_after"], figures["loss_before"]
+        plain, stored = figures["loss_subtractive"], figures.get("loss_stored")
+        if before is None:
+            return Judged("as the master", "nothing is too dark for exact subtraction", 0)
+        if stored is not None and _rounding_shows(after, stored):
+            told = f"{stored:.3g} JOD as stored, {after:.3g} before rounding"
+            return Judged("rounding shows", told, 2)
+        lost = f"{after:.3g} JOD lost, {before:.3g} untouched"
+        verdict, needs = "better than untouched", 0
+        if after <= INVISIBLE:
+            verdict, lost = "as the master, to the eye", f"{lost} ({INVISIBLE:g} is not seen)"
+        elif after >= before:
+            verdict, needs = "no better than untouched", 2
+        elif self.method == "perceptual":
+            lost = f"{lost}, {plain:.3g} subtracted"
+            verdict, needs = "better than subtraction", 0
+            if after >= plain:
+                verdict, needs = "no better than subtraction", 1
+        return Judged(verdict, lost, needs)
+
+    def columns(self) -> tuple[Column, ...]:
+        """See `Recipe`."""
+        return (
+            Column("loss_after", "Quality lost", "JOD"),
+            Column("loss_stored", "As stored", "JOD"),
+            Column("loss_subtractive", "If subtracted", "JOD"),
+            Column("loss_before", "Untouched", "JOD"),
+            Column("clipped", "Too dark", "%"),
+            Column("out_of_range", "Out of range", "%"),
+        )
+
+    def memory(self, rows: int, cols: int) -> int:
+        """See `Recipe`: planes of one view, as measured (at 8192 x 8192, 45 for a dome)."""
+        planes = 75 if self.scene.load().views == 1 else 160
+        return 500_000_000 + planes * 4 * rows * cols
+
+    def resources(self) -> dict[str, float]:
+        """See `Recipe`: a GPU, if one computes."""
+        on_gpu = self.device.partition(":")[0] in ("cuda", "cupy")
+        return {"GPU": 1} if on_gpu else {}
+
+    compares = True
+
+    def command(self) -> str:
+        """The command line, but for files."""
+        options = [part for option in self.choices().items() for part in option if part != "yes"]
+        return shlex.join(["domesim", "compensate", *options])
+
+    def compare(self, master: Master, page: Path) -> None:
+        """See `Recipe`: master, and what is seen untouched and compensated."""
+        from compensate.page.comparison import compare_methods  # noqa: PLC0415 - slow to import
+
+        theatre = self.scene.load()
+        weighting = self.weighting(theatre)
+        solver = self.solver(theatre, lambda text: None)
+        comparison = compare_methods(master, theatre, solver=solver, weighting=weighting)
+        comparison.write_page(page, size=SIZE, command=self.command())
+
+
+def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
+    """Write it; of what subtraction shows, only figures that take no longer than that."""
+    appraisal = Appraisal(solution.posed)
+    outcome = solution.outcome(appraisal, brief=True)
+    write(outcome.frame)
+    show = solution.posed.scene.projector.to_display
+    write.small(*(show(thinned(each))[0] for each in (solution.posed.desired, outcome.light)))
+    found = outcome.figures
+    del outcome  # its frame is as large as what is read below
+    figures, line = asdict(found), line_of(found)
+    if found.loss_before is None:
+        return {**figures, "loss_stored": None}, line
+    stored = write.stored()
+    lost = appraisal.stored_loss(stored)
+    line += f" As stored: {lost:.3g} JOD"
+    if _rounding_shows(found.loss_after, lost):
+        line += f" (rounding to {stored.bits} bit {stored.path.suffix} shows: --format, --bits)"
+    return {**figures, "loss_stored": lost}, line
+
+
+def _rounding_shows(computed: float, stored: float) -> bool:
+    return stored > 1.1 * computed and stored > INVISIBLE
+
+
+def line_of(f: Figures) -> str:
+    """What was done and how good it is, for a person."""
+    parts = [f"{f.method}: {f.pollution:.2g} cd/m² of pollution, subtracted"]
+    if f.loss_before is not None:
+        parts = [
+            f"{f.method}: quality lost {f.loss_before:.3g} -> {f.loss_after:.3g} JOD "
+            f"(subtractive {f.loss_subtractive:.3g})",
+            f"{f.clipped:.1%} of the screen too dark for exact subtraction",
+        ]
+    if f.loss_by_seat:
+        seats = ", ".join(f"{name} {lost:.3g}" for name, lost in f.loss_by_seat.items())
+        parts.append(f"by seat: {seats}")
+    if f.out_of_range:
+        parts.append(f"{f.out_of_range:.1%} out of the projector's range")
+    if f.file_clipped:
+        parts.append(f"{f.file_clipped:.1%} out of the file's colour range and clipped")
+    if f.gap is not None:
+        line = f"within {f.gap:.1e} of the optimum after {f.iterations} iterations"
+        if f.distance:
+            line += f" (what is seen, within {f.distance:.2g} JND rms)"
+        parts.append(line)
+    parts.append(f"{f.seconds:.1f} s. {f.status}")
+    if f.light_left is not None and f.error_left is not None:
+        low, likely, high = (100 * light for light in f.light_left)
+        least, error, most = f.error_left
+        parts.append(
+            f"as sure as the room was measured, {likely:.3g} % of white are left (95 %: "
+            f"{low:.3g} to {high:.3g}), visible error {error:.3g} ({least:.3g} to {most:.3g})"
+        )
+    return "; ".join(parts)

@@ -1,0 +1,359 @@
+"""What ``domesim predict`` does to each frame: tells whether it needs compensation, and where.
+
+For each frame it writes the maps of `compensate.prediction` twice: as an EXR of floats, and as the
+four pictures of the paper's Fig. 8, to look at.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from compensate.pose import Posed, Stage
+from compensate.prediction import (
+    Planes,
+    Prediction,
+    Triage,
+    Verdict,
+    probability,
+    regions,
+    triage,
+)
+from domesim.errors import InputError
+from domesim.frames import ColourTag
+from domesim.frames.formats.exr import state_compression
+from domesim.frames.formats.png import colour_chunks, with_colour_chunks
+from domesim.frames.whole import write_together
+from domesim.frames.writing import bare_specification, encode
+from domesim.observation.stereo import VIEWS
+from domesim.scene.choice import SceneChoice
+from domesim.shows.run import Done
+from domesim.shows.show import Show
+from domesim.shows.small import thinned
+from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
+
+MAPS = ".maps.exr"
+"""What the EXR's name ends in: it must not replace a frame that another command wrote there."""
+
+CHANNELS = ("TVI", "masking", "saliency", "prediction", "mask", "subtracted")
+"""Channels of the EXR: the maps of `Predicted`, and the mask of what subtraction leaves."""
+
+PICTURES = {
+    "tvi": "Light pollution over its threshold at the local luminance; grey: at it, white: twice.",
+    "masking": "Whether the eye's mechanisms tell polluted from not; grey: at threshold.",
+    "saliency": "Where a viewer looks first; of a pair, in the other eye's picture.",
+    "prediction": "White: visible pollution that subtraction leaves; grey: that it removes.",
+}
+"""Fig. 8, a to d: names and captions."""
+
+LARGEST = 1024
+"""Longest side of a map in a picture, pixels."""
+
+GAP = 4
+"""Between the halves of a picture, pixels."""
+
+BRIGHTEST = 4096
+"""What a residual is brightened by at most."""
+
+MARGIN = 1.0
+"""Around what is to be solved, degrees."""
+
+TOLD = 5
+"""Worst frames that the summary names."""
+
+
+@final
+@dataclass(frozen=True)
+class Predicting(Recipe):
+    """Maps of visible pollution of each frame.
+
+    Parameters
+    ----------
+    scene
+        The theatre, or stereo system of one seat.
+    prediction
+        The settings of `triage`.
+    """
+
+    scene: SceneChoice
+    prediction: Prediction
+
+    def work(self, note: Note) -> Work[Any, Any]:
+        """See `Recipe`."""
+        theatre = self.scene.load()
+        stage = Stage(theatre)
+
+        def solve(posed: Posed) -> tuple[Posed, Triage]:
+            return posed, triage(posed, self.prediction)
+
+        def end(solved: tuple[Posed, Triage], write: Write) -> tuple[dict[str, Any], str]:
+            posed, found = solved
+            places = _places_of(write.output, theatre.views)
+            brightened = _write(places, posed, found)
+            figures = _figures(posed, found)
+            pictures = [path for place in places for path in place.pictures]
+            write.beside(pictures)
+            _write_small(write, posed, found)
+            told = {"pictures": [str(path) for path in pictures], "brightened": brightened}
+            return {**figures, **told}, _line(figures)
+
+        return Work(lambda source: stage.pose_frame(source)[0], solve, end)
+
+    def settings(self) -> dict[str, Any]:
+        """See `Recipe`."""
+        settings = asdict(self.prediction)
+        told = {name: getattr(value, "value", value) for name, value in settings.items()}
+        told["threshold"] = self.prediction.least
+        return {"command": "predict", **self.scene.settings(), **told}
+
+    small = "The master, and the prediction: white is what subtraction leaves, grey it removes"
+
+    def options(self, writing: Writing) -> dict[str, str]:
+        """See `Recipe`."""
+        chosen = self.prediction
+        return {
+            **self.scene.options(),
+            "--combination": chosen.combination.value,
+            "--threshold": f"{chosen.least:g}",
+            "--saliency" if chosen.counts_saliency else "--no-saliency": "yes",
+            "--mesopic": chosen.blend.value,
+            **({} if chosen.eye is None else {"--age": f"{chosen.eye.age:g}"}),
+            **({"--repair": "yes"} if writing.repair else {}),
+        }
+
+    def judged(self, figures: Mapping[str, Any]) -> Judged | None:
+        """See `Recipe`: the verdict of `triage`."""
+        verdict = Verdict[figures["verdict"].upper()]
+        reason = (
+            f"pollution is visible on {_percent(figures['visible'])} of the screen, "
+            f"after subtraction on {_percent(figures['visible_subtracted'])}"
+        )
+        return Judged(verdict.value, reason, list(Verdict).index(verdict))
+
+    def columns(self) -> tuple[Column, ...]:
+        """See `Recipe`."""
+        return (
+            Column("visible_subtracted", "Visible after subtraction", "%"),
+            Column("visible", "Visible untouched", "%"),
+        )
+
+    def memory(self, rows: int, cols: int) -> int:
+        """See `Recipe`."""
+        return 500_000_000 + 115 * 4 * rows * cols
+
+
+# Where it goes.
+
+
+@final
+@dataclass(frozen=True)
+class _Place:
+    """Where the maps of one view go, or of two that lie in one file."""
+
+    maps: Path
+    views: dict[str, int]  # by what tells them apart in names: "left."
+
+    def picture(self, name: str, kind: str) -> Path:
+        """File of the picture of one view and of one kind of `PICTURES`."""
+        return self.maps.with_name(f"{self.maps.name.removesuffix(MAPS)}.{name}{kind}.png")
+
+    @property
+    def pictures(self) -> list[Path]:
+        """All of them."""
+        return [self.picture(name, kind) for name in self.views for kind in PICTURES]
+
+
+def _places_of(outputs: tuple[Path, ...], views: int) -> list[_Place]:
+    """Where the maps of one moment go."""
+    if len(outputs) < views:
+        return [_Place(outputs[0], {f"{each}.": k for k, each in enumerate(VIEWS)})]
+    return [_Place(output, {"": k}) for k, output in enumerate(outputs)]
+
+
+def require_free(show: Show, folder: Path, views: int) -> None:
+    """See that no picture goes over an input.
+
+    Raises
+    ------
+    InputError
+        If one would, or two results to one place.
+    """
+    sources = {file.resolve() for moment in show.moments for file in moment}
+    for outputs in show.outputs(folder, MAPS):
+        for place in _places_of(outputs, views):
+            for path in place.pictures:
+                if path.resolve() in sources:
+                    raise InputError(
+                        f"{path}: wanted a place for the result, got an input. Choose another "
+                        f"folder."
+                    )
+
+
+# What is written.
+
+
+def _write(places: list[_Place], posed: Posed, found: Triage) -> int:
+    """Write all files of a frame at once; by what the residual is brightened."""
+    maps, white = found.untouched, posed.scene.projector.white
+    brightened = _brightening(maps.residual[:, posed.screen] / white)
+    contents = []
+    for place in places:
+        contents.append((place.maps, _exr(place, found)))
+        for name, view in place.views.items():
+            ghost = np.abs(maps.residual[view]) * (brightened / white)
+            for kind, shown in _shown(found, view).items():
+                caption = f"{PICTURES[kind]} Left: the map. Right: the map times the pollution's "
+                caption += f"light, {brightened} times brighter."
+                path = place.picture(name, kind)
+                contents.append((path, _png(path, shown, ghost, caption)))
+    write_together(contents)
+    return brightened
+
+
+def _write_small(write: Write, posed: Posed, found: Triage) -> None:
+    prediction = thinned(_prediction(found, 0)[None, :, :, None])[0]
+    master = posed.scene.projector.to_display(thinned(posed.desired))[0]
+    write.small(master, np.broadcast_to(prediction, master.shape) ** 2.2)
+
+
+def _shown(found: Triage, view: int) -> dict[str, Planes]:
+    """The maps as they are shown, 0..1."""
+    maps = found.untouched
+    return {
+        "tvi": np.minimum(maps.tvi[view] / 2, 1),
+        "masking": probability(maps.masking[view]),
+        "saliency": maps.saliency[view],
+        "prediction": _prediction(found, view),
+    }
+
+
+def _prediction(found: Triage, view: int) -> Planes:
+    """White is what subtraction leaves, grey what it removes."""
+    remaining, mask = found.subtracted.mask[view], found.untouched.mask[view]
+    return np.where(remaining, 1, np.float32(0.5) * mask)
+
+
+def _brightening(residual: Planes) -> int:
+    """The power of two that brings all but a thousandth of the screen below white."""
+    bright = float(np.quantile(np.abs(residual), 0.999)) if residual.size else 0.0
+    if bright * BRIGHTEST <= 1:
+        return BRIGHTEST
+    return int(2 ** max(0, np.floor(np.log2(1 / bright))))
+
+
+def _png(path: Path, shown: Planes, ghost: Planes, caption: str) -> bytes:
+    """A map beside itself times the ghost, as sRGB."""
+    step = -(-max(shown.shape) // LARGEST)
+    light = np.minimum(_reduced(shown * ghost, step), 1) ** (1 / 2.2)
+    gap = np.ones((len(light), GAP), np.float32)
+    picture = np.hstack([_reduced(shown, step), gap, light])
+    codes = np.rint(picture * 255).astype(np.uint8)[..., None]
+    attributes = [("ImageDescription", "string", caption)]
+    spec = bare_specification(("Y",), ("uint8",), (codes.shape[1], codes.shape[0]), attributes)
+    png = encode(path, "png", [(spec, codes)])
+    return with_colour_chunks(png, colour_chunks(ColourTag("srgb", "BT.709", "computed")))
+
+
+def _reduced(plane: Planes, step: int) -> Planes:
+    """Means over blocks of pixels."""
+    if step == 1:
+        return plane
+    starts = [np.arange(0, side, step) for side in plane.shape]
+    sums = np.add.reduceat(np.add.reduceat(plane, starts[0], axis=0), starts[1], axis=1)
+    rows, cols = (
+        np.diff(np.append(at, side)) for at, side in zip(starts, plane.shape, strict=True)
+    )
+    return np.asarray(sums / (rows[:, None] * cols).astype(np.float32))
+
+
+def _exr(place: _Place, found: Triage) -> bytes:
+    """All maps of the views of a file, as float channels."""
+    maps = found.untouched
+    each = (
+        maps.tvi,
+        maps.masking,
+        maps.saliency,
+        maps.prediction,
+        maps.mask,
+        found.subtracted.mask,
+    )
+    names = tuple(f"{name}{channel}" for name in place.views for channel in CHANNELS)
+    samples = np.stack([planes[k] for k in place.views.values() for planes in each], axis=-1)
+    samples = _rounded(samples.astype(np.float32))
+    size = (samples.shape[1], samples.shape[0])
+    spec = bare_specification(names, ("float",) * len(names), size, [])
+    state_compression(spec, None)
+    return encode(place.maps, "openexr", [(spec, samples)])
+
+
+def _rounded(samples: Planes) -> Planes:
+    """With 11 significant bits, as half has, but without its limits: a file half as large."""
+    bits = samples.view(np.uint32)
+    bits += np.uint32(1 << 12)
+    bits &= np.uint32(0xFFFFE000)
+    return samples
+
+
+# What is said.
+
+
+def _figures(posed: Posed, found: Triage) -> dict[str, Any]:
+    """Figures of a frame: see `Predicted` and `Triage`."""
+    density = posed.scene.viewing.pixels_per_degree(*posed.screen.shape)
+    boxes = regions(found.subtracted.mask, round(MARGIN * density))
+    return {
+        "visible": found.untouched.share,
+        "visible_by_view": list(found.untouched.visible.shares),
+        "visible_salient": found.untouched.salient,
+        "visible_subtracted": found.subtracted.share,
+        "visible_subtracted_by_view": list(found.subtracted.shares),
+        "verdict": found.verdict.name.lower(),
+        "regions": [[rows.start, rows.stop, cols.start, cols.stop] for rows, cols in boxes],
+    }
+
+
+def _line(figures: dict[str, Any]) -> str:
+    verdict = Verdict[figures["verdict"].upper()].value
+    return (
+        f"visible pollution on {_percent(figures['visible'])} of the screen, "
+        f"{_percent(figures['visible_subtracted'])} after subtraction: {verdict}"
+    )
+
+
+def _percent(share: float) -> str:
+    """Two digits, but never 0 for something."""
+    return f"{share:.2%}" if 0 < share < 0.1 else f"{share:.0%}"
+
+
+def worst(done: Done) -> list[dict[str, Any]]:
+    """The frames, those first that need most."""
+    order = [each.name.lower() for each in Verdict]
+
+    def need(frame: dict[str, Any]) -> tuple[int, float, float]:
+        rank = order.index(frame["verdict"])
+        return -rank, -frame["visible_subtracted"], -frame["visible"]
+
+    return sorted(done.frames, key=need)
+
+
+def summary_of(done: Done, found: list[dict[str, Any]]) -> str:
+    """A line on all frames, of which those that need most come first in `found`."""
+    counts = Counter(frame["verdict"] for frame in done.frames)
+    parts = [f"{count} {each.value}" for each in Verdict if (count := counts[each.name.lower()])]
+    named = [
+        f"{_name(frame['input'])} ({_percent(frame['visible'])}, "
+        f"{_percent(frame['visible_subtracted'])} after subtraction)"
+        for frame in found[:TOLD]
+        if frame["verdict"] != Verdict.NOTHING.name.lower()
+    ]
+    text = f"{len(done.frames)} frames: {'; '.join(parts)}"
+    return f"{text}. Worst first: {', '.join(named)}" if named else text
+
+
+def _name(source: str | list[str]) -> str:
+    return Path(source if isinstance(source, str) else source[0]).name

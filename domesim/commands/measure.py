@@ -1,0 +1,776 @@
+"""``domesim measure``: from readings and photographs to figures, and to a scene file.
+
+Each subcommand reads one kind of file that a person made, says what it shows and how sure that is,
+and refuses what does not fit together: ``domesim.measure`` and ``domesim.measure.dome`` tell how.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, final
+
+import numpy as np
+import typer
+from numpy.typing import ArrayLike, NDArray
+
+from domesim.commands.measure_patterns import patterns
+from domesim.commands.options import Json, Quiet, finish
+from domesim.errors import InputError
+from domesim.frames.whole import write_whole
+from domesim.host.console import Console, about, complain, prepare_file
+from domesim.light.transfer import Gamma
+from domesim.observation.projector import PRIMARIES
+from domesim.scene import DomeScene, StereoScene
+from domesim.scene.loading import scene_of_text
+
+if TYPE_CHECKING:
+    from domesim.measure.crosstalk_photographs import CrosstalkMap
+    from domesim.measure.dome.fit import Known
+    from domesim.readings.crosstalk import MeasuredCrosstalk
+    from domesim.readings.grey_to_grey import MeasuredGreyToGrey
+    from domesim.readings.meter import Black
+    from domesim.readings.pair import MeasuredPair
+    from domesim.readings.response import Display, Response
+
+app = typer.Typer(
+    help="Turn a colorimeter's readings, or photographs, into figures and scene files.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+app.command()(patterns)
+
+WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
+"""Width of the screen (m), distance to it (m) and adaptation (cd/m²) in van Baar et al. 2011,
+section 4."""
+COLOURS = "BT.709"
+"""Primaries of a display with shutters, unless others are named: most are televisions."""
+
+ReadingsFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="READINGS",
+        help="A .csv or .toml file with columns channel (R, G, B, W, K), level (0..1), X, Y, Z "
+        "(cd/m²) and, for a stereo pair, projector and filter (left, right, none); or a .ti3 file "
+        "of ArgyllCMS; or a .toml file that names a table for each pair of these. Crosstalk also: "
+        "a .toml file that lists photographs (docs/measuring.md).",
+        show_default=False,
+    ),
+]
+Width = Annotated[float | None, typer.Option(help=f"Of the screen, m; {WIDTH:g} if not given.")]
+Height = Annotated[
+    float | None, typer.Option(help="Of the screen, m; 9/16 of the width if not given.")
+]
+Distance = Annotated[
+    float | None, typer.Option(help=f"Of the audience, m; {DISTANCE:g} if not given.")
+]
+Adaptation = Annotated[
+    float | None,
+    typer.Option(help=f"Luminance they are adapted to, cd/m²; {ADAPTATION:g} if not given."),
+]
+SceneOut = Annotated[
+    Path, typer.Option("--out", help="The scene file to write, .toml.", show_default=False)
+]
+BlackName = Annotated[
+    str | None,
+    typer.Option(
+        "--black",
+        help="Whether readings of colours hold the black: included (usual) or subtracted.",
+        show_default=False,
+    ),
+]
+
+
+@app.command()
+def crosstalk(
+    readings: ReadingsFile,
+    out: SceneOut,
+    black: BlackName = None,
+    allow_negative: Annotated[
+        bool,
+        typer.Option(
+            "--allow-negative",
+            help="Keep crosstalk that is negative beyond its uncertainty, as of ghosts more "
+            "saturated than the eye's own picture; within 4 standard errors it is set to 0.",
+        ),
+    ] = False,
+    width: Width = None,
+    height: Height = None,
+    distance: Distance = None,
+    adaptation: Adaptation = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Crosstalk of two projectors and eyewear: figures, and a scene file for other commands.
+
+    Of photographs through the eyewear, a map of it, too, for --transport.
+    """
+    from domesim.measure.photographs import lists_photographs  # noqa: PLC0415
+    from domesim.readings.meter import EYES, read_readings  # noqa: PLC0415
+    from domesim.readings.pair import measured_pair  # noqa: PLC0415
+
+    console = Console(quiet=quiet, json=json)
+    _require_toml(out)
+    room = _room(width, height, distance, adaptation)
+    taken = _black(black)
+    if lists_photographs(readings):
+        if taken is not None:
+            raise InputError(
+                f"--black {taken} is for readings; photographs have their own of black"
+            )
+        _photographed(readings, out, room, console, allow_negative=allow_negative)
+        return
+    pair = measured_pair(read_readings(readings, black=taken), allow_negative=allow_negative)
+    prepare_file(out, instead_of=readings)
+    scene = _SCENE.format(
+        name=_quoted(out.stem),
+        description=_quoted(f"A stereo system as measured: {readings.name}."),
+        readings=_quoted(_from(out, readings)),
+        black="" if taken is None else f"black = {_quoted(taken)}\n",
+        negative="allow_negative = true\n" if allow_negative else "",
+        **room.told(),
+    )
+    write_whole(out, scene.encode())
+    for line in pair.report():
+        console.say(line)
+    for eye, matrix in zip(EYES, pair.gamut.matrices, strict=True):
+        rows = ", ".join(" ".join(f"{value:.4f}" for value in row) for row in matrix)
+        console.say(f"  linear RGB of the {eye} projector of common RGB: rows {rows}")
+    _say_where(console, out, room)
+    finish(console, {"output": str(out), "assumed": room.assumed, **_of_pair(pair)}, [])
+
+
+@app.command()
+def grey_to_grey(
+    readings: Annotated[
+        Path,
+        typer.Argument(
+            metavar="READINGS",
+            help="A .csv or .toml file with columns filter (left, right), own_level and "
+            "other_level (0..1), and Y (cd/m²): all combinations of the levels, with 0 and 1.",
+            show_default=False,
+        ),
+    ],
+    out: SceneOut,
+    primaries: Annotated[
+        str | None,
+        typer.Option(help=f"Of the display: BT.709, P3-D65, ...; {COLOURS} if not given."),
+    ] = None,
+    width: Width = None,
+    height: Height = None,
+    distance: Distance = None,
+    adaptation: Adaptation = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Crosstalk that depends on both eyes' pictures: figures, and a scene file with the table."""
+    from domesim.observation.grey_to_grey import GreyToGrey  # noqa: PLC0415
+    from domesim.readings.grey_to_grey import in_light, read_grey_to_grey  # noqa: PLC0415
+    from domesim.readings.meter import EYES  # noqa: PLC0415
+
+    console = Console(quiet=quiet, json=json)
+    _require_toml(out)
+    room = _room(width, height, distance, adaptation)
+    colours = _primaries(COLOURS if primaries is None else primaries)
+    tables = read_grey_to_grey(readings)
+    for eye in EYES:
+        if eye not in tables:
+            raise InputError(
+                f"{readings}: wanted readings through both filters, got none through the {eye} "
+                f"one; measure these too"
+            )
+    left, right = (tables[eye] for eye in EYES)
+    prepare_file(out, instead_of=readings)
+    levels, extra = in_light(left, right)
+    with about(readings):
+        GreyToGrey(1, 1, levels, extra[:, None])  # refuses what no eye can have seen
+    text = _GREY_SCENE.format(
+        name=_quoted(out.stem),
+        description=_quoted(f"A stereo display as measured, grey to grey: {readings.name}."),
+        primaries=_quoted(colours),
+        white=(left.white + right.white) / 2,
+        black=(left.black + right.black) / 2,
+        levels=_numbers(levels),
+        to_left=_rows(extra[0]),
+        to_right=_rows(extra[1]),
+        source=_quoted(f"measured: {readings.name}"),
+        colours=f"assumed: {COLOURS}" if primaries is None else "given to domesim measure",
+        **room.told(),
+    )
+    scene_of_text(text, str(readings), out.parent)
+    write_whole(out, text.encode())
+    for table in (left, right):
+        for line in table.report():
+            console.say(line)
+        console.say(f"  white {table.white:.4g} cd/m² above black, black {table.black:.3g} cd/m²")
+    if primaries is None:
+        console.say(f"Assumed, for want of --primaries: {COLOURS}")
+    _say_where(console, out, room)
+    assumed = [*(["primaries"] if primaries is None else []), *room.assumed]
+    eyes = {table.eye: _of_table(table) for table in (left, right)}
+    told = {"levels": _plain(levels), "to_left": _plain(extra[0]), "to_right": _plain(extra[1])}
+    figures = {"readings": str(readings), "eyes": eyes, "table": told}
+    finish(console, {"output": str(out), "assumed": assumed, **figures}, [])
+
+
+@app.command()
+def response(
+    readings: ReadingsFile,
+    black: BlackName = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Primaries, black and response (code value to light) of one display."""
+    from domesim.readings.meter import NO_FILTER, read_readings  # noqa: PLC0415
+    from domesim.readings.response import measured_display  # noqa: PLC0415
+
+    console = Console(quiet=quiet, json=json)
+    read = read_readings(readings, black=_black(black))
+    crossed = [(one, other) for one, other in read.sessions if other not in (one, NO_FILTER)]
+    if crossed:
+        raise InputError(
+            f"{readings}: wanted readings of a display, got those of the {crossed[0][0]} projector "
+            f"through the {crossed[0][1]} filter; use domesim measure crosstalk"
+        )
+    displays = [measured_display(read.session(*session)) for session in read.sessions]
+    for display in displays:
+        for line in display.report():
+            console.say(line)
+    if read.left_out:
+        console.say(f"left out: {read.left_out} readings of mixed colours")
+    figures = {display.name: _of_display(display) for display in displays}
+    facts = {"readings": str(readings), "left_out": read.left_out}
+    finish(console, {**facts, "displays": figures}, [])
+
+
+def _photographed(
+    listed: Path, out: Path, room: _Room, console: Console, *, allow_negative: bool
+) -> None:
+    """Crosstalk of photographs: a scene file, and the map beside it."""
+    from domesim.measure.crosstalk_photographs import crosstalk_maps  # noqa: PLC0415
+    from domesim.measure.photographs import read_photographs  # noqa: PLC0415
+    from domesim.scene.crosstalk_maps import CrosstalkMaps  # noqa: PLC0415
+    from domesim.scene.stereo import MAP_CELLS, SWEET_SPOT  # noqa: PLC0415
+
+    photographs = read_photographs(listed)
+    colours = _primaries(photographs.primaries or COLOURS)
+    aspect = room.width / room.height
+    maps = crosstalk_maps(photographs, MAP_CELLS, aspect, allow_negative=allow_negative)
+    stored = out.with_suffix(".npz")
+    for path in (out, stored):
+        prepare_file(path, instead_of=listed)
+    text = _PHOTOGRAPHED.format(
+        name=_quoted(out.stem),
+        description=_quoted(f"A stereo system as photographed: {listed.name}. Map: {stored.name}."),
+        primaries=_quoted(colours),
+        white=photographs.white,
+        black=photographs.black,
+        to_left=_rows(maps[0].matrix),
+        to_right=_rows(maps[1].matrix),
+        to_left_error=_error(maps[0]),
+        to_right_error=_error(maps[1]),
+        seat=_quoted(SWEET_SPOT),
+        source=_quoted(f"measured: {listed.name}, SHA-256 {photographs.digest[:16]}"),
+        colours="assumed" if photographs.primaries is None else "given to domesim measure",
+        **room.told(),
+    )
+    scene = scene_of_text(text, str(listed), out.parent)
+    assert isinstance(scene, StereoScene)
+    write_whole(out, text.encode())
+    CrosstalkMaps(
+        (SWEET_SPOT,),
+        np.stack([each.share for each in maps])[None],
+        np.stack([each.share_error for each in maps])[None],
+        {
+            "scene": scene.name,
+            "digest": scene.digest,
+            "measured": listed.name,
+            "photographs": photographs.digest,
+        },
+        _of_both([each.changes for each in maps])[None],
+        _of_both([each.matrix_changes for each in maps]),
+    ).save(stored)
+    corners = photographs.corners
+    console.say(corners.told())
+    for each in maps:
+        for line in each.report():
+            console.say(line)
+    if photographs.primaries is None:
+        console.say(f"Assumed, for want of projector.primaries: {COLOURS}")
+    if room.assumed:
+        options = ", ".join(f"--{name}" for name in room.assumed)
+        console.say(f"Assumed, for want of {options}: {_RIG}")
+    console.say(
+        f"  -> {out}, {stored}",
+        f"Use them: domesim compensate --left L.####.exr --right R.####.exr --scene {out} "
+        f"--transport {stored}",
+    )
+    eyes = {
+        each.eye: {
+            "system_crosstalk": each.system,
+            "system_crosstalk_error": each.system_error,
+            "matrix": _plain(each.matrix),
+            "standard_error": _plain(each.matrix_error),
+            "share": _plain(each.share),
+            "share_standard_error": _plain(each.share_error),
+            "notes": list(each.notes),
+        }
+        for each in maps
+    }
+    assumed = [*(["primaries"] if photographs.primaries is None else []), *room.assumed]
+    figures = {
+        "photographs": str(listed),
+        "corners": {"at": _plain(corners.at), "error": corners.error, "origin": corners.origin},
+        "eyes": eyes,
+    }
+    finish(console, {"output": str(out), "maps": str(stored), "assumed": assumed, **figures}, [])
+
+
+@app.command()
+def dome(
+    survey: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SURVEY",
+            help="A .toml file that names the theatre's scene file, the camera, the photographs "
+            "and their patterns (docs/measuring.md).",
+            show_default=False,
+        ),
+    ],
+    out: SceneOut,
+    hold: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What is known from elsewhere: gain, screen, floor or wall, such as floor=0.1, or "
+            "floor=0.1,0.02 with its standard error. May be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    residual: Annotated[
+        Path | None,
+        typer.Option(help="Write a picture (.png) of the residuals.", show_default=False),
+    ] = None,
+    without_geometry: Annotated[
+        bool,
+        typer.Option(
+            "--without-geometry",
+            help="Measure how the room as it is reflects, whatever is in it: a transport (.npz "
+            "beside --out) instead of albedos. Of the theatre's file only dome, projector and "
+            "viewing are used.",
+        ),
+    ] = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Albedos, white and black of a dome theatre from photographs or a meter, and a scene file."""
+    from domesim.measure.dome.file import read_survey  # noqa: PLC0415
+    from domesim.measure.dome.report import (  # noqa: PLC0415
+        figures_of,
+        lines_of,
+        measured_scene,
+        residual_picture,
+    )
+    from domesim.measure.dome.run import surveyed  # noqa: PLC0415
+
+    console = Console(quiet=quiet, json=json)
+    _require_toml(out)
+    if residual is not None and residual.suffix != ".png":
+        raise InputError(f"--residual {residual}: is stored as .png, name it so")
+    known = dict(_held(text) for text in hold or ())
+    if without_geometry:
+        for option, given in (("--hold", hold), ("--residual", residual)):
+            if given:
+                raise InputError(f"{option} is of albedos; leave it out, or --without-geometry")
+        _dome_without_geometry(survey, out, console)
+        return
+    task = read_survey(survey)
+    for path in (out, residual):
+        if path is not None:
+            prepare_file(path, instead_of=survey)
+    with about(survey):
+        cells, found = surveyed(task, known)
+    for line in lines_of(task, found):
+        console.say(line)
+    if residual is not None:
+        if cells is None:
+            raise InputError(f"--residual {residual}: readings have no picture; leave it out")
+        write_whole(residual, _png(residual_picture(cells, found)))
+        console.say(f"  -> {residual}")
+    figures = {"survey": str(survey), **figures_of(found)}
+    if not found.complete:
+        complain(
+            f"{survey}: not everything is determined, so no scene was written; photograph more "
+            f"patterns and the floor, or hold what is known (--hold floor=0.1)"
+        )
+        finish(console, {"output": None, **figures}, [str(survey)])
+    text = measured_scene(task, found, out.stem, survey)
+    scene = scene_of_text(text, str(out), out.parent)
+    write_whole(out, text.encode())
+    console.say(f"{scene.facts()['Measured']}\n  -> {out}")
+    console.say(f"Use it: domesim compensate MASTER --scene {out}")
+    finish(console, {"output": str(out), **figures}, [])
+
+
+def _dome_without_geometry(survey: Path, out: Path, console: Console) -> None:
+    from domesim.measure.dome.file import read_survey  # noqa: PLC0415
+    from domesim.measure.dome.without_geometry import (  # noqa: PLC0415
+        figures_of,
+        lines_of,
+        measured_scene,
+        stored,
+        surveyed_alone,
+    )
+
+    task = read_survey(survey)
+    transport = out.with_suffix(".npz")
+    for path in (out, transport):
+        prepare_file(path, instead_of=survey)
+    with about(survey):
+        found = surveyed_alone(task)
+    for line in lines_of(task, found):
+        console.say(line)
+    text = measured_scene(task, found, out.stem, survey)
+    scene = scene_of_text(text, str(out), out.parent)
+    assert isinstance(scene, DomeScene)
+    stored(found, scene, survey).save(transport)
+    write_whole(out, text.encode())
+    console.say(
+        f"  -> {out}, {transport}",
+        f"Use them: domesim compensate MASTER --scene {out} --transport {transport}",
+    )
+    figures = {"survey": str(survey), **figures_of(found)}
+    finish(console, {"output": str(out), "transport": str(transport), **figures}, [])
+
+
+def _held(text: str) -> tuple[str, Known]:
+    """Name and value of ``floor=0.1,0.02``."""
+    from domesim.measure.dome.fit import Known  # noqa: PLC0415
+
+    match = re.fullmatch(r"(gain|screen|floor|wall)=([0-9.eE+-]+)(?:,([0-9.eE+-]+))?", text)
+    try:
+        name, value, error = match.groups(default="0") if match else ("", "", "")
+        number, spread = float(value), float(error)
+        if not (number > 0 and spread >= 0 and np.isfinite([number, spread]).all()):
+            raise ValueError
+    except ValueError:
+        raise InputError(
+            f"--hold {text!r}: wanted gain, screen, floor or wall, =, a value above 0 and perhaps "
+            f"its standard error, such as floor=0.1,0.02"
+        ) from None
+    return name, Known((number,) * 3, (spread,) * 3)
+
+
+def _png(pixels: NDArray[np.uint8]) -> bytes:
+    from matplotlib.image import imsave  # noqa: PLC0415
+
+    buffer = io.BytesIO()
+    imsave(buffer, pixels, format="png")
+    return buffer.getvalue()
+
+
+# The scene file.
+
+_RIG = "what van Baar et al. 2011 have"
+
+
+def _scene_text(middle: str, sources: str) -> str:
+    """The template of a scene file: its projector and crosstalk, and where they are from."""
+    return f"""name = {{name}}
+description = {{description}}
+
+[screen]
+width_m = {{width!r}}
+height_m = {{height!r}}
+
+[projector]
+{middle}[viewing]
+distance_m = {{distance!r}}
+adaptation_cd_m2 = {{adaptation!r}}
+
+[sources]
+"screen" = "{{screen}}"
+{sources}"viewing" = "{{viewing}}"
+"""
+
+
+_SCENE = _scene_text(
+    """\
+primaries = "measured"
+
+[crosstalk]
+readings = {readings}
+{black}{negative}
+""",
+    """\
+"projector, crosstalk" = "measured, see the readings"
+""",
+)
+
+
+_GREY_SCENE = _scene_text(
+    """\
+primaries = {primaries}
+white_cd_m2 = {white:.6g}
+black_cd_m2 = {black:.6g}
+
+[crosstalk.table]
+levels = {levels}
+to_left = {to_left}
+to_right = {to_right}
+
+""",
+    """\
+"projector.primaries" = "{colours}"
+"projector.white_cd_m2, projector.black_cd_m2, crosstalk" = {source}
+""",
+)
+
+
+_PHOTOGRAPHED = _scene_text(
+    """\
+primaries = {primaries}
+white_cd_m2 = {white!r}
+black_cd_m2 = {black!r}
+
+[crosstalk]
+to_left = {to_left}
+to_right = {to_right}
+to_left_error = {to_left_error}
+to_right_error = {to_right_error}
+
+[[seats]]
+name = {seat}
+
+""",
+    """\
+"projector.primaries" = "{colours}"
+"projector.white_cd_m2, projector.black_cd_m2" = "given to domesim measure"
+"crosstalk" = {source}
+""",
+)
+
+
+def _error(map_: CrosstalkMap) -> str:
+    """Standard errors of a matrix for the scene file; one for all primaries that were not told."""
+    if not map_.of_primaries:
+        return f"{map_.system_error:.4g}"
+    return _rows(map_.matrix_error)
+
+
+def _of_both(changes: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """(change, view, ...) of each view's own (change, ...)."""
+    count = sum(len(each) for each in changes)
+    result = np.zeros((count, 2, *changes[0].shape[1:]))
+    start = 0
+    for view, each in enumerate(changes):
+        result[start : start + len(each), view] = each
+        start += len(each)
+    return result
+
+
+def _numbers(values: ArrayLike) -> str:
+    """A TOML array, fine enough for the slopes between levels that are close."""
+    return f"[{', '.join(f'{value + 0.0:.10g}' for value in np.asarray(values))}]"
+
+
+def _rows(values: NDArray[np.float64]) -> str:
+    return "[\n" + "".join(f"    {_numbers(row)},\n" for row in values) + "]"
+
+
+@final
+@dataclass(frozen=True)
+class _Room:
+    """Screen and audience, m and cd/m², and which of them nobody gave."""
+
+    width: float
+    height: float
+    distance: float
+    adaptation: float
+    assumed: list[str]
+
+    def told(self) -> dict[str, Any]:
+        """What the scene file's text takes."""
+        return {
+            "width": self.width,
+            "height": self.height,
+            "distance": self.distance,
+            "adaptation": self.adaptation,
+            "screen": _origin(self.assumed, "width", "height"),
+            "viewing": _origin(self.assumed, "distance", "adaptation"),
+        }
+
+
+def _room(
+    width: float | None, height: float | None, distance: float | None, adaptation: float | None
+) -> _Room:
+    given = {"width": width, "height": height, "distance": distance, "adaptation": adaptation}
+    wide = _length("--width", WIDTH if width is None else width)
+    high = _length("--height", round(wide * 9 / 16, 9) if height is None else height)
+    away = _length("--distance", DISTANCE if distance is None else distance)
+    adapted = ADAPTATION if adaptation is None else adaptation
+    if not 1e-6 <= adapted <= 1e6:
+        raise InputError(f"--adaptation must be 1e-06 to 1e+06 cd/m², got {adapted:g}")
+    return _Room(
+        wide, high, away, adapted, [name for name, value in given.items() if value is None]
+    )
+
+
+def _require_toml(out: Path) -> None:
+    if out.suffix != ".toml":
+        raise InputError(f"--out {out}: a scene is stored as .toml, name it so")
+
+
+def _say_where(console: Console, out: Path, room: _Room) -> None:
+    """Say what is assumed, and what the scene file is for."""
+    if room.assumed:
+        options = ", ".join(f"--{name}" for name in room.assumed)
+        console.say(f"Assumed, for want of {options}: {_RIG}")
+    console.say(
+        f"  -> {out}",
+        f"Use it: domesim compensate --left L.####.exr --right R.####.exr --scene {out}",
+    )
+
+
+def _origin(assumed: list[str], *names: str) -> str:
+    """Where these figures are from, for the scene file."""
+    missing = [name for name in names if name in assumed]
+    if not missing:
+        return "given to domesim measure"
+    return f"assumed, {_RIG}, section 4: {', '.join(missing)}"
+
+
+def _length(option: str, value: float) -> float:
+    if not 0 < value <= 1000:
+        raise InputError(f"{option} must be above 0 and at most 1000 m, got {value:g}")
+    return value
+
+
+def _primaries(name: str) -> str:
+    known = [each for each in PRIMARIES if each != "XYZ"]
+    if name not in known:
+        raise InputError(f"--primaries {name!r} are not known; use one of {', '.join(known)}")
+    return name
+
+
+def _black(name: str | None) -> Black | None:
+    if name not in (None, "included", "subtracted"):
+        raise InputError(f"--black {name!r} is not known; use included or subtracted")
+    return cast("Literal['included', 'subtracted'] | None", name)
+
+
+def _from(scene: Path, readings: Path) -> str:
+    """Where the readings are, seen from the scene's folder."""
+    return os.path.relpath(readings.resolve(), scene.parent.resolve())
+
+
+def _quoted(text: str) -> str:
+    """A TOML string."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        shown = text.encode(errors="backslashreplace").decode()
+        raise InputError(
+            f"{shown}: wanted a path in UTF-8, got other bytes. Rename the file or its folder."
+        ) from None
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
+
+
+# Figures for programs.
+
+
+def _of_pair(pair: MeasuredPair) -> dict[str, Any]:
+    gamut = pair.gamut
+    eyes = zip(pair.crosstalk, pair.displays, pair.responses, strict=True)
+    return {
+        "readings": pair.source,
+        "noise": pair.noise,
+        "eyes": {
+            leak.eye: {
+                **_of_crosstalk(leak),
+                "projector": _of_display(display),
+                "response": _of_response(response),
+            }
+            for leak, display, response in eyes
+        },
+        "common_gamut": {
+            "primaries_xyz": _plain(gamut.primaries),
+            "chromaticities_xy": _plain(gamut.chromaticities),
+            "white_cd_m2": float(gamut.white[1]),
+            "matrices": _plain(gamut.matrices),
+            "light_lost": _plain(gamut.lost),
+            "crosstalk": _plain(pair.common_matrices),
+        },
+    }
+
+
+def _of_table(table: MeasuredGreyToGrey) -> dict[str, Any]:
+    return {
+        "system_crosstalk": table.system,
+        "own_levels": _plain(table.own_levels),
+        "other_levels": _plain(table.other_levels),
+        "light": _plain(table.light),
+        "extra": _plain(table.extra),
+        "white_cd_m2": table.white,
+        "black_cd_m2": table.black,
+    }
+
+
+def _of_crosstalk(leak: MeasuredCrosstalk) -> dict[str, Any]:
+    return {
+        "matrix": _plain(leak.matrix),
+        "measured": _plain(leak.measured),
+        "standard_error": _plain(leak.error),
+        "system_crosstalk": leak.system,
+        "system_crosstalk_error": leak.system_error,
+        "extinction": leak.extinction if np.isfinite(leak.extinction) else None,
+        "viewer_crosstalk_white_on_half": leak.viewer((0.5, 0.5, 0.5), (1, 1, 1)),
+        "black_xyz": None if leak.black is None else _plain(leak.black),
+        "notes": list(leak.notes),
+    }
+
+
+def _of_display(display: Display) -> dict[str, Any]:
+    return {
+        "primaries_xyz": _plain(display.primaries),
+        "chromaticities_xy": _plain(display.chromaticities),
+        "white_cd_m2": float(display.white[1]),
+        "black_xyz": None if display.black is None else _plain(display.black),
+        "additivity": _plain_or_none(display.additivity),
+        "additivity_error": _plain_or_none(display.additivity_error),
+        "chromaticity_drift": _plain(display.drift),
+        "response": _of_response(display.response),
+        "notes": list(display.notes),
+    }
+
+
+def _of_response(response: Response | None) -> dict[str, Any] | None:
+    if response is None:
+        return None
+    transfer = response.transfer
+    curve: dict[str, Any] = (
+        {"gamma": transfer.exponent}
+        if isinstance(transfer, Gamma)
+        else {
+            "codes": _plain(getattr(transfer, "codes", ())),
+            "light": _plain(getattr(transfer, "light", ())),
+        }
+    )
+    return {
+        **curve,
+        "gammas": _plain(response.exponents),
+        "gamma_errors": _plain(response.errors),
+        "gamma_rms": _plain(response.rms),
+        "gamma_misfit_lightness": _plain(response.misfit),
+    }
+
+
+def _plain(values: ArrayLike) -> Any:
+    return np.asarray(values, np.float64).tolist()
+
+
+def _plain_or_none(values: ArrayLike | None) -> Any:
+    return None if values is None else _plain(values)

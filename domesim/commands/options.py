@@ -1,0 +1,167 @@
+"""Options that several subcommands have, in groups; Typer sees them as options of their own."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any, final, get_type_hints
+
+import typer
+
+from domesim.commands import BAD_INPUT
+from domesim.host.console import Console
+from domesim.inspection.coverage import require_covered
+from domesim.scene import DomeScene, Scene, StereoScene, scene_names
+from domesim.scene.choice import SceneChoice
+
+OutFolder = Annotated[
+    Path, typer.Option("--out", help="Folder for the results.", show_default=False)
+]
+SceneName = Annotated[
+    str,
+    typer.Option(
+        "--scene",
+        help=f"The theatre or stereo system: {', '.join(scene_names())}; or the path of a .toml "
+        "file.",
+        show_default=False,
+        autocompletion=scene_names,
+    ),
+]
+TransportFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--transport",
+        help="The theatre's whole light transport, or the stereo system's crosstalk maps: a .npz "
+        "file of 'domesim tabulate'. Without it reflections are those of the bare screen, and "
+        "crosstalk is estimated.",
+    ),
+]
+SeatName = Annotated[
+    str | None,
+    typer.Option(
+        "--seat",
+        help="The seat to look from. Stereo: 'all' for the weighted mean of all seats, 'worst' for "
+        "the one that is worst off. Dome: figures and predictions are for that seat's pixels per "
+        "degree.",
+        show_default=False,
+    ),
+]
+Repair = Annotated[
+    bool,
+    typer.Option(help="Replace NaN and negative samples by black, infinite ones by the largest."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print figures to standard output as one JSON object.")
+]
+
+
+def grouped(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with the fields of its parameters that are dataclasses as options of its own.
+
+    A field without a default is an option that must be given. Typer sees the options in the order
+    of parameters and fields.
+    """
+    groups: dict[str, Any] = {
+        name: kind
+        for name, kind in get_type_hints(command).items()
+        if name != "return" and is_dataclass(kind)
+    }
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        for name, kind in groups.items():
+            given[name] = kind(**{each.name: given.pop(each.name) for each in fields(kind)})
+        command(**given)
+
+    parameters: list[inspect.Parameter] = []
+    hints = get_type_hints(command, include_extras=True)
+    for parameter in inspect.signature(command).parameters.values():
+        of = groups.get(parameter.name)
+        shown = (parameter,) if of is None else inspect.signature(of).parameters.values()
+        kinds = hints if of is None else get_type_hints(of, include_extras=True)
+        parameters += [
+            each.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=kinds[each.name])
+            for each in shown
+        ]
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in parameters}
+    return run
+
+
+@final
+@dataclass(frozen=True)
+class Telling:
+    """What a command says."""
+
+    quiet: Quiet = False
+    json: Json = False
+
+    def console(self) -> Console:
+        """Where it says it."""
+        return Console(quiet=self.quiet, json=self.json)
+
+
+@final
+@dataclass(frozen=True)
+class Place:
+    """Which scene a command is about, and from which seat."""
+
+    scene: SceneName
+    transport: TransportFile = None
+    seat: SeatName = None
+
+    def load(self, console: Console) -> tuple[SceneChoice, Scene]:
+        """The scene, for this process and for others; what is approximate is said.
+
+        Raises
+        ------
+        InputError
+            As for `scene_of`.
+        """
+        choice = SceneChoice(self.scene, self.transport, self.seat)
+        scene = scene_of(choice, console)
+        return choice.settled(scene), scene
+
+    def about(self, scene: Scene) -> dict[str, Any]:
+        """What a command's figures say of its scene, and of the seat that was asked for."""
+        facts = about_scene(scene)
+        if self.seat is not None and not isinstance(scene, StereoScene):
+            facts["seats"] = [self.seat]
+        return facts
+
+
+def about_scene(scene: Scene) -> dict[str, Any]:
+    """What a command's figures say of its scene."""
+    facts: dict[str, Any] = {"scene": scene.name, "approximation": scene.approximation}
+    if isinstance(scene, StereoScene):
+        facts["seats"] = list(scene.chosen)
+    return facts
+
+
+def scene_of(choice: SceneChoice, console: Console) -> Scene:
+    """The scene of a command; what is approximate is said.
+
+    Raises
+    ------
+    InputError
+        As for `SceneChoice.load`, and if projectors leave a part of a dome's screen dark.
+    """
+    scene = choice.load()
+    if isinstance(scene, DomeScene):
+        require_covered(scene, choice.name)
+    if isinstance(scene, StereoScene):
+        console.say(f"{scene.name}: crosstalk {scene.facts()['Crosstalk']}")
+    if scene.approximation is not None:
+        console.say(f"{scene.name}: {scene.approximation}")
+    return scene
+
+
+def finish(console: Console, figures: dict[str, Any], failed: list[str]) -> None:
+    """Print the figures, and exit with 2 if frames failed."""
+    console.figures({**figures, "failed": failed})
+    if failed:
+        raise typer.Exit(BAD_INPUT)

@@ -1,0 +1,555 @@
+"""Subcommands that trace paths: ``render`` and ``tabulate``."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from domesim.commands import INTERRUPTED
+from domesim.commands.options import Json, Quiet, Repair, finish
+from domesim.errors import InputError
+from domesim.frames import read_master
+from domesim.host.console import Console, about, prepare_file
+from domesim.inspection.coverage import require_covered
+from domesim.scene import DomeScene, StereoScene, load_dome, load_scene
+from domesim.scene.crosstalk_maps import CrosstalkMaps
+from domesim.scene.screening import decoded
+from domesim.scene.stereo import MAP_CELLS
+
+if TYPE_CHECKING:
+    from domesim.pathtrace.tabulate import Tabulation
+    from domesim.pathtrace.tracer import Settings, Traced
+
+_PREVIEW = 2048
+"""Most pixels a side of a preview."""
+
+_ERROR, _WALKS, _DEGREE = 5e-4, 2e8, 6
+"""How a dome is tabulated if nobody asks for more."""
+
+SceneArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENE", help="The theatre: its name, or the path of a .toml file.",
+        show_default=False,
+    ),
+]  # fmt: skip
+RenderedMaster = Annotated[
+    Path | None,
+    typer.Option("--master", help="The domemaster on the screen; the bundled night scene if none."),
+]
+View = Annotated[
+    str,
+    typer.Option(
+        help="domemaster, seat:NAME (a viewpoint of the scene, such as seat:centre), or cutaway "
+        "(the theatre itself, from outside; a .png file)."
+    ),
+]
+OutFile = Annotated[Path, typer.Option("--out", help="File to write.", show_default=False)]
+Error = Annotated[
+    float,
+    typer.Option(
+        help="Standard error to reach: rms over the pixels, relative to the mean reflected light."
+    ),
+]
+Most = Annotated[int, typer.Option("--samples", help="Most paths a pixel.")]
+Seed = Annotated[int, typer.Option(help="Of the random numbers.")]
+PerBounce = Annotated[bool, typer.Option("--per-bounce", help="Write a layer for each bounce.")]
+Size = Annotated[
+    int | None,
+    typer.Option(help="Pixels a side of the domemaster, or the width of another view."),
+]
+
+
+def render(
+    scene: SceneArgument,
+    out: OutFile,
+    master: RenderedMaster = None,
+    view: View = "domemaster",
+    size: Size = None,
+    error: Error = 0.05,
+    samples: Most = 1 << 14,
+    seed: Seed = 0,
+    per_bounce: PerBounce = False,
+    repair: Repair = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Path-trace what is seen in a theatre: layers of direct and reflected light in cd/m²."""
+    console = Console(quiet=quiet, json=json)
+    theatre = load_dome(scene)
+    if view != "cutaway":
+        require_covered(theatre, scene)
+    if size is not None and not 2 <= size <= 16384:
+        raise InputError(f"--size must lie in 2..16384, got {size}")
+    if samples < 2:
+        raise InputError(f"--samples must be at least 2, for an error to be known, got {samples}")
+    _require_seed(seed)
+    suffix = ".png" if view == "cutaway" else ".exr"
+    if out.suffix.lower() != suffix:
+        raise InputError(f"--out {out}: the view {view!r} is written as {suffix}, name it so")
+    for written in {out, out.with_suffix(".png")}:
+        prepare_file(written, instead_of=master)
+    picture = _picture(theatre, master, size if view == "domemaster" else None, repair, console)
+    if view == "cutaway":
+        _cutaway(theatre, picture, out, size or 1200, console)
+        return
+    # Slow to import, and not needed for --help
+    from domesim.pathtrace.llvm import backend  # noqa: PLC0415
+    from domesim.pathtrace.tracer import Settings  # noqa: PLC0415
+
+    settings = Settings(error=error, most=samples, least=min(32, samples), seed=seed,
+                        per_bounce=per_bounce)  # fmt: skip
+    console.say(backend().summary)
+    if view == "domemaster":
+        layers, facts = _domemaster(theatre, picture, settings, console)
+    else:
+        layers, facts = _from_seat(theatre, picture, view, size or 960, settings, console)
+    _write(theatre, view, layers, facts, out, console)
+
+
+def tabulate(
+    scene: SceneArgument,
+    out: OutFile,
+    error: Annotated[
+        float,
+        typer.Option(
+            help="Domes: rms standard error to reach, relative to the mean reflected light."
+        ),
+    ] = _ERROR,
+    walks: Annotated[float, typer.Option(help="Domes: most paths.")] = _WALKS,
+    degree: Annotated[
+        int, typer.Option(help="Domes: degree of the smooth patterns that carry the light, 0..12.")
+    ] = _DEGREE,
+    seed: Seed = 0,
+    check: Annotated[
+        bool, typer.Option(help="Domes: compare with the radiosity model where it applies.")
+    ] = True,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Trace a dome's reflected light, or a polarised 3D cinema's crosstalk, for --transport."""
+    console = Console(quiet=quiet, json=json)
+    theatre = load_scene(scene)
+    if out.suffix != ".npz":
+        raise InputError(f"--out {out}: a transport is stored as .npz, name it so")
+    if not walks >= 1:
+        raise InputError(f"--walks must be at least 1, got {walks:g}")
+    _require_seed(seed)
+    if isinstance(theatre, StereoScene):
+        _require_no_dome_options(theatre, error, walks, degree, check=check)
+    prepare_file(out)
+    from domesim.pathtrace.llvm import backend  # noqa: PLC0415
+
+    if isinstance(theatre, StereoScene):
+        _tabulate_crosstalk(theatre, scene, out, seed, console)
+        return
+    assert isinstance(theatre, DomeScene)
+    require_covered(theatre, scene)
+    from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
+    from domesim.pathtrace.tracer import Status  # noqa: PLC0415
+
+    console.say(backend().summary)
+    provenance = {"scene": theatre.name, "digest": theatre.digest}
+    with console.share("tabulating") as progress:
+        found = traced(
+            theatre.theatre,
+            error=error,
+            most=walks,
+            degree=degree,
+            seed=seed,
+            provenance=provenance,
+            progress=progress,
+        )
+    found.transport.save(out)
+    gain = found.transport.mean_gain()
+    closed = _closed_gain(theatre)
+    figures: dict[str, Any] = {
+        "scene": theatre.name,
+        "output": str(out),
+        "status": found.status.value,
+        "walks": found.walks,
+        "cpu_s": found.seconds,
+        "relative_error": found.transport.relative_error(),
+        "mean_gain": gain.tolist(),
+        "closed_form_gain": closed.tolist(),
+        "rank": found.transport.rank,
+        "reduced_rank": found.transport.reduced(1e-3).rank,
+    }
+    console.say(
+        f"{theatre.name}: a white picture's reflected light is {_per_primary(gain)} of its direct "
+        f"light (closed form of the bare screen: {_per_primary(closed)})",
+        f"standard error {figures['relative_error']:.1e} after {found.walks:.3g} paths, "
+        f"{found.seconds:.0f} CPU-s. {found.status.value}",
+    )
+    interrupted = found.status is Status.INTERRUPTED
+    if check and not interrupted:
+        figures["second_opinion"] = _second_opinion(theatre, found, console)
+    console.say(
+        f"  -> {out}", f"Use it: domesim compensate MASTER --scene {scene} --transport {out}"
+    )
+    _finish(console, figures, interrupted)
+
+
+def _require_no_dome_options(
+    scene: StereoScene, error: float, walks: float, degree: int, *, check: bool
+) -> None:
+    given = {
+        "--error": error != _ERROR,
+        "--walks": walks != _WALKS,
+        "--degree": degree != _DEGREE,
+        "--no-check": not check,
+    }
+    named = " and ".join(option for option, is_given in given.items() if is_given)
+    if named:
+        raise InputError(f"{named}: for domes, {scene.name} is a stereo system; leave it out")
+
+
+def _tabulate_crosstalk(
+    scene: StereoScene, name: str, out: Path, seed: int, console: Console
+) -> None:
+    """Store the crosstalk maps of all seats, and say how far the estimate by hand was off."""
+    from domesim.pathtrace.polarised import luminance_map  # noqa: PLC0415
+
+    if scene.theatre is None:
+        raise InputError(
+            f"{scene.name}: wanted hardware to trace light through ([crosstalk.polarisation]), got "
+            f"crosstalk as {scene.model}. It is used as it is: leave --transport out"
+        )
+    maps, rows = [], []
+    with console.share("tracing") as progress:
+        for number, seat in enumerate(scene.seats):
+
+            def told(done: float, n: int = number, name: str = seat) -> None:
+                progress((n + done) / len(scene.seats), name)
+
+            weights = scene.projector.luminance_weights
+            found = luminance_map(
+                scene.theatre, weights, seat, *MAP_CELLS, seed=seed, progress=told
+            )
+            maps.append(found)
+            estimate = scene.seats[seat].share
+            assert estimate is not None
+            middle = tuple(cells // 2 for cells in MAP_CELLS)
+            figures = {
+                "mean": float(found.share.mean()),
+                "middle": float(found.share[(0, *middle)]),
+                "middle_standard_error": float(found.standard_error[(0, *middle)]),
+                "largest": float(found.share.max()),
+                "off_the_estimate": float(np.max(np.abs(found.share / estimate - 1))),
+            }
+            rows.append({"seat": seat, **figures})
+            console.say(
+                f"{seat}: crosstalk {figures['mean']:.2%} on average, "
+                f"{_sure(figures['middle'], 2 * figures['middle_standard_error'])} in the middle, "
+                f"up to {figures['largest']:.2%}; at most {figures['off_the_estimate']:.1%} off "
+                f"the estimate without tracing"
+            )
+    provenance = {
+        "scene": scene.name,
+        "digest": scene.digest,
+        "seed": seed,
+        "samples": maps[0].samples,
+        "version": version("domesim"),
+    }
+    stored = CrosstalkMaps(
+        tuple(scene.seats),
+        np.stack([found.share for found in maps]),
+        np.stack([found.standard_error for found in maps]),
+        provenance,
+    )
+    stored.save(out)
+    console.say(
+        f"  -> {out}",
+        f"Use it: domesim compensate --left L.####.exr --right R.####.exr "
+        f"--scene {name} --transport {out}",
+    )
+    finish(console, {"scene": scene.name, "output": str(out), "seats": rows}, [])
+
+
+def _sure(share: float, error: float) -> str:
+    """``1.098% ± 0.00030%``: the error with two significant digits."""
+    if not error > 0:
+        return f"{share:.3%} ± 0%"
+    digits = max(0, 1 - math.floor(math.log10(100 * error)))
+    return f"{share:.3%} ± {error:.{digits}%}"
+
+
+def _finish(console: Console, figures: dict[str, Any], interrupted: bool) -> None:
+    """Print the figures; what is not as sure as was asked for is no success."""
+    finish(console, figures, [])
+    if interrupted:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _require_seed(seed: int) -> None:
+    if seed < 0:
+        raise InputError(f"--seed must be at least 0, got {seed}")
+
+
+def _per_primary(values: NDArray[np.float64]) -> str:
+    if np.ptp(values) < 1e-12:
+        return f"{values[0]:.4f}"
+    return " / ".join(f"{value:.4f}" for value in values)
+
+
+def _closed_gain(scene: DomeScene) -> NDArray[np.float64]:
+    from domesim.observation.spherical import bare_gain  # noqa: PLC0415
+
+    return np.array([bare_gain(rho, scene.dome) for rho in scene.albedo])
+
+
+def _second_opinion(scene: DomeScene, found: Tabulation, console: Console) -> dict[str, Any] | None:
+    """The mean light by the other method: radiosity, or walks where radiosity was the first."""
+    from domesim.observation.radiosity import radiosity  # noqa: PLC0415
+    from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
+
+    theatre, method = replace(scene.theatre, lamps=()), "radiosity"
+    if found.walks == 0:
+        method = "path tracing"
+        other = traced(theatre, error=1e-3, most=1e8, explicit=False).transport
+    else:
+        try:
+            other = radiosity(theatre)
+        except InputError as reason:
+            known, _, _ = str(reason).partition(";")  # its way out is what has just been done
+            console.say(f"No second opinion: {known}")
+            return None
+    gain, first = other.mean_gain(), found.transport.mean_gain()
+    # Of a black primary there is nothing to compare.
+    apart = float(np.max(np.abs(gain - first) / np.maximum(first, 1e-30)))
+    console.say(f"Second opinion: {method} finds {_per_primary(gain)}, {apart:.2%} apart")
+    return {"method": method, "mean_gain": gain.tolist(), "apart": apart}
+
+
+def _picture(
+    scene: DomeScene, master: Path | None, size: int | None, repair: bool, console: Console
+) -> NDArray[np.float32]:
+    """(row, col, primary) light of the master, at another size if wanted."""
+    path = master
+    if path is None:
+        path = Path(str(resources.files("scenes").joinpath("masters", "night.exr")))
+    with about(path):
+        frame = read_master([path], repair=repair)
+        if frame.repaired:
+            console.say(f"{path.name}: {frame.repaired} impossible samples repaired")
+        light = np.asarray(decoded(frame, scene)[0], np.float32)
+        scene.dome.inside(*light.shape[:2])  # refuses what is no domemaster
+    if size is None or size == light.shape[0]:
+        return light
+    return _resized(light, size, size)
+
+
+def _resized(picture: NDArray[Any], rows: int, cols: int) -> NDArray[np.float32]:
+    import OpenImageIO as oiio  # noqa: N813, PLC0415
+
+    source = oiio.ImageBuf(oiio.ImageSpec(picture.shape[1], picture.shape[0], 3, oiio.FLOAT))
+    source.set_pixels(oiio.ROI.All, np.ascontiguousarray(picture, np.float32))
+    resized = oiio.ImageBufAlgo.resize(source, "box", roi=oiio.ROI(0, cols, 0, rows, 0, 1, 0, 3))
+    return np.asarray(resized.get_pixels(oiio.FLOAT), np.float32)
+
+
+def _small(picture: NDArray[Any]) -> NDArray[Any]:
+    """A picture of at most `_PREVIEW` pixels a side."""
+    rows, cols = picture.shape[:2]
+    shrink = _PREVIEW / max(rows, cols)
+    if shrink >= 1:
+        return picture
+    return _resized(picture, max(1, round(rows * shrink)), max(1, round(cols * shrink)))
+
+
+def _cutaway(
+    scene: DomeScene, picture: NDArray[np.float32], out: Path, width: int, console: Console
+) -> None:
+    from domesim.pathtrace.cutaway import cutaway, to_png  # noqa: PLC0415
+
+    console.say("Rendering the theatre from outside (about a minute)")
+    shown = np.clip(_display(scene, picture), 0, 1)
+    to_png(cutaway(scene.theatre, shown, width=width, height=width * 2 // 3), out)
+    console.say(f"  -> {out}")
+    finish(console, {"scene": scene.name, "view": "cutaway", "output": str(out)}, [])
+
+
+def _domemaster(
+    scene: DomeScene, picture: NDArray[np.float32], settings: Settings, console: Console
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    from domesim.pathtrace.observation import PathTracedDome  # noqa: PLC0415
+
+    rows, cols, _ = picture.shape
+    with console.share("tracing") as progress:
+        dome = PathTracedDome(scene.theatre, rows, cols, settings, progress=progress)
+        seen = dome.trace(picture[None])
+    on = dome.screen[..., None]
+    black = scene.ambient / scene.projector.white
+    total = np.where(on, seen.mean[0] + black, 0)
+    layers = {
+        "": total,
+        "direct": np.where(on, seen.direct[0], 0),
+        "indirect": seen.indirect.mean,
+        "variance": np.where(on, seen.standard_error[0] ** 2, 0),
+    }
+    if seen.ambient is not None:
+        layers["ambient"] = seen.ambient.mean
+    layers |= _bounces(seen.indirect.bounces, 1)
+    parts = [part for part in (seen.indirect, seen.ambient) if part is not None]
+    return layers, _facts(parts, dome.screen)
+
+
+def _from_seat(
+    scene: DomeScene,
+    picture: NDArray[np.float32],
+    view: str,
+    width: int,
+    settings: Settings,
+    console: Console,
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    from domesim.pathtrace.observation import in_haste, part_of  # noqa: PLC0415
+    from domesim.pathtrace.tracer import Tracer  # noqa: PLC0415
+
+    known = scene.theatre.viewpoints
+    name = view.removeprefix("seat:")
+    if not view.startswith("seat:") or name not in known:
+        seats = sorted(known, key=lambda seat: (seat.startswith("row"), seat))
+        few = ", ".join(f"seat:{seat}" for seat in seats[:6])
+        raise InputError(
+            f"--view {view!r} is not known; use domemaster, cutaway"
+            + (f", {few}{' ...' if len(seats) > 6 else ''}" if few else
+               f" (the scene {scene.name!r} has no seats or viewpoints)")
+        )  # fmt: skip
+    tracer = Tracer(scene.theatre)
+    source = tracer.picture(picture)
+    height = width * 9 // 16
+    parts = 2 if scene.theatre.lamps else 1
+    with console.share("tracing") as progress:
+        seen = tracer.view(source, known[name], width, height, replace(settings, per_bounce=True),
+                           progress=part_of(progress, 0, parts))  # fmt: skip
+        lamps = None
+        if scene.theatre.lamps:
+            lamps = tracer.view(
+                tracer.lamps(),
+                known[name],
+                width,
+                height,
+                in_haste(settings, seen),
+                reference=float(seen.mean.mean()),
+                progress=part_of(progress, 1, parts),
+            )
+    assert seen.bounces is not None
+    layers = {
+        "": seen.mean,
+        "direct": seen.bounces[0],
+        "indirect": seen.mean - seen.bounces[0],
+        "variance": seen.standard_error**2,
+    }
+    if lamps is not None:
+        layers["ambient"] = np.asarray(
+            lamps.mean + tracer.visible_lamps(known[name], width, height), np.float32
+        )
+        layers[""] = seen.mean + layers["ambient"]
+        layers["variance"] = layers["variance"] + lamps.standard_error**2
+    if settings.per_bounce:
+        layers |= _bounces(seen.bounces, 1)
+    traced = [seen] if lamps is None else [seen, lamps]
+    return layers, _facts(traced, np.ones((height, width), bool))
+
+
+def _bounces(bounces: NDArray[Any] | None, first: int) -> dict[str, NDArray[Any]]:
+    if bounces is None:
+        return {}
+    return {f"bounce{k}": bounces[k] for k in range(first, len(bounces))}
+
+
+def _facts(parts: Sequence[Traced], on: NDArray[np.bool_]) -> dict[str, Any]:
+    """Figures of the picture's light, and of the lamps' if there are any, on (row, col) pixels."""
+    picture = parts[0]
+    count = 3 * np.count_nonzero(on)
+    mean = float(np.sum(picture.mean, where=on[..., None], dtype=np.float64)) / count
+    square = np.einsum("ij,ijp->", on, np.square(picture.standard_error), dtype=np.float64)
+    error = float(np.sqrt(square / count))
+    # The members of Status stand in the order of how well it went.
+    order = list(type(picture.status))
+    return {
+        "status": max((part.status for part in parts), key=order.index).value,
+        "samples": picture.samples,
+        "seed": picture.seed,
+        "bounces": picture.limit,
+        "segments": sum(part.steps for part in parts),
+        "cpu_s": sum(part.seconds for part in parts),
+        "relative_error": error / mean if mean else 0.0,
+    }
+
+
+def _write(
+    scene: DomeScene,
+    view: str,
+    layers: dict[str, NDArray[Any]],
+    facts: dict[str, Any],
+    out: Path,
+    console: Console,
+) -> None:
+    from domesim.pathtrace.cutaway import to_png  # noqa: PLC0415
+    from domesim.pathtrace.layers import write_layers  # noqa: PLC0415
+    from domesim.pathtrace.tracer import Status  # noqa: PLC0415
+
+    white = scene.projector.white
+    for name, layer in layers.items():
+        np.multiply(layer, white**2 if name == "variance" else white, out=layer)
+    attributes: dict[str, Any] = {
+        "domesim:scene": scene.name,
+        "domesim:digest": scene.digest,
+        "domesim:units": "cd/m2 (white of each primary is the luminance of projector white)",
+        "domesim:white_cd_m2": float(white),
+        "domesim:versions": f"domesim {version('domesim')}, mitsuba {version('mitsuba')}, "
+        f"drjit {version('drjit')}, Python {platform.python_version()}",
+        "chromaticities": _chromaticities(scene),
+    }
+    attributes |= {f"domesim:{key}": value for key, value in facts.items()}
+    write_layers(out, layers, attributes)
+    preview = out.with_suffix(".png")
+    to_png(np.clip(_display(scene, _small(layers[""]) / white), 0, 1), preview)
+    over, rows, cols = "picture", *layers[""].shape[:2]
+    share = np.full((rows, cols), 1 / (rows * cols))
+    if view == "domemaster":
+        over, share = "screen", scene.dome.screen_areas(rows, cols)
+        share /= share.sum()
+    seen = {
+        name or "seen": float(
+            np.einsum("ij,ijp->p", share, layer) @ scene.projector.luminance_weights
+        )
+        for name, layer in layers.items()
+        if name in ("", "direct", "indirect", "ambient")
+    }
+    console.say(
+        f"mean luminance over the {over}: "
+        + ", ".join(f"{name} {value:.3g}" for name, value in seen.items())
+        + f" cd/m²; {facts['samples']} paths a pixel, standard error "
+        f"{facts['relative_error']:.1%} of the mean, {facts['cpu_s']:.0f} CPU-s. {facts['status']}"
+        f"\n  -> {out}\n  -> {preview}"
+    )
+    _finish(
+        console,
+        {"scene": scene.name, "output": str(out), "preview": str(preview), "mean_cd_m2": seen}
+        | facts,
+        facts["status"] == Status.INTERRUPTED.value,
+    )
+
+
+def _display(scene: DomeScene, picture: NDArray[Any]) -> NDArray[Any]:
+    """(row, col, RGB) linear BT.709."""
+    return np.asarray(scene.projector.to_display(np.asarray(picture, np.float32)[None])[0])
+
+
+def _chromaticities(scene: DomeScene) -> tuple[float, ...]:
+    """(x, y) of red, green, blue and white of the projector."""
+    matrix = scene.projector.to_xyz
+    columns = [*matrix.T, matrix.sum(axis=1)]
+    return tuple(float(v) for c in columns for v in (c[:2] / c.sum()))

@@ -1,0 +1,350 @@
+"""``domesim scene show``: a page that shows a theatre, to whoever wrote its scene file."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from domesim.commands.options import Json, Quiet, TransportFile
+from domesim.errors import InputError
+from domesim.frames.whole import write_whole
+from domesim.host.console import Console, prepare_file
+from domesim.inspection import lightmaps
+from domesim.inspection.coverage import coverage, require_covered
+from domesim.inspection.photometry import Photometry, ghost, photometry
+from domesim.inspection.plans import (
+    dome_plan,
+    dome_section,
+    stereo_plan,
+    stereo_seats,
+    stereo_section,
+)
+from domesim.library import load_master
+from domesim.light import Light, transfer
+from domesim.observation.spherical import bare_gain
+from domesim.room.theatre import Theatre, Viewpoint
+from domesim.scene import DomeScene, Scene, StereoScene
+from domesim.scene.choice import SceneChoice
+from domesim.scene.screening import mean_luminance
+
+_VIEW = 300  # pixels across, of what a seat sees
+_CUTAWAY = (1080, 720)
+_SAMPLES = 16
+_MASTER = "the bundled night scene"
+
+
+def show(
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE",
+            help="The scene: its name, or the path of a .toml file.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", help="The page to write: a .html file.", show_default=False)
+    ],
+    transport: TransportFile = None,
+    cutaway: Annotated[
+        bool,
+        typer.Option(
+            "--cutaway/--no-cutaway", help="Domes: render the theatre cut open (about a minute)."
+        ),
+    ] = True,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Show a theatre: plan, section, what seats see, its light, and what the model leaves out."""
+    console = Console(quiet=quiet, json=json)
+    if out.suffix.lower() != ".html":
+        raise InputError(f"--out {out}: the page is a .html, name it so")
+    found = SceneChoice(scene, transport).load()
+    prepare_file(out)
+    if isinstance(found, DomeScene):
+        require_covered(found, scene)
+        content, figures = _dome(found, console, cutaway=cutaway)
+    else:
+        assert isinstance(found, StereoScene)
+        content, figures = _stereo(found)
+    write_whole(out, _page(found, content).encode())
+    console.say(f"  -> {out}")
+    console.figures({"scene": found.name, "output": str(out)} | figures)
+
+
+class Row(NamedTuple):
+    """A row of a table of figures: what, how much, in what unit, and what it means."""
+
+    key: str
+    what: str
+    value: float | None
+    unit: str
+    meaning: str
+
+    @property
+    def shown(self) -> str:
+        """With three digits, or as many as are before the point."""
+        if self.value is None:
+            return "∞"
+        text = f"{self.value:,.0f}" if abs(self.value) >= 1000 else f"{self.value:.3g}"
+        return text.replace(",", "\u202f")
+
+
+class View(NamedTuple):
+    """What one place sees."""
+
+    number: int
+    title: str
+    name: str
+    image: str
+    words: str
+
+
+# Domes.
+
+
+def _dome(
+    scene: DomeScene, console: Console, *, cutaway: bool
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    light = photometry(scene, lightmaps.SIZE)
+    maps = lightmaps.pictures(coverage(scene.theatre, lightmaps.SIZE), light)
+    master, seen, means = _night(scene)
+    places = marked(scene.theatre)
+    tables, figures = _dome_tables(scene, light, means)
+    content = {
+        "tables": tables,
+        "cutaway": _cut_open(scene, master, console) if cutaway else None,
+        "drawings": [
+            ("Plan, from above", dome_plan(scene, places)),
+            ("Section, from the right", dome_section(scene, places)),
+        ],
+        "maps": [_url(each, "png") for each in maps],
+        "views": _views(scene, seen, places),
+        "left_out": _left_out(scene),
+        "master": _MASTER,
+    }
+    return content, figures
+
+
+def marked(theatre: Theatre) -> dict[str, Viewpoint]:
+    """The places whose view is shown: corners and middles of the seats, and what has a name."""
+    seats = theatre.seats
+    rows: dict[float, list[str]] = {}
+    for name, view in seats.items():
+        rows.setdefault(view.position[1], []).append(name)
+    ordered = [rows[y] for y in sorted(rows, reverse=True)]
+    chosen: dict[str, Viewpoint] = {}
+    for row in dict.fromkeys((0, len(ordered) // 2, len(ordered) - 1)) if ordered else ():
+        across = sorted(ordered[row], key=lambda name: seats[name].position[0])
+        for name in dict.fromkeys((across[0], across[len(across) // 2], across[-1])):
+            chosen[name] = seats[name]
+    named = {
+        name: view
+        for name, view in theatre.viewpoints.items()
+        if name not in seats and not (seats and name in ("front", "centre", "back"))
+    }
+    if chosen or named:
+        return chosen | named
+    dome = theatre.dome
+    ahead = dome.surface(np.array(dome.half_angle / 2), np.array(np.pi / 2)) @ dome.to_room.T
+    return {
+        "centre of the dome": Viewpoint(
+            (0.0, 0.0, 0.0), (float(ahead[0]), float(ahead[1]), float(ahead[2]))
+        )
+    }
+
+
+def _night(scene: DomeScene) -> tuple[Light, Light, dict[str, float]]:
+    """The bundled scene: its light, what is seen of it, and means in cd/m²."""
+    path = resources.files("scenes").joinpath("masters", "night.exr")
+    master, _ = load_master(str(path), scene)
+    observation = scene.observation(*master.shape[1:3])
+    seen, direct = observation.observe(master), observation.direct(master)
+    means = {
+        "picture_direct_cd_m2": mean_luminance(direct, scene),
+        "picture_pollution_cd_m2": mean_luminance(seen - direct, scene),
+    }
+    return master, seen, means
+
+
+def _dome_tables(
+    scene: DomeScene, light: Photometry, means: Mapping[str, float]
+) -> tuple[list[tuple[str, list[Row]]], dict[str, Any]]:
+    dome, theatre = scene.dome, scene.theatre
+    weights = scene.projector.luminance_weights
+    albedo = float(weights @ np.asarray(scene.albedo))
+    closed = float(weights @ [bare_gain(rho, dome) for rho in scene.albedo])
+    room = [
+        Row("radius_m", "Radius of the sphere", dome.radius, "m", ""),
+        Row("screen_m2", "Area of the screen", dome.screen_area, "m²", ""),
+        Row("tilt_deg", "Lean to the front", float(np.degrees(dome.tilt)), "°", ""),
+        Row("albedo", "Albedo of the screen", albedo, "", "its holes counted in"),
+    ]
+    if theatre.lobe is not None and theatre.lobe.share > 0:
+        share = theatre.lobe.share
+        room.append(Row("lobe_share", "Of it in a gain lobe", 100 * share, "%", ""))
+    room += [
+        Row("projectors", "Projectors", max(1, len(theatre.lenses)), "", ""),
+        Row("seats", "Seats", len(theatre.seats), "", "that have room"),
+    ]
+    told = light.figures()
+    names = {
+        "white_direct_cd_m2": ("White, direct light", "cd/m²", "a small white patch, nearly"),
+        "white_reflected_cd_m2": ("reflected light", "cd/m²", "what a white frame adds by itself"),
+        "white_frame_cd_m2": ("White frame", "cd/m²", "all together"),
+        "black_frame_cd_m2": ("Black level", "cd/m²", "a black frame, stray light included"),
+        "sequential_contrast": ("Sequential contrast", ": 1", "a white frame over a black one"),
+        "checkerboard_lit_cd_m2": ("Checkerboard, white fields", "cd/m²", "12 × 4 fields"),
+        "checkerboard_dark_cd_m2": ("black fields", "cd/m²", "reflected light, mostly"),
+        "checkerboard_contrast": ("Contrast by the checkerboard", ": 1", "as ANSI contrast"),
+        "white_unevenness": ("Unevenness of white", ": 1", "brightest over darkest place"),
+        "lumens": ("Flux of white", "lm", "on the screen, all projectors"),
+    }
+    rows = [Row(key, what, told[key], unit, why) for key, (what, unit, why) in names.items()]
+    pictures = [
+        Row("picture_direct_cd_m2", "Night scene, direct", means["picture_direct_cd_m2"], "cd/m²",
+            "mean over the screen"),
+        Row("picture_pollution_cd_m2", "reflected and stray",
+            means["picture_pollution_cd_m2"], "cd/m²", ""),
+        Row("closed_form_share", "Reflected over direct light", 100 * closed, "%",
+            "of white, by the closed form of the bare screen"),
+        Row("reflected_share", "the same, as observed here",
+            100 * light.reflected / light.direct, "%",
+            "of white" if scene.transport is None else "of white, by the stored transport"),
+    ]  # fmt: skip
+    tables = [("Light", rows), ("The room", room), ("Averages", pictures)]
+    return tables, {row.key: row.value for _, rows in tables for row in rows}
+
+
+def _views(scene: DomeScene, seen: Light, places: Mapping[str, Viewpoint]) -> list[View]:
+    from domesim.pathtrace.glance import glance  # noqa: PLC0415 - not for other commands
+
+    light = np.asarray(scene.projector.to_display(seen)[0])
+    found = []
+    for number, (name, place) in enumerate(places.items(), 1):
+        view = glance(scene.theatre, light, place, _VIEW)
+        x, y, z = place.position
+        words = f"{view.screen_share:.0%} of the view is screen; eye at {x:.2f}, {y:.2f}, {z:.2f} m"
+        title = name.replace("row", "row ").replace("-seat", ", seat ")
+        found.append(View(number, title, name, _jpeg(view.picture), words))
+    return found
+
+
+def _cut_open(scene: DomeScene, master: Light, console: Console) -> str:
+    from domesim.pathtrace.cutaway import cutaway  # noqa: PLC0415 - loads Mitsuba
+
+    console.say("Rendering the theatre cut open (about a minute; --no-cutaway leaves it out)")
+    shown = np.clip(scene.projector.to_display(master)[0], 0, 1)
+    width, height = _CUTAWAY
+    return _jpeg(cutaway(scene.theatre, shown, width=width, height=height, samples=_SAMPLES))
+
+
+def _left_out(scene: DomeScene) -> dict[str, Any]:
+    """What the observation of a theatre does not know, and what to do about it."""
+    if scene.transport is not None:
+        told = scene.approximation
+        return {
+            "by": "a stored transport of the whole theatre",
+            "reasons": [] if told is None else [told],
+            "way": None,
+        }
+    return {
+        "by": "the closed form of the bare screen",
+        "reasons": list(scene.theatre.departures()),
+        "way": f"domesim tabulate {scene.argument} --out room.npz",
+        "then": f"domesim scene show {scene.argument} --transport room.npz --out room.html",
+    }
+
+
+# 3D screens.
+
+
+def _stereo(scene: StereoScene) -> tuple[dict[str, Any], dict[str, Any]]:
+    lit = scene.projector
+    width, height = scene.size
+    rows = [
+        Row("width_m", "Width of the screen", width, "m", ""),
+        Row("height_m", "Height", height, "m", ""),
+        Row("distance_m", "Viewing distance", scene.viewing.distance, "m", ""),
+        Row("white_cd_m2", "White", lit.white, "cd/m²", "through the glasses"),
+        Row("black_cd_m2", "Black level", lit.black, "cd/m²", "through the glasses"),
+        Row("sequential_contrast", "Sequential contrast",
+            lit.white / lit.black if lit.black > 0 else None, ": 1", ""),
+    ]  # fmt: skip
+    seats, figures = [], {row.key: row.value for row in rows}
+    for number, name in enumerate(scene.seats, 1):
+        found = ghost(scene, name)
+        mean, most = float(found.shares.mean()), float(found.shares.max())
+        seats.append(
+            {
+                "number": number,
+                "name": name,
+                "mean": mean,
+                "most": most,
+                "matrices": found.matrices.tolist(),
+                "maps": [_cells(eye, most) for eye in found.shares],
+            }
+        )
+        figures[f"crosstalk {name}"] = mean
+    drawn = list(stereo_seats(scene))
+    content = {
+        "tables": [("The system", rows)],
+        "drawings": [
+            ("Plan, from above", stereo_plan(scene)),
+            ("Section, from the side", stereo_section(scene)),
+        ],
+        "seats": seats,
+        "placed": scene.theatre is not None,
+        "drawn": drawn,
+        "crosstalk": scene.facts()["Crosstalk"],
+    }
+    return content, figures
+
+
+def _cells(shares: NDArray[np.float64], most: float) -> list[tuple[int, int, float, float]]:
+    """(col, row, depth of the colour 0..1, share) of each cell of a map."""
+    scale = max(most, 1e-12)
+    return [
+        (col, row, float(np.clip(shares[row, col] / scale, 0, 1)), float(shares[row, col]))
+        for row in range(shares.shape[0])
+        for col in range(shares.shape[1])
+    ]
+
+
+# The page.
+
+
+def _page(scene: Scene, content: dict[str, Any]) -> str:
+    import jinja2  # noqa: PLC0415 - slow to import
+
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    folder = resources.files("domesim.commands").joinpath("templates")
+    template = environment.from_string(folder.joinpath("show.html.j2").read_text("utf-8"))
+    style = folder.joinpath("show.css").read_text("utf-8")
+    dome = isinstance(scene, DomeScene)
+    return template.render(scene=scene, dome=dome, style=style, facts=scene.facts(), **content)
+
+
+def _jpeg(picture: NDArray[np.floating]) -> str:
+    """A data URL of display-linear light (row, col, rgb)."""
+    from PIL import Image  # noqa: PLC0415 - few commands need it
+
+    codes = transfer.SRGB().encode(np.clip(np.asarray(picture, np.float32), 0, 1))
+    stored = io.BytesIO()
+    image = Image.fromarray(np.round(codes * 255).astype(np.uint8))
+    image.save(stored, "JPEG", quality=88, optimize=True)
+    return _url(stored.getvalue(), "jpeg")
+
+
+def _url(content: bytes, kind: str) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"

@@ -1,0 +1,304 @@
+"""What subcommands share that do all frames of a show: options in groups, and the doing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, final
+
+import typer
+
+from domesim.commands.options import OutFolder, Repair, finish
+from domesim.errors import InputError
+from domesim.frames.encodings import ENCODINGS, encoding_named
+from domesim.frames.film import FILMS
+from domesim.frames.formats import SUFFIXES, WRITTEN
+from domesim.host.console import Console
+from domesim.scene import Scene, StereoScene
+from domesim.shows.cinema import SUFFIX as CINEMA
+from domesim.shows.estimate import estimate
+from domesim.shows.run import FRAME_TIMEOUT, Done, Running, each_frame
+from domesim.shows.show import PACKINGS, Show, find_show
+from domesim.shows.work import Recipe, Writing
+
+TPDF = "tpdf"
+
+
+@final
+@dataclass(frozen=True)
+class Masters:
+    """Which masters a command takes, and how it reads them."""
+
+    master: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="MASTER",
+            help="The domemaster, or a file of two views: an EXR, PNG, TIFF, DPX, JPEG or JPEG "
+            "2000 file, a numbered sequence such as 'show.####.png', or a video.",
+            show_default=False,
+        ),
+    ] = None
+    left: Annotated[
+        str | None,
+        typer.Option(
+            "--left",
+            help="Stereo: the left eye's file or numbered sequence, instead of a master.",
+            show_default=False,
+        ),
+    ] = None
+    right: Annotated[
+        str | None, typer.Option("--right", help="Stereo: the right eye's.", show_default=False)
+    ] = None
+    packing: Annotated[
+        str | None,
+        typer.Option(
+            "--packing",
+            help=f"Stereo, in one file: {', '.join(PACKINGS)}. EXR files say so themselves.",
+            show_default=False,
+        ),
+    ] = None
+    encoding: Annotated[
+        str | None,
+        typer.Option(
+            "--encoding",
+            help="What the master's code values are, whatever its files say: "
+            f"{', '.join(ENCODINGS)}; or transfer and primaries, such as st2084:p3-d65; or a space "
+            "of OpenColorIO's configuration in $OCIO, such as ocio:ACEScct.",
+            show_default=False,
+        ),
+    ] = None
+    checksums: Annotated[
+        Path | None,
+        typer.Option(
+            "--checksums",
+            metavar="FILE",
+            help="Refuse masters that have not the SHA-256 that FILE lists, as sha256sum writes "
+            "it.",
+            show_default=False,
+        ),
+    ] = None
+    repair: Repair = False
+    allow_identical: Annotated[
+        bool,
+        typer.Option("--allow-identical", help="Stereo: take left and right that are the same."),
+    ] = False
+
+    def find(self, frames: str | None = None) -> Show:
+        """The show that they are.
+
+        Raises
+        ------
+        InputError
+            As for `find_show` and `Show.listed_in`.
+        """
+        return find_show(
+            self.master,
+            self.left,
+            self.right,
+            packing=self.packing,
+            frames=frames,
+            allow_identical=self.allow_identical,
+            encoding=self.encoding,
+        ).listed_in(self.checksums)
+
+
+@final
+@dataclass(frozen=True)
+class Results:
+    """How a command writes its results."""
+
+    file_format: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            help=f"Write another format than the master's: {', '.join(WRITTEN)}; or, of a "
+            "sequence, besides its frames a video: mov (ProRes 4444) or mkv (FFV1, lossless).",
+            show_default=False,
+        ),
+    ] = None
+    output_encoding: Annotated[
+        str | None,
+        typer.Option(
+            "--output-encoding",
+            help="What the results' code values are, instead of the master's encoding: names as "
+            "for --encoding, such as dcdm for X'Y'Z' (TIFFs then have 12 bits in 16).",
+            show_default=False,
+        ),
+    ] = None
+    bits: Annotated[
+        int | None,
+        typer.Option(
+            "--output-bits",
+            "--bits",
+            help="Bits a sample instead of the master's, as the format allows.",
+            show_default=False,
+        ),
+    ] = None
+    dither: Annotated[
+        str,
+        typer.Option(
+            "--dither",
+            help="How light between two codes of an integer format is rounded: tpdf, with noise "
+            "that keeps gradients free of bands; or none, to the nearest code.",
+        ),
+    ] = TPDF
+    fps: Annotated[
+        float | None,
+        typer.Option(
+            help="Videos: frames a second, instead of the master's, or 24 where it says nothing.",
+            show_default=False,
+        ),
+    ] = None
+
+    def writing(self, *, repair: bool) -> Writing:
+        """How results are written, and masters read.
+
+        Raises
+        ------
+        InputError
+            If an option has no such value.
+        """
+        if self.dither not in (TPDF, "none"):
+            raise InputError(f"--dither {self.dither!r} is not known; use {TPDF} or none")
+        colour = None
+        if self.output_encoding is not None:
+            colour = encoding_named(self.output_encoding, "--output-encoding")
+        suffix = suffix_of(self.file_format)
+        return Writing(suffix, self.bits, self.dither == TPDF, repair, self.fps, colour)
+
+
+@final
+@dataclass(frozen=True)
+class Doing:
+    """Which frames of a show a command does, by whom, and where results go."""
+
+    out: OutFolder
+    frames: Annotated[
+        str | None, typer.Option(help="Frames of a sequence to do, such as '1-100x10'.")
+    ] = None
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            help="Sequences: processes that do the frames, on this machine; 0 for none but the "
+            "command's own. As many as cores and memory allow by default.",
+            show_default=False,
+        ),
+    ] = None
+    threads: Annotated[
+        int | None,
+        typer.Option(help="Of each worker; they share the cores by default.", show_default=False),
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Sequences: let the workers of this Dask scheduler do the frames, such as "
+            "tcp://node1:8786. All must see the files under the same names.",
+            show_default=False,
+        ),
+    ] = None
+    anew: Annotated[
+        bool, typer.Option("--anew", help="Sequences: do frames that are done already once more.")
+    ] = False
+    mix: Annotated[
+        bool,
+        typer.Option("--mix", help="Sequences: keep frames that were done with other settings."),
+    ] = False
+    frame_timeout: Annotated[
+        float,
+        typer.Option(
+            help="Sequences: seconds after which a worker that is not done with a frame is ended, "
+            "and the frame tried by another, three times in all; 0 for never.",
+        ),
+    ] = FRAME_TIMEOUT
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="Do a few frames, throw them away, and tell what time, memory and disk all will "
+            "take.",
+        ),
+    ] = False
+
+    def show(
+        self,
+        show: Show,
+        recipe: Recipe,
+        console: Console,
+        *,
+        what: str,
+        writing: Writing,
+        facts: dict[str, Any],
+        summary: Callable[[Done], dict[str, Any]] | None = None,
+        pages: int = 3,
+    ) -> None:
+        """Do each frame of a show, or only estimate it, print the figures, and end.
+
+        Parameters
+        ----------
+        show, recipe, console, what, writing
+            As for `each_frame`.
+        facts
+            What the command's figures say besides.
+        summary
+            Called with what became of all frames; what the figures say of them together.
+        pages
+            For how many of the worst frames a page is written.
+        """
+        running = Running(
+            self.workers,
+            self.threads,
+            self.scheduler,
+            self.anew,
+            self.mix,
+            pages,
+            self.frame_timeout,
+        )
+        if self.dry_run:
+            found = estimate(show, self.out, recipe, console, writing, running)
+            console.figures({**facts, "estimate": found})
+            return
+        done = each_frame(
+            show, self.out, recipe, console, what=what, writing=writing, running=running
+        )
+        told = {} if summary is None else summary(done)
+        finish(console, {**facts, **told, **_told(done)}, done.failed)
+
+
+def suffix_of(file_format: str | None) -> str | None:
+    """The suffix of files in that format, for `Writing`.
+
+    Raises
+    ------
+    InputError
+        If frames cannot be written in it.
+    """
+    if file_format is None:
+        return None
+    suffix = f".{file_format.lower().removeprefix('.')}"
+    if suffix not in (*SUFFIXES, *FILMS, CINEMA):
+        raise InputError(
+            f"--format {file_format!r} is not known; use {', '.join(WRITTEN)}; mov or mkv; or mxf"
+        )
+    return suffix
+
+
+def require_one_seat(scene: Scene, seat: str | None, why: str) -> None:
+    """See that a scene is looked at from one seat.
+
+    Raises
+    ------
+    InputError
+        If it is looked at from several, by ``--seat SEAT``; it says why not.
+    """
+    if isinstance(scene, StereoScene) and scene.several_seats:
+        raise InputError(f"--seat {seat}: {why}; name one of {', '.join(scene.chosen)}")
+
+
+def _told(done: Done) -> dict[str, Any]:
+    """What a command's figures say of its frames."""
+    seconds = {f"seconds_{step}": value for step, value in done.seconds.items()}
+    report = None if done.report is None else str(done.report)
+    films = {"films": [str(path) for path in done.films]} if done.films else {}
+    return {"frames": done.frames, "kept": done.kept, "report": report, **films, **seconds}

@@ -1,0 +1,214 @@
+"""OpenEXR: windows, channels of any name, and the attributes of its headers, as they are stored.
+
+OpenImageIO writes neither double vectors and matrices nor types that it does not know, and takes
+some attributes for orders (``textureformat``: wait for MIP levels). OpenEXR's own Python bindings
+(3.5) write no rational, refuse text that is not UTF-8, and print what they think of damage. So what
+is not of the picture itself is carried over as bytes (*OpenEXR File Layout*, openexr.com).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+from typing import Any, BinaryIO, Self, TypeAlias, final
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
+
+from domesim.errors import InputError
+from domesim.frames.colour import (
+    CHROMATICITIES,
+    ColourTag,
+    interop_identifier,
+    interop_named,
+    primaries_of,
+)
+from domesim.frames.formats.base import Format, Target, Window
+from domesim.frames.integrity import DamagedError
+
+MAGIC = b"v/1\x01"
+_MULTI_PART, _LONG_NAMES = 0x1000, 0x400  # of the version field
+_BEGIN = 8
+
+_COLOUR = (b"chromaticities", b"colorInteropID")
+_ACES_FLAG = b"acesImageContainerFlag"
+_STRUCTURE = {
+    *(b"channels", b"compression", b"dataWindow", b"displayWindow", b"lineOrder", b"type"),
+    *(b"name", b"view", b"multiView", b"version", b"chunkCount", b"tiles", b"maxSamplesPerPixel"),
+    *(b"dwaCompressionLevel", b"openexr:levelmode", b"openexr:roundingmode"),
+}
+_OF_OLD_PIXELS = {b"preview", b"textureformat", b"oiio:SHA-1", b"oiio:AverageColor"}
+
+Attributes: TypeAlias = dict[bytes, bytes]
+"""Name -> the whole attribute: name, type, size and value."""
+
+
+@final
+@dataclass(frozen=True)
+class EXR(Format):
+    """OpenEXR."""
+
+    carried: tuple[bytes, ...] = (b"",)  # of each part: attributes that do not tell of storage
+
+    starts = (MAGIC,)
+    channels = "any"
+    shaped = True
+    largest_ratio = 1100.0  # PIZ and DWA know no useful limit
+    storage = ("openexr:.*", "textureformat", "acesImageContainerFlag")
+    kept = ("view", "multiView", "oiio:subimagename")  # all else is carried
+
+    def examined(self, path: Path, file: BinaryIO) -> Self:
+        with mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+            return replace(self, carried=_carried_of(content))
+
+    def windows(self, path: Path, spec: Any) -> tuple[Window, Window]:
+        data = (spec.x, spec.y, spec.width, spec.height)
+        display = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
+        inside = all(
+            display[axis] <= data[axis]
+            and data[axis] + data[axis + 2] <= display[axis] + display[axis + 2]
+            for axis in (0, 1)
+        )
+        if not inside:
+            # Light from beyond the edge of the screen is on no screen, and cutting it off unasked
+            # would break the promise that a file keeps what it holds.
+            raise InputError(
+                f"{path}: wanted pixels within the display window {_window(display)}, got overscan "
+                f"{_window(data)}. Crop it first (oiiotool IN --crop {_window(display)} -o OUT)."
+            )
+        return data, display
+
+    def _colour(self, path: Path, spec: Any) -> ColourTag:
+        stated = spec.get_string_attribute("colorInteropID")
+        stated = stated or spec.get_string_attribute("oiio:ColorSpace")
+        transfer, primaries, source = "linear", "BT.709", "assumed for EXR"
+        known = interop_named(path, stated)
+        if known:
+            (transfer, primaries), source = known, f"file: {stated}"
+        chromaticities = spec.getattribute("chromaticities")
+        if chromaticities is None:
+            return ColourTag(transfer, primaries, source)
+        named = primaries_of(chromaticities)
+        if named is None:
+            source = f"{source}; primaries assumed, the file's chromaticities are not known ones"
+            return ColourTag(transfer, primaries, source)
+        return ColourTag(transfer, named, "file: chromaticities")
+
+    def of_part(self, part: int) -> Self:
+        return replace(self, carried=(self.carried[part],))
+
+    def fitting_depth(self, bits: int, transfer: str, *, floating: bool) -> int:
+        # Half has 11 significant bits.
+        return bits if floating else 16 if bits <= 10 else 32
+
+    def is_floating(self, bits: int) -> bool:
+        return True
+
+    def state_storage(self, spec: Any, target: Target) -> None:
+        state_compression(spec, target.said.get("compression") if target.same else None)
+        if _ACES_FLAG in said(target):
+            spec.attribute("compression", "none")
+
+    def state_colour(self, spec: Any, colour: ColourTag) -> None:
+        if colour.managed:
+            return
+        if colour.transfer != "linear":
+            spec.attribute("colorInteropID", interop_identifier(colour))
+        if colour.primaries != "BT.709":
+            kind, value = oiio.TypeDesc("float[8]"), CHROMATICITIES[colour.primaries]
+            spec.attribute("chromaticities", kind, value)
+
+    def finished(self, content: bytes, path: Path, target: Target) -> bytes:
+        return with_attributes(content, [said(target)]) if target.same else content
+
+
+def said(target: Target) -> Attributes:
+    """What the header said that still holds of the part that is to be written."""
+    assert isinstance(target.format, EXR)
+    found = attributes_in(target.format.carried[0])
+    if not target.keeps_colour:
+        for name in _COLOUR:
+            found.pop(name, None)
+    # A container of SMPTE ST 2065-4 is half, of ACES AP0, and not compressed.
+    if set(target.kinds) != {"half"} or not target.keeps_colour:
+        found.pop(_ACES_FLAG, None)
+    return found
+
+
+def state_compression(spec: Any, compression: str | None) -> None:
+    """ZIP: others do not notice damage (zlib has a checksum), or lose precision."""
+    spec.attribute("compression", compression if compression == "zips" else "zip")
+
+
+def _window(window: Window) -> str:
+    left, top, cols, rows = window
+    return f"{cols}x{rows}{left:+d}{top:+d}"
+
+
+# Attributes.
+
+
+def _carried_of(content: bytes | mmap) -> tuple[bytes, ...]:
+    """Attributes of each part, less those that say how, or what, pixels are stored."""
+    headers, _ = _headers(content)
+    left_out = _STRUCTURE | _OF_OLD_PIXELS
+    return tuple(
+        b"".join(whole for name, whole in header.items() if name not in left_out)
+        for header in headers
+    )
+
+
+def attributes_in(carried: bytes) -> Attributes:
+    """The attributes that `EXR.carried` has of a part."""
+    return _attributes(carried + b"\0", 0)[0]
+
+
+def with_attributes(encoded: bytes, parts: Sequence[Mapping[bytes, bytes]]) -> bytes:
+    """The file `encoded` with those attributes in each of its parts, in place of its own."""
+    headers, end = _headers(encoded)
+    whole = [{**own, **given} for own, given in zip(headers, parts, strict=True)]
+    block = b"".join(b"".join(header.values()) + b"\0" for header in whole)
+    (version,) = struct.unpack_from("<I", encoded, 4)
+    if version & _MULTI_PART:
+        block += b"\0"
+    if any(len(name) > 31 for header in whole for name in header):
+        version |= _LONG_NAMES
+    # Behind the headers come the places of all chunks; the first chunk follows them.
+    (first,) = struct.unpack_from("<Q", encoded, end)
+    places = np.frombuffer(encoded, "<u8", (first - end) // 8, end)
+    moved = places + np.uint64(_BEGIN + len(block)) - np.uint64(end)
+    start = MAGIC + struct.pack("<I", version)
+    return b"".join([start, block, moved.astype("<u8").tobytes(), memoryview(encoded)[first:]])
+
+
+def _headers(content: bytes | mmap) -> tuple[list[Attributes], int]:
+    """Each part's attributes, and where the last header ends."""
+    if len(content) < _BEGIN:
+        raise DamagedError("one that ends early")
+    (version,) = struct.unpack_from("<I", content, 4)
+    headers: list[Attributes] = []
+    position = _BEGIN
+    while not headers or (version & _MULTI_PART and content[position : position + 1] != b"\0"):
+        header, position = _attributes(content, position)
+        headers.append(header)
+    return headers, position + bool(version & _MULTI_PART)
+
+
+def _attributes(content: bytes | mmap, position: int) -> tuple[Attributes, int]:
+    """Attributes from a place on up to the end of their header, and the place behind it."""
+    found: Attributes = {}
+    while (letter := content[position : position + 1]) != b"\0":
+        named = content.find(b"\0", position)
+        typed = content.find(b"\0", named + 1)
+        if letter == b"" or min(named, typed) < 0 or typed + 5 > len(content):
+            raise DamagedError("one that ends early")
+        (size,) = struct.unpack_from("<I", content, typed + 1)
+        end = typed + 5 + size
+        if end > len(content):
+            raise DamagedError("one that ends early")
+        found[content[position:named]] = content[position:end]
+        position = end
+    return found, position + 1

@@ -1,0 +1,261 @@
+"""What commands say, and to whom: text for people, JSON for programs, progress on long work."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO, cast, final
+
+from domesim.errors import InputError, reason
+
+
+@final
+class Console:
+    """One command's outputs.
+
+    Parameters
+    ----------
+    quiet
+        Say nothing but errors.
+    json
+        Print figures to standard output as one JSON object, and no text there.
+    """
+
+    def __init__(self, *, quiet: bool = False, json: bool = False) -> None:
+        from rich.console import Console as RichConsole  # noqa: PLC0415 - not for --help
+
+        self._text = not (quiet or json)
+        self._json = json
+        self._bars = RichConsole(file=cast(TextIO, _Sturdy(sys.stderr)))
+        self._shows_bars = self._text and self._bars.is_terminal
+        self._describe: Callable[[str], None] = lambda text: None
+
+    def say(self, *lines: str) -> None:
+        """Lines for a person, on standard output; what belongs to one is indented below it."""
+        if self._text:
+            _print("\n".join(map(shown, lines)))
+
+    def figures(self, figures: dict[str, Any]) -> None:
+        """The command's figures, for a program."""
+        if self._json:
+            _print(json.dumps(figures, indent=1, allow_nan=False))
+
+    def note(self, text: str) -> None:
+        """How the piece of work under way gets on, beside the progress bar."""
+        self._describe(text)
+
+    @contextmanager
+    def share(self, what: str) -> Iterator[Callable[[float, str], None]]:
+        """A progress bar for one long piece of work, with the time it will still take.
+
+        Call what it yields with the share that is done (0..1) and how it gets on.
+        """
+        with self._bar(pieces=False) as bar:
+            task = bar.add_task(what, total=1.0)
+            yield lambda done, how: bar.update(task, completed=done, description=f"{what}, {how}")
+
+    @contextmanager
+    def progress(self, what: str, total: int) -> Iterator[Callable[[str], None]]:
+        """A progress bar; call what it yields with the name of each piece as it starts."""
+        with self._bar(pieces=True) as bar:
+            task = bar.add_task(what, total=total)
+            started, current = 0, ""
+
+            def start(name: str) -> None:
+                nonlocal started, current
+                current = _printable(f"{what} {name}")
+                bar.update(task, completed=started, description=current)
+                started += 1
+
+            self._describe = lambda text: bar.update(task, description=f"{current}, {text}")
+            try:
+                yield start
+            finally:
+                self._describe = lambda text: None
+            bar.update(task, completed=started)
+
+    def _bar(self, *, pieces: bool) -> Any:
+        """A progress bar, which counts pieces or has a share."""
+        from rich import progress  # noqa: PLC0415 - not for --help
+
+        columns = (
+            progress.TextColumn("{task.description}", markup=False),
+            progress.BarColumn(),
+            progress.MofNCompleteColumn() if pieces else progress.TaskProgressColumn(),
+            progress.TimeElapsedColumn(),
+            progress.TimeRemainingColumn(),
+        )
+        return progress.Progress(*columns, console=self._bars, disable=not self._shows_bars)
+
+
+def complain(message: object) -> None:
+    """A mistake, on standard error."""
+    with _heard(sys.stderr):
+        print(f"domesim: {shown(str(message))}", file=sys.stderr, flush=True)
+
+
+def shown(text: str) -> str:
+    """Text as a terminal may get it: names of files may hold line breaks and terminal codes.
+
+    Lines of its own are indented.
+    """
+    return "\n  ".join(map(_printable, text.split("\n  ")))
+
+
+def output_is_lost() -> bool:
+    """Whether something that standard output should have got is lost, as was said."""
+    return _lost
+
+
+@contextmanager
+def about(path: Path) -> Iterator[None]:
+    """Whatever mistake is found inside is one of `path`: its message names the file.
+
+    Raises
+    ------
+    InputError
+        The one that was raised inside, with the path in front unless the name is there already.
+    """
+    try:
+        yield
+    except InputError as error:
+        if path.name in str(error):
+            raise
+        raise type(error)(f"{path}: {error}") from error
+
+
+def prepare(folder: Path) -> None:
+    """Make `folder`, and see that files can be made in it, before hours of work on them.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made or written to.
+    """
+    try:
+        str(folder).encode()
+    except UnicodeEncodeError:  # OpenImageIO could write there, but not read
+        raise InputError(f"{folder}: wanted a folder named in UTF-8. Choose another.") from None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"{folder}: wanted a folder for the results, got '{reason(error)}'. "
+            "Choose one that can be made and written to."
+        ) from error
+
+
+def prepare_file(path: Path, *, instead_of: Path | None = None) -> None:
+    """See that the file `path` can be made, its folder, too, before hours of work on it.
+
+    Parameters
+    ----------
+    path
+        The file; one that is there already will be replaced.
+    instead_of
+        A file that must not be.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made, or would replace `instead_of`.
+    """
+    prepare(path.parent)
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{path}: wanted a file named in UTF-8. Choose another name.") from None
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        # A little longer, as the names that unfinished files have
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", suffix=".exr"):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"{path}: wanted a file for the results, got '{reason(error)}'. Choose another name."
+        ) from error
+    # A link to the input is the input, too.
+    if instead_of is not None and os.path.realpath(path) == os.path.realpath(instead_of):
+        raise InputError(
+            f"{path}: wanted a place for the result, got the input itself. Choose another name."
+        )
+
+
+def duration(seconds: float) -> str:
+    """A time as a person reads it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    if minutes < 90:
+        return f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _printable(line: str) -> str:
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in line)
+
+
+def _print(text: str) -> None:
+    global _lost  # noqa: PLW0603
+    with _heard(sys.stdout) as problems:
+        print(text, flush=True)
+    # A pipe breaks when whoever reads has had enough
+    if problems and problems[0].errno not in (errno.EPIPE, errno.EIO):
+        _lost = True
+        complain(
+            f"standard output: wanted to write to it, got '{reason(problems[0])}'. The work goes "
+            f"on without it. Send it elsewhere."
+        )
+
+
+_lost = False
+
+
+@final
+class _Sturdy:
+    """A stream for progress bars: that its terminal is closed ends no work."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> None:
+        with _heard(self._stream):
+            self._stream.write(text)
+
+    def flush(self) -> None:
+        with _heard(self._stream):
+            self._stream.flush()
+
+
+@contextmanager
+def _heard(stream: TextIO) -> Iterator[list[OSError]]:
+    """What a stream that cannot be written to complains of; all else that it gets is dropped."""
+    problems: list[OSError] = []
+    try:
+        yield problems
+    except OSError as error:
+        problems.append(error)
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+
+
+def sized(count: float) -> str:
+    """Bytes, for a person."""
+    unit, name = next(each for each in _UNITS if count >= each[0] or each is _UNITS[-1])
+    return f"{count / unit:.3g} {name}"
+
+
+_UNITS = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"))

@@ -1,0 +1,86 @@
+"""Ctrl-C, SIGTERM (SLURM, systemd) and SIGHUP (a lost terminal) end a command alike.
+
+Each is a `KeyboardInterrupt`; only the exit code tells them apart. A second Ctrl-C is one more. A
+second SIGTERM or SIGHUP is none: whoever sends them sends several, and means one.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+_last: int = signal.SIGINT
+
+
+def exit_code() -> int:
+    """Exit code of a command that was ended, as a shell tells it."""
+    return 128 + _last
+
+
+def name() -> str:
+    """What ended it, for a person."""
+    return "interrupted" if _last == signal.SIGINT else f"stopped by {signal.Signals(_last).name}"
+
+
+def interrupt(number: int, frame: Any) -> None:
+    """Take a signal for Ctrl-C."""
+    noted(number)
+    raise KeyboardInterrupt
+
+
+def noted(number: int) -> None:
+    """Keep which signal it was, and hear of no other like it."""
+    global _last  # noqa: PLW0603
+    _last = number
+    if number != signal.SIGINT:
+        for each in ENDINGS[1:]:
+            signal.signal(each, signal.SIG_IGN)
+
+
+@contextmanager
+def alike() -> Iterator[None]:
+    """SIGTERM and SIGHUP are Ctrl-C, unless whoever started the command has them ignored."""
+    with _instead(interrupt, signal.SIG_DFL, signal.default_int_handler):
+        yield
+
+
+@contextmanager
+def heard_by(note: Callable[[], None]) -> Iterator[None]:
+    """Signals that would be a `KeyboardInterrupt` call `note`; a second Ctrl-C is one as ever."""
+
+    def hear(number: int, frame: Any) -> None:
+        noted(number)
+        if number == signal.SIGINT:
+            signal.signal(number, signal.default_int_handler)
+        note()
+
+    with _instead(hear, interrupt, signal.default_int_handler):
+        yield
+
+
+@contextmanager
+def ignored() -> Iterator[None]:
+    """Processes that are started meanwhile hear of none, unless they ask to."""
+    with _instead(signal.SIG_IGN, interrupt, signal.SIG_DFL, signal.default_int_handler):
+        yield
+
+
+@contextmanager
+def _instead(handler: Any, *usual: Any) -> Iterator[None]:
+    """Handle those signals so that are handled in one of the usual ways."""
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        before = {each: found for each in ENDINGS if (found := signal.getsignal(each)) in usual}
+    for each in before:
+        signal.signal(each, handler)
+    try:
+        yield
+    finally:
+        for each, found in before.items():
+            if signal.getsignal(each) in (handler, signal.default_int_handler):
+                signal.signal(each, found)

@@ -1,0 +1,93 @@
+"""Work on pixels alone, strip by strip of rows: each fits a core's cache, and all cores share them.
+
+A pass over a whole 2K pair costs more for bringing 50 MB from memory and back than for computing.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.host.cores import cores
+from domesim.host.memory import KEPT
+
+T = TypeVar("T")
+
+SAMPLES = 200_000
+"""Samples of a strip: with a few temporaries, they fill a core's cache."""
+
+
+def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T]:
+    """`work(view, rows)` for strips of rows that together cover (view, row, col, primary).
+
+    It must not call this itself: all strips share one set of threads.
+
+    Returns
+    -------
+    What it returned for each. The first error that it raised is raised.
+    """
+    views, rows = shape[:2]
+    samples = 1
+    for side in shape[2:]:
+        samples *= side
+    step = max(1, SAMPLES // max(samples, 1))
+    places = [
+        (view, slice(row, min(row + step, rows)))
+        for view in range(views)
+        for row in range(0, rows, step)
+    ]
+    if len(places) == 1:
+        return [work(*places[0])]
+    return list(_pool().map(lambda place: work(*place), places))
+
+
+def is_large(plane: object) -> bool:
+    """Whether an array is so large that memory counts for more than time: above `KEPT`."""
+    return isinstance(plane, np.ndarray) and plane.nbytes > KEPT
+
+
+def all_within(values: NDArray[Any], least: float, most: float) -> bool:
+    """Whether all of (view, row, col, primary) `values` are numbers from `least` to `most`."""
+
+    def work(view: int, rows: slice) -> bool:
+        part = values[view, rows]
+        return bool(part.min() >= least and part.max() <= most)
+
+    return all(in_strips(work, values.shape))
+
+
+def converted(picture: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
+    """(row, col, ...) of another type, by all threads: to and from half NumPy is slow."""
+    if picture.dtype == kind:
+        return picture
+    found = np.empty(picture.shape, kind)
+
+    def convert(_: int, rows: slice) -> None:
+        found[rows] = picture[rows]
+
+    in_strips(convert, (1, *picture.shape))
+    return found
+
+
+def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: object) -> list[T]:
+    """`in_strips` where `computes`, an array, is NumPy's; else `work` of all rows of each view."""
+    if isinstance(computes, np.ndarray):
+        return in_strips(work, shape)
+    return [work(view, slice(0, shape[1])) for view in range(shape[0])]
+
+
+def threads() -> int:
+    """Threads to use: ``OMP_NUM_THREADS`` if it is set, but not more than there are cores."""
+    given = os.environ.get("OMP_NUM_THREADS", "")
+    return min(int(given), cores()) if given.isdecimal() and int(given) else cores()
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads(), "domesim-strips")

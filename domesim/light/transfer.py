@@ -1,0 +1,287 @@
+"""Transfer functions (EOTFs): code values <-> linear light.
+
+A code value is a float in 0..1 (integer code / (2^bits - 1)); linear light is 1.0 at projector
+white. ``encode`` is the exact inverse of ``decode``: a round trip returns every integer code value
+at 8, 10, 12 and 16 bit. Curves are evaluated in float64, because ST 2084 has too little slope near
+white for float32 at 16 bit, and returned in the type that came.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.light import ocio
+
+Floats = NDArray[np.floating]
+
+
+class Transfer(ABC):
+    """An EOTF and its inverse, elementwise on arrays of any shape."""
+
+    @abstractmethod
+    def _decode(self, code: Floats) -> Floats: ...
+
+    @abstractmethod
+    def _encode(self, light: Floats) -> Floats: ...
+
+    def decode(self, code: Floats) -> Floats:
+        """Linear light (1.0 = white) of code values, in the type of `code`.
+
+        Float formats may hold code values outside 0..1. Below 0 curves are odd. Above 1 power
+        curves go on, so that nothing is clamped behind the caller's back; ST 2084 and measured
+        tables end there, at 10 000 cd/m² and at what was measured.
+        """
+        return _odd(self._decode, code)
+
+    def encode(self, light: Floats) -> Floats:
+        """Code values of linear light (1.0 = white), in the type of `light`."""
+        return _odd(self._encode, light)
+
+
+def _odd(curve: Callable[[Floats], Floats], values: Floats) -> Floats:
+    values = np.asarray(values)
+    if values.size and values.min() < 0:
+        magnitude = np.abs(values).astype(np.float64, copy=False)
+        return np.asarray(np.copysign(curve(magnitude), values), values.dtype)
+    return np.asarray(curve(values.astype(np.float64, copy=False)), values.dtype)
+
+
+@final
+@dataclass(frozen=True)
+class Linear(Transfer):
+    """Code values that are linear light already (EXR, float TIFF)."""
+
+    def decode(self, code: Floats) -> Floats:
+        """The code values themselves."""
+        return code
+
+    def encode(self, light: Floats) -> Floats:
+        """The light itself."""
+        return light
+
+    def _decode(self, code: Floats) -> Floats:
+        return code
+
+    def _encode(self, light: Floats) -> Floats:
+        return light
+
+
+@final
+@dataclass(frozen=True)
+class Gamma(Transfer):
+    """A pure power: light = code^exponent (2.4: BT.1886 with zero black; 2.6: DCI-P3)."""
+
+    exponent: float
+
+    def _decode(self, code: Floats) -> Floats:
+        return np.power(code, self.exponent)
+
+    def _encode(self, light: Floats) -> Floats:
+        return np.power(light, 1 / self.exponent)
+
+
+@final
+@dataclass(frozen=True)
+class SRGB(Transfer):
+    """The sRGB curve, IEC 61966-2-1:1999."""
+
+    def _decode(self, code: Floats) -> Floats:
+        return np.where(code <= 0.04045, code / 12.92, np.power((code + 0.055) / 1.055, 2.4))
+
+    def _encode(self, light: Floats) -> Floats:
+        # The standard's rounded constants leave a gap of 1e-8 at the joint; branching on the
+        # code value of the joint keeps encode the inverse of decode.
+        return np.where(
+            light <= 0.04045 / 12.92, light * 12.92, 1.055 * np.power(light, 1 / 2.4) - 0.055
+        )
+
+
+@final
+@dataclass(frozen=True)
+class ST2084(Transfer):
+    """SMPTE ST 2084:2014 (PQ), an absolute curve: code 1.0 is 10 000 cd/m².
+
+    Parameters
+    ----------
+    white
+        Luminance of projector white, cd/m²: what linear light 1.0 means here.
+    """
+
+    white: float
+
+    def _decode(self, code: Floats) -> Floats:
+        m1, m2, c1, c2, c3 = _ST2084
+        root = np.power(np.minimum(code, 1), 1 / m2)
+        return np.power(np.maximum(root - c1, 0) / (c2 - c3 * root), 1 / m1) * (10_000 / self.white)
+
+    def _encode(self, light: Floats) -> Floats:
+        m1, m2, c1, c2, c3 = _ST2084
+        power = np.power(light * (self.white / 10_000), m1)
+        code = np.power((c1 + c2 * power) / (1 + c3 * power), m2)
+        # Zero light has the code c1^m2 = 7e-7, which the lowest codes of 16 bit fall below.
+        return np.asarray(np.where(light > 0, code, 0.0))
+
+
+_ST2084 = (2610 / 16384, 2523 / 4096 * 128, 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32)
+
+
+@final
+@dataclass(frozen=True)
+class DCDM(Transfer):
+    """The Digital Cinema Distribution Master's X'Y'Z' curve: L = 52.37 cd/m² x code^2.6.
+
+    SMPTE ST 428-1. Its reference white is 48 cd/m², so light 1.0 lies at code 0.967.
+    """
+
+    peak: float = 52.37
+    white: float = 48.0
+
+    def _decode(self, code: Floats) -> Floats:
+        return np.asarray(np.power(code, 2.6) * (self.peak / self.white))
+
+    def _encode(self, light: Floats) -> Floats:
+        return np.asarray(np.power(light * (self.white / self.peak), 1 / 2.6))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class MeasuredTable(Transfer):
+    """A measured response, one curve a primary.
+
+    Between the measured levels the 1/2.2 power of the light is interpolated linearly: it is nearly
+    a straight line for real displays, and its inverse is exact.
+
+    Parameters
+    ----------
+    codes
+        (level,) code values, strictly increasing from 0 to 1.
+    light
+        (level, primary) linear light with black subtracted: 0 at code 0, 1.0 at code 1, strictly
+        increasing.
+
+    Raises
+    ------
+    InputError
+        If a curve is not strictly increasing, or does not span 0 to 1.
+    """
+
+    codes: Floats
+    light: Floats
+
+    def __post_init__(self) -> None:
+        codes = np.asarray(self.codes, np.float64)
+        light = np.asarray(self.light, np.float64)
+        if codes.ndim != 1 or light.ndim != 2 or len(codes) != len(light) or len(codes) < 2:
+            raise InputError(
+                f"measured response takes codes (level,) and light (level, primary), "
+                f"got {codes.shape} and {light.shape}"
+            )
+        for name, curve in [
+            ("codes", codes),
+            *((f"primary {p}", c) for p, c in enumerate(light.T)),
+        ]:
+            if not (np.isfinite(curve).all() and (np.diff(curve) > 0).all()):
+                level = int(np.argmin(np.nan_to_num(np.diff(curve), nan=-np.inf)))
+                raise InputError(
+                    f"measured response: {name} must increase strictly, got "
+                    f"{curve[level]:g} then {curve[level + 1]:g} at level {level + 1}; "
+                    f"measure again, or drop that level"
+                )
+            if abs(curve[0]) > 1e-9 or abs(curve[-1] - 1) > 1e-9:
+                raise InputError(
+                    f"measured response: {name} must run from 0 to 1, got {curve[0]:g} to "
+                    f"{curve[-1]:g}; subtract black and divide by white first"
+                )
+        object.__setattr__(self, "codes", codes)
+        object.__setattr__(self, "light", light)
+
+    def _decode(self, code: Floats) -> Floats:
+        return self._interpolate(code, self.codes, np.power(self.light, 1 / 2.2)) ** 2.2
+
+    def _encode(self, light: Floats) -> Floats:
+        roots = np.power(self.light, 1 / 2.2)
+        wanted = np.power(light, 1 / 2.2)
+        return np.stack(
+            [np.interp(wanted[..., p], roots[:, p], self.codes) for p in range(roots.shape[1])], -1
+        )
+
+    @staticmethod
+    def _interpolate(at: Floats, levels: Floats, curves: Floats) -> Floats:
+        return np.stack(
+            [np.interp(at[..., p], levels, curves[:, p]) for p in range(curves.shape[1])], -1
+        )
+
+
+@final
+@dataclass(frozen=True)
+class Managed(Transfer):
+    """Code values (..., RGB) of a space of OpenColorIO, whose light is in ACES AP0.
+
+    Parameters
+    ----------
+    name
+        As `domesim.light.ocio.called` has it.
+    """
+
+    name: str
+
+    def decode(self, code: Floats) -> Floats:
+        """Linear light (..., RGB), 1.0 where the configuration's reference has it."""
+        return self._decode(np.asarray(code))
+
+    def encode(self, light: Floats) -> Floats:
+        """Code values (..., RGB)."""
+        return self._encode(np.asarray(light))
+
+    def _decode(self, code: Floats) -> Floats:
+        return ocio.space_called(self.name).light(code)
+
+    def _encode(self, light: Floats) -> Floats:
+        return ocio.space_called(self.name).codes(light)
+
+
+def named(name: str, *, white: float) -> Transfer:
+    """The transfer function called `name`.
+
+    Parameters
+    ----------
+    name
+        ``linear``, ``srgb``, ``bt1886``, ``gamma2.2`` (any exponent), ``st2084`` or ``dcdm``; or a
+        space of OpenColorIO (`domesim.light.ocio.called`).
+    white
+        Luminance of projector white, cd/m² (absolute curves need it).
+
+    Raises
+    ------
+    InputError
+        If there is no such curve.
+    """
+    if name.startswith(ocio.PREFIX):
+        return Managed(name)
+    if name.startswith("gamma"):
+        try:
+            exponent = float(name.removeprefix("gamma"))
+        except ValueError:
+            exponent = 0.0
+        if 1 <= exponent <= 4:
+            return Gamma(exponent)
+    curves: dict[str, Transfer] = {
+        "linear": Linear(),
+        "srgb": SRGB(),
+        "bt1886": Gamma(2.4),
+        "st2084": ST2084(white),
+        "dcdm": DCDM(),
+    }
+    if name not in curves:
+        raise InputError(
+            f"transfer {name!r} is not known; use one of {', '.join(curves)}, or gamma2.2 "
+            f"(any exponent from 1 to 4)"
+        )
+    return curves[name]

@@ -1,0 +1,1 @@
+"""What is measured in a theatre: patterns to project, photographs of them, and surveys."""

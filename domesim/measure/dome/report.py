@@ -1,0 +1,150 @@
+"""What a survey found: lines for a person, figures for a program, a picture, and a scene file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.measure.dome.file import Task
+from domesim.measure.dome.fit import GAIN, Survey
+from domesim.measure.dome.measured import described, measured_section, numbers, projector_section
+from domesim.measure.dome.photographs import Cells
+from domesim.observation.uncertain import SIGMAS
+from domesim.scene.writing import as_toml
+
+Floats = NDArray[np.float64]
+
+
+def lines_of(task: Task, found: Survey) -> list[str]:
+    """What was found, for a person."""
+    lines = [] if task.registered is None else [task.registered.told()]
+    unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
+    for name, value, error, answered in zip(
+        found.names, found.value, found.error, found.answered, strict=True
+    ):
+        told = [
+            f"{p} {v:.4g} ± {SIGMAS * e:.2g}" if good else f"{p} not determined"
+            for p, v, e, good in zip("RGB", value, error, answered, strict=True)
+        ]
+        what = f"white, direct light alone ({unit})" if name == GAIN else f"{name} albedo"
+        lines.append(f"{what}: {', '.join(told)}")
+    if found.answered[0].all():
+        told = [
+            f"{p} {v:.3g} ± {SIGMAS * e:.1g}"
+            for p, v, e in zip("RGB", found.ambient, found.ambient_error, strict=True)
+        ]
+        lines.append(f"black as it is seen, of white: {', '.join(told)}")
+    verdict = "noise alone explains the residuals"
+    if not found.plausible:
+        verdict = (
+            f"more than noise: each place is off by another {found.model_error:.2%}, which the "
+            f"intervals have been widened for"
+        )
+    lines.append(f"fit: chi² {found.chi2:.0f} for {found.degrees} degrees of freedom; {verdict}")
+    for name, assumed in found.leaning.items():
+        values = ", ".join(f"{p} {v:.3g}" for p, v in zip("RGB", assumed.value, strict=True))
+        lines.append(
+            f"{name} albedo: the photographs tell little of it; it was taken to be {values} as "
+            f"described, ± {SIGMAS * max(assumed.error):.2g}. If you know better: --hold "
+            f"{name}=VALUE,ERROR"
+        )
+    lines += [f"check the description: {line}" for line in found.doubts]
+    return lines + [f"not told apart: {line}" for line in found.confusions]
+
+
+def figures_of(found: Survey) -> dict[str, Any]:
+    """The same for a program; what is not answered is null."""
+
+    def table(values: Floats, answered: NDArray[np.bool_]) -> dict[str, list[float | None]]:
+        return {
+            name: [float(v) if good else None for v, good in zip(row, goods, strict=True)]
+            for name, row, goods in zip(found.names, values, answered, strict=True)
+        }
+
+    return {
+        "values": table(found.value, found.answered),
+        "standard_errors": table(found.error, np.ones_like(found.answered)),
+        "correlations": found.correlations.tolist(),
+        "ambient_of_white": found.ambient.tolist(),
+        "ambient_standard_error": found.ambient_error.tolist(),
+        "chi2": found.chi2,
+        "degrees_of_freedom": found.degrees,
+        "model_error": found.model_error,
+        "nuisances": {name: list(pair) for name, pair in found.nuisances.items()},
+        "doubts": list(found.doubts),
+        "assumed": {
+            name: {"value": list(what.value), "standard_error": list(what.error)}
+            for name, what in found.leaning.items()
+        },
+        "undetermined": list(found.confusions),
+    }
+
+
+def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
+    """The theatre's file with what was found in it.
+
+    Raises
+    ------
+    ValueError
+        If not everything is answered.
+    """
+    if not found.complete:
+        raise ValueError("a scene needs all of its figures answered")
+    scene = task.scene
+    values = dict(zip(found.names, found.value, strict=True))
+    content = described(task)
+    content["name"] = name
+    content["description"] = f"{scene.description} As measured: {survey.name}."
+    kept = 1 - scene.theatre.perforation
+    content["screen"]["albedo"] = numbers(values["screen"] / kept)
+    for surface in ("floor", "wall"):
+        if surface in values:
+            content[surface]["albedo"] = numbers(values[surface])
+    white = scene.projector.white
+    if "lumens" in content["projector"]:
+        weights = scene.projector.luminance_weights
+        white *= float(weights @ values["screen"] / (weights @ scene.theatre.screen_albedo))
+    content["projector"] = projector_section(task, white, values[GAIN], found.ambient)
+    content["ambient"] = {"luminance_cd_m2": 0.0}
+    content.pop("lamps", None)
+    measured = ", ".join(f"{surface}.albedo" for surface in found.names[1:])
+    content["sources"] = {
+        **{
+            key: text
+            for key, text in content.get("sources", {}).items()
+            if not key.startswith(("screen.albedo", "floor", "wall", "lamps"))
+        },
+        f"{measured}, projector.black_cd_m2": f"measured: {survey.name}",
+    }
+    content["measured"] = measured_section(
+        task,
+        survey,
+        names=found.names,
+        values=found.value,
+        errors=found.error,
+        correlations=found.correlations,
+        chi2=found.chi2,
+        degrees=found.degrees,
+        model_error=found.model_error,
+    )
+    return as_toml(content)
+
+
+def residual_picture(cells: Cells, found: Survey) -> NDArray[np.uint8]:
+    """(row, col, RGB): residuals of each photograph beside each other; red is brighter than model.
+
+    The strongest colour is five standard errors, in the second primary; grey is what was left out.
+    """
+    from matplotlib import colormaps  # noqa: PLC0415 (slow)
+
+    colours = colormaps["RdBu_r"]
+    pictures = []
+    for residual in found.residual[..., 1]:
+        shown = np.full((*cells.label.shape, 3), 0.5)
+        used = cells.label >= 0
+        shown[used] = colours(np.clip(0.5 + residual / 10, 0, 1))[cells.label[used], :3]
+        pictures.append(shown)
+    return np.asarray(np.round(np.concatenate(pictures, 1) * 255), np.uint8)

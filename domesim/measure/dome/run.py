@@ -1,0 +1,160 @@
+"""A survey from photographs, readings or both to figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.measure.dome.file import Task
+from domesim.measure.dome.fit import Evidence, Known, Survey, survey
+from domesim.measure.dome.model import RESOLUTION, Interreflection, nominal_albedos, surfaces_of
+from domesim.measure.dome.nuisances import Errors, effects_of
+from domesim.measure.dome.photographs import Cells, Photographs, cells_of
+from domesim.measure.dome.spots import Metered, Reading, evidence_of, grey, with_readings
+from domesim.room.theatre import Theatre
+from domesim.scene.fields import three
+
+Floats = NDArray[np.float64]
+
+COARSE = 8
+"""Resolution of radiosity at which noise and small effects are computed: within a percent."""
+WALL_ERROR = 0.25
+"""Standard error of a described wall's albedo if nothing else is said of it: it may have any paint.
+A wall that is not in the photographs, and lights little, is told by nothing else."""
+
+
+def surveyed(task: Task, known: Mapping[str, Known]) -> tuple[Cells | None, Survey]:
+    """What a survey file tells, and the photographs' cells if there are photographs.
+
+    `known` comes before what the file knows.
+    """
+    known = {**task.known, **known}
+    theatre = task.scene.theatre
+    weights = task.scene.projector.luminance_weights
+    if task.photographs is not None:
+        metered = None
+        if task.readings:
+            metered = Metered(task.readings, weights, white=task.file.unit == "camera")
+        return survey_of(
+            theatre, task.patterns, task.photographs, known, task.errors, metered=metered
+        )
+    return None, survey_of_spots(theatre, task.patterns, task.readings, known, weights)
+
+
+def survey_of_spots(
+    theatre: Theatre,
+    patterns: Floats,
+    readings: Sequence[Reading],
+    known: Mapping[str, Known],
+    weights: Floats,
+    *,
+    profile: bool = True,
+) -> Survey:
+    """What readings tell: the same for all primaries.
+
+    Parameters
+    ----------
+    theatre, patterns, known, profile
+        As for `survey_of`.
+    readings
+        Readings of a luminance or lux meter.
+    weights
+        (primary,) shares of the primaries in the luminance of white.
+
+    Raises
+    ------
+    InputError
+        If the theatre is beyond the model, no place on the screen was read in cd/m², or the
+        readings cannot be used.
+    """
+    shown = grey(patterns, weights)
+    seen = evidence_of(theatre, shown, readings)
+    if not seen.area.any():
+        raise InputError("wanted readings in cd/m2 of the screen, which tell white and black")
+    albedos = np.repeat((nominal_albedos(theatre) @ weights)[:, None], 3, 1)
+    surfaces = surfaces_of(theatre)
+    known = _with_wall(known, surfaces, albedos)
+    light = Interreflection(theatre, shown)
+    found = survey(light, seen, albedos, surfaces, known, profile=profile)
+    # The primaries are the same figures, so they are off together.
+    one = found.covariance[:1, :, :1]
+    return replace(found, covariance=np.tile(one, (3, 1, 3, 1)))
+
+
+def _with_wall(
+    known: Mapping[str, Known], surfaces: tuple[str, ...], albedos: Floats
+) -> Mapping[str, Known]:
+    if "wall" not in surfaces or "wall" in known:
+        return known
+    value = three(albedos[surfaces.index("wall")])
+    return {**known, "wall": Known(value, (WALL_ERROR,) * 3, assumed=True)}
+
+
+def survey_of(
+    theatre: Theatre,
+    patterns: Floats,
+    photographs: Photographs,
+    known: Mapping[str, Known],
+    errors: Errors,
+    *,
+    metered: Metered | None = None,
+    profile: bool = True,
+    resolution: int = RESOLUTION,
+) -> tuple[Cells, Survey]:
+    """The cells of photographs, and what they tell of the theatre.
+
+    A first fit, by coarse radiosity and without nuisances, tells how bright each cell should be and
+    roughly what the albedos are; the second takes noise and nuisances' effects at these.
+
+    Parameters
+    ----------
+    theatre
+        As it is described; its albedos are where the search starts, and the wall's is taken to be
+        right within `WALL_ERROR` unless it is among what is known.
+    patterns
+        (pattern, row, col, primary) light of the projected domemasters.
+    photographs
+        Photographs of the patterns.
+    known
+        What is known of gain, screen, floor and wall.
+    errors
+        Errors of the description.
+    metered
+        Readings that there are beside the photographs.
+    profile
+        As for `survey`.
+    resolution
+        As for `Interreflection`.
+
+    Raises
+    ------
+    InputError
+        If the theatre is beyond the model, or the photographs or readings cannot be used.
+    """
+    surfaces, albedos = surfaces_of(theatre), nominal_albedos(theatre)
+    light = Interreflection(theatre, patterns, resolution)
+    cells = cells_of(theatre, patterns, photographs)
+    known = _with_wall(known, surfaces, albedos)
+    seen = Evidence(cells.places, photographs.pattern, cells.value, cells.variance, cells.area)
+
+    def whole(photographed: Evidence) -> Evidence:
+        if metered is None:
+            return photographed
+        return with_readings(photographed, theatre, patterns, metered)
+
+    coarse = light if resolution <= COARSE else Interreflection(theatre, patterns, COARSE)
+    shots, places = cells.value.shape[:2]
+    first = survey(coarse, whole(seen), albedos, surfaces, known, profile=False)
+    if first.complete:
+        albedos = first.value[1:]
+        seen = replace(seen, variance=cells.variance_at(first.modelled[:shots, :places]))
+    names, effects = effects_of(
+        theatre, photographs.camera, cells, patterns, coarse, errors, albedos
+    )
+    seen = replace(seen, names=names, effects=effects if names else None)
+    found = survey(light, whole(seen), albedos, surfaces, known, profile=profile)
+    return cells, replace(found, residual=found.residual[:shots, :places])

@@ -1,0 +1,316 @@
+"""A survey without geometry: photographs of patterns -> the screen's reflected light as stored.
+
+Whatever reflects in the room, the result is a `Transport` of a few modes, and a scene of the bare
+screen that goes with it. That scene's albedo is no paint's: it is the albedo with which the closed
+form of the bare screen reflects as much of a white picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.measure.dome.file import Task
+from domesim.measure.dome.measured import described, measured_section, numbers, projector_section
+from domesim.measure.dome.ranks import Ranks, cross_validated, modes_of
+from domesim.measure.dome.reflected import Core, fitted
+from domesim.measure.dome.responses import Responses, responses_of
+from domesim.observation.transport import NODES, PHOTOGRAPHS, Transport, node_places
+from domesim.observation.uncertain import SIGMAS
+from domesim.room.theatre import Theatre
+from domesim.scene import DomeScene
+from domesim.scene.writing import as_toml
+
+Floats = NDArray[np.float64]
+
+DEGREE = 6
+"""Degree of the functions on the screen, the same as that of tabulated transports."""
+_AMBIENT_DEGREE = 3
+_FADING = 0.4
+"""Standard deviation of ambient light's parts of one degree over that of the degree below."""
+_LARGE = 0.01
+"""Error of the reflected light of patterns left out that is told as one."""
+_MOST_MISFIT = 4.0
+"""Chi² over its degrees of freedom from which nothing is answered."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What photographs tell of a screen's reflected light.
+
+    Attributes
+    ----------
+    transport
+        The operator, of its few modes.
+    ranks
+        How many modes the patterns tell.
+    gain
+        (primary,) median over the places of white by direct light alone, in the photographs' unit.
+    spread
+        (primary, 2) between which 90 % of the places' gains lie.
+    white, white_error
+        (primary,) reflected light of a white picture, 1 = its direct light, and standard errors.
+    ambient
+        (primary,) mean over the screen of the light of a black picture, 1 = projector white.
+    places, hidden
+        How many places of the screen count, and how many the camera does not see.
+    photographs, patterns
+        How many there are; black is no pattern.
+    chi2, degrees
+        Over all primaries.
+    """
+
+    transport: Transport
+    ranks: Ranks
+    gain: Floats
+    spread: Floats
+    white: Floats
+    white_error: Floats
+    ambient: Floats
+    places: int
+    hidden: int
+    photographs: int
+    patterns: int
+    chi2: float
+    degrees: int
+
+    @property
+    def misfit(self) -> float:
+        """Factor by which standard errors have been widened for residuals beyond noise."""
+        return float(np.sqrt(max(1.0, self.chi2 / self.degrees)))
+
+
+def surveyed_alone(task: Task) -> Found:
+    """What a survey file's photographs tell.
+
+    Raises
+    ------
+    InputError
+        If it has none, if there are readings as well, or if they tell too little.
+    """
+    if task.photographs is None:
+        raise InputError("--without-geometry needs photographs, got readings of a meter")
+    if task.readings:
+        raise InputError("--without-geometry takes photographs only; leave the readings out")
+    return found_in(
+        responses_of(task.scene.theatre, task.patterns, task.photographs, DEGREE),
+        task.scene.theatre,
+    )
+
+
+def found_in(responses: Responses, theatre: Theatre) -> Found:
+    """What responses tell.
+
+    Raises
+    ------
+    InputError
+        If they cannot tell direct from reflected light, if no pattern can be left out, or if they
+        are not what light of the patterns can look like.
+    """
+    seen = [fitted(responses, p) for p in range(3)]
+    responses = responses.weighed(
+        np.stack([core.shown(responses, p) for p, core in enumerate(seen)], -1)
+    )
+    cores = [fitted(responses, p, core.expectation, core.core) for p, core in enumerate(seen)]
+    chi2, degrees = sum(core.chi2 for core in cores), sum(core.degrees for core in cores)
+    if degrees <= 0 or chi2 > _MOST_MISFIT * degrees:
+        raise InputError(
+            f"the photographs are not what the patterns can look like on this screen: chi² "
+            f"{chi2:.0f} for {degrees} degrees of freedom; check which pattern each photograph "
+            f"shows, exposures, the camera's place and direction, and the dome's shape"
+        )
+    ranks = cross_validated(responses, cores)
+    if ranks is None:
+        raise InputError(
+            "too few patterns: with one left out, the others do not tell what it should look like; "
+            "photograph halves, rings and sectors besides black and white"
+        )
+    widened = ranks.widening * float(np.sqrt(max(1.0, chi2 / degrees)))
+    modes = modes_of([core.core for core in cores])[:, : ranks.rank]
+    pairs = np.einsum("fi,gj->ijfg", modes, modes).reshape(-1, *cores[0].core.shape)
+    error = [np.sqrt(np.diag(core.uncertainty.of(pairs))) for core in cores]
+    ambient = np.stack([_ambient(responses, core, p) for p, core in enumerate(cores)])
+    tables = responses.basis.at(*np.meshgrid(node_places(NODES), node_places(NODES)))
+    transport = Transport(
+        theatre.dome,
+        np.tensordot(modes.T, tables, axes=1),
+        np.stack([modes.T @ core.core @ modes for core in cores]),
+        widened * np.stack(error).reshape(3, ranks.rank, ranks.rank),
+        np.tensordot(ambient, tables, axes=1),
+    )
+    first = np.zeros((1, *cores[0].core.shape))
+    first[0, 0, 0] = 1
+    gains = [core.gain[core.counted] for core in cores]
+    return Found(
+        transport=transport,
+        ranks=ranks,
+        gain=np.array([np.median(gain) for gain in gains]),
+        spread=np.array([np.quantile(gain, (0.05, 0.95)) for gain in gains]),
+        white=np.array([core.core[0, 0] for core in cores]),
+        white_error=widened * np.sqrt([float(core.uncertainty.of(first)[0, 0]) for core in cores]),
+        ambient=ambient[:, 0],
+        places=min(int(core.counted.sum()) for core in cores),
+        hidden=max(core.hidden for core in cores),
+        photographs=len(responses.pattern),
+        patterns=len(np.unique(responses.pattern[responses.excitation.any((1, 2))])),
+        chi2=chi2,
+        degrees=degrees,
+    )
+
+
+def _ambient(responses: Responses, core: Core, primary: int) -> Floats:
+    """(function,) ambient light over local gain, smooth where the camera sees nothing of it."""
+    here = core.counted
+    seen = core.ambient[here] / core.gain[here]
+    low = responses.basis.degrees <= _AMBIENT_DEGREE
+    functions = responses.functions[np.ix_(low, here)]
+    noise = (responses.variance[..., primary] ** -1).sum(0)[here] ** -0.5 / core.gain[here]
+    size = max(float(np.sqrt(np.mean(seen**2))), float(np.median(noise)))
+    expected = size * _FADING ** responses.basis.degrees[low]
+    expected[0] *= 10
+    # Nothing is known of how uneven it is within a place: no place counts alone.
+    weighted = functions / np.hypot(noise, 0.1 * size)
+    matrix = weighted @ weighted.T + np.diag(expected**-2)
+    result = np.zeros(len(responses.basis))
+    right = weighted @ (seen / np.hypot(noise, 0.1 * size))
+    result[low] = np.linalg.solve(matrix, right)
+    return result
+
+
+def stored(found: Found, scene: DomeScene, survey: Path) -> Transport:
+    """The transport as it is stored, for a scene that was written with it: less its black."""
+    return replace(
+        found.transport,
+        ambient=found.transport.ambient - scene.ambient / scene.projector.white,
+        provenance={
+            "scene": scene.name,
+            "digest": scene.digest,
+            "method": PHOTOGRAPHS,
+            "measured": survey.name,
+            "rank": found.ranks.rank,
+            "cross_validated_error": found.ranks.error.tolist(),
+            "relative_error": found.transport.relative_error(),
+            "domesim": version("domesim"),
+        },
+    )
+
+
+def lines_of(task: Task, found: Found) -> list[str]:
+    """What was found, for a person."""
+    unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
+    hidden = f"; {found.hidden} others are hidden from the camera" if found.hidden else ""
+    lines = [] if task.registered is None else [task.registered.told()]
+    lines += [
+        f"{found.photographs} photographs of black and {found.patterns} patterns, {found.places} "
+        f"places of the screen{hidden}",
+        f"white, direct light alone ({unit}), median and 90 % of the places: "
+        + _each(
+            f"{gain:.3g} ({low:.3g} to {high:.3g})"
+            for gain, (low, high) in zip(found.gain, found.spread, strict=True)
+        ),
+        "reflected light of a white picture, of its direct light: "
+        + _each(
+            f"{white:.4f} ± {SIGMAS * error:.1g}"
+            for white, error in zip(found.white, found.white_error, strict=True)
+        ),
+        "black as it is seen, of white: " + _each(f"{part:.3g}" for part in found.ambient),
+    ]
+    verdict = "noise alone explains the residuals"
+    if found.misfit > 1 + 3 / np.sqrt(2 * found.degrees):
+        verdict = f"more than noise, for which errors have been widened {found.misfit:.2f} times"
+    lines.append(f"fit: chi² {found.chi2:.0f} for {found.degrees} degrees of freedom; {verdict}")
+    ranks = found.ranks
+    errors = ", ".join(f"{rank}: {_share(part)}" for rank, part in enumerate(ranks.error, 1))
+    lines.append(
+        f"error of the reflected light of patterns left out, by number of modes: {errors}; taken: "
+        f"{ranks.rank}"
+    )
+    if ranks.widening > 1:
+        lines.append(
+            f"patterns left out are foretold worse than claimed: errors have been widened "
+            f"{ranks.widening:.2f} times"
+        )
+    left = float(ranks.error[ranks.rank - 1])
+    if left > _LARGE:
+        lines.append(
+            f"check the room: smooth modes leave {left:.1%} of the reflected light unexplained, as "
+            f"of a glossy screen, shadows before a projector, or a floor that meets the screen"
+        )
+    if ranks.exhausted:
+        lines.append(
+            f"too few patterns: these can tell no more than {len(ranks.error)} modes; photograph "
+            f"halves, rings, sectors and checkerboards"
+        )
+    return lines
+
+
+def figures_of(found: Found) -> dict[str, Any]:
+    """The same for a program."""
+    return {
+        "gain": found.gain.tolist(),
+        "reflected_of_white": found.white.tolist(),
+        "reflected_standard_error": found.white_error.tolist(),
+        "ambient_of_white": found.ambient.tolist(),
+        "rank": found.ranks.rank,
+        "cross_validated_error": found.ranks.error.tolist(),
+        "error_widening": found.ranks.widening,
+        "more_patterns_would_tell_more": found.ranks.exhausted,
+        "places": found.places,
+        "hidden_places": found.hidden,
+        "chi2": found.chi2,
+        "degrees_of_freedom": found.degrees,
+    }
+
+
+def measured_scene(task: Task, found: Found, name: str, survey: Path) -> str:
+    """A scene of the bare screen that goes with the transport."""
+    content = described(task, ("dome", "projector", "viewing", "viewpoints"))
+    share = task.scene.dome.screen_area / (4 * np.pi * task.scene.dome.radius**2)
+    albedo = found.white / (share * (1 + found.white))
+    slope = 1 / (share * (1 + found.white) ** 2)
+    white = task.scene.projector.white
+    content["projector"] = projector_section(task, white, found.gain, found.ambient)
+    return as_toml(
+        {
+            "name": name,
+            "description": f"{task.scene.description} Reflected light as measured: {survey.name}; "
+            f"its transport goes with it.",
+            **content,
+            "screen": {"albedo": numbers(np.clip(albedo, 0.0, 0.98))},
+            "sources": {
+                "screen.albedo": f"measured: {survey.name}; not the paint's, but that of a bare "
+                f"screen that reflects as much of white as the whole room does",
+                **{
+                    key: text
+                    for key, text in task.content.get("sources", {}).items()
+                    if key.startswith(("dome", "projector", "viewing", "viewpoints"))
+                },
+            },
+            "measured": measured_section(
+                task,
+                survey,
+                names=("screen",),
+                values=albedo[None],
+                errors=(slope * found.white_error)[None],
+                correlations=np.eye(3),
+                chi2=found.chi2,
+                degrees=found.degrees,
+                model_error=float(found.ranks.error[found.ranks.rank - 1]),
+            ),
+        }
+    )
+
+
+def _each(parts: Any) -> str:
+    return ", ".join(f"{p} {part}" for p, part in zip("RGB", parts, strict=True))
+
+
+def _share(part: float) -> str:
+    return f"{part:.2%}" if part > 0 else "as small as noise"

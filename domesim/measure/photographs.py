@@ -1,0 +1,426 @@
+"""Photographs of a 3D screen through the eyewear: what a file that lists them says, and what is
+seen in them.
+
+    [photographs]
+    corners = [[102, 80], [1801, 92], [1795, 1010], [98, 1003]]
+    encoding = "linear"
+    saturation = 0.98
+
+    [photographs.left]                      # through the left glass
+    black = "left-glass/black.exr"
+    left = "left-glass/left-white.exr"      # the left eye's picture is white, the right one's black
+    right = ["left-glass/right-white.exr", "left-glass/right-white-2.exr"]
+
+    [photographs.right]                     # through the right glass
+    black = "right-glass/black.exr"
+    left = { W = "...", R = "...", G = "...", B = "..." }
+    right = { W = "...", R = "...", G = "...", B = "..." }
+
+    [projector]
+    white_cd_m2 = 15.4
+    black_cd_m2 = 0.01
+    primaries = "P3-D65"
+
+A list of files is averaged. ``corners`` are those of the picture on the screen, from the top left
+one clockwise, as [col, row] in pixels of the photograph; without them it shows nothing else. They
+are refined by the picture's edges, where these are seen against darker surroundings, unless
+``corners_error``, the standard error of each number in pixels, is stated.
+``encoding`` is for files that do not say that they are linear, ``saturation`` the value of a full
+pixel (1.0 of integers; of floats what the largest samples share).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from domesim.errors import InputError
+from domesim.frames import Frame
+from domesim.frames.encodings import encoding_named
+from domesim.frames.reading import read_image
+from domesim.measure.edges import found_corners
+from domesim.readings.meter import EYES
+from domesim.readings.tables import text_of
+
+Floats = NDArray[np.float64]
+Samples = NDArray[np.float32]
+"""(row, col, camera channel) linear."""
+
+MOST_SATURATED = 1e-3
+"""Share of the screen's pixels: some are stuck in any camera."""
+READ_OFF, CROPPED = 0.5, 12**-0.5
+"""Standard error of each coordinate of a corner if none is stated, pixels: as a person reads it off
+the picture; and of a photograph that was cropped to the screen, which is done at whole pixels."""
+_NEARLY = 0.995
+_WHOLE: Floats = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+_WHITE, _PRIMARIES = ("W",), ("R", "G", "B")
+
+Files = Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
+
+
+_Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class _Colours(_Section):
+    W: Files | None = None
+    R: Files | None = None
+    G: Files | None = None
+    B: Files | None = None
+
+
+class _Glass(_Section):
+    black: Files
+    left: Files | _Colours
+    right: Files | _Colours
+
+
+class _Photographs(_Section):
+    left: _Glass
+    right: _Glass
+    corners: Annotated[list[_Corner], Field(min_length=4, max_length=4)] | None = None
+    corners_error: Annotated[float, Field(ge=0)] | None = None
+    encoding: str | None = None
+    saturation: Annotated[float, Field(gt=0)] | None = None
+
+
+class _Projector(_Section):
+    white_cd_m2: Annotated[float, Field(gt=0)]
+    black_cd_m2: Annotated[float, Field(ge=0)] = 0.0
+    primaries: str | None = None
+
+
+class _File(_Section):
+    photographs: _Photographs
+    projector: _Projector
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Glass:
+    """What was photographed through one glass, black subtracted.
+
+    Parameters
+    ----------
+    eye
+        Whose glass: left or right.
+    net
+        Projector -> channel -> (row, col, camera channel).
+    """
+
+    eye: str
+    net: Mapping[str, Mapping[str, Samples]]
+
+    def white(self, projector: str) -> Samples:
+        """Light of a projector's white: photographed, or the sum of its primaries."""
+        shown = self.net[projector]
+        if "W" in shown:
+            return shown["W"]
+        return np.asarray(shown["R"] + shown["G"] + shown["B"])
+
+    @property
+    def has_primaries(self) -> bool:
+        """Whether both projectors' primaries were photographed."""
+        return all(set(_PRIMARIES) <= set(shown) for shown in self.net.values())
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Where the picture on the screen ends, in pixels of the photograph.
+
+    Parameters
+    ----------
+    at
+        (corner, 2) col and row: top left, top right, bottom right, bottom left.
+    covariance
+        (8, 8) of their errors, px²: col and row of the first corner, then of the others.
+    origin
+        Where they come from, in words.
+    """
+
+    at: Floats
+    covariance: Floats
+    origin: str
+
+    @property
+    def error(self) -> float:
+        """Standard error of a coordinate, pixels (root mean square)."""
+        return float(np.sqrt(np.mean(np.diag(self.covariance))))
+
+    def told(self) -> str:
+        """The same for a person."""
+        ends = ", ".join(f"[{col:.2f}, {row:.2f}]" for col, row in self.at)
+        return f"corners, {self.origin}: {ends}, each ± {self.error:.2g} pixels"
+
+    def places(self, across: Floats, down: Floats) -> Floats:
+        """(..., 2) places on the screen of pixels, as of `Photographs`."""
+        return _taken(_perspective(self.at, _WHOLE), across, down)
+
+    def shifts(self, cells: tuple[int, int]) -> Floats:
+        """(change, row, col, 2): how far the middles of cells are from where they should be.
+
+        By independent errors of one standard deviation each, in shares of the screen's width and
+        height.
+        """
+        rows, cols = cells
+        u, v = np.meshgrid((np.arange(cols) + 0.5) / cols, (np.arange(rows) + 0.5) / rows)
+        seen = _taken(_perspective(_WHOLE, self.at), u, v)
+        values, vectors = np.linalg.eigh(self.covariance)
+        steps = (vectors * np.sqrt(np.maximum(values, 0))).T.reshape(-1, 4, 2)
+        return np.array(
+            [
+                _taken(_perspective(self.at + step, _WHOLE), seen[..., 0], seen[..., 1])
+                - np.stack([u, v], -1)
+                for step in steps[values > 0]
+            ]
+        ).reshape(-1, rows, cols, 2)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Photographs:
+    """Everything that a file lists.
+
+    Parameters
+    ----------
+    source
+        The file's name.
+    glasses
+        Left, right.
+    place
+        (row, col, 2) where on the screen each pixel is: shares of its width and height from the top
+        left; outside 0..1 off it.
+    corners
+        Corners of the screen.
+    white, black
+        Luminance of a projector's white and of black through its glass, cd/m².
+    primaries
+        Name of the projectors'; None if the file does not say.
+    digest
+        SHA-256 of all files.
+    """
+
+    source: str
+    glasses: tuple[Glass, Glass]
+    place: Floats
+    corners: Corners
+    white: float
+    black: float
+    primaries: str | None
+    digest: str
+
+
+def lists_photographs(path: Path) -> bool:
+    """Whether a file is a TOML one with [photographs]."""
+    if path.suffix.lower() != ".toml":
+        return False
+    try:
+        return "photographs" in tomllib.loads(text_of(path))
+    except tomllib.TOMLDecodeError:
+        return False
+
+
+def read_photographs(path: Path) -> Photographs:
+    """The photographs that a file lists.
+
+    Raises
+    ------
+    InputError
+        If the file says something else, a photograph cannot be read, is not linear, is saturated,
+        or has another size than the others.
+    """
+    try:
+        file = _File.model_validate(tomllib.loads(text_of(path)))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"] if not str(part).startswith("_"))
+        raise InputError(f"{path}: {where}: {first['msg'].lower()}") from None
+    told = file.photographs
+    reader = _Reader(path.parent, told.encoding, told.saturation)
+    glasses = []
+    for eye in EYES:
+        section: _Glass = getattr(told, eye)
+        black = reader.mean(section.black)
+        shown = {name: _channels(path, eye, name, getattr(section, name)) for name in EYES}
+        if set(shown["left"]) != set(shown["right"]):
+            raise InputError(
+                f"{path}: photographs.{eye} must show the same colours of both projectors, got "
+                f"{', '.join(shown['left'])} of the left and {', '.join(shown['right'])} of the "
+                f"right one"
+            )
+        net = {
+            name: {channel: reader.mean(files) - black for channel, files in channels.items()}
+            for name, channels in shown.items()
+        }
+        glasses.append(Glass(eye, net))
+    assert reader.size is not None
+    corners = _corners(path, told, reader.size)
+    if told.corners is not None and told.corners_error is None:
+        corners = by_edges(glasses, corners)
+    rows, cols = reader.size
+    place = corners.places(*np.meshgrid(np.arange(cols) + 0.5, np.arange(rows) + 0.5))
+    on = on_screen(place)
+    if np.count_nonzero(on) < 64:
+        raise InputError(
+            f"{path}: photographs.corners must hold the screen, got {np.count_nonzero(on)} pixels"
+        )
+    reader.refuse_saturated(on)
+    lit = file.projector
+    return Photographs(
+        str(path),
+        (glasses[0], glasses[1]),
+        place,
+        corners,
+        lit.white_cd_m2,
+        lit.black_cd_m2,
+        lit.primaries,
+        reader.digest(path),
+    )
+
+
+def by_edges(glasses: Sequence[Glass], stated: Corners) -> Corners:
+    """Corners where the eyes' own white pictures end; as they are stated if that is not seen.
+
+    Parameters
+    ----------
+    glasses
+        Photographs through them.
+    stated
+        Where corners are within 4 pixels or so.
+    """
+    whites = np.array([glass.white(glass.eye) for glass in glasses], np.float64)
+    found = found_corners(whites.sum(axis=(0, -1)), stated.at)
+    return stated if found is None else Corners(*found, "by the picture's edges")
+
+
+def on_screen(place: Floats) -> NDArray[np.bool_]:
+    """(row, col): which pixels are, of their `place` in `Photographs`."""
+    return np.asarray(((place >= 0) & (place < 1)).all(axis=-1))
+
+
+def _channels(path: Path, eye: str, projector: str, told: Files | _Colours) -> dict[str, Files]:
+    if not isinstance(told, _Colours):
+        return {"W": told}
+    given = {name: files for name, files in dict(told).items() if files is not None}
+    if not (set(_WHITE) <= set(given) or set(_PRIMARIES) <= set(given)):
+        raise InputError(
+            f"{path}: photographs.{eye}.{projector} must have W, or R, G and B, got "
+            f"{', '.join(given) or 'nothing'}"
+        )
+    if set(given) & set(_PRIMARIES) and not set(_PRIMARIES) <= set(given):
+        raise InputError(
+            f"{path}: photographs.{eye}.{projector} must have all of R, G and B, or none, got "
+            f"{', '.join(given)}"
+        )
+    return given
+
+
+class _Reader:
+    """Reads photographs of one size, and remembers which samples were full."""
+
+    def __init__(self, folder: Path, encoding: str | None, saturation: float | None) -> None:
+        self._folder = folder
+        self._colour = None if encoding is None else encoding_named(encoding)
+        self._saturation = saturation
+        self._full: list[tuple[Path, float, NDArray[np.bool_]]] = []
+        self._first: Path | None = None
+        self._read: list[Path] = []
+        self.size: tuple[int, int] | None = None
+
+    def mean(self, files: Files) -> Samples:
+        """(row, col, camera channel): the mean of all."""
+        names = [files] if isinstance(files, str) else files
+        return np.asarray(np.mean([self._one(self._folder / name) for name in names], axis=0))
+
+    def refuse_saturated(self, on: NDArray[np.bool_]) -> None:
+        brightest = max(value for _, value, _ in self._full)
+        for path, value, full in self._full:
+            share = float(np.mean(full[on]))
+            if value >= _NEARLY * brightest and share > MOST_SATURATED:
+                raise InputError(
+                    f"{path}: {share:.1%} of the screen's pixels are saturated; expose all "
+                    f"photographs shorter, or say what value is full (saturation)"
+                )
+
+    def digest(self, path: Path) -> str:
+        found = hashlib.sha256(path.read_bytes())
+        for file in self._read:
+            found.update(hashlib.sha256(file.read_bytes()).digest())
+        return found.hexdigest()
+
+    def _one(self, path: Path) -> Samples:
+        frame = read_image(path, repair=False, signed=True, colour=self._colour)
+        if frame.colour.transfer != "linear":
+            raise InputError(
+                f"{path}: wanted a linear photograph, got {frame.colour.named} "
+                f'({frame.colour.source}); if it is linear, say encoding = "linear" in '
+                f"[photographs], else develop it so"
+            )
+        size = frame.pixels.shape[:2]
+        if self.size is None or self._first is None:
+            self.size, self._first = (size[0], size[1]), path
+        elif size != self.size:
+            raise InputError(
+                f"{path}: must be as large as {self._first.name}, {self.size[1]} x {self.size[0]}, "
+                f"got {size[1]} x {size[0]}; the camera must not move between photographs"
+            )
+        self._read.append(path)
+        self._full.append((path, *self._saturated(frame)))
+        return frame.pixels
+
+    def _saturated(self, frame: Frame) -> tuple[float, NDArray[np.bool_]]:
+        """The value that counts as full, and (row, col) which pixels have it."""
+        limit = 1.0 if self._saturation is None else self._saturation
+        if self._saturation is None and frame.floating:
+            # Only samples that are clipped share one value.
+            limit = float(frame.pixels.max())
+            return limit, np.asarray((frame.pixels == limit).any(axis=-1))
+        return limit, np.asarray((frame.pixels >= _NEARLY * limit).any(axis=-1))
+
+
+def _corners(path: Path, told: _Photographs, size: tuple[int, int]) -> Corners:
+    """As they are stated, or those of the whole photograph."""
+    rows, cols = size
+    whole = [[0.0, 0.0], [cols, 0.0], [cols, rows], [0.0, rows]]
+    at = np.array(told.corners or whole, np.float64)
+    edges = np.roll(at, -1, axis=0) - at
+    if min(float(np.linalg.det(edges[[i - 1, i]])) for i in range(4)) <= 0:
+        raise InputError(
+            f"{path}: photographs.corners must be [col, row] of the top left, top right, bottom "
+            f"right and bottom left corner, got {told.corners}"
+        )
+    error = told.corners_error
+    origin = "as stated"
+    if told.corners is None:
+        error, origin = CROPPED if error is None else error, "of the photograph"
+    elif error is None:
+        error, origin = READ_OFF, "as stated, for no edges are seen there"
+    return Corners(at, error**2 * np.eye(8), origin)
+
+
+def _perspective(given: Floats, wanted: Floats) -> Floats:
+    """(3, 3) that takes four given points (point, 2) to wanted ones."""
+    lines = []
+    for (x, y), (u, v) in zip(given, wanted, strict=True):
+        lines += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
+    solved = np.linalg.solve(np.array(lines, float), np.ravel(wanted))
+    return np.append(solved, 1.0).reshape(3, 3)
+
+
+def _taken(perspective: Floats, x: Floats, y: Floats) -> Floats:
+    """(..., 2) where points are taken to."""
+    a, b, depth = (row[0] * x + row[1] * y + row[2] for row in perspective)
+    depth = np.where(np.abs(depth) > 1e-12, depth, np.inf)
+    return np.stack([a / depth, b / depth], -1)

@@ -1,1 +1,0 @@
-"""From a colorimeter's readings of a display to what the models need (see ``pair``)."""

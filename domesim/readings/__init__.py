@@ -1,0 +1,1 @@
+"""From a meter's readings of displays to what the models need (see `pair`)."""

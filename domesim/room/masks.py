@@ -1,0 +1,68 @@
+"""Blend masks of projectors: PNGs of 16 bits of grey, whose codes are shares of light."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError, reason
+from domesim.host.files import read_plain
+from domesim.room.theatre import Mask
+
+_LARGEST = 1 << 28  # bytes, and pixels: more than any projector has
+_CODES = 65535
+
+
+def read_mask(path: Path) -> Mask:
+    """The mask in a file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is no grey picture.
+    """
+    try:
+        content = read_plain(path, _LARGEST)
+    except OSError as error:
+        raise InputError(f"{path}: wanted a blend mask, got '{reason(error)}'") from error
+    return Mask(grey_of(content, str(path)))
+
+
+def grey_of(content: bytes, where: str) -> NDArray[np.float64]:
+    """(row, col) 0..1: codes of a grey PNG, or of one whose R, G, B are alike.
+
+    Raises
+    ------
+    InputError
+        If it is damaged, or in colour.
+    """
+    from PIL import Image  # noqa: PLC0415 - few scenes have masks
+
+    try:
+        with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(content)) as opened:
+            if opened.width * opened.height > _LARGEST:
+                raise InputError(f"{where}: wanted a mask, got {opened.width} x {opened.height} px")
+            # Pillow has 16 bits of grey only
+            deep = opened.mode.startswith("I")
+            codes = np.asarray(opened if deep or opened.mode in "L1" else opened.convert("RGB"))
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise InputError(f"{where}: wanted a PNG of grey, got one that does not read") from error
+    shares = codes / (_CODES if deep else 1 if codes.dtype == bool else 255)
+    if shares.ndim == 3:
+        if np.ptp(shares, axis=2).max() > 0:
+            raise InputError(f"{where}: wanted a mask of grey, got colours. Save it as grey")
+        shares = shares[..., 0]
+    return np.asarray(shares, np.float64)
+
+
+def written_mask(weights: NDArray[np.float64]) -> bytes:
+    """A PNG of (row, col) weights, 0..1."""
+    from PIL import Image  # noqa: PLC0415
+
+    made = io.BytesIO()
+    Image.fromarray(np.rint(weights * _CODES).astype(np.uint16)).save(made, "PNG")
+    return made.getvalue()

@@ -1,0 +1,174 @@
+"""A master on the screen: file -> Light -> what the audience sees -> file.
+
+Off the screen (outside a domemaster's circle) a master's code values are never touched.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.frames import Master
+from domesim.light import Light, transfer
+from domesim.light.strips import all_within, in_strips
+from domesim.observation.projector import require_primaries
+from domesim.scene import Scene, StereoScene
+
+BRIGHTEST = 1e9
+"""Projector white = 1: the sun's disc is 1e8 of an IMAX dome's. Beyond it is damage, and float32
+overflows when light is summed and squared."""
+
+
+def decoded(master: Master, scene: Scene) -> Light:
+    """Light (view, row, col, primary) of a master, by its own encoding.
+
+    Raises
+    ------
+    InputError
+        If it has other views than the scene, its transfer function or primaries are not known, or
+        it is brighter than `BRIGHTEST`.
+    """
+    _require_views(master, scene)
+    _require_whole_views(master, scene)
+    require_primaries(master.colour.primaries)
+    curve = transfer.named(master.colour.transfer, white=scene.projector.white)
+    light = np.empty((len(master.frames), *master.frames[0].pixels.shape), np.float32)
+
+    def decode(view: int, rows: slice) -> float:
+        codes = master.frames[view].pixels[rows]
+        # NumPy keeps such settings for each thread.
+        with np.errstate(over="ignore", invalid="ignore"):
+            light[view, rows] = scene.projector.decode(codes, curve, master.colour.primaries)
+        return float(light[view, rows].max())
+
+    brightest = np.max(in_strips(decode, light.shape))
+    if not brightest <= BRIGHTEST:
+        raise InputError(
+            f"{master.path}: wanted light up to {BRIGHTEST:g} (projector white is 1), got "
+            f"{brightest:g}. Render it again, or clamp it (oiiotool IN --clamp:max=100 -o OUT)."
+        )
+    return light
+
+
+def _require_views(master: Master, scene: Scene) -> None:
+    if len(master.frames) == scene.views:
+        return
+    if scene.views == 1:
+        raise InputError(
+            f"{master.path}: wanted a domemaster for {scene.name}, got left and right. Do each "
+            f"alone, or choose a stereo scene."
+        )
+    eyes = master.frames[0].header.eyes
+    said = "" if eyes is None else f" {eyes.packing}, as it says itself"
+    raise InputError(
+        f"{master.path}: wanted left and right for {scene.name}, got one picture. Name both "
+        f"(--left L.####.exr --right R.####.exr), or say how they are packed (--packing{said})."
+    )
+
+
+def _require_whole_views(master: Master, scene: Scene) -> None:
+    """Pixels are square: vision models would take a view of half the columns for a narrow screen.
+
+    Only packed views are ever halved; any other may be narrower than the screen.
+    """
+    if master.packing not in ("side-by-side", "top-bottom") or not isinstance(scene, StereoScene):
+        return
+    rows, cols = master.frames[0].pixels.shape[:2]
+    width, height = scene.size
+    squeezed = (cols / rows) / (width / height)
+    if 0.6 < squeezed < 1.6:
+        return
+    size, axis = ((2, 1), "width") if squeezed < 1 else ((1, 2), "height")
+    raise InputError(
+        f"{master.path}: wanted views as wide as {scene.name}'s screen ({width / height:.3g} : 1), "
+        f"got {cols} x {rows} px: views at half {axis}? Stretch the picture first (oiiotool IN "
+        f"--resize {cols * size[0] * (2 if master.packing == 'side-by-side' else 1)}x"
+        f"{rows * size[1] * (2 if master.packing == 'top-bottom' else 1)} -o OUT)."
+    )
+
+
+def encoded(
+    master: Master, light: Light, scene: Scene, screen: NDArray[np.bool_]
+) -> tuple[Master, float]:
+    """`master` with the picture on the screen replaced by `light`, and the share that was clipped.
+
+    It is encoded as `master` was, or as it is to become.
+
+    No format holds all code values: light brighter than the white of an integer format (what the
+    audience sees of a white master) or the largest half is clipped there, and the share of such
+    pixels returned. So is what lies outside the file's gamut, negative in its primaries: floating
+    formats could hold it, but `read_frame` and others' readers take it for damage.
+    """
+    projector, old = scene.projector, master.colour
+    new = master.becomes or old
+    require_primaries(new.primaries)
+    read = transfer.named(old.transfer, white=projector.white)
+    curve = transfer.named(new.transfer, white=projector.white)
+    least, largest = 0.0, master.code_range[1]
+    pixels = np.empty(light.shape, np.float32)
+
+    def encode(view: int, rows: slice) -> int:
+        codes = projector.encode(light[view, rows], curve, new.primaries)
+        on = screen[rows]
+        np.clip(codes, least, largest, out=pixels[view, rows])
+        if not on.all():
+            around = master.frames[view].pixels[rows]
+            if not new.means_the_same_as(old):
+                shown = projector.decode(around, read, old.primaries)
+                around = projector.encode(shown, curve, new.primaries)
+            around = np.clip(around, least, largest)
+            np.copyto(pixels[view, rows], around, where=~on[..., None])
+        # Half a code of 16 bit: rounding, not clipping
+        return _beyond(codes, on, (least, largest), 0.5 / 65535)
+
+    clipped = sum(in_strips(encode, light.shape))
+    result = master.encoded_as(new, pixels)
+    return result, clipped / (len(light) * np.count_nonzero(screen))
+
+
+def mean_luminance(light: Light, scene: Scene, areas: NDArray[np.floating] | None = None) -> float:
+    """Mean luminance over the screen's area, and all views, of light on the screen, cd/m².
+
+    Pixels' `areas` are the scene's, for who has them already.
+    """
+    if areas is None:
+        areas = scene.pixel_areas(*light.shape[1:3])
+    weights = scene.projector.luminance_weights.astype(light.dtype)
+    sums = in_strips(
+        lambda view, rows: float(np.sum(areas[rows] * (light[view, rows] @ weights))), light.shape
+    )
+    return sum(sums) / float(areas.sum() * len(light)) * scene.projector.white
+
+
+def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]:
+    """`light` clipped to 0..1 on the screen, and the share of its pixels that had to be.
+
+    Highlights of a high-dynamic-range master and colours outside the projector's gamut cannot be
+    shown at all; asking for them would only make the solver brighten their surroundings.
+    """
+    # Decoding rounds: a white of 1 + 1e-7 is no highlight.
+    slack = 8 * float(np.finfo(np.float32).eps)
+    if all_within(light, 0, 1):
+        return light, 0.0
+    within = np.array(light)
+
+    def clip(view: int, rows: slice) -> int:
+        part, on = within[view, rows], screen[rows]
+        beyond = _beyond(part, on, (0, 1), slack)
+        np.clip(part, 0, 1, out=part, where=on[..., None])
+        return beyond
+
+    beyond = sum(in_strips(clip, light.shape))
+    return within, beyond / (len(light) * np.count_nonzero(screen))
+
+
+def _beyond(
+    values: NDArray[np.floating], on: NDArray[np.bool_], limits: tuple[float, float], slack: float
+) -> int:
+    """How many pixels have a primary out of the limits."""
+    least, largest = limits[0] - slack, limits[1] + slack
+    if values.min() >= least and values.max() <= largest:
+        return 0
+    found = (values < least) | (values > largest)
+    return int(np.count_nonzero(np.any(found, axis=-1) & on))

@@ -1,0 +1,187 @@
+"""A show's results as the picture of a DCP: ``--format mxf``, wrapped by asdcplib's ``asdcp-wrap``.
+
+Results are codestreams of X'Y'Z' as ever (.j2c), which workers make; two eyes are two sequences.
+When all are done, asdcp-wrap makes one MXF of them, of SMPTE's labels. What programs of other
+makers need of a DCP besides, its sound and its lists, DCP-o-matic adds.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, final
+
+from domesim.errors import InputError
+from domesim.frames.encodings import encoding_named
+from domesim.frames.messages import one_line
+from domesim.frames.video import file_of, frame_paths, pyav
+from domesim.frames.whole import temporary_of
+from domesim.host.console import Console
+from domesim.shows.film import (
+    Films,
+    films_of,
+    is_made,
+    note_made,
+    place_of,
+    timing_asked,
+)
+from domesim.shows.job import Job
+from domesim.shows.show import Show
+from domesim.shows.work import Order, Writing
+
+SUFFIX = ".mxf"
+WRAPPER = "asdcp-wrap"
+_FRAMES = ".j2c"
+_RATE = Fraction(24)
+_LARGEST = 1302083
+"""Bytes of a frame at 250 Mbit/s (DCI DCSS, 4.3.2), which the encoder keeps to."""
+_OTHERWISE = (
+    "--format tif --output-encoding dcdm writes frames, which DCP-o-matic takes, too; --format j2c "
+    "codestreams"
+)
+
+
+@final
+@dataclass(frozen=True)
+class Cinema:
+    """The MXF that a show's results become.
+
+    Parameters
+    ----------
+    path
+        Where it goes.
+    """
+
+    path: Path
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All files that are made."""
+        return (self.path,)
+
+    def make(self, orders: Sequence[Order], job: Job, console: Console) -> None:
+        """Make it, if it is not there yet.
+
+        Parameters
+        ----------
+        orders
+            The frames, in order, all done.
+        job
+            Theirs.
+        console
+            Who is told.
+
+        Raises
+        ------
+        InputError
+            If it cannot be made, or does not read as it should.
+        """
+        records = [job.record(order.output) for order in orders]
+        sums = [None if record is None else sorted(record.results.items()) for record in records]
+        made_of = hashlib.sha256(json.dumps(sums).encode()).hexdigest()
+        if is_made(self.path, job, made_of):
+            console.say(f"{self.path} (made before)")
+            return
+        temporary = temporary_of(self.path)
+        try:
+            with console.progress("wrapping", 1) as start:
+                start(self.path.name)
+                eyes = self._wrapped(orders, temporary)
+            paths = frame_paths(temporary)
+            if len(paths) != len(orders) * eyes:
+                raise InputError(
+                    f"{self.path}: wanted {len(orders) * eyes} pictures, got {len(paths)} by "
+                    f"{WRAPPER}. Try again."
+                )
+            temporary.replace(self.path)
+        finally:
+            with suppress(OSError):
+                temporary.unlink()
+        note_made(self.path, job, made_of)
+        told = "left and right" if eyes == 2 else "2D"
+        console.say(f"-> {self.path} (24 frames a second, {told}, without sound)")
+
+    def _wrapped(self, orders: Sequence[Order], temporary: Path) -> int:
+        """Let asdcp-wrap make `temporary`; how many eyes there are is returned."""
+        eyes = len(orders[0].output)
+        for order in orders:
+            for path in order.output:
+                if path.stat().st_size > _LARGEST // eyes:
+                    raise InputError(
+                        f"{path}: wanted at most {_LARGEST // eyes} bytes for a picture of a DCP "
+                        f"of two eyes (250 Mbit/s), got {path.stat().st_size}. Let DCP-o-matic "
+                        "encode it (--format tif --output-encoding dcdm)"
+                    )
+        with tempfile.TemporaryDirectory(prefix="domesim-") as scratch:
+            folders = [Path(scratch) / f"{eye}" for eye in range(eyes)]
+            for eye, folder in enumerate(folders):
+                folder.mkdir()
+                for number, order in enumerate(orders):
+                    link = folder / f"{number:08}{_FRAMES}"
+                    link.symlink_to(order.output[eye].absolute())
+            options = [*(["-3"] if eyes == 2 else []), "-L", "-p", str(_RATE)]
+            command = [WRAPPER, *options, *map(str, folders), str(temporary)]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode or not temporary.is_file():
+            told = one_line("\n".join(reversed(done.stderr.splitlines())))
+            raise InputError(
+                f"{self.path}: wanted {WRAPPER} to make it, got '{told}' (it ended with "
+                f"{done.returncode}). Frames that are done stay; {_OTHERWISE}"
+            )
+        return eyes
+
+
+def becoming(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films | Cinema | None]:
+    """How the frames of a show are written, and what they become together, if that is asked for.
+
+    Raises
+    ------
+    InputError
+        As for `films_of`; or of a DCP's MXF, if asdcp-wrap is not installed, or another encoding or
+        rate is asked for.
+    """
+    if writing.suffix != SUFFIX:
+        return films_of(show, folder, writing)
+    if not show.numbered:
+        raise InputError("--format mxf is for a sequence or video, got one file; leave it out")
+    xyz = encoding_named("dcdm", "--format mxf:")
+    if writing.output is not None and not writing.output.means_the_same_as(xyz):
+        raise InputError(
+            f"--format mxf is X'Y'Z'; leave --output-encoding out, got {writing.output.named}"
+        )
+    if shutil.which(WRAPPER) is None:
+        raise InputError(f"--format mxf: {WRAPPER} (asdcplib) is not installed; {_OTHERWISE}")
+    rate = timing_asked(show, writing.fps).rate
+    if rate != _RATE:
+        raise InputError(
+            f"--format mxf has 24 frames a second, got {float(rate):.6g}; add --fps 24 if that is "
+            "meant"
+        )
+    frames = replace(writing, suffix=_FRAMES, fps=None, output=xyz)
+    path = place_of(show.outputs(folder, _FRAMES)[0][0], SUFFIX)
+    if len(show.moments[0]) == 2:  # of both
+        path = path.with_stem(path.stem.removesuffix(".left").removesuffix("_left") or path.stem)
+    pyav(path)
+    if path.resolve() in {file_of(each).resolve() for moment in show.moments for each in moment}:
+        raise InputError(
+            f"{path}: wanted a place for the result, got the input itself. Choose another folder."
+        )
+    return frames, Cinema(path)
+
+
+def told_of_dcp(orders: Sequence[Order], done: Sequence[Mapping[str, Any]]) -> str:
+    """What makes a DCP of results that are X'Y'Z'; "" if they are not."""
+    kinds = {path.suffix.lower() for order in orders for path in order.output}
+    if not done or not kinds <= {".tif", ".tiff", _FRAMES}:
+        return ""
+    if any(each["encoding"]["transfer"] != "dcdm" for each in done):
+        return ""
+    return f"For a DCP of these, use DCP-o-matic; --format mxf makes its picture ({WRAPPER})"

@@ -1,0 +1,122 @@
+"""Which commands work in a job's folder: those of one kind of settings at a time.
+
+All of them share a lock (``flock``) for as long as they work. Who changes the settings must have it
+alone. The operating system keeps it and lets go of it when the process ends, however it ends. NFS
+keeps it on its server, and lets go when a machine has been silent for a while (90 s by default).
+
+For a person, each leaves a small file that says who it is while it works.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+import secrets
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from pathlib import Path
+from typing import final
+
+import psutil
+
+from domesim.errors import InputError
+from domesim.frames.whole import write_whole
+
+_PATIENCE = 30.0  # s: another command looks at the settings and writes them in milliseconds
+_GLANCE = 0.02  # s
+_UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
+
+
+@final
+class Clients:
+    """The commands that work in a folder, and this one among them.
+
+    Parameters
+    ----------
+    folder
+        Folder of the files that tell who they are.
+    lock
+        Descriptor of the open lock file.
+    """
+
+    def __init__(self, folder: Path, lock: int) -> None:
+        self._folder, self._lock = folder, lock
+        self._own = folder / f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}.json"
+
+    def enter_alone(self) -> bool:
+        """Have the lock alone, if nobody else has it."""
+        if not self._take(fcntl.LOCK_EX):
+            return False
+        for left in self._folder.glob("*.json"):  # of commands that were killed
+            left.unlink(missing_ok=True)
+        return True
+
+    def share(self) -> None:
+        """Have the lock with others, and tell them who has it.
+
+        Raises
+        ------
+        InputError
+            If another one has it alone for long.
+        """
+        sure = time.monotonic() + _PATIENCE
+        while not self._take(fcntl.LOCK_SH):
+            if time.monotonic() >= sure:
+                raise InputError(
+                    f"{self._folder}: wanted to look at the job's settings, got no answer from "
+                    f"another command that has them locked for {_PATIENCE:.0f} s. End it"
+                )
+            time.sleep(_GLANCE)
+        now = datetime.now().astimezone().isoformat(" ", "seconds")
+        who = {"host": socket.gethostname(), "pid": os.getpid(), "since": now}
+        write_whole(self._own, json.dumps(who).encode())
+
+    def others(self) -> str:
+        """Who else works there, for a person; "" if nobody tells."""
+        here, found = socket.gethostname(), []
+        for place in sorted(self._folder.glob("*.json")):
+            with suppress(OSError, ValueError, LookupError, TypeError):
+                who = json.loads(place.read_bytes())
+                if place != self._own and (who["host"] != here or psutil.pid_exists(who["pid"])):
+                    found.append(f"{who['host']}, process {who['pid']}, since {who['since']}")
+        return "; ".join(found)
+
+    def leave(self) -> None:
+        """Let go of the lock."""
+        with suppress(OSError):
+            self._own.unlink(missing_ok=True)
+        os.close(self._lock)
+
+    def _take(self, how: int) -> bool:
+        try:
+            fcntl.flock(self._lock, how | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError as error:
+            if error.errno not in _UNSUPPORTED:
+                raise
+            # Without locks a second command is told of the first by the settings alone.
+        return True
+
+
+@contextmanager
+def clients_of(folder: Path) -> Iterator[Clients]:
+    """Clients of a job's `folder`, which exists; the lock is let go of in the end.
+
+    Raises
+    ------
+    OSError
+        If there can be no lock.
+    """
+    place = folder / "clients"
+    place.mkdir(exist_ok=True)
+    clients = Clients(place, os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o666))
+    try:
+        yield clients
+    finally:
+        clients.leave()

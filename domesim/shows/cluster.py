@@ -1,0 +1,355 @@
+"""Frames in other processes: workers of Dask, on this machine or wherever a scheduler has some.
+
+Each worker does one frame at a time, start to end, and sends back figures only: masters and results
+stay on the disk that all share. No more frames are handed out than workers are free, so that when
+one dies, only its own frame is done again; a frame that kills worker after worker is given up, and
+the others go on. A worker that does not get done with a frame ends itself, and so counts as dead.
+One that cannot, because it or its machine stands still, is ended when it has been silent as well.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import os
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, TypeAlias, final
+
+from domesim.errors import InputError
+from domesim.frames.messages import joined
+from domesim.frames.reading import use_threads
+from domesim.host.console import duration
+from domesim.host.endings import heard_by
+from domesim.light.strips import threads
+from domesim.shows.crew import DEATHS, Client, Crew, client_of
+from domesim.shows.work import Failed, Finished, Order, Recipe, Steps
+
+Future: TypeAlias = Any
+"""Dask's, which is imported late."""
+
+_LOOK = 1.0  # s: how often to look for new workers
+_SETTLING = 1.0  # s: until the client has seen that what went wrong is its scheduler
+_GLANCE = 0.02  # s: how often to look meanwhile
+_SILENCE = 15.0  # s: that a worker says nothing, not even that it is there, if it stands still
+_RESTART = 10.0  # s: for a worker to end
+
+
+def in_cluster(
+    orders: Sequence[Order],
+    crew: Crew,
+    begin: Callable[[Order], None],
+    end: Callable[[Order, Finished | Failed], None],
+    tell: Callable[[str], None],
+    task: Callable[[Order], Finished | Failed] | None = None,
+) -> None:
+    """Do each frame, in whatever order they end; none is begun after one that is hopeless.
+
+    Parameters
+    ----------
+    orders
+        The frames.
+    crew
+        Who does them.
+    begin, end
+        Called as each is handed out, and as each is done.
+    tell
+        Called with what a person should hear of the workers.
+    task
+        What a worker does with an order; `do` by default.
+
+    Raises
+    ------
+    InputError
+        If the scheduler cannot be reached, is lost, or its workers lack this program.
+    KeyboardInterrupt
+        If Ctrl-C was typed, or the like; the first lets frames under way end.
+    """
+    with client_of(crew, tell) as client:
+        hall = _Hall(client, crew, tell)
+        desk = _Desk(orders, client, crew, task or partial(do, limit=crew.limit))
+        interrupted = False
+        asked = threading.Event()
+
+        def end_soon() -> None:
+            asked.set()
+            desk.wake()
+
+        # Ctrl-C would else break off between any two steps
+        with heard_by(end_soon), _left_if_broken(client):
+            while desk.waiting or desk.running:
+                if asked.is_set() and not interrupted:
+                    interrupted = True
+                    desk.waiting.clear()
+                    count = len(desk.running)
+                    tell(f"Ending the {count} frames under way; Ctrl-C again leaves them")
+                else:
+                    _serve(desk, hall, begin, end)
+        if interrupted:
+            raise KeyboardInterrupt
+
+
+def _serve(
+    desk: _Desk,
+    hall: _Hall,
+    begin: Callable[[Order], None],
+    end: Callable[[Order, Finished | Failed], None],
+) -> None:
+    """Hand out frames to whoever is free, and hear of the next that ends, if one does soon."""
+    try:
+        while desk.waiting and len(desk.running) < hall.places():
+            begin(desk.hand_out())
+        ended = desk.hear()
+        if ended is None:
+            hall.require_scheduler()
+            hall.end_silent(desk.late())
+        elif ended.outcome is None:
+            hall.require_scheduler(_SETTLING)
+        else:
+            end(ended.order, ended.outcome)
+    except Exception:
+        hall.require_scheduler(_SETTLING)  # of which everything else may be a consequence
+        raise
+
+
+def do(order: Order, limit: float | None = None) -> Finished | Failed:
+    """One frame, in a worker, which ends if that takes longer than `limit`, s."""
+    try:
+        with _ONE_AT_A_TIME, _within(limit):
+            return _steps(order.recipe).all(order)
+    except InputError as error:
+        return Failed(f"{order.moment[0]}: {error}")
+
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Frames share what is kept between them; a worker of several threads does one all the same."""
+
+
+@lru_cache(maxsize=1)
+def _steps(recipe: Recipe) -> Steps:
+    use_threads(threads())
+    return Steps(recipe.work(lambda text: None))
+
+
+@contextmanager
+def _within(limit: float | None) -> Iterator[None]:
+    """End this process after so many seconds, even if a library holds the interpreter."""
+    if limit is None:
+        yield
+        return
+    with Path(os.devnull).open("w") as nowhere:  # for where each thread was
+        faulthandler.dump_traceback_later(limit, exit=True, file=nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+
+
+@final
+@dataclass(frozen=True)
+class _Given:
+    """A frame that was handed out, and when, s."""
+
+    order: Order
+    future: Future
+    time: float
+
+
+@final
+@dataclass(frozen=True)
+class _Heard:
+    """How a frame has ended; None if it was let go of, and waits again."""
+
+    order: Order
+    outcome: Finished | Failed | None
+
+
+@final
+class _Desk:
+    """Hands out frames, and hears of their ends.
+
+    Attributes
+    ----------
+    waiting
+        Frames that nobody does yet, the next one last.
+    running
+        Those that are under way.
+    """
+
+    def __init__(
+        self,
+        orders: Sequence[Order],
+        client: Client,
+        crew: Crew,
+        task: Callable[[Order], Finished | Failed],
+    ) -> None:
+        self.waiting = list(reversed(orders))
+        self.running: dict[str, _Given] = {}
+        self._client, self._crew, self._task = client, crew, task
+        self._ended: SimpleQueue[str] = SimpleQueue()
+        self._cancelled: Counter[Order] = Counter()
+
+    def wake(self) -> None:
+        """Let `hear` come back at once."""
+        self._ended.put("")
+
+    def hand_out(self) -> Order:
+        """The next one."""
+        order = self.waiting.pop()
+        needed = dict(self._crew.resources) or None
+        future = self._client.submit(self._task, order, pure=False, resources=needed)
+        self.running[future.key] = _Given(order, future, time.monotonic())
+        future.add_done_callback(lambda future: self._ended.put(future.key))
+        return order
+
+    def late(self) -> set[str]:
+        """Frames whose time is up."""
+        if self._crew.limit is None:
+            return set()
+        begun = time.monotonic() - self._crew.limit
+        return {key for key, given in self.running.items() if given.time < begun}
+
+    def hear(self) -> _Heard | None:
+        """The next that ends; None if none does for a while.
+
+        One that is hopeless leaves none waiting.
+        """
+        try:
+            key = self._ended.get(timeout=_LOOK)
+        except Empty:
+            return None
+        if not key:
+            return None
+        given = self.running.pop(key)
+        outcome = self._outcome(given)
+        if outcome is None:
+            self._cancelled[given.order] += 1
+            if self._cancelled[given.order] <= DEATHS:
+                self.waiting.append(given.order)
+                return _Heard(given.order, None)
+            outcome = Failed(f"{given.order.moment[0]}: the scheduler keeps cancelling it")
+        if isinstance(outcome, Failed) and outcome.hopeless:
+            self.waiting.clear()
+        return _Heard(given.order, outcome)
+
+    def _outcome(self, given: _Given) -> Finished | Failed | None:
+        """What became of a frame; None if the scheduler let go of it."""
+        from distributed import KilledWorker  # noqa: PLC0415
+
+        future = given.future
+        if future.status == "finished":
+            result: Finished | Failed = future.result()
+            return result
+        if future.status in ("cancelled", "lost"):
+            return None
+        error = future.exception()
+        if isinstance(error, KilledWorker):
+            return Failed(f"{given.order.moment[0]}: given up; {self._death(given, error)}")
+        told = joined(f"{type(error).__name__}: {error}")
+        return Failed(f"{given.order.moment[0]}: {told}")
+
+    def _death(self, given: _Given, error: Any) -> str:
+        """What workers died of."""
+        deaths, limit = error.allowed_failures + 1, self._crew.limit
+        if limit is not None and time.monotonic() - given.time >= deaths * limit:
+            return (
+                f"{deaths} workers, one after the other, were not done with it after "
+                f"{duration(limit)}. If that is too short, raise --frame-timeout"
+            )
+        return (
+            f"{deaths} workers died of it, one after the other. Too little memory for such frames "
+            f"(fewer --workers need less), or a fault in a library"
+        )
+
+
+@final
+class _Hall:
+    """The workers that are there."""
+
+    def __init__(self, client: Client, crew: Crew, tell: Callable[[str], None]) -> None:
+        self._client, self._crew, self._tell, self._told = client, crew, tell, False
+        self._looked, self._places = -_LOOK, 0
+        self._heard: dict[str, tuple[float, float]] = {}
+
+    def places(self) -> int:
+        """How many frames can be under way."""
+        if self._crew.scheduler is None:
+            return self._crew.workers
+        now = time.monotonic()
+        if now - self._looked >= _LOOK:
+            self.require_scheduler()
+            before = self._places
+            with contextlib.suppress(OSError, TimeoutError):
+                self._places = self._counted()
+            if not self._places and (before or not self._told):
+                self._told = True
+                needed = " and ".join(f"{name}={least:g}" for name, least in self._crew.resources)
+                with_it = f" with {needed}" if needed else ""
+                self._tell(f"{self._crew.scheduler} has no workers{with_it}; waiting for them")
+            self._looked = now
+        return self._places
+
+    def _counted(self) -> int:
+        """The scheduler's workers that have what frames need."""
+        needed = self._crew.resources
+        if not needed:
+            return len(self._client.nthreads())
+        known = self._client.scheduler_info(n_workers=-1)["workers"].values()
+        there = [worker.get("resources", {}) for worker in known]
+        return sum(all(each.get(name, 0) >= least for name, least in needed) for each in there)
+
+    def end_silent(self, late: set[str]) -> None:
+        """End workers that have frames whose time is up, and that nobody hears of any more."""
+        now, heard, before = time.monotonic(), {}, self._heard
+        if late:
+            workers = self._client.scheduler_info(n_workers=-1)["workers"]
+            for address, keys in self._client.processing().items():
+                if address in workers and not late.isdisjoint(keys):
+                    said = workers[address]["last_seen"]  # by another machine's clock
+                    known = before.get(address)
+                    heard[address] = known if known and known[0] == said else (said, now)
+        self._heard = heard
+        silent = [each for each, (_, since) in heard.items() if now - since >= _SILENCE]
+        if silent:
+            self._client.sync(
+                self._client.scheduler.restart_workers,
+                workers=silent,
+                timeout=_RESTART,
+                wait_for_workers=False,
+                on_error="return",
+                stimulus_id="domesim-silent",
+            )
+
+    def require_scheduler(self, patience: float = 0.0) -> None:
+        """See that the scheduler is there, and that the client still thinks so after `patience`, s.
+
+        It may be told of frames and calls that broke off before it has seen why.
+        """
+        sure = time.monotonic() + patience
+        while self._client.status == "running":
+            if time.monotonic() >= sure:
+                return
+            time.sleep(_GLANCE)
+        raise InputError(
+            f"{self._crew.scheduler or 'the scheduler'}: lost it. What is done is kept: the "
+            f"same command goes on with the rest"
+        )
+
+
+@contextmanager
+def _left_if_broken(client: Client) -> Iterator[None]:
+    """Let go of the workers at once if the run breaks off."""
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(Exception):
+            if client.cluster is not None:
+                client.cluster.close(timeout=5)
+        raise

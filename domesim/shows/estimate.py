@@ -1,0 +1,219 @@
+"""What a show will take: a few of its frames are done, and thrown away.
+
+So is what a run makes of all its frames when they are done: a page about one of the worst, and a
+video. Both are made by the command itself, one after the other.
+"""
+
+from __future__ import annotations
+
+import resource
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from statistics import mean
+from typing import Any, final
+
+from domesim.errors import InputError
+from domesim.frames import ColourTag
+from domesim.host.console import Console, complain, duration, sized
+from domesim.host.cores import cores
+from domesim.shows.checksums import sha256
+from domesim.shows.cinema import becoming
+from domesim.shows.film import Films, encoding_of
+from domesim.shows.run import (
+    Running,
+    crew_of,
+    do_all,
+    free_memory,
+    needed_memory,
+    orders_of,
+    write_page,
+)
+from domesim.shows.show import Show
+from domesim.shows.work import Failed, Finished, Order, Recipe, Writing
+
+A_WORKER = 4
+"""Frames that each worker does; the first has also to get ready, and does not count."""
+
+
+@final
+@dataclass(frozen=True)
+class _Cost:
+    """Seconds of the command alone, when all frames are done; and bytes on the disk."""
+
+    seconds: float = 0.0
+    disk: float = 0.0
+
+
+@final
+@dataclass
+class _Tried:
+    """Frames that were done, as they ended; and why others were not."""
+
+    frames: dict[Order, Finished] = field(default_factory=dict)
+    failed: list[str] = field(default_factory=list)
+
+    def end(self, order: Order, outcome: Finished | Failed) -> None:
+        """One has ended."""
+        if isinstance(outcome, Finished):
+            self.frames[order] = outcome
+        else:
+            self.failed.append(outcome.reason)
+            complain(outcome.reason)
+
+
+def estimate(
+    show: Show,
+    folder: Path,
+    recipe: Recipe,
+    console: Console,
+    writing: Writing,
+    running: Running,
+) -> dict[str, Any]:
+    """Time, memory and disk that a show will take with the workers that would do it.
+
+    Parameters
+    ----------
+    show, folder, recipe, console, writing, running
+        As for `each_frame`; the folder may not be there yet, but its disk is tried. Of more workers
+        than this machine has cores, as many are tried as it has, and the rest taken to be alike.
+
+    Returns
+    -------
+    ``frames`` in all and ``sampled``; ``workers`` and ``threads``; ``seconds_frame`` and
+    ``seconds_total``, of which ``seconds_pages`` and ``seconds_video``; and in bytes
+    ``memory_worker``, ``memory_total``, ``disk_frame`` (a result and the files beside it) and
+    ``disk_total``, of which ``disk_pages`` and ``disk_video``. Records and tables, some kB a frame,
+    are not counted. Of frames that need more memory than is free, none is tried, and only memory
+    told.
+
+    Raises
+    ------
+    InputError
+        If no frame can be done, or no video made of them.
+    """
+    if running.scheduler is not None:
+        raise InputError(
+            "--dry-run tries workers of this machine; leave --scheduler out, and say how many like "
+            "these there are (--workers)"
+        )
+    writing, films = becoming(show, folder, writing)
+    show.outputs(folder, writing.suffix)  # complains as the run would
+    crew = crew_of(running, recipe, show)
+    count = len(show.moments)
+    workers = 1 if crew is None else crew.workers
+    need = needed_memory(recipe, show)
+    if need is not None and need > free_memory():
+        console.say(
+            f"{count} frames: about {sized(need)} of memory a worker, of which "
+            f"{sized(free_memory())} are free here; none was tried"
+        )
+        known = {"frames": count, "sampled": 0, "workers": workers}
+        return {**known, "memory_worker": need, "memory_total": need * workers}
+    if crew is not None:
+        crew = replace(crew, workers=min(workers, cores()))
+    wanted = min(count, A_WORKER * (1 if crew is None else crew.workers))
+    chosen = sorted({round(k * (count - 1) / max(wanted - 1, 1)) for k in range(wanted)})
+    place = folder
+    while not place.is_dir():
+        place = place.parent
+    tried = _Tried()
+    with tempfile.TemporaryDirectory(prefix=".domesim-", dir=place) as scratch:
+        part = show.some(chosen)
+        outputs = part.outputs(Path(scratch), writing.suffix)
+        for output in outputs:
+            for path in output:
+                path.parent.mkdir(parents=True, exist_ok=True)
+        orders = orders_of(part, outputs, recipe, writing)
+        with console.progress("trying", len(orders)) as start:
+            do_all(orders, crew, start, tried.end, console)
+        if not tried.frames:
+            raise InputError(f"no frame of {len(chosen)} could be done: {tried.failed[0]}")
+        size = _bytes_in(Path(scratch)) / len(tried.frames)
+        pages = _pages(tried, show, recipe, running, Path(scratch), console)
+        video = _Cost()
+        if isinstance(films, Films) and not show.part:
+            video = _video(tried, films, count, Path(scratch), console)
+    peak = max(each.maker["peak"] for each in tried.frames.values())
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    steady, first = _steady(list(tried.frames.values()))
+    figures = {
+        "frames": count,
+        "sampled": len(tried.frames),
+        "workers": workers,
+        "threads": None if crew is None else crew.threads,
+        "seconds_frame": steady,
+        "seconds_pages": pages.seconds,
+        "seconds_video": video.seconds,
+        "seconds_total": first + steady * count / workers + pages.seconds + video.seconds,
+        "memory_worker": peak,
+        "memory_total": max(peak * workers, own),
+        "disk_frame": size,
+        "disk_pages": pages.disk,
+        "disk_video": video.disk,
+        "disk_total": size * count + pages.disk + video.disk,
+    }
+    console.say(
+        f"{count} frames: {duration(figures['seconds_total'])} with {workers} "
+        f"worker{'s' if workers > 1 else ''} ({steady:.3g} s a frame each, from "
+        f"{len(tried.frames)} that were tried), {sized(figures['memory_total'])} of memory, "
+        f"{sized(figures['disk_total'])} on the disk"
+    )
+    for what, cost in (("pages", pages), ("the video", video)):
+        if cost.seconds:
+            console.say(f"Of these, {what}: {duration(cost.seconds)}, {sized(cost.disk)}")
+    return figures
+
+
+def _pages(
+    tried: _Tried, show: Show, recipe: Recipe, running: Running, scratch: Path, console: Console
+) -> _Cost:
+    """Cost of the pages of the worst frames, estimated by one of the worst that was tried."""
+    count = min(running.pages, len(show.moments))
+    if not (recipe.compares and show.numbered and count):
+        return _Cost()
+    key = recipe.columns()[0].key
+    worst = max(tried.frames, key=lambda order: float(tried.frames[order].figures[key]))
+    page = scratch / "page.html"
+    began = time.perf_counter()
+    with console.progress("comparing", 1) as start:
+        start(worst.name)
+        if write_page(worst, page):
+            return _Cost()
+    return _Cost(count * (time.perf_counter() - began), count * page.stat().st_size)
+
+
+def _video(tried: _Tried, films: Films, count: int, scratch: Path, console: Console) -> _Cost:
+    """Cost of the videos that the frames become, estimated by the frames that were tried."""
+    orders = list(tried.frames)
+    transfer, primaries = encoding_of(tried.frames[orders[0]].figures)
+    seconds = disk = 0.0
+    for view, path in enumerate(films.paths):
+        place = scratch / path.name
+        frames = {order.output[view]: sha256(order.output[view]) for order in orders}
+        began = time.perf_counter()
+        with console.progress("assembling", len(frames)) as start:
+            films.write(view, place, frames, ColourTag(transfer, primaries, "domesim"), start)
+        seconds += (time.perf_counter() - began) * count / len(frames)
+        disk += place.stat().st_size * count / len(frames)
+    return _Cost(seconds, disk)
+
+
+def _steady(found: Sequence[Finished]) -> tuple[float, float]:
+    """Seconds of a frame once a worker is ready, and what getting ready takes besides."""
+    firsts: list[float] = []
+    others: list[float] = []
+    seen = set()
+    for each in found:
+        worker = each.maker["host"], each.maker["pid"]
+        (others if worker in seen else firsts).append(sum(each.seconds.values()))
+        seen.add(worker)
+    if not others:
+        return mean(firsts), 0.0
+    return mean(others), max(0.0, mean(firsts) - mean(others))
+
+
+def _bytes_in(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

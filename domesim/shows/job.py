@@ -1,0 +1,394 @@
+"""A job: what is kept of the frames that are done, so that a run that was killed goes on.
+
+Beside the results, a folder ``job`` holds ``settings.json``, all that results depend on; and for
+each frame a record, written after its result: its figures, the SHA-256 of master, result and
+settings, and who made it with which versions. A record is one small file, so that as many machines
+as wish can work on one show at once, and none needs to hear of the others (`clients` keeps those of
+other settings away). Settings that some frames were made with and others not (``--mix``) are all
+kept, in a folder ``settings``, by their SHA-256.
+
+A frame is done if its record says so, its result is as it was written, byte by byte, and its master
+too. Anything else is done again. Records have a checksum (`sealed`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict, dataclass, field
+from functools import cache, lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, final
+
+from domesim.errors import InputError, reason
+from domesim.frames.video import file_of, video_of
+from domesim.frames.whole import write_whole
+from domesim.shows.checksums import sha256
+from domesim.shows.clients import Clients, clients_of
+from domesim.shows.sealed import read_sealed, write_sealed
+
+FOLDER = "job"
+"""Name of the folder, beside the results."""
+
+_SETTINGS = "settings.json"
+
+_PACKAGES = ("domesim", "numpy", "scipy", "openimageio", "distributed", "numba", "mkl-fft")
+
+
+@final
+@dataclass(frozen=True)
+class Record:
+    """What is kept of a frame that is done.
+
+    Parameters
+    ----------
+    figures, line, seconds
+        As of `Finished`.
+    sources
+        Facts of each file of the master: size, time of its last change (ns), SHA-256.
+    maker
+        As of `Finished`.
+    results
+        SHA-256 of each file of the result, and then of those beside it, by their paths from the
+        job's folder.
+    settings
+        SHA-256 of the settings it was made with.
+    versions
+        Versions of what made it.
+    """
+
+    figures: dict[str, Any]
+    line: str
+    seconds: dict[str, float]
+    sources: dict[str, list[Any]]
+    maker: dict[str, Any]
+    results: dict[str, str] = field(default_factory=dict)
+    settings: str = ""
+    versions: dict[str, str] = field(default_factory=dict)
+
+
+@final
+@dataclass(frozen=True)
+class Job:
+    """One show's job.
+
+    Parameters
+    ----------
+    folder
+        Where its records are.
+    settings
+        SHA-256 of its settings.
+    mixed
+        Take results that were made with other settings.
+    program
+        What its frames are done with, as of `program_of`.
+    """
+
+    folder: Path
+    settings: str
+    mixed: bool = False
+    program: str | None = None
+
+    def kept(
+        self, moment: Sequence[Path], output: Sequence[Path], sums: Sequence[str] = ()
+    ) -> Record | str:
+        """The record of a frame that is done; else why it is done again, "" if it is new.
+
+        If there are `sums`, its master must have had them.
+
+        Raises
+        ------
+        InputError
+            If the master is not there any more.
+        """
+        record = self._read(output)
+        if isinstance(record, str):
+            return record
+        if not (self.mixed or record.settings == self.settings):
+            return "it was made with other settings"
+        known = _named(moment)
+        if set(record.sources) != set(known) or not all(
+            self._unchanged(path, record.sources[name]) for name, path in known.items()
+        ):
+            return "its master has changed"
+        if sums and [record.sources[name][2] for name in known] != list(sums):
+            return "its master was not as --checksums has it"
+        files = {name: self.folder / name for name in record.results}
+        files |= {self._name(path): path for path in output}
+        with suppress(InputError):
+            if all(sha256(path) == record.results.get(name) for name, path in files.items()):
+                return record
+        return "its result is not as it was written"
+
+    def _unchanged(self, path: Path, known: list[Any]) -> bool:
+        """Whether a master is as it was: by its size and time, or else its content."""
+        size, changed = _state(path)
+        if size != known[0]:
+            return False
+        return bool(changed == known[1] or self._content(path, size, changed) == known[2])
+
+    def _content(self, path: Path, size: int, changed: int) -> str:
+        """SHA-256 of a master's file; of a video once for all its frames."""
+        video = video_of(path)
+        if video is None:
+            return sha256(path)
+        mark = hashlib.sha256(str(video.absolute()).encode(errors="surrogateescape")).hexdigest()
+        return _video_content(video, size, changed, self.folder / f"{video.name}.{mark[:8]}.sha256")
+
+    def record(self, output: Sequence[Path]) -> Record | None:
+        """What is kept of the frame whose result is `output`; None if there is nothing whole."""
+        record = self._read(output)
+        return None if isinstance(record, str) else record
+
+    def _read(self, output: Sequence[Path]) -> Record | str:
+        """What is kept of a frame; else why not, "" if nothing was."""
+        try:
+            return Record(**read_sealed(self._place(output)))
+        except FileNotFoundError:
+            return ""
+        except (OSError, ValueError, TypeError):
+            return "its record is damaged"
+
+    def require_settings(self) -> None:
+        """See that the folder has the job's settings still.
+
+        Raises
+        ------
+        InputError
+            If another command has changed them, which then took this one's for ended.
+        """
+        place = self.folder / _SETTINGS
+        now = sha256(place) if place.is_file() else self.settings
+        if now != self.settings and self.settings_file(now).is_file():  # else it is damaged
+            raise InputError(
+                f"{place}: wanted the settings that the frame was begun with, got other settings "
+                f"meanwhile. Type the command again"
+            )
+
+    def recorded(self, outputs: Iterable[Sequence[Path]]) -> list[bool]:
+        """Whether each of the frames with these results has a record, be it right or wrong."""
+        there = {path.name for path in self.folder.glob("[!.]*.json")}
+        return [self._place(output).name in there for output in outputs]
+
+    def sources(self, moment: Sequence[Path]) -> dict[str, list[Any]]:
+        """Size, time and SHA-256 of each file of a master, as of `Record`.
+
+        Raises
+        ------
+        InputError
+            If one cannot be read.
+        """
+        found = {}
+        for name, path in _named(moment).items():
+            size, changed = _state(path)
+            found[name] = [size, changed, self._content(path, size, changed)]
+        return found
+
+    def keep(
+        self, output: Sequence[Path], record: Record, beside: Sequence[Path] = ()
+    ) -> dict[str, str]:
+        """Keep the record of a frame whose result, and files `beside` it, have been written.
+
+        Returns
+        -------
+        `Record.results`.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written.
+        """
+        results = {self._name(path): sha256(path) for path in (*output, *beside)}
+        whole = {
+            **asdict(record),
+            "results": results,
+            "settings": self.settings,
+            "versions": versions(),
+        }
+        write_sealed(self._place(output), whole)
+        return results
+
+    def forget(self, output: Sequence[Path]) -> None:
+        """Let a frame be done again."""
+        for place in (self._place(output), self.fault(output)):
+            place.unlink(missing_ok=True)
+
+    def settings_file(self, digest: str) -> Path:
+        """Where the settings of that SHA-256 are."""
+        return self.folder / "settings" / f"{digest}.json"
+
+    def fault(self, output: Sequence[Path]) -> Path:
+        """Where a fault of the program is written down, if a frame meets one."""
+        return self.folder / f"{output[0].name}.fault.txt"
+
+    def _name(self, path: Path) -> str:
+        return os.path.relpath(path, self.folder)
+
+    def _place(self, output: Sequence[Path]) -> Path:
+        return self.folder / f"{output[0].name}.json"
+
+
+@contextmanager
+def open_job(
+    out: Path, settings: dict[str, Any], *, mixed: bool = False, anew: bool = False
+) -> Iterator[Job]:
+    """The job whose results go to the folder `out`; it is made if there is none.
+
+    Until it is left, no other command can change its settings.
+
+    Parameters
+    ----------
+    out
+        The folder; it exists.
+    settings
+        All that results depend on, for JSON.
+    mixed
+        Keep results that were made with other settings.
+    anew
+        Take other settings from now on; frames done with these are not done then.
+
+    Raises
+    ------
+    InputError
+        If the folder holds a job of other settings and neither is wanted, another command works
+        there with other settings, or it cannot be written to.
+    """
+    told = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False)
+    digest = hashlib.sha256(told.encode()).hexdigest()
+    job = Job(out / FOLDER, digest, mixed, settings.get("domesim"))
+    with ExitStack() as stack:
+        try:
+            job.settings_file(digest).parent.mkdir(parents=True, exist_ok=True)
+            clients = stack.enter_context(clients_of(job.folder))
+            there = _settle(job, told, clients, change=mixed or anew)
+        except OSError as error:
+            raise InputError(
+                f"{job.folder}: wanted a folder for the job's records, got '{reason(error)}'. "
+                f"Choose another --out"
+            ) from error
+        if there != told:
+            others = clients.others()
+            raise InputError(_refusal(out, job, there, settings, others, change=mixed or anew))
+        yield job
+
+
+def _settle(job: Job, told: str, clients: Clients, *, change: bool) -> str:
+    """Give the folder the settings `told` if it has none, or if they may change and nobody works
+    there; those that it has then.
+    """
+    place, known = job.folder / _SETTINGS, job.settings_file(job.settings)
+    if not known.exists():
+        write_whole(known, told.encode())
+    if clients.enter_alone():
+        if change and place.exists() and _text(place) != told:
+            write_whole(place, told.encode())
+        _create(place, known)
+    clients.share()
+    _create(place, known)  # who was alone may have been killed
+    return _text(place)
+
+
+def _create(place: Path, known: Path) -> None:
+    """Put what `known` holds at `place` if nothing is there: one step, even without locks."""
+    if place.exists():
+        return
+    try:
+        os.link(known, place)
+    except FileExistsError:
+        pass
+    except OSError:  # a file system without links
+        write_whole(place, known.read_bytes())
+
+
+def _text(place: Path) -> str:
+    return place.read_text(errors="replace")
+
+
+def _refusal(
+    out: Path, job: Job, there: str, settings: dict[str, Any], others: str, *, change: bool
+) -> str:
+    """Why a folder's settings are not these."""
+    difference = _difference(there, settings)
+    if change:
+        return (
+            f"{out}: wanted it alone to change the job's settings ({difference}), got another "
+            f"command that works there ({others or 'it does not say who'}). Wait for it, end it, "
+            f"or choose another --out"
+        )
+    at_work = f", and a command at work ({others})" if others else ""
+    way = (
+        "Choose another --out, or do all frames again (--anew), or only those that are missing, "
+        "beside the others (--mix)"
+    )
+    if not job.settings_file(hashlib.sha256(there.encode()).hexdigest()).exists():
+        return f"{job.folder / _SETTINGS}: is damaged, or was edited ({difference}){at_work}. {way}"
+    return f"{out}: holds a job of other settings ({difference}){at_work}. {way}"
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that results are made with."""
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
+
+
+def _named(paths: Sequence[Path]) -> dict[str, Path]:
+    """Left and right by their names, with their places where these are one."""
+    if len({path.name for path in paths}) == len(paths):
+        return {path.name: path for path in paths}
+    return {f"{place} {path.name}": path for place, path in enumerate(paths)}
+
+
+def _state(path: Path) -> tuple[int, int]:
+    """Size and time of a master's file; all frames of a video have those of the video."""
+    try:
+        state = file_of(path).stat()
+    except OSError as error:
+        raise InputError(f"{path}: wanted to read it, got '{reason(error)}'") from error
+    return state.st_size, state.st_mtime_ns
+
+
+@lru_cache(maxsize=4)
+def _video_content(video: Path, size: int, changed: int, place: Path) -> str:
+    """SHA-256 of a video, which is written down at `place` for other processes."""
+    with suppress(OSError, ValueError, LookupError):
+        known = read_sealed(place)
+        if [known["size"], known["changed"]] == [size, changed]:
+            return str(known["sha256"])
+    content = sha256(video)
+    kept = {"video": str(video), "size": size, "changed": changed, "sha256": content}
+    write_sealed(place, kept)
+    return content
+
+
+def _difference(before: str, settings: dict[str, Any]) -> str:
+    """What settings differ in, for a person: ``method: subtractive there, perceptual now``."""
+    try:
+        there = json.loads(before)
+    except ValueError:
+        there = None
+    if not isinstance(there, dict):
+        return "which cannot be read"
+    now = json.loads(json.dumps(settings))
+    differing = [
+        f"{name}: {_brief(there.get(name))} there, {_brief(now.get(name))} now"
+        for name in sorted({*there, *now})
+        if there.get(name) != now.get(name)
+    ]
+    return "; ".join(differing)
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, str) and len(value) == 64:
+        return f"SHA-256 {value[:8]}..."
+    if isinstance(value, list):
+        return " and ".join(map(_brief, value))
+    return "none" if value is None else str(value)

@@ -1,0 +1,543 @@
+"""What commands call: do each frame of a show, alone or with workers, and tell of it."""
+
+from __future__ import annotations
+
+import os
+import resource
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, field, replace
+from math import inf
+from pathlib import Path
+from typing import Any, final
+
+import psutil
+
+from domesim.errors import InputError
+from domesim.frames.messages import joined
+from domesim.frames.reading import size_of
+from domesim.frames.video import video_of
+from domesim.frames.whole import sweep
+from domesim.host.console import Console, complain, prepare, sized
+from domesim.host.cores import cores
+from domesim.host.memory import limit_of_group
+from domesim.shows.alone import alone
+from domesim.shows.cinema import Cinema, becoming, told_of_dcp
+from domesim.shows.cluster import in_cluster
+from domesim.shows.crew import Crew
+from domesim.shows.film import Films
+from domesim.shows.job import Job, Record, open_job
+from domesim.shows.report import Report, page_name
+from domesim.shows.show import Show
+from domesim.shows.work import (
+    Failed,
+    Files,
+    Finished,
+    Order,
+    Recipe,
+    Writing,
+    finished_before,
+    program_of,
+)
+
+STEPS = ("reading", "solving", "writing")
+
+FRAME_TIMEOUT = 3600.0
+"""Seconds: a hundred times what a frame of 4096² takes one core."""
+
+_SPARE = 0.8  # of the memory that is free: what workers may need together
+
+
+@final
+@dataclass(frozen=True)
+class Running:
+    """How a show is done.
+
+    Parameters
+    ----------
+    workers
+        Processes on this machine: 0 for none, all in the command's own; None for as many as
+        cores and memory allow. A single frame needs none.
+    threads
+        Threads of each worker; None to share the cores.
+    scheduler
+        Address of a Dask scheduler whose workers do the frames.
+    anew
+        Do frames that are done already once more.
+    mixed
+        Take frames that are done already with other settings.
+    pages
+        Number of the worst frames of a sequence for which a page that compares methods is written.
+    frame_timeout
+        Seconds after which a worker that is not done with a frame ends; 0 for never.
+    """
+
+    workers: int | None = None
+    threads: int | None = None
+    scheduler: str | None = None
+    anew: bool = False
+    mixed: bool = False
+    pages: int = 3
+    frame_timeout: float = FRAME_TIMEOUT
+
+
+@final
+@dataclass
+class Done:
+    """What became of a show.
+
+    Parameters
+    ----------
+    frames
+        Figures of the masters that are done, in order, with ``input`` and ``output``: a path, or
+        the paths of left and right.
+    failed
+        Messages of those that are not.
+    seconds
+        ``total``, from the first file to the last; and the sums of ``reading`` (and preparing),
+        ``solving`` and ``writing`` (and finishing), of frames that may have been done at once.
+    kept
+        How many of the frames had been done before.
+    report
+        The page about all frames of the job, if it is a sequence and the page is there.
+    films
+        The videos that results became, if all of them are done.
+    """
+
+    frames: list[dict[str, Any]] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(("total", *STEPS), 0.0))
+    kept: int = 0
+    report: Path | None = None
+    films: tuple[Path, ...] = ()
+
+    def add_report(self, report: Report) -> None:
+        """Write it; that it cannot be is a failure."""
+        try:
+            self.report = report.finish()
+        except InputError as error:
+            complain(error)
+            self.failed.append(str(error))
+            self.report = report.page if report.page.exists() else None
+
+
+def each_frame(
+    show: Show,
+    folder: Path,
+    recipe: Recipe,
+    console: Console,
+    *,
+    what: str,
+    writing: Writing | None = None,
+    running: Running | None = None,
+) -> Done:
+    """Read each master of a show, do what a recipe asks for, write its result to `folder`.
+
+    Results have their masters' names. A master that fails is named and leaves nothing behind; the
+    others go on, unless the disk is full. Of a sequence, what is done is kept in `folder` (`job`):
+    the same command goes on where it was ended, however it was. What was read is said of the first
+    master, and of each that differs from the one before.
+
+    Parameters
+    ----------
+    show
+        The masters.
+    folder
+        It is made if it is not there.
+    recipe
+        What to do.
+    console
+        Who is told.
+    what
+        It, in one word for the progress bar.
+    writing, running
+        How.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or written to, holds a job of other settings, an output would
+        replace its input, or a scheduler fails.
+    """
+    running = running or Running()
+    if running.scheduler is not None:
+        # Its workers are in other folders
+        here = tuple(tuple(path.absolute() for path in moment) for moment in show.moments)
+        show, folder = replace(show, moments=here), folder.absolute()
+    writing, films = becoming(show, folder, writing or Writing())
+    outputs = show.outputs(folder, writing.suffix)
+    for place in {path.parent for output in outputs for path in output} | {folder}:
+        prepare(place)
+    _tell_size(show, recipe, console)
+    crew = crew_of(running, recipe, show)
+    with _job(show, folder, outputs, recipe, writing, running) as job:
+        orders = orders_of(show, outputs, recipe, writing, job)
+        return _each(orders, job, crew, running, console, what, films)
+
+
+def _each(
+    orders: list[Order],
+    job: Job | None,
+    crew: Crew | None,
+    running: Running,
+    console: Console,
+    what: str,
+    films: Films | Cinema | None,
+) -> Done:
+    """Do all frames of a job, and what is made of them together."""
+    recipe, part = orders[0].recipe, orders[0].show.part
+    fresh, recorded = _by_record(orders, job)
+    report = None if job is None else Report(job, orders, what, part, checked_last=recorded)
+    telling = _Telling(console, orders, recorded, report)
+    began = time.perf_counter()
+    try:
+        # To read all results of a long show takes hours, for which no worker should wait
+        if recorded and fresh:
+            console.say(f"{len(recorded)} of {len(orders)} have a record; they are checked last")
+        _do(fresh, crew, telling, console, what)
+        if job is not None and recorded and telling.has_all(fresh):
+            if running.scheduler is None:
+                with console.progress("checking", len(recorded)) as start:
+                    recorded = _changed(recorded, start, telling.end)
+            _do(recorded, crew, telling, console, what)
+    except BaseException:
+        if job is not None:
+            telling.interrupted(job, running)
+        raise
+    done = telling.done()
+    done.seconds["total"] = time.perf_counter() - began
+    if report is None or job is None:
+        return done
+    done.add_report(report)
+    if films is None and (told := told_of_dcp(orders, done.frames)):
+        console.say(told)
+    if films is not None and not done.failed:
+        if part:
+            console.say("A video is made of a whole sequence: leave --frames out for it")
+        else:
+            films.make(orders, job, console)
+            done.films = films.paths
+    if recipe.compares and done.report is not None:
+        done.failed += _compare(report.worst(running.pages), recipe, console)
+        done.add_report(report)
+    kept = f", {done.kept} of them before" if done.kept else ""
+    others = sum(frame["settings"] != job.settings for frame in done.frames)
+    kept += f", {others} of them with other settings" if others else ""
+    told = "" if done.report is None else f" Report: {done.report}"
+    console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}.{told}")
+    return done
+
+
+@contextmanager
+def _job(
+    show: Show,
+    folder: Path,
+    outputs: Sequence[Files],
+    recipe: Recipe,
+    writing: Writing,
+    running: Running,
+) -> Iterator[Job | None]:
+    """The job of a sequence, without what processes that are gone half wrote; None of a file."""
+    if not show.numbered:
+        yield None
+        return
+    settings = _settings(show, folder, outputs[0], recipe, writing)
+    with open_job(folder, settings, mixed=running.mixed, anew=running.anew) as job:
+        for place in {path.parent for output in outputs for path in output} | {job.folder}:
+            sweep(place)
+        for output in outputs if running.anew else ():
+            job.forget(output)
+        if any(video_of(path) for path in show.moments[0]):
+            job.sources(show.moments[0])  # once, not by each worker
+        yield job
+
+
+def _by_record(orders: list[Order], job: Job | None) -> tuple[list[Order], list[Order]]:
+    """Orders that no run has done, and those that some run says it has done."""
+    if job is None:
+        return orders, []
+    found = job.recorded(order.output for order in orders)
+    fresh = [order for order, known in zip(orders, found, strict=True) if not known]
+    return fresh, [order for order, known in zip(orders, found, strict=True) if known]
+
+
+def _do(
+    orders: list[Order], crew: Crew | None, telling: _Telling, console: Console, what: str
+) -> None:
+    """Do them, beside a progress bar."""
+    if orders:
+        with console.progress(what, len(orders)) as start:
+            do_all(orders, crew, start, telling.end, console)
+
+
+def _changed(
+    orders: list[Order],
+    start: Callable[[str], None],
+    end: Callable[[Order, Finished | Failed], None],
+) -> list[Order]:
+    """Orders that must be done again; the others end as they are."""
+
+    def look(order: Order) -> Finished | None:
+        try:
+            record = order.kept()
+        except InputError:  # whoever does it will say so
+            return None
+        return finished_before(record) if isinstance(record, Record) else None
+
+    changed = []
+    pool = ThreadPoolExecutor(cores())
+    try:
+        for order, kept in zip(orders, pool.map(look, orders), strict=True):
+            start(order.name)
+            if kept is None:
+                changed.append(order)
+            else:
+                end(order, kept)
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return changed
+
+
+def _compare(orders: list[Order], recipe: Recipe, console: Console) -> list[str]:
+    """Write the pages of the worst frames; why some could not be."""
+    failed = []
+    with console.progress("comparing", len(orders)) as start:
+        for order in orders:
+            start(order.name)
+            assert order.job is not None
+            page = order.job.folder / page_name(order.output[0].name)
+            with suppress(OSError):
+                if page.stat().st_mtime >= order.output[0].stat().st_mtime:
+                    continue
+            failed.append(write_page(order, page))
+    return [reason for reason in failed if reason]
+
+
+def write_page(order: Order, page: Path) -> str:
+    """Write the page about one frame; why it cannot be is told, and is no reason to end."""
+    try:
+        order.recipe.compare(order.show.read(order.moment, repair=True), page)
+    except (InputError, OSError, MemoryError) as error:
+        reason = f"{page}: no page, '{joined(str(error))}'"
+        complain(reason)
+        return reason
+    return ""
+
+
+def orders_of(
+    show: Show,
+    outputs: Sequence[Files],
+    recipe: Recipe,
+    writing: Writing,
+    job: Job | None = None,
+) -> list[Order]:
+    """One for each moment of a show, whose results go to `outputs`."""
+    return [
+        Order(show.some([place]), output, recipe, writing, job)
+        for place, output in enumerate(outputs)
+    ]
+
+
+def do_all(
+    orders: Sequence[Order],
+    crew: Crew | None,
+    start: Callable[[str], None],
+    end: Callable[[Order, Finished | Failed], None],
+    console: Console,
+) -> None:
+    """Do each order, in this process if there is no crew.
+
+    Parameters
+    ----------
+    orders, crew
+        Which, and who does them.
+    start, end
+        Called with the name of each that is begun, and as each is done.
+    console
+        Who is told of the crew.
+
+    Raises
+    ------
+    InputError
+        As for `Recipe.work` and `in_cluster`.
+    """
+
+    def begin(order: Order) -> None:
+        start(order.moment[0].name)
+
+    if not orders:
+        return
+    if crew is None:
+        alone(orders, orders[0].recipe.work(console.note), begin, end)
+        return
+    console.say(_told(crew))
+    in_cluster(orders, crew, begin, end, console.say)
+
+
+def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
+    """Who does a show's frames; None for the command itself.
+
+    Raises
+    ------
+    InputError
+        If what is asked for cannot be.
+    """
+    needed = tuple(sorted(recipe.resources().items()))
+    if not 0 <= running.frame_timeout < inf:
+        raise InputError(
+            f"--frame-timeout must be at least 0 (0 for never), got {running.frame_timeout:g}"
+        )
+    limit = running.frame_timeout or None
+    if running.scheduler is not None:
+        if running.workers is not None or running.threads is not None:
+            raise InputError(
+                "--scheduler has workers of its own; leave --workers and --threads out"
+            )
+        return Crew(scheduler=running.scheduler, resources=needed, limit=limit)
+    for name, number, least in (("workers", running.workers, 0), ("threads", running.threads, 1)):
+        if number is not None and number < least:
+            raise InputError(f"--{name} must be at least {least}, got {number}")
+    count = len(show.moments)
+    if running.workers == 0 or (running.workers is None and count == 1):
+        return None
+    workers = running.workers
+    if workers is None:
+        # One GPU, unless a person knows of more
+        workers = 1 if needed else min(cores(), count, _room(recipe, show))
+    share = max(1, cores() // workers)
+    return Crew(workers, running.threads or share, resources=needed, limit=limit)
+
+
+def _room(recipe: Recipe, show: Show) -> int:
+    """How many frames memory has room for at once; at least one."""
+    need = needed_memory(recipe, show)
+    return cores() if need is None else max(1, int(_SPARE * free_memory() / need))
+
+
+def _tell_size(show: Show, recipe: Recipe, console: Console) -> None:
+    """Say so if a frame needs more memory than there is; it may yet go well."""
+    need, free = needed_memory(recipe, show), free_memory()
+    if need is not None and need > free:
+        console.say(
+            f"{show.moments[0][0].name}: a frame of this size needs about {sized(need)} of memory, "
+            f"of which {sized(free)} are free"
+        )
+
+
+def needed_memory(recipe: Recipe, show: Show) -> int | None:
+    """Bytes that a worker needs, about, by the header of a frame; None if none can be read."""
+    for moment in show.moments[:3]:
+        with suppress(InputError):
+            return recipe.memory(*size_of(moment[0]))
+    return None
+
+
+def free_memory() -> int:
+    """Memory that can be had, bytes: what is free, as far as this process may have it."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    left = inf if limit == resource.RLIM_INFINITY else limit - psutil.Process().memory_info().vms
+    return max(0, int(min(psutil.virtual_memory().available, limit_of_group(), left)))
+
+
+def _told(crew: Crew) -> str:
+    if crew.scheduler is not None:
+        return f"Workers of {crew.scheduler}"
+    workers = "1 worker" if crew.workers == 1 else f"{crew.workers} workers"
+    return f"{workers}, {crew.threads} of {cores()} cores each"
+
+
+def _settings(
+    show: Show, folder: Path, output: Files, recipe: Recipe, writing: Writing
+) -> dict[str, Any]:
+    """All that results depend on, and whose they are."""
+    colour = show.colour
+    return {
+        **recipe.settings(),
+        "domesim": program_of(recipe),
+        # From the results, so that both may be moved together
+        "masters": [os.path.relpath(source, folder) for source in show.sources],
+        "packing": show.packing,
+        "encoding": None if colour is None else [colour.transfer, colour.primaries],
+        **asdict(writing),
+        "suffix": writing.suffix or output[0].suffix,
+    }
+
+
+@final
+class _Telling:
+    """Tells what becomes of frames, as they end, and gathers it."""
+
+    def __init__(
+        self, console: Console, orders: list[Order], recorded: list[Order], report: Report | None
+    ) -> None:
+        self._console, self._orders, self._report = console, orders, report
+        self._recorded = set(recorded)
+        self._ended: dict[Order, Finished | Failed] = {}
+        self._described, self._hopeless = "", 0
+        self._lock = threading.Lock()
+
+    def end(self, order: Order, outcome: Finished | Failed) -> None:
+        """One frame."""
+        with self._lock:
+            self._ended[order] = outcome
+            if self._report is not None:
+                self._report.add(order, outcome)
+        if isinstance(outcome, Failed):
+            # What would fail all frames is told once
+            if not (outcome.hopeless and self._hopeless):
+                complain(outcome.reason)
+            self._hopeless += outcome.hopeless
+            return
+        read = outcome.figures.get("read", "")
+        if read != self._described:
+            self._described = read
+            self._console.say(f"{order.name}: {read}")
+        if outcome.kept:
+            self._console.say(f"{order.name} (done before): {outcome.line}")
+            return
+        if outcome.again:
+            self._console.say(f"{order.name}: done again: {outcome.again}")
+        self._console.say(f"{order.name}: {outcome.line}\n  -> {', '.join(map(str, order.output))}")
+
+    def has_all(self, orders: Sequence[Order]) -> bool:
+        """Whether each of these has ended, be it well or not."""
+        return all(order in self._ended for order in orders)
+
+    def done(self) -> Done:
+        """Sums up all frames, in order."""
+        done, left = Done(), 0
+        for order in self._orders:
+            outcome = self._ended.get(order)
+            if outcome is None:
+                left += order not in self._recorded
+                continue
+            if isinstance(outcome, Failed):
+                done.failed.append(outcome.reason)
+                continue
+            done.frames.append(outcome.figures)
+            done.kept += outcome.kept
+            for step in STEPS:
+                done.seconds[step] += outcome.seconds.get(step, 0.0) if not outcome.kept else 0.0
+        told = []
+        if left:
+            told = [f"{left} of {len(self._orders)} frames were not begun after that"]
+            done.failed += told
+        if self._hopeless > 1:
+            told.append(f"{self._hopeless - 1} under way failed likewise")
+        if told:
+            complain(f"{', and '.join(told)}; the same command goes on with them")
+        return done
+
+    def interrupted(self, job: Job, running: Running) -> None:
+        """The run ends before all are."""
+        if self._report is not None:
+            self._report.interrupt()
+        count = sum(job.recorded(order.output for order in self._orders))
+        if count:
+            complain(
+                f"{count} of {len(self._orders)} frames are done; the same command goes on with "
+                f"the rest{' without --anew' if running.anew else ''}"
+            )

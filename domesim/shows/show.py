@@ -1,0 +1,187 @@
+"""A show, as the command line names it: one file or sequence, or a left and a right one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import final, get_args
+
+from domesim.errors import InputError
+from domesim.frames import ColourTag, Master, Packing, read_master
+from domesim.frames.encodings import encoding_named
+from domesim.frames.mistaken import refuse_one_file
+from domesim.shows.checksums import listed_sums, require_sum, sum_of
+from domesim.shows.sequences import (
+    find_moments,
+    find_pairs,
+    output_pairs,
+    output_paths,
+    parse_frames,
+    ranges_of,
+    source_of,
+)
+
+PACKINGS = tuple(kind for kind in get_args(Packing) if kind not in ("single", "files"))
+"""How left and right may lie in one file."""
+
+
+@final
+@dataclass(frozen=True)
+class Show:
+    """Masters that belong together, in order.
+
+    Parameters
+    ----------
+    moments
+        The files of each: one, or left and right.
+    packing
+        How views lie in one file; None to go by the file itself.
+    allow_identical
+        Take left and right that are the same image.
+    colour
+        What all code values mean; None to go by the files.
+    numbered
+        Whether they are frames of a sequence, be it one of its frames.
+    part
+        Which of a sequence's frames were asked for, as `ranges_of` writes them; "" for all.
+    sources
+        Where they come from: one place, or left's and right's, with # for a frame's number.
+    sums
+        SHA-256 of each moment's files, that they must have; nothing if nobody says so.
+    """
+
+    moments: tuple[tuple[Path, ...], ...]
+    packing: str | None = None
+    allow_identical: bool = False
+    colour: ColourTag | None = None
+    numbered: bool = False
+    part: str = ""
+    sources: tuple[Path, ...] = ()
+    sums: tuple[tuple[str, ...], ...] = ()
+
+    def listed_in(self, listing: Path | None) -> Show:
+        """The same, whose masters must have the sums of a file; as it is for None.
+
+        Raises
+        ------
+        InputError
+            As for `listed_sums`.
+        """
+        if listing is None:
+            return self
+        sums = iter(listed_sums(listing, [path for moment in self.moments for path in moment]))
+        return replace(self, sums=tuple(tuple(next(sums) for _ in each) for each in self.moments))
+
+    def some(self, places: Iterable[int]) -> Show:
+        """The show with only some of its moments."""
+        chosen = tuple(places)
+        sums = tuple(self.sums[k] for k in chosen) if self.sums else ()
+        return replace(self, moments=tuple(self.moments[k] for k in chosen), sums=sums)
+
+    def read(self, moment: tuple[Path, ...], *, repair: bool, known: Sequence[str] = ()) -> Master:
+        """One of its masters, whose SHA-256 may be `known`.
+
+        Raises
+        ------
+        InputError
+            As for `read_master`; or if its files have not the sums that they must have.
+        """
+        if self.sums:
+            found = known or [sum_of(path) for path in moment]
+            wanted = self.sums[self.moments.index(moment)]
+            for path, *sums in zip(moment, wanted, found, strict=True):
+                require_sum(path, *sums)
+        return read_master(
+            moment,
+            packing=self.packing,
+            repair=repair,
+            allow_identical=self.allow_identical,
+            colour=self.colour,
+        )
+
+    def outputs(self, folder: Path, suffix: str | None) -> tuple[tuple[Path, ...], ...]:
+        """Where in `folder` the results for each go.
+
+        Raises
+        ------
+        InputError
+            If a result would replace an input, or another result.
+        """
+        pairs = tuple((files[0], files[1]) for files in self.moments if len(files) == 2)
+        if pairs:
+            return output_pairs(pairs, folder, suffix)
+        paths = output_paths([files[0] for files in self.moments], folder, suffix)
+        return tuple((path,) for path in paths)
+
+
+def find_show(
+    master: str | None,
+    left: str | None = None,
+    right: str | None = None,
+    *,
+    packing: str | None = None,
+    frames: str | None = None,
+    allow_identical: bool = False,
+    encoding: str | None = None,
+) -> Show:
+    """The show that a command's arguments name.
+
+    Parameters
+    ----------
+    master
+        A file or numbered pattern; or None, with `left` and `right`.
+    left, right
+        Those of the two eyes.
+    packing
+        One of `PACKINGS`, for a master of two views.
+    frames
+        Which frames, as for `find_frames`.
+    allow_identical
+        Take left and right that are the same image.
+    encoding
+        A name of `encoding_named`, for what files do not say or say wrongly.
+
+    Raises
+    ------
+    InputError
+        If both ways are used, or none; left and right are one file; no encoding is so named; and
+        as for `find_frames` and `find_pairs`.
+    """
+    colour = None if encoding is None else encoding_named(encoding)
+    part = ranges_of(parse_frames(frames)) if frames else ""
+    if packing is not None and packing not in PACKINGS:
+        raise InputError(f"--packing {packing!r} is not known; use one of {', '.join(PACKINGS)}")
+    if master is not None and (left is not None or right is not None):
+        raise InputError(
+            f"wanted one master or --left and --right, got both: {master} and {left or right}; "
+            f"leave one of them out"
+        )
+    if master is not None:
+        moments = find_moments(master, frames)
+        numbered = moments != ((Path(master),),)
+        origin = (source_of(Path(master)),)
+        return Show(moments, packing, allow_identical, colour, numbered, part, origin)
+    if left is None or right is None:
+        if left is None and right is None:
+            raise InputError(
+                "wanted a master, or --left and --right, got none of them; name a file or a "
+                "numbered sequence"
+            )
+        given, other = ("--left", "--right") if right is None else ("--right", "--left")
+        raise InputError(
+            f"wanted --left and --right, got {given} {left or right} only; name the other eye's as "
+            f"{other}"
+        )
+    if packing is not None:
+        raise InputError(
+            f"--packing {packing} is for one file of two views, got --left and --right; leave "
+            f"--packing out"
+        )
+    pairs = find_pairs(left, right, frames)
+    if not allow_identical:
+        for pair in pairs:
+            refuse_one_file(*pair)
+    numbered = pairs != ((Path(left), Path(right)),)
+    origins = source_of(Path(left)), source_of(Path(right))
+    return Show(pairs, None, allow_identical, colour, numbered, part, origins)

@@ -1,0 +1,70 @@
+"""Small pictures of frames, for a job's report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.frames.colour import ColourTag
+from domesim.frames.formats.png import colour_chunks, with_colour_chunks
+from domesim.frames.whole import write_whole
+from domesim.frames.writing import bare_specification, encode
+from domesim.light import Light
+from domesim.light.transfer import SRGB
+
+FOLDER = "small"
+"""Folder of the small pictures, in the job's folder."""
+
+SIDE = 120
+"""Longest side of one, pixels, about."""
+
+_FINER = 3  # samples of a pixel, across
+_GAP = 4
+
+
+def thinned(light: Light) -> Light:
+    """Every so many rows and columns of (view, row, col, primary): enough for a small picture."""
+    step = max(1, max(light.shape[1:3]) // (_FINER * SIDE))
+    return light[:, ::step, ::step]
+
+
+def small_of(folder: Path, output: str) -> Path:
+    """Where the small picture of a result is."""
+    return folder / FOLDER / f"{output}.png"
+
+
+def write_small(place: Path, pictures: Sequence[NDArray[np.floating]]) -> None:
+    """Write pictures beside each other, as sRGB.
+
+    Parameters
+    ----------
+    place
+        The file; its folder is made, in one that there is.
+    pictures
+        (row, col, 3) each, linear in the display's primaries (BT.709), 1.0 = white; of one size.
+
+    Raises
+    ------
+    InputError, OSError
+        If it cannot be written.
+    """
+    parts = [_reduced(np.clip(picture, 0, 1)) for picture in pictures]
+    gap = np.full((len(parts[0]), _GAP, 3), 0.2)
+    light = np.hstack([each for part in parts for each in (gap, part)][1:])
+    pixels = np.rint(255 * SRGB().encode(light)).astype(np.uint8)
+    names, size = ("R", "G", "B"), (pixels.shape[1], pixels.shape[0])
+    png = encode(place, "png", [(bare_specification(names, ("uint8",) * 3, size, []), pixels)])
+    place.parent.mkdir(exist_ok=True)  # not the job's folder: one that goes away is told
+    colour = colour_chunks(ColourTag("srgb", "BT.709", "computed"))
+    write_whole(place, with_colour_chunks(png, colour))
+
+
+def _reduced(picture: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Means over blocks of pixels."""
+    step = max(1, round(max(picture.shape[:2]) / SIDE))
+    rows, cols = (side // step * step for side in picture.shape[:2])
+    blocks = picture[:rows, :cols].reshape(rows // step, step, cols // step, step, -1)
+    return np.asarray(blocks.mean((1, 3)))

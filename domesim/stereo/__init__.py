@@ -1,0 +1,1 @@
+"""A 3D cinema that keeps the eyes apart by polarisation."""

@@ -1,0 +1,1 @@
+"""Pictures that the project renders itself: a night scene, and frames of an orrery."""

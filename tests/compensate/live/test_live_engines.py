@@ -1,0 +1,137 @@
+"""Compiled loops and arrays show what the library shows, within rounding; nothing pumps."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+from live_pictures import engine_for, expected, frame_of, made, tabulated
+from numpy.typing import NDArray
+
+from compensate.live.coding import PIXEL_FORMATS, Coding
+from compensate.live.constants import constants_of, turns_of
+from compensate.live.smoothing import weights_of
+from compensate.means import smooth
+from domesim.frames.encodings import encoding_named
+from domesim.scene import load_scene
+from validation.inputs import stereo_at
+
+
+@pytest.mark.parametrize(("count", "sigma"), [(40, 2.2), (41, 0.7), (7, 3.0), (1, 2.0)])
+def test_weights_are_those_of_the_means(count, sigma):
+    line = np.random.default_rng(0).random(count)
+    table = weights_of(count, sigma)
+    reach = table.shape[1] // 2
+    found = []
+    for place in range(count):
+        far = count - 1 - place
+        row, sign = min(place, far, len(table) - 1), -1 if far < place else 1
+        near = range(max(-reach, -place), min(reach, far) + 1)
+        found.append(sum(table[row, reach + sign * d] * line[place + d] for d in near))
+    np.testing.assert_allclose(found, smooth(line[None], sigma)[0], rtol=1e-6)
+
+
+def test_cells_hold_what_varies_over_the_screen():
+    scene = tabulated()
+    k = constants_of(scene, 200, 200)
+    f = scene.solvable(200, 200).factors
+    assert k.spread.shape == (len(f.spread), *k.gain.shape)
+    rows = np.arange(0, 200 - k.cell, k.cell) + k.cell // 2
+    there = f.spread[:, rows[:, None], rows[None, :]]
+    on = scene.screen(200, 200)[rows[:, None], rows[None, :]]
+    near = k.spread[:, : len(rows), : len(rows)]
+    # But at the rim, where the floor's light falls off within a cell
+    assert np.quantile(np.abs(near - there)[:, on], 0.95) < 0.01 * np.abs(there).max()
+    counted = np.array([(light * scene.screen(200, 200)).sum() for light in f.collect])
+    assert counted == pytest.approx(
+        [(c * _pixels(scene, k)).sum() for c in k.collect], rel=1e-6, abs=1e-9
+    )
+
+
+def _pixels(scene, k) -> NDArray[np.float64]:
+    """Of each cell, how many lie on the screen."""
+    size = k.gain.shape[0] * k.cell
+    on = np.zeros((size, size))
+    on[:200, :200] = scene.screen(200, 200)
+    return on.reshape(-1, k.cell, k.gain.shape[1], k.cell).sum(axis=(1, 3))
+
+
+@pytest.mark.parametrize("crosstalk", [0.0, 0.01, 0.1, 0.5])
+def test_turns_of_both_eyes_are_enough(crosstalk):
+    """Each gains the crosstalk; one more than is needed, and no more than two."""
+    k = constants_of(stereo_at(crosstalk, 15.0), 8, 8)
+    assert crosstalk ** turns_of(k) <= 1e-5
+    assert crosstalk == 0 or crosstalk ** (turns_of(k) - 3) > 1e-5
+
+
+def test_half_precision_by_its_bits():
+    coding = Coding(load_scene("dome_imax").projector, encoding_named("linear"))
+    table = coding.table(PIXEL_FORMATS["rgbaf16"])
+    values = np.array([0.0, 0.25, 1.0, -0.5], "<f2")
+    np.testing.assert_allclose(table[values.view("<u2")], [0, 0.25, 1, -0.5])
+    assert np.isnan(table[np.array([np.nan, np.inf], "<f2").view("<u2")]).all()
+
+
+def test_plain_frames_are_what_the_master_path_makes():
+    """The library's own engine keeps what is off the screen, and alpha."""
+    scene = load_scene("dome_imax")
+    frame = frame_of(scene, 48, "rgba")
+    frame[..., 3] = np.arange(48)
+    found = expected(scene, frame, "rgba")
+    assert (found[..., 3] == frame[..., 3]).all()
+    off = ~scene.screen(48, 48)
+    assert (found[off] == frame[off]).all()
+    assert (found != frame).any()
+
+
+@pytest.mark.long
+def test_compiled_loops_show_what_the_library_shows():
+    """Codes of 16 bits, to a fifth of a code of 8; compiling takes most of the time."""
+    pytest.importorskip("numba")
+    cases = [
+        (load_scene("dome_imax"), 300, True),
+        (load_scene("dome_led"), 600, True),
+        (tabulated(), 250, True),
+        (load_scene("stereo_cinema_silver"), 401, True),
+        (load_scene("stereo_spectral"), 640, False),
+        (stereo_at(0.1, 15.0), 96, True),
+    ]
+    for scene, size, beside in cases:
+        frame = frame_of(scene, size, "rgb48le", beside=beside)
+        found = made(scene, frame, "rgb48le", beside=beside, by="numba").astype(int)
+        wanted = expected(scene, frame, "rgb48le", beside=beside).astype(int)
+        apart = np.abs(found - wanted)
+        assert apart.max() <= 300, (scene.name, size)
+        assert np.mean(apart > 50) < 0.002, (scene.name, size)
+        assert np.mean(frame != wanted) > 0.1
+    scene = load_scene("dome_imax")
+    half = frame_of(scene, 128, "rgbaf16")
+    found, wanted = made(scene, half, "rgbaf16", by="numba"), expected(scene, half, "rgbaf16")
+    np.testing.assert_allclose(found.astype(float), wanted.astype(float), atol=2e-3)
+    assert (found[..., 3] == half[..., 3]).all()
+
+
+@pytest.mark.long
+def test_each_frame_is_made_alone():
+    """After whatever film, a frame is what it is alone: nothing pumps, and nothing lags behind."""
+    pytest.importorskip("numba")
+    scene = load_scene("dome_imax")
+    frame, size = frame_of(scene, 200, "rgb48le"), 200
+    _, engine = engine_for(scene, size, size, "rgb48le", by="numba")
+    alone = np.array(engine(frame, 0)).astype(int)
+    for before in (np.zeros_like(frame), np.full_like(frame, 65535), frame[::-1].copy(), frame):
+        engine(before, 1)
+        again = np.array(engine(frame, 0)).astype(int)
+        assert np.abs(again - alone).max() <= 100
+        assert np.mean(np.abs(again - alone) > 20) < 1e-3
+
+
+@pytest.mark.long
+@pytest.mark.skipif(importlib.util.find_spec("torch") is None, reason="needs PyTorch")
+@pytest.mark.parametrize("name", ["dome_imax", "stereo_spectral"])
+def test_arrays_on_a_device(name):
+    scene = load_scene(name)
+    frame = frame_of(scene, 160)
+    found = made(scene, frame, by="torch", device="torch").astype(int)
+    assert np.abs(found - expected(scene, frame)).max() <= 1

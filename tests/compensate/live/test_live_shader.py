@@ -1,0 +1,252 @@
+"""Shaders run for real, by FFmpeg's libplacebo and by mpv, and show what the library shows."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from live_pictures import (
+    SRGB,
+    expected,
+    frame_of,
+    made,
+    require_vulkan,
+    shaded,
+    tabulated,
+)
+from numpy.typing import NDArray
+from PIL import Image
+
+from compensate.live.shader import shader_of
+from compensate.live.y4m import header_of
+from domesim.errors import InputError
+from domesim.frames.encodings import encoding_named
+from domesim.scene import Scene, load_scene
+from domesim.scene.choice import SceneChoice
+
+RIM = 2
+"""Codes that a pixel at a screen's rim may be off by."""
+
+
+def off(found: NDArray[Any], wanted: NDArray[Any], scene: Scene) -> None:
+    """Within a code, two at the rim; and what is off the screen is not touched."""
+    apart = np.abs(found.astype(int) - wanted.astype(int)).max(axis=-1)
+    if scene.views == 1:
+        screen = scene.screen(*apart.shape)
+        inner = screen.copy()
+        inner[1:-1, 1:-1] &= (
+            screen[2:, 1:-1] & screen[:-2, 1:-1] & screen[1:-1, 2:] & screen[1:-1, :-2]
+        )
+        assert apart.max() <= RIM
+        assert apart[~screen].max() == 0
+        apart = apart[inner]
+    assert apart.max() <= 1
+    assert np.mean(apart > 0) < 0.5
+
+
+def run(scene: Scene, frame: NDArray[Any], folder: Path, *, beside: bool = True) -> NDArray[Any]:
+    require_vulkan()
+    height, width = frame.shape[:2]
+    rows, cols = height, width
+    if scene.views == 2:
+        rows, cols = (height, width // 2) if beside else (height // 2, width)
+    text = shader_of(scene, rows, cols, SRGB, beside=beside)
+    data = shaded(text, folder, frame.tobytes(), f"{width}x{height}", "rgb24", "rgba")
+    return np.frombuffer(data, "u1").reshape(frame.shape)
+
+
+def test_a_dome_in_libplacebo(tmp_path):
+    scene = load_scene("dome_imax")
+    frame = frame_of(scene, 192)  # blocks of one pixel
+    found = run(scene, frame, tmp_path)
+    off(found, expected(scene, frame), scene)
+    assert np.abs(found.astype(int) - frame).mean() > 3  # it did something
+
+
+def test_a_pair_with_a_map_in_libplacebo(tmp_path):
+    scene = load_scene("stereo_cinema_silver")
+    frame = frame_of(scene, 160)
+    found = run(scene, frame, tmp_path)
+    off(found, expected(scene, frame), scene)
+    assert np.abs(found.astype(int) - frame).mean() > 0.3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("size", [512, 1000])
+def test_blocks_of_several_pixels_and_the_last_cut_off(tmp_path, size):
+    scene = load_scene("dome_led")  # other primaries, and the most feedback
+    frame = frame_of(scene, size)
+    off(run(scene, frame, tmp_path), expected(scene, frame), scene)
+
+
+@pytest.mark.long
+def test_a_tabulated_dome(tmp_path):
+    scene = tabulated()
+    assert scene.solvable(32, 32).factors.spread.shape[0] > 1
+    frame = frame_of(scene, 300)
+    off(run(scene, frame, tmp_path), expected(scene, frame), scene)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_pair_of_odd_sides(tmp_path, beside):
+    scene = load_scene("stereo_spectral")  # matrices that mix primaries
+    frame = frame_of(scene, 641, beside=beside)
+    found = run(scene, frame, tmp_path, beside=beside)
+    off(found, expected(scene, frame, beside=beside), scene)
+
+
+@pytest.mark.long
+def test_ten_bit_video(tmp_path):
+    """Planes of 10 bits in limited range: within a code of 8 bits, and mostly of 10."""
+    require_vulkan()
+    scene, size = load_scene("dome_imax"), 128
+    header = header_of(f"YUV4MPEG2 W{size} H{size} F25:1 Ip C444p10".encode())
+    master = header.encoded(frame_of(scene, size, "rgb48le"))
+    text = shader_of(scene, size, size, encoding_named("bt709"))
+    data = shaded(text, tmp_path, master, f"{size}x{size}", "yuv444p10le", "yuv444p10le")
+    codes = header.decoded(bytearray(master))
+    wanted = made(scene, codes, "rgb48le", by="numpy", colour="bt709")
+    found = header.decoded(bytearray(data))
+    on = scene.screen(size, size)
+    apart = np.abs(found.astype(int) - wanted)[on] / 65535
+    dark = wanted[on] / 65535 < 0.04
+    assert apart[~dark].max() < 4.5 / 1023
+    assert np.median(apart[~dark]) < 1 / 1023
+    # Players hold what they made of planes in half precision: of light that is as much everywhere,
+    # and beside black a curve of gamma makes many codes of it
+    light = [(codes[on][dark] / 65535) ** 2.4 for codes in (found, wanted)]
+    assert np.abs(light[0] - light[1]).max() < 3e-4
+
+
+def test_another_size_gets_a_red_frame(tmp_path):
+    require_vulkan()
+    scene = load_scene("dome_imax")
+    text = shader_of(scene, 96, 96, SRGB)
+    grey = np.full((64, 64, 3), 90, np.uint8)
+    data = shaded(text, tmp_path, grey.tobytes(), "64x64", "rgb24", "rgba")
+    found = np.frombuffer(data, "u1").reshape(grey.shape)
+    assert found[0, 0].tolist() == [255, 0, 0]
+    assert (found[20:40, 20:40] == 90).all()
+
+
+def test_the_file_says_what_it_is_for():
+    scene = load_scene("dome_imax")
+    text = shader_of(scene, 96, 96, SRGB)
+    assert text.startswith("// dome_imax")
+    assert "96 x 96" in text
+    assert "cd/m2" in text
+    assert "degree" in text
+    digest = text.split("constants: ")[1][:16]
+    assert digest in shader_of(scene, 96, 96, SRGB)
+    assert digest not in shader_of(load_scene("dome_planetarium"), 96, 96, SRGB)
+
+
+@pytest.mark.parametrize("colour", ["bt709", "dcdm", "st2084", "gamma2.2", "linear"])
+def test_curves_that_shaders_know(colour):
+    assert "//!HOOK" in shader_of(load_scene("dome_imax"), 32, 32, encoding_named(colour))
+
+
+def test_scenes_that_no_shader_shows():
+    with pytest.raises(InputError, match="linear"):
+        shader_of(load_scene("stereo_shutter"), 32, 32, SRGB)
+    with pytest.raises(InputError, match="--seat"):
+        shader_of(SceneChoice("stereo_cinema_silver", None, "all").load(), 32, 32, SRGB)
+
+
+@pytest.mark.long
+def test_mpv_under_a_virtual_screen(tmp_path):
+    require_vulkan()
+    if shutil.which("mpv") is None or shutil.which("xvfb-run") is None:
+        if os.environ.get("DOMESIM_REQUIRE_VULKAN") == "1":
+            pytest.fail("no mpv or xvfb-run on the PATH, and DOMESIM_REQUIRE_VULKAN=1")
+        pytest.skip("no mpv or xvfb-run on the PATH")
+    scene, size = load_scene("dome_imax"), 160
+    frame = frame_of(scene, size)
+    Image.fromarray(frame).save(tmp_path / "frame.png")
+    (tmp_path / "show.glsl").write_text(shader_of(scene, size, size, SRGB))
+    shot, ear = tmp_path / "shot.png", tmp_path / "mpv"
+    options = [
+        *("--no-config", "--vo=gpu", "--gpu-api=opengl", "--gpu-sw=yes", "--no-osc"),
+        *("--osd-level=0", "--dither-depth=no", "--video-unscaled=yes", "--no-border", "--pause"),
+        *(f"--geometry={size}x{size}", "--image-display-duration=inf"),
+        *(f"--glsl-shader={tmp_path / 'show.glsl'}", f"--input-ipc-server={ear}"),
+    ]
+    player = subprocess.Popen(
+        ["xvfb-run", "-a", "-s", "-screen 0 800x600x24", "mpv", *options, tmp_path / "frame.png"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        _take(shot, ear)
+        player.wait(30)
+    finally:
+        player.kill()
+    found = np.asarray(Image.open(shot).convert("RGB"))
+    off(found, expected(scene, frame), scene)
+
+
+def _take(shot: Path, ear: Path) -> None:
+    """Ask a player for what it shows, when it has drawn it, and end it."""
+    for _ in range(200):
+        if ear.exists():
+            break
+        time.sleep(0.1)
+    with socket.socket(socket.AF_UNIX) as line:
+        line.settimeout(30)
+        line.connect(str(ear))
+        said = line.makefile("rw")
+
+        def ask(*words: str) -> Any:
+            said.write(json.dumps({"command": words}) + "\n")
+            said.flush()
+            while "error" not in (answer := json.loads(said.readline())):
+                pass
+            return answer
+
+        for _ in range(100):
+            drawn = ask("get_property", "vo-passes")
+            if drawn["error"] == "success" and len(drawn["data"]["fresh"]) > 10:
+                break
+            time.sleep(0.2)
+        time.sleep(0.5)
+        assert ask("screenshot-to-file", str(shot), "window")["error"] == "success"
+        ask("quit")
+
+
+def test_the_command_writes_a_file(run, tmp_path):
+    path = tmp_path / "show.glsl"
+    done = run("shader", "--scene", "dome_imax", "--size", "64x64", "--out", path)
+    assert done.code == 0
+    assert str(path) in done.out
+    assert path.read_text() == shader_of(load_scene("dome_imax"), 64, 64, encoding_named("bt709"))
+    assert [each.name for each in tmp_path.iterdir()] == ["show.glsl"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--size", "64"], ["--size", "WIDTHxHEIGHT"]),
+        (["--size", "64x60"], ["square"]),
+        (["--size", "64x64", "--packing", "top-bottom"], ["one view"]),
+        (["--size", "64x64", "--encoding", "nonsense"], ["srgb"]),
+        (["--size", "64x64", "--lift", "-1"], ["lift"]),
+    ],
+)
+def test_mistakes_of_the_command(run, tmp_path, options, words):
+    out = tmp_path / "show.glsl"
+    run("shader", "--scene", "dome_imax", *options, "--out", out).is_refused(*words)
+    assert not out.exists()
+
+
+def test_a_folder_that_is_not_there(run, tmp_path):
+    out = tmp_path / "none" / "show.glsl"
+    run("shader", "--scene", "dome_imax", "--size", "64x64", "--out", out).is_refused("folder")

@@ -1,0 +1,199 @@
+"""Whoever does the frames of a show: the same bytes."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from compensate.aim import Aim
+from compensate.pose import preferred
+from compensate.shows.compensating import CONTRAST, PAPER, Compensating
+from compensate.weighting import PerceptualWeighting
+from domesim.errors import InputError
+from domesim.frames import ColourTag, Frame, write_frame
+from domesim.host.console import Console
+from domesim.scene import load_scene
+from domesim.scene.choice import SceneChoice
+from domesim.shows.estimate import estimate
+from domesim.shows.run import Done, Running, each_frame
+from domesim.shows.show import Show, find_show
+from domesim.shows.work import Recipe, Writing
+from validation.benchmarks.schedulers import scheduler
+
+LINEAR = ColourTag("linear", "BT.709", "the test")
+COUNT = 4
+
+
+@pytest.fixture(scope="module")
+def shows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Show]:
+    """A light that moves over a dark picture, in a dome and on a stereo screen."""
+    folder = tmp_path_factory.mktemp("in")
+    noise = np.random.default_rng(2)
+    texture = {shape: 0.03 * noise.random((*shape, 3)) for shape in ((96, 96), (72, 128))}
+    for number in range(1, COUNT + 1):
+        for name, shape, shift in (("dome", (96, 96), 0), ("l", (72, 128), 0), ("r", (72, 128), 9)):
+            row, col = np.mgrid[: shape[0], : shape[1]]
+            place = col - shape[1] * number / (COUNT + 1) - shift
+            light = np.exp(-(place**2 + (row - 40) ** 2) / 120)[..., None] * [1.0, 0.8, 0.5]
+            pixels = np.clip(texture[shape] + light, 0, 1).astype(np.float32)
+            path = folder / f"{name}.{number}.exr"
+            write_frame(Frame(pixels, path, LINEAR, 16, floating=True), path)
+    return {
+        "dome_planetarium": find_show(str(folder / "dome.#.exr")),
+        "stereo_polarised_paper": find_show(None, str(folder / "l.#.exr"), str(folder / "r.#.exr")),
+    }
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with scheduler(2) as (found, _):
+        yield found
+
+
+def test_only_what_is_seen_of_a_sequence(shows: dict[str, Show], tmp_path: Path) -> None:
+    name = "stereo_polarised_paper"
+    scene = SceneChoice(name).settled(load_scene(name))
+    show = replace(shows[name], moments=shows[name].moments[:1])
+    writing = Writing(".exr")
+    told = {}
+    for only in (False, True):
+        recipe = Compensating(scene, eye=PAPER, only_visible=only)
+        folder = tmp_path / str(only)
+        result = each_frame(
+            show, folder, recipe, Console(quiet=True), what="", writing=writing, running=Running(0)
+        )
+        (told[only],) = result.frames
+    assert told[True]["ffts"] < told[False]["ffts"]
+    assert told[False]["status"] != told[True]["status"]
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings"),
+    [
+        ("stereo_shutter", {}),
+        ("stereo_polarised_paper", {"method": "subtractive"}),
+        ("dome_imax", {"device": "torch"}),
+    ],
+)
+def test_where_it_cannot_be_only_what_is_seen(scene: str, settings: dict[str, Any]) -> None:
+    recipe = Compensating(SceneChoice(scene), eye=PAPER, only_visible=True, **settings)
+    with pytest.raises(InputError, match="--only-visible is for"):
+        recipe.require_sense(load_scene(scene))
+
+
+def recipe_of(scene: str) -> Recipe:
+    return Compensating(SceneChoice(scene).settled(load_scene(scene)))
+
+
+def done(show: Show, folder: Path, recipe: Recipe, running: Running) -> Done:
+    # 8 bit: dithered
+    writing = Writing(".png", bits=8, dither=True)
+    return each_frame(
+        show, folder, recipe, Console(quiet=True), what="testing", writing=writing, running=running
+    )
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.png"))}
+
+
+@pytest.mark.parametrize("scene", ["dome_planetarium", "stereo_polarised_paper"])
+def test_the_same_bytes_whoever_does_them(
+    scene: str,
+    shows: dict[str, Show],
+    address: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    recipe, show = recipe_of(scene), shows[scene]
+    monkeypatch.chdir(tmp_path)  # a scheduler's workers are elsewhere
+    crews = {
+        "alone": Running(0, pages=0),
+        "2": Running(2, 1, pages=0),
+        "scheduler": Running(scheduler=address, pages=0),
+    }
+    if scene == "dome_planetarium":
+        crews["1"] = Running(1, 2, pages=0)
+    found = {}
+    for name, running in crews.items():
+        outcome = done(show, Path(name), recipe, running)
+        assert not outcome.failed
+        found[name] = content(Path(name))
+    assert len(found["alone"]) == COUNT * len(show.moments[0])
+    assert all(each == found["alone"] for each in found.values())
+    figures = [frame["loss_after"] for frame in outcome.frames]
+    assert len(set(figures)) == COUNT  # different work, not one frame again and again
+
+
+def test_a_page_for_the_worst_frames(shows: dict[str, Show], tmp_path: Path) -> None:
+    scene = "dome_planetarium"
+    outcome = done(shows[scene], tmp_path, recipe_of(scene), Running(0, pages=2))
+    worst = sorted(outcome.frames, key=lambda frame: -frame["loss_after"])[:2]
+    pages = {path.name for path in (tmp_path / "job").glob("compare-*.html")}
+    assert pages == {f"compare-{Path(frame['output']).name}.html" for frame in worst}
+    report = (tmp_path / "job/report.html").read_text()
+    first = Path(worst[0]["output"]).name
+    assert report.index(first) < report.index(Path(worst[1]["output"]).name)
+    assert all(page in report for page in pages)
+    assert sys.getsizeof(report) < 100_000
+
+
+def test_a_dry_run_counts_the_pages(shows: dict[str, Show], tmp_path: Path) -> None:
+    scene = "dome_planetarium"
+    show, recipe = shows[scene], recipe_of(scene)
+    promised = estimate(
+        show, tmp_path / "dry", recipe, Console(quiet=True), Writing(".png"), Running(0, pages=2)
+    )
+    outcome = done(show, tmp_path / "out", recipe, Running(0, pages=2))
+    pages = sum(path.stat().st_size for path in (tmp_path / "out/job").glob("compare-*.html"))
+    assert promised["disk_pages"] == pytest.approx(pages, rel=0.25)
+    assert promised["disk_total"] == COUNT * promised["disk_frame"] + promised["disk_pages"]
+    # A page compares three methods: each takes a frame's time, at least about
+    assert promised["seconds_pages"] > outcome.seconds["solving"] / COUNT
+    frames = COUNT * promised["seconds_frame"]
+    assert promised["seconds_total"] >= frames + promised["seconds_pages"]
+    none = estimate(
+        show, tmp_path / "dry", recipe, Console(quiet=True), Writing(".png"), Running(0, pages=0)
+    )
+    assert none["seconds_pages"] == none["disk_pages"] == 0
+
+
+def test_a_scene_that_was_changed_is_not_taken(tmp_path: Path, shows: dict[str, Show]) -> None:
+    """A worker that reads another scene than the command did must not go on with it."""
+    other = Compensating(SceneChoice("dome_planetarium", content="0" * 64))
+    with pytest.raises(Exception, match="another; its files were changed"):
+        done(shows["dome_planetarium"], tmp_path, other, Running(0))
+
+
+def test_all_but_several_seats_are_made_for_contrast() -> None:
+    """The default, one for Python and the command line: validation/notes/0007."""
+    pair = load_scene("stereo_polarised_paper")
+    several = pair.seen_from("left", "right")
+    for scene in (load_scene("dome_planetarium"), pair, pair.seen_from("left")):
+        assert preferred(scene) == Aim()
+    assert preferred(several) == PerceptualWeighting()
+    for scene in (pair, several):
+        assert Compensating(SceneChoice("any")).weighting(scene) == preferred(scene)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"eye": "contours"}, "'contours' is not known; use one of contrast, paper"),
+        ({"eye": PAPER, "lift": 1.0}, "--lift is of --weighting contrast"),
+        ({"low_frequency_gain": 0.2}, "of contrast, use --lift"),
+        ({"eye": CONTRAST, "device": "torch"}, "contrasts need no solver"),
+        ({"only_visible": True}, "contrasts need no solver"),
+        ({"lift": -1.0}, "lift"),
+    ],
+)
+def test_settings_that_do_not_go_together(settings: dict[str, Any], message: str) -> None:
+    recipe = Compensating(SceneChoice("dome_imax"), **settings)
+    with pytest.raises(InputError, match=message):
+        recipe.require_sense(load_scene("dome_imax"))

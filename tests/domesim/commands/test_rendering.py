@@ -1,0 +1,733 @@
+"""``domesim render`` and ``domesim tabulate``: layers in cd/m², files that others read, Ctrl-C."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+from command_line import Outcome, exit_code, outcome
+from numpy.typing import NDArray
+
+from domesim.frames import read_frame
+from domesim.observation import radiosity as radiosity_module
+from domesim.observation.transport import load_transport
+from domesim.pathtrace import tabulate as tabulate_module
+from domesim.pathtrace import tracer as tracer_module
+from domesim.room.dome import Dome
+from domesim.scene import load_scene
+
+SIZE = 32
+WHITE = 10.0
+BARE = """
+name = "a bare hemisphere"
+dome = { radius_m = 5.0 }
+screen = { albedo = 0.5 }
+projector = { white_cd_m2 = 10.0 }
+viewing = { adaptation_cd_m2 = 1.4 }
+[viewpoints]
+up = { position_m = [0.5, 0, 0], look_at_m = [0, 0, 5], field_deg = 60 }
+"""
+HALL = """
+name = "a hall"
+dome = { radius_m = 5.0 }
+screen = { albedo = [0.5, 0.4, 0.3] }
+projector = { white_cd_m2 = 10.0 }
+floor = { height_m = -1.5, albedo = 0.3 }
+wall = { albedo = 0.2 }
+viewing = { adaptation_cd_m2 = 1.4 }
+"""
+FURNISHED = """
+name = "a furnished room"
+dome = { radius_m = 5.0, tilt_deg = 10.0 }
+screen = { albedo = 0.5 }
+projector = { white_cd_m2 = 10.0, black_cd_m2 = 0.02 }
+floor = { height_m = -1.5, albedo = 0.3 }
+wall = { albedo = 0.2 }
+seating = { rows = 2, seats_per_row = 3, first_row_m = 1.0, albedo = 0.2, occupied = 0.5 }
+viewing = { adaptation_cd_m2 = 1.4 }
+[viewpoints]
+aisle = { position_m = [0, -1.5, 1], look_at_m = [0, 4, -0.5], field_deg = 90 }
+[[lamps]]
+name = "exit sign"
+position_m = [0.0, 4.7, -1.0]
+normal = [0.0, -1.0, 0.3]
+width_m = 0.6
+height_m = 0.4
+luminance_cd_m2 = [20.0, 40.0, 10.0]
+"""
+
+
+def domesim(*arguments: object) -> Outcome:
+    """The command in this process, where there is no fixture of a test's."""
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        code = exit_code(*arguments)
+    return outcome(code, out.getvalue(), err.getvalue())
+
+
+@dataclass(frozen=True)
+class Layers:
+    """A layered EXR, as OpenImageIO reads it: (row, col, primary) by name, and its header."""
+
+    layers: Mapping[str, NDArray[np.float64]]
+    header: Mapping[str, Any]
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.layers[name]
+
+
+def layers_of(path: Path) -> Layers:
+    source = oiio.ImageInput.open(str(path))
+    spec, pixels = source.spec(), source.read_image(oiio.FLOAT)
+    source.close()
+    names = list(spec.channelnames)
+    layers = {}
+    for layer in {name.rpartition(".")[0] for name in names}:
+        triple = [names.index(f"{layer}.{part}" if layer else part) for part in "RGB"]
+        layers[layer] = pixels[..., triple].astype(np.float64)
+    assert len(names) == 3 * len(layers)
+    header = {entry.name: entry.value for entry in spec.extra_attribs}
+    return Layers(layers, header)
+
+
+def store(path: Path, pixels: NDArray[Any]) -> Path:
+    """A linear EXR."""
+    spec = oiio.ImageSpec(*pixels.shape[1::-1], 3, oiio.FLOAT)
+    writer = oiio.ImageOutput.create(str(path))
+    assert writer.open(str(path), spec), writer.geterror()
+    assert writer.write_image(np.ascontiguousarray(pixels, np.float32))
+    assert writer.close()
+    return path
+
+
+def uneven(size: int = SIZE) -> NDArray[np.float32]:
+    """A picture whose quarters differ, and its primaries."""
+    picture = np.full((size, size, 3), 0.1, np.float32)
+    picture[: size // 2, : size // 2] = (0.9, 0.2, 0.0)
+    picture[size // 2 :, size // 2 :] = (0.0, 0.6, 0.8)
+    return picture
+
+
+def over_screen(
+    picture: NDArray[Any], variance: NDArray[Any], dome: Dome
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(primary,) means over the screen's area, and their standard errors."""
+    share = dome.screen_areas(*picture.shape[:2])
+    share = share / share.sum()
+    mean = np.einsum("ij,ijp->p", share, picture)
+    return mean, np.sqrt(np.einsum("ij,ijp->p", share**2, variance))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Scenes and masters."""
+    place = tmp_path_factory.mktemp("rendering")
+    for name, text in {"bare": BARE, "hall": HALL, "furnished": FURNISHED}.items():
+        (place / f"{name}.toml").write_text(text)
+    store(place / "white.exr", np.ones((SIZE, SIZE, 3)))
+    store(place / "grey.exr", np.full((SIZE, SIZE, 3), 0.25))
+    store(place / "uneven.exr", uneven())
+    return place
+
+
+# The domemaster.
+
+
+@pytest.fixture(scope="module")
+def white(folder: Path) -> tuple[Layers, dict[str, Any]]:
+    """A white master on the bare hemisphere: the file, and the figures."""
+    out = folder / "white" / "seen.exr"
+    figures = domesim(
+        "render", "dome_hemisphere", "--master", folder / "white.exr", "--out", out,
+        "--error", 0.02, "--seed", 5, "--per-bounce", "--json",
+    ).figures()  # fmt: skip
+    return layers_of(out), figures
+
+
+def test_the_layers_are_named(white: tuple[Layers, dict[str, Any]]) -> None:
+    found, figures = white
+    bounces = {f"bounce{k}" for k in range(1, figures["bounces"] + 1)}
+    assert set(found.layers) == {"", "direct", "indirect", "variance", *bounces}
+    assert {layer.shape for layer in found.layers.values()} == {(SIZE, SIZE, 3)}
+
+
+def test_direct_light_of_a_white_master_is_projector_white(
+    white: tuple[Layers, dict[str, Any]],
+) -> None:
+    found, _ = white
+    screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
+    np.testing.assert_allclose(found["direct"][screen], WHITE, rtol=1e-6)
+    for layer in found.layers.values():
+        assert np.all(layer[~screen] == 0)
+
+
+def test_indirect_light_of_a_white_master_is_the_closed_form(
+    white: tuple[Layers, dict[str, Any]],
+) -> None:
+    """Every point of a hemisphere sees rho / (2 - rho) of the direct light again."""
+    found, figures = white
+    dome = load_scene("dome_hemisphere").dome
+    screen, truth = dome.inside(SIZE, SIZE), WHITE * 0.5 / 1.5
+    mean, error = over_screen(found["indirect"], found["variance"], dome)
+    assert np.all(np.abs(mean - truth) < 4 * error), (mean, error)
+    assert np.all(error < 2e-3 * truth)
+    # Grey light on a grey screen: primaries are one and the same estimate.
+    scores = (found["indirect"][screen] - truth) / np.sqrt(found["variance"][screen])
+    assert np.sqrt(np.mean(scores[:, 0] ** 2)) == pytest.approx(1, abs=0.1)
+    assert figures["mean_cd_m2"]["indirect"] == pytest.approx(float(mean[0]), rel=1e-5)
+    assert figures["mean_cd_m2"]["direct"] == pytest.approx(WHITE, rel=1e-6)
+
+
+def test_the_error_is_as_asked_for(white: tuple[Layers, dict[str, Any]]) -> None:
+    found, figures = white
+    screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
+    error = np.sqrt(found["variance"][screen].mean()) / found["indirect"][screen].mean()
+    assert figures["relative_error"] == pytest.approx(error, rel=1e-4)
+    assert 0.01 < figures["relative_error"] <= 0.02
+    assert figures["status"] == "The requested standard error was reached."
+
+
+def test_layers_add_up(white: tuple[Layers, dict[str, Any]]) -> None:
+    found, figures = white
+    np.testing.assert_allclose(found[""], found["direct"] + found["indirect"], rtol=1e-6)
+    bounces = sum(found[f"bounce{k}"] for k in range(1, figures["bounces"] + 1))
+    np.testing.assert_allclose(bounces, found["indirect"], rtol=1e-4, atol=1e-6)
+    # Of a hemisphere each bounce is rho / 2 of the one before.
+    screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
+    first, second = (found[f"bounce{k}"][screen].mean() for k in (1, 2))
+    assert first == pytest.approx(WHITE / 4, rel=0.01)
+    assert second == pytest.approx(WHITE / 16, rel=0.02)
+
+
+def test_the_header_says_where_it_is_from(white: tuple[Layers, dict[str, Any]]) -> None:
+    found, figures = white
+    header = found.header
+    scene = load_scene("dome_hemisphere")
+    assert header["domesim:scene"] == figures["scene"] == "dome_hemisphere"
+    assert header["domesim:digest"] == scene.digest
+    assert header["domesim:seed"] == figures["seed"] == 5
+    assert header["domesim:samples"] == figures["samples"] > 32
+    assert header["domesim:status"] == figures["status"]
+    assert header["domesim:white_cd_m2"] == WHITE
+    assert "cd/m2" in header["domesim:units"]
+    for program in ("domesim", "mitsuba", "drjit", "Python"):
+        assert f"{program} " in header["domesim:versions"]
+    assert header["chromaticities"][:2] == pytest.approx((0.64, 0.33))
+    assert header["chromaticities"][6:] == pytest.approx((0.3127, 0.3290), abs=1e-4)
+
+
+def test_a_preview_lies_beside_it(folder: Path) -> None:
+    out = folder / "preview" / "seen.exr"
+    outcome = domesim("render", "dome_hemisphere", "--master", folder / "grey.exr", "--out", out)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert sorted(path.name for path in out.parent.iterdir()) == ["seen.exr", "seen.png"]
+    for path in (out, out.with_suffix(".png")):
+        assert f"  -> {path}" in outcome.out.splitlines()
+    preview = read_frame(out.with_suffix(".png"))
+    assert (preview.pixels.shape, preview.bits) == ((SIZE, SIZE, 3), 8)
+    screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
+    seen = 0.25 * 4 / 3
+    assert preview.pixels[screen].mean() == pytest.approx(1.055 * seen ** (1 / 2.4) - 0.055, 0.01)
+    assert np.all(preview.pixels[~screen] == 0)
+
+
+def test_the_seed_decides(folder: Path) -> None:
+    def rendered(name: str, seed: int) -> Layers:
+        out = folder / "seeds" / f"{name}.exr"
+        domesim(
+            "render", folder / "hall.toml", "--master", folder / "uneven.exr", "--out", out,
+            "--samples", 16, "--seed", seed, "--json",
+        ).figures()  # fmt: skip
+        return layers_of(out)
+
+    first, again, other = rendered("a", 1), rendered("b", 1), rendered("c", 2)
+    for name in ("", "direct", "indirect", "variance"):
+        np.testing.assert_array_equal(first[name], again[name])
+    np.testing.assert_array_equal(first["direct"], other["direct"])
+    assert np.mean(first["indirect"] != other["indirect"]) > 0.7
+
+
+def test_large_numbers_fit_into_the_header(folder: Path) -> None:
+    """More than 2^31 segments are an hour's work; a seed is soon as long."""
+    out, seed = folder / "large" / "seen.exr", 3 << 70
+    arguments = ("--master", folder / "white.exr", "--samples", 2, "--seed", seed, "--json")
+    figures = domesim("render", "dome_hemisphere", "--out", out, *arguments).figures()
+    assert figures["seed"] == int(layers_of(out).header["domesim:seed"]) == seed
+
+
+def test_too_few_samples_are_said(folder: Path) -> None:
+    figures = domesim(
+        "render", "dome_hemisphere", "--master", folder / "white.exr", "--samples", 2,
+        "--out", folder / "few" / "seen.exr", "--json",
+    ).figures()  # fmt: skip
+    assert figures["samples"] == 2
+    assert "most samples" in figures["status"]
+
+
+def test_the_bundled_master_is_resized(folder: Path) -> None:
+    out = folder / "night" / "seen.exr"
+    arguments = ("--size", 48, "--samples", 4, "--json")
+    domesim("render", "dome_hemisphere", "--out", out, *arguments).figures()
+    found = layers_of(out)
+    assert found["direct"].shape == (48, 48, 3)
+    assert 0.1 < found["direct"].max() <= WHITE
+
+
+# From a seat, and from outside.
+
+
+def test_the_zenith_from_inside_the_bare_hemisphere(folder: Path) -> None:
+    out = folder / "up" / "seen.exr"
+    domesim(
+        "render", folder / "bare.toml", "--view", "seat:up", "--master", folder / "white.exr",
+        "--out", out, "--size", 32, "--error", 0.01, "--json",
+    ).figures()  # fmt: skip
+    found = layers_of(out)
+    assert set(found.layers) == {"", "direct", "indirect", "variance"}
+    assert found[""].shape == (18, 32, 3)
+    np.testing.assert_allclose(found["direct"], WHITE, rtol=1e-6)
+    error = np.sqrt(found["variance"].mean() / (18 * 32))
+    assert abs(found["indirect"][..., 0].mean() - WHITE / 3) < 4 * error
+    assert error < 0.01
+
+
+@pytest.fixture(scope="module")
+def seat(folder: Path) -> Layers:
+    out = folder / "seat" / "seen.exr"
+    domesim(
+        "render", folder / "furnished.toml", "--view", "seat:aisle", "--master",
+        folder / "uneven.exr", "--out", out, "--size", 48, "--per-bounce", "--json",
+    ).figures()  # fmt: skip
+    return layers_of(out)
+
+
+def test_a_seat_sees_the_picture_the_room_and_the_lamps(seat: Layers) -> None:
+    total = seat["direct"] + seat["indirect"] + seat["ambient"]
+    np.testing.assert_allclose(seat[""], total, rtol=1e-5, atol=1e-6)
+    bounces = sum(layer for name, layer in seat.layers.items() if name.startswith("bounce"))
+    np.testing.assert_allclose(bounces, seat["indirect"], rtol=1e-4, atol=1e-4)
+    # Above is the screen, below are the floor and seats.
+    assert np.all(seat["direct"][0].max(-1) > 0.9)
+    assert np.all(seat["direct"][-1] == 0)
+    assert np.all(seat["indirect"][[0, -1]] > 0)
+    # The lamp is greener than the picture, and not reddish.
+    red, green, blue = seat["ambient"].mean((0, 1))
+    assert 1.8 < green / red < 2.2
+    assert 1.8 < red / blue < 2.2
+
+
+def test_the_picture_is_not_mirrored_from_a_seat(seat: Layers) -> None:
+    """A domemaster's front is below and its right is right: blue and green is front right."""
+    top = seat["direct"][:4]
+    left, right = top[:, :20].mean((0, 1)), top[:, 28:].mean((0, 1))
+    assert right[2] > 5 * right[0]
+    assert left[0] == pytest.approx(left[2], rel=1e-3)  # front left is grey
+
+
+@pytest.mark.parametrize("view", ["seat:balcony", "balcony", "seat:"])
+def test_an_unknown_seat_is_told_the_known_ones(folder: Path, view: str) -> None:
+    out = folder / "unknown" / "seen.exr"
+    outcome = domesim("render", folder / "furnished.toml", "--view", view, "--out", out)
+    outcome.is_refused(f"'{view}'", "domemaster", "cutaway", "seat:back", "seat:centre", "...")
+    assert list(out.parent.iterdir()) == []
+
+
+def test_a_scene_without_seats_says_so(folder: Path) -> None:
+    out = folder / "unknown" / "seen.exr"
+    outcome = domesim("render", folder / "hall.toml", "--view", "seat:centre", "--out", out)
+    outcome.is_refused("'seat:centre'", "'a hall'", "no seats")
+
+
+def test_the_theatre_from_outside(folder: Path) -> None:
+    out = folder / "outside" / "hall.png"
+    figures = domesim(
+        "render", folder / "furnished.toml", "--view", "cutaway", "--size", 36, "--out", out,
+        "--master", folder / "uneven.exr", "--json",
+    ).figures()  # fmt: skip
+    assert figures == {
+        "scene": "a furnished room", "view": "cutaway", "output": str(out), "failed": [],
+    }  # fmt: skip
+    assert list(out.parent.iterdir()) == [out]
+    pixels = read_frame(out).pixels
+    assert pixels.shape == (24, 36, 3)
+    assert pixels.std() > 0.05
+
+
+# Lamps and black.
+
+
+def test_what_is_there_without_a_picture_is_counted(folder: Path) -> None:
+    out = folder / "ambient" / "seen.exr"
+    domesim(
+        "render", folder / "furnished.toml", "--master", folder / "white.exr", "--out", out,
+        "--samples", 64, "--json",
+    ).figures()  # fmt: skip
+    found = layers_of(out)
+    screen = load_scene(folder / "furnished.toml").dome.inside(SIZE, SIZE)
+    parts = found["direct"] + found["indirect"] + found["ambient"]
+    np.testing.assert_allclose(found[""][screen], parts[screen] + 0.02, rtol=1e-5)
+    assert found["ambient"][screen].min() > 0
+
+
+# Tables of the whole transport.
+
+
+@pytest.fixture(scope="module")
+def quick_radiosity() -> Iterator[None]:
+    """The second opinion at a resolution that does for a test."""
+    with pytest.MonkeyPatch.context() as patch:
+        coarse = partial(radiosity_module.radiosity, resolution=6, nodes=41)
+        patch.setattr(radiosity_module, "radiosity", coarse)
+        yield
+
+
+@pytest.fixture(scope="module")
+def hall(folder: Path, quick_radiosity: None) -> tuple[Path, dict[str, Any]]:
+    """The transport of dome, floor and wall, and the figures."""
+    out = folder / "tables" / "hall.npz"
+    arguments = ("--walks", 1e6, "--degree", 2, "--seed", 3, "--json")
+    return out, domesim("tabulate", folder / "hall.toml", "--out", out, *arguments).figures()
+
+
+@pytest.fixture(scope="module")
+def room(folder: Path) -> tuple[Path, Path, Outcome]:
+    """A scene with seats but no lamps, its transport, and what was said about it."""
+    scene, out = folder / "room.toml", folder / "tables" / "room.npz"
+    scene.write_text(FURNISHED.partition("[[lamps]]")[0])
+    outcome = domesim("tabulate", scene, "--out", out, "--walks", 1e6, "--degree", 2)
+    assert (outcome.code, outcome.err) == (0, "")
+    return scene, out, outcome
+
+
+def test_a_table_is_read_as_it_was_written(folder: Path, hall: tuple[Path, dict[str, Any]]) -> None:
+    path, figures = hall
+    assert list(path.parent.glob("hall*")) == [path]
+    transport, scene = load_transport(path), load_scene(folder / "hall.toml")
+    assert transport.dome == scene.dome
+    assert transport.provenance["scene"] == figures["scene"] == "a hall"
+    assert transport.provenance["digest"] == scene.digest
+    assert transport.provenance["seed"] == 3
+    assert transport.provenance["walks"] == figures["walks"] >= 1e6
+    assert transport.rank == figures["rank"] == 6
+    assert figures["mean_gain"] == pytest.approx(transport.mean_gain().tolist())
+    assert figures["relative_error"] == pytest.approx(transport.relative_error())
+    assert 0 < figures["relative_error"] < 2e-3
+    assert "most samples" in figures["status"]
+    assert figures["closed_form_gain"] == pytest.approx([1 / 3, 1 / 4, 0.3 / 1.7])
+    assert figures["output"] == str(path)
+
+
+def test_radiosity_is_of_the_same_opinion(hall: tuple[Path, dict[str, Any]]) -> None:
+    _, figures = hall
+    opinion = figures["second_opinion"]
+    gain = np.array(figures["mean_gain"])
+    # The room matters, and both see it.
+    assert np.all(gain > 1.2 * np.array(figures["closed_form_gain"]))
+    apart = np.abs(np.array(opinion["mean_gain"]) / gain - 1).max()
+    assert opinion["apart"] == pytest.approx(apart, rel=1e-6)
+    assert apart < 4 * figures["relative_error"] + 5e-4  # what six rings of patches cost
+
+
+def test_a_table_is_what_render_shows(folder: Path, hall: tuple[Path, dict[str, Any]]) -> None:
+    out = folder / "hall" / "seen.exr"
+    domesim(
+        "render", folder / "hall.toml", "--master", folder / "white.exr", "--out", out,
+        "--error", 0.03, "--json",
+    ).figures()  # fmt: skip
+    found = layers_of(out)
+    mean, error = over_screen(
+        found["indirect"], found["variance"], load_scene(folder / "hall.toml").dome
+    )
+    wanted = WHITE * np.array(hall[1]["mean_gain"])
+    assert np.all(np.abs(mean - wanted) < 4 * error + 1e-3 * wanted), (mean, wanted, error)
+    assert np.all(error < 5e-3 * wanted)
+
+
+def test_what_radiosity_cannot_know_is_said(room: tuple[Path, Path, Outcome]) -> None:
+    scene, out, outcome = room
+    (opinion,) = (line for line in outcome.out.splitlines() if "opinion" in line)
+    assert opinion.startswith("No second opinion: ")
+    assert "solids (seats" in opinion
+    assert "tabulate" not in opinion  # that is what was done
+    assert f"Use it: domesim compensate MASTER --scene {scene} --transport {out}" in outcome.out
+
+
+@pytest.mark.usefixtures("quick_radiosity")
+def test_the_seed_of_a_table_decides(folder: Path, hall: tuple[Path, dict[str, Any]]) -> None:
+    cores = []
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        out = folder / "tables" / f"{name}.npz"
+        arguments = ("--walks", 1, "--degree", 1, "--seed", seed, "--no-check", "--json")
+        figures = domesim("tabulate", folder / "hall.toml", "--out", out, *arguments).figures()
+        assert "second_opinion" not in figures
+        cores.append(load_transport(out).core)
+    np.testing.assert_array_equal(cores[0], cores[1])
+    assert np.all(cores[0] != cores[2])
+
+
+APPROXIMATE = "approximate: the closed form knows the bare screen only"
+
+
+def test_observe_uses_the_table(folder: Path, room: tuple[Path, Path, Outcome]) -> None:
+    scene, table, _ = room
+    arguments = ("observe", folder / "white.exr", "--scene", scene, "--out", folder / "observed")
+    without, told = domesim(*arguments, "--json").figures(), domesim(*arguments)
+    assert APPROXIMATE in without["approximation"]
+    assert APPROXIMATE in told.out
+    for reason in ("the floor reflects", "the wall reflects", "things stand in the room (seats"):
+        assert reason in told.out
+    arguments = (*arguments, "--transport", table)
+    figures, told = domesim(*arguments, "--json").figures(), domesim(*arguments)
+    assert (told.code, told.err) == (0, "")
+    assert figures["approximation"] is None
+    assert "approximate" not in told.out
+    gain = float(load_transport(table).mean_gain()[0])
+    (frame,), (bare,) = figures["frames"], without["frames"]
+    assert frame["pollution_cd_m2"] == pytest.approx(WHITE * gain + 0.02, rel=2e-3)
+    assert bare["pollution_cd_m2"] == pytest.approx(WHITE / 3 + 0.02, rel=1e-3)
+    assert frame["pollution_cd_m2"] > 1.05 * bare["pollution_cd_m2"]
+
+
+def test_compensate_uses_the_table(folder: Path, room: tuple[Path, Path, Outcome]) -> None:
+    scene, table, _ = room
+    written = {}
+    for name, options in {"without": (), "with": ("--transport", table)}.items():
+        out = folder / f"compensated {name}"
+        outcome = domesim(
+            "compensate", folder / "uneven.exr", "--scene", scene, "--out", out, *options
+        )
+        assert (outcome.code, outcome.err) == (0, "")
+        assert (APPROXIMATE in outcome.out) == (name == "without")
+        written[name] = read_frame(out / "uneven.exr").pixels
+    # The room's light is more, so more is taken away.
+    assert written["with"].mean() < written["without"].mean() - 1e-3
+
+
+CHANGES = {
+    "the floor": ("albedo = 0.3 }", "albedo = 0.4 }"),
+    "the dome": ("radius_m = 5.0", "radius_m = 5.5"),
+    "a seat": ("seats_per_row = 3", "seats_per_row = 2"),
+}
+
+
+@pytest.mark.parametrize("command", ["observe", "compensate"])
+@pytest.mark.parametrize("case", CHANGES)
+def test_the_table_of_another_theatre_is_refused(
+    folder: Path, room: tuple[Path, Path, Outcome], command: str, case: str
+) -> None:
+    scene, table, _ = room
+    before, after = CHANGES[case]
+    other, out = folder / "other.toml", folder / "refused"
+    assert scene.read_text().count(before) == 1
+    other.write_text(scene.read_text().replace(before, after))
+    outcome = domesim(
+        command, folder / "white.exr", "--scene", other, "--transport", table, "--out", out
+    )
+    outcome.is_refused(str(table), "'a furnished room'", "domesim tabulate", "again")
+    assert not out.exists()
+
+
+def test_a_table_holds_for_whoever_looks(folder: Path, room: tuple[Path, Path, Outcome]) -> None:
+    """Names, viewers and black change nothing about where light goes."""
+    scene, table, _ = room
+    text = scene.read_text()
+    for before, after in (
+        ("a furnished room", "the same"), ("_m2 = 1.4", "_m2 = 9"), ("0.02", "0.01"),
+    ):  # fmt: skip
+        assert before in text
+        text = text.replace(before, after)
+    other = folder / "same.toml"
+    other.write_text(text)
+    outcome = domesim(
+        "observe", folder / "white.exr", "--scene", other, "--transport", table,
+        "--out", folder / "same",
+    )  # fmt: skip
+    assert (outcome.code, outcome.err) == (0, "")
+
+
+# Ctrl-C.
+
+
+@pytest.fixture
+def press_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Callable[[], int]]:
+    """Press it as a launch starts: the one with that number, so many times."""
+
+    def press(at: int, times: int = 1) -> Callable[[], int]:
+        real, started = tracer_module.launch_seed, 0
+
+        def launch_seed(*parts: int) -> int:
+            nonlocal started
+            started += 1
+            if started == at:
+                for _ in range(times):
+                    signal.raise_signal(signal.SIGINT)
+            return real(*parts)
+
+        for module in (tracer_module, tabulate_module):
+            monkeypatch.setattr(module, "launch_seed", launch_seed)
+        return lambda: started
+
+    return press
+
+
+INTERRUPTED = "Interrupted: this is what there was. Run it again for more."
+COMPLAINT = "domesim: interrupted; what was written is complete\n"
+VIEWS = ("domemaster", "seat:centre")
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_an_interrupted_picture_is_written(
+    folder: Path, press_ctrl_c: Callable[..., Callable[[], int]], view: str
+) -> None:
+    """With the least of the lamps' light, which would take as long again."""
+    out = folder / "interrupted" / f"{view[:4]}.exr"
+    before = signal.getsignal(signal.SIGINT)
+    launches = press_ctrl_c(at=1)
+    outcome = domesim(
+        "render", folder / "furnished.toml", "--master", folder / "white.exr", "--out", out,
+        "--error", 1e-4, "--samples", 400, "--view", view, "--size", SIZE, "--json",
+    )  # fmt: skip
+    assert (outcome.code, outcome.err) == (130, COMPLAINT)
+    figures, found = json.loads(outcome.out), layers_of(out)
+    assert figures["status"] == found.header["domesim:status"] == INTERRUPTED
+    assert figures["samples"] == 32
+    assert launches() == 2
+    assert found["indirect"].max() > 0
+    assert found["ambient"].max() > 0
+    assert out.with_suffix(".png").is_file()
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_interrupted_lamps_are_told(
+    folder: Path, press_ctrl_c: Callable[..., Callable[[], int]], view: str
+) -> None:
+    out = folder / "interrupted" / f"{view[:4]} lamps.exr"
+    press_ctrl_c(at=3)
+    outcome = domesim(
+        "render", folder / "furnished.toml", "--master", folder / "white.exr", "--out", out,
+        "--error", 1e-6, "--samples", 64, "--view", view, "--size", SIZE, "--json",
+    )  # fmt: skip
+    assert outcome.code == 130
+    assert json.loads(outcome.out)["status"] == INTERRUPTED
+
+
+def test_an_interrupted_table_is_written(
+    folder: Path, press_ctrl_c: Callable[..., Callable[[], int]]
+) -> None:
+    """Without a second opinion, which takes a while."""
+    out = folder / "interrupted" / "hall.npz"
+    launches = press_ctrl_c(at=2)
+    outcome = domesim(
+        "tabulate", folder / "hall.toml", "--degree", 2, "--error", 1e-9, "--out", out, "--json"
+    )
+    assert (outcome.code, outcome.err) == (130, COMPLAINT)
+    figures, stored = json.loads(outcome.out), load_transport(out)
+    assert figures["status"] == INTERRUPTED
+    assert "second_opinion" not in figures
+    assert stored.provenance["status"] == "INTERRUPTED"
+    assert stored.provenance["walks"] == figures["walks"]
+    assert launches() == 2
+    assert stored.mean_gain() == pytest.approx([0.431, 0.317, 0.2205], rel=0.01)
+
+
+@pytest.mark.parametrize("command", ["render", "tabulate"])
+def test_a_second_ctrl_c_ends_everything(
+    folder: Path, press_ctrl_c: Callable[..., Callable[[], int]], command: str
+) -> None:
+    out = folder / "ended" / f"seen.{'exr' if command == 'render' else 'npz'}"
+    press_ctrl_c(at=1, times=2)
+    outcome = domesim(command, folder / "hall.toml", "--out", out, "--quiet")
+    assert (outcome.code, outcome.err) == (130, COMPLAINT)
+    assert list(out.parent.iterdir()) == []
+
+
+WATCHED = """
+import contextlib
+from domesim.__main__ import main
+from domesim.host.console import Console
+
+@contextlib.contextmanager
+def share(self, what):
+    yield lambda done, how: print(what, done, flush=True)
+
+Console.share = share
+main()
+"""
+
+
+def in_a_process(*arguments: object, **options: Any) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # Whoever runs the tests in the background makes their children ignore Ctrl-C.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+        **options,
+    )
+
+
+def test_a_real_ctrl_c(folder: Path) -> None:
+    out = folder / "interrupted" / "real.exr"
+    process = in_a_process(
+        "-c", WATCHED, "render", "dome_hemisphere", "--master", folder / "white.exr", "--out", out,
+        "--error", 1e-6, "--samples", 1 << 40, "--quiet",
+    )  # fmt: skip
+    assert process.stdout is not None
+    told = [process.stdout.readline().split() for _ in range(3)]
+    process.send_signal(signal.SIGINT)
+    pressed = time.monotonic()
+    _, err = process.communicate(timeout=60)
+    assert time.monotonic() - pressed < 20
+    assert (process.returncode, err) == (130, COMPLAINT)
+    assert [what for what, _ in told] == ["tracing"] * 3
+    found = layers_of(out)
+    assert found.header["domesim:status"] == INTERRUPTED
+    assert found.header["domesim:samples"] >= 32
+    mean, error = over_screen(
+        found["indirect"], found["variance"], load_scene("dome_hemisphere").dome
+    )
+    assert np.all(np.abs(mean - WHITE / 3) < 4 * error)
+
+
+# Without LLVM.
+
+
+def test_numpy_alone_finds_the_same(folder: Path) -> None:
+    out = folder / "scalar" / "seen.exr"
+    arguments = (
+        "render", folder / "hall.toml", "--master", folder / "uneven.exr", "--error", 0.1, "--out",
+    )  # fmt: skip
+    process = in_a_process(
+        "-m", "domesim", *arguments, out, env={**os.environ, "DOMESIM_VARIANT": "scalar"}
+    )
+    fast = folder / "scalar" / "fast.exr"
+    domesim(*arguments, fast, "--json").figures()
+    told, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (0, "")
+    assert "Path tracing with NumPy, which is slower: DOMESIM_VARIANT=scalar" in told
+    slow, quick = layers_of(out), layers_of(fast)
+    np.testing.assert_allclose(slow["direct"], quick["direct"], rtol=1e-5, atol=1e-6)
+    dome = load_scene(folder / "hall.toml").dome
+    (a, a_error), (b, b_error) = (
+        over_screen(found["indirect"], found["variance"], dome) for found in (slow, quick)
+    )
+    error = np.hypot(a_error, b_error)
+    assert np.all(np.abs(a - b) < 4 * error), (a, b, error)
+    assert np.all(error < 0.02 * b)
+    assert np.any(slow["indirect"] != quick["indirect"])

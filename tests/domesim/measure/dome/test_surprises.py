@@ -1,0 +1,67 @@
+"""What nobody told a survey: walls of another paint, heavy-tailed noise, a misplaced camera."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from domesim.measure.dome.fit import _doubts
+from domesim.measure.dome.run import survey_of
+from validation.experiments.surprised_surveys import (
+    STATED,
+    computed,
+    described,
+    heavy_tails,
+    misplaced_camera,
+    theatre,
+)
+from validation.laboratory import patterns_for
+
+
+@pytest.mark.long
+def test_noise_with_heavy_tails_does_not_darken_what_is_found():
+    """Cells that are bright by chance are not to count less."""
+    z = np.array([heavy_tails(seed).z["gain"] for seed in (0, 1)])
+    assert abs(z.mean()) < 1
+    assert np.abs(z).max() < 3.5
+
+
+def test_a_misplaced_camera_is_not_taken_for_a_turned_one():
+    found = misplaced_camera(0).z
+    assert np.abs([found["camera"], found["turn about"]]).max() < 3.5
+
+
+def test_a_wall_that_is_not_seen_is_not_said_to_be_known():
+    rng = np.random.default_rng(3)
+    real, camera = theatre(rng, wall=True)
+    real = replace(real, wall=replace(real.wall, albedo=(0.4, 0.3, 0.5)))
+    told = described(real, rng)
+    told = replace(told, wall=replace(told.wall, albedo=(0.1, 0.1, 0.1)))
+    patterns = patterns_for(real.dome, 64)
+    _, found = survey_of(
+        told, patterns, computed(real, camera, patterns, rng), {}, STATED, profile=False,
+        resolution=6,
+    )  # fmt: skip
+    off = np.abs(found.value[3] - real.wall.albedo)
+    assert np.all(off < 3 * found.error[3])
+    assert found.complete
+
+
+def test_what_photographs_do_not_tell_apart_is_doubted_together():
+    spread, alike = np.array([0.6, 0.5, 0.2]), np.eye(3)
+    alike[0, 1] = alike[1, 0] = -0.95
+    covariance = alike * np.outer(spread, spread)
+    names = ("camera z", "turn about x", "floor height")
+    lines = _doubts(names, np.array([3.0, 2.9, 0.4]), covariance)
+    assert lines == (
+        "camera z is +3.0 ± 0.6 and turn about x is +2.9 ± 0.5 of its stated error, or one of "
+        "both more: the photographs do not tell them apart",
+    )
+    alone = _doubts(names, np.array([0.2, 3.4, 3.1]), np.diag(spread**2))
+    assert alone == (
+        "turn about x is +3.4 ± 0.5 of its stated error",
+        "floor height is +3.1 ± 0.2 of its stated error",
+    )
+    assert _doubts(names, np.array([0.2, 1.0, 2.5]), covariance) == ()

@@ -1,0 +1,36 @@
+"""The reference of scene keys is that of the models, and its examples are valid."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from domesim.scene.dome_file import DomeFile
+from domesim.scene.reference import page, parts
+from domesim.scene.stereo_file import StereoFile
+
+PAGE = Path(__file__).parents[3] / "docs" / "scene-keys.md"
+
+
+def test_the_page_is_up_to_date():
+    assert page() == PAGE.read_text(), "make keys writes it anew"
+
+
+@pytest.mark.parametrize("model", [DomeFile, StereoFile])
+def test_every_key_has_an_example_that_the_model_takes(model):
+    keys = [key for part in parts(model) for key in part.keys]
+    assert len(keys) > 35
+    for key in keys:
+        jsonschema.validate(key.example, key.schema)
+        assert key.example is not None, key
+
+
+def test_a_row_says_all_of_a_key():
+    rows = PAGE.read_text().splitlines()
+    assert "| `half_angle_deg` | number | degrees | `90.0` | 1 to 180 | `90.0` |" in rows
+    assert "### `[[projector.units]]`" in rows
+    assert "### `[viewpoints.NAME]`" in rows
+    found = next(row for row in rows if row.startswith("| `levels`"))
+    assert found.startswith("| `levels` | list of numbers |  | required | 0 to 1 |")

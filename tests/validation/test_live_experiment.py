@@ -1,0 +1,54 @@
+"""A shader's cost is counted from its text."""
+
+from __future__ import annotations
+
+import pytest
+
+from compensate.live.shader import shader_of
+from domesim.frames.encodings import encoding_named
+from domesim.scene import load_scene
+from validation.experiments.live import TEXEL, cost_of
+
+TEXT = """\
+//!TEXTURE TABLE
+//!SIZE 4 5
+//!FORMAT r32f
+00
+
+//!HOOK MAIN
+//!DESC first
+//!WHEN HOOKED.w 40 = HOOKED.h 30 = *
+//!BIND HOOKED
+//!BIND TABLE
+//!SAVE SMALL
+//!WIDTH 10
+//!HEIGHT 5
+vec4 fetch_HOOKED(ivec2 p) { return texelFetch(HOOKED_raw, p, 0); }
+vec4 fetch_TABLE(ivec2 p) { return texelFetch(TABLE, p, 0); }
+ivec2 place(vec2 size) { return ivec2(floor(HOOKED_pos * size)); }
+vec4 two(vec2 q) { return fetch_HOOKED(ivec2(q)) + fetch_HOOKED(ivec2(q) + 1); }
+vec4 hook() {
+    vec4 sum = vec4(0.0);
+    for (int i = 0; i < 4; i++) for (int j = -1; j <= 1; j++) {
+        if (i > j) continue;
+        sum += two(vec2(i, j)) + fetch_TABLE(ivec2(i, j));
+    }
+    for (int i = p.y; i < 64; i += 32) sum += fetch_TABLE(ivec2(i));
+    return sum;
+}
+"""
+
+
+def test_texels_and_bytes_are_counted():
+    cost = cost_of(TEXT)
+    assert cost.passes == 1
+    assert cost.fetches == 50 * (4 * 3 * 3 + 2)
+    assert cost.bytes == TEXEL * (50 + 1200 + 20)
+
+
+@pytest.mark.parametrize("name", ["dome_imax", "stereo_cinema_silver"])
+def test_every_pass_of_a_real_one_is_counted(name):
+    text = shader_of(load_scene(name), 96, 96, encoding_named("srgb"))
+    cost = cost_of(text)
+    assert cost.passes == text.count("//!HOOK MAIN") - 1  # but the red frame
+    assert cost.fetches > 96 * 96 * 4

@@ -1,0 +1,162 @@
+"""Whole commands from file to file, in multiples of one FFT pair of a plane of their size.
+
+A pair is a forward and an inverse `scipy.fft` of one float32 plane on all cores, timed in the same
+run: what one transform of the picture would take at least. Pictures are a night with lamps in a
+dome, and a street at night with a sky in 3D: dark foregrounds, bright places.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from typing import final
+
+import numpy as np
+import scipy.fft
+
+from domesim.frames import ColourTag, Frame, write_frame
+from domesim.host.cores import cores
+from domesim.light import Light
+from validation.benchmarks.commands import Job, run_command
+from validation.content.street import night_street
+from validation.masters import night, write_exr
+
+DOME, PAIR = "dome_imax", "stereo_polarised_paper"
+RUNS = 5
+SHORT, LONG = 4, 24
+"""Frames of two sequences: what the longer one takes more is of further frames."""
+HEADER = f"{'work':<34}{'seconds':>9}{'pairs':>7}{'core-s':>8}{'GiB':>6}{'unit, s':>9}"
+
+
+@final
+@dataclass(frozen=True)
+class FileCost:
+    """What a command took, medians of some runs.
+
+    Parameters
+    ----------
+    work
+        What it did.
+    seconds, cpu_s, gib
+        Time, core-seconds and peak memory of the whole process; for a further frame of a sequence,
+        without the start, and the memory of all.
+    unit
+        Seconds of one FFT pair.
+    busy
+        Share of all cores that was busy; None of single frames.
+    """
+
+    work: str
+    seconds: float
+    cpu_s: float
+    gib: float
+    unit: float
+    busy: float | None = None
+
+    @property
+    def pairs(self) -> float:
+        """FFT pairs that take as long."""
+        return self.seconds / self.unit
+
+
+def line(cost: FileCost) -> str:
+    """What was measured, under `HEADER`."""
+    figures = f"{cost.seconds:>9.2f}{cost.pairs:>7.0f}{cost.cpu_s:>8.2f}{cost.gib:>6.1f}"
+    busy = "" if cost.busy is None else f"  {cost.busy:.0%} of {cores()} cores busy"
+    return f"{cost.work:<34}{figures}{cost.unit:>9.4f}{busy}"
+
+
+def file_costs(*, quick: bool = False) -> Iterator[FileCost]:
+    """Single frames and further frames of sequences; `quick` ones are of a quarter of the side."""
+    small = 4 if quick else 1
+    runs = 1 if quick else RUNS
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for side, suffix in ((2048 // small, "png"), (4096 // small, "exr")):
+            files = _stored(folder, "dome", night(side, 0), suffix)
+            unit = fft_pair(side, side)
+            yield _alone(f"dome {side}², {suffix.upper()}", files, folder, unit, runs)
+            yield _further(f"dome {side}², {suffix.upper()}", files, folder, unit)
+        cols, rows = 1920 // small, 1080 // small
+        pair = night_street(cols)[:, :rows]
+        unit = fft_pair(*pair.shape[1:3])
+        for suffix in ("png", "exr"):
+            files = _stored(folder, "pair", pair, suffix)
+            work = f"pair {cols} x {pair.shape[1]}, {suffix.upper()}"
+            yield _alone(work, files, folder, unit, runs)
+            yield _further(work, files, folder, unit)
+
+
+def fft_pair(rows: int, cols: int) -> float:
+    """Seconds of a forward and an inverse transform of one float32 plane, on all cores."""
+    plane = np.random.default_rng(0).random((rows, cols), np.float32)
+
+    def once() -> float:
+        began = time.perf_counter()
+        scipy.fft.irfft2(scipy.fft.rfft2(plane, workers=cores()), s=plane.shape, workers=cores())
+        return time.perf_counter() - began
+
+    return median(once() for _ in range(9))
+
+
+def write(folder: Path, found: Sequence[FileCost]) -> Path:
+    """Write them into a folder; the path of the file."""
+    path = folder / "files.json"
+    told = [{**asdict(each), "pairs": each.pairs} for each in found]
+    path.write_text(json.dumps({"cores": cores(), "costs": told}, indent=1))
+    return path
+
+
+def _stored(folder: Path, name: str, light: Light, suffix: str) -> list[Path]:
+    """The first frame of a sequence of links to it, by view."""
+    firsts = []
+    for view, picture in zip("lr", light, strict=False):
+        first = folder / f"{name}-{view}-{suffix}.0001.{suffix}"
+        if suffix == "exr":
+            write_exr(first, picture)
+        else:
+            colour = ColourTag("srgb", "BT.709", "made so")
+            codes = np.where(
+                picture <= 0.0031308, 12.92 * picture, 1.055 * picture ** (1 / 2.4) - 0.055
+            )
+            write_frame(Frame(codes.astype(np.float32), first, colour, 16, floating=False), first)
+        for number in range(2, LONG + 1):
+            link = folder / first.name.replace("0001", f"{number:04}")
+            if not link.exists():
+                link.hardlink_to(first)
+        firsts.append(first)
+    return firsts
+
+
+def _command(files: list[Path], folder: Path, *options: str) -> Job:
+    named = [str(files[0])]
+    if len(files) > 1:
+        named = ["--left", str(files[0]), "--right", str(files[1])]
+    scene = PAIR if len(files) > 1 else DOME
+    where = ("--scene", scene, "--out", str(folder / "out"), "--anew", "--mix", "--json")
+    return run_command("compensate", *named, *where, *options)
+
+
+def _alone(work: str, files: list[Path], folder: Path, unit: float, runs: int) -> FileCost:
+    jobs = [_command(files, folder) for _ in range(runs)]
+    seconds, cpu_s, gib = (
+        median(getattr(job, name) for job in jobs) for name in ("seconds", "cpu_s", "gib")
+    )
+    return FileCost(work, seconds, cpu_s, gib, unit)
+
+
+def _further(work: str, files: list[Path], folder: Path, unit: float) -> FileCost:
+    patterns = [path.with_name(path.name.replace("0001", "####")) for path in files]
+    short, long = (
+        _command(patterns, folder, "--frames", f"1-{count}", "--pages", "0")
+        for count in (SHORT, LONG)
+    )
+    more = LONG - SHORT
+    seconds, cpu_s = (long.seconds - short.seconds) / more, (long.cpu_s - short.cpu_s) / more
+    busy = cpu_s / (seconds * cores())
+    return FileCost(f"{work}, a further one", seconds, cpu_s, long.gib, unit, busy)

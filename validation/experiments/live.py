@@ -1,0 +1,459 @@
+"""Live pictures are the library's: the same codes, the same quality, at a player's rate.
+
+Rationale
+    `domesim live` and `domesim shader` compute what `compensate` does, in passes of their own. That
+    they do is seen by codes, for a dome by the closed form, one with stored transport, and a pair
+    with a map of crosstalk; and by the share of the default's gain that live pictures of 16 bits
+    keep, over the better of nothing and subtraction, on inputs that no setting was chosen on (by
+    ColorVideoVDP; in a quick run by the library's own model of differences, on the two inputs
+    that it has). Frames of a moving picture are timed one after the other in one process, as
+    multiples of copying a frame, too. A process that is fed by a pipe tells latency and whether its
+    memory grows. What a shader would take on a GPU is counted from its text: every pass writes its
+    texels, and reads every texture at least once from memory; and it fetches texels, from caches
+    mostly, at no more than a GPU's texture units do.
+Expected
+    Codes of 8 bits differ by one at most. Live keeps at least 85 % of the gain. Its process grows
+    by at most 16 MB, and a frame is written two frames after it was read at the latest, where
+    frames are as long as the median. By count, a GPU of 1 TB/s and 500 billion texels a second
+    shows a dome of 4096² (quick: 1024²) in at most 1/60 s. No GPU has measured any of this.
+    Told, not checked, for they are of seconds: frames a second of this machine.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, final
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+
+from compensate.aim import Aim
+from compensate.live.coding import PIXEL_FORMATS, Coding
+from compensate.live.engines import Engine, engine_of
+from compensate.live.shader import shader_of
+from compensate.pose import pose
+from compensate.ruler import Ruler
+from compensate.solve import solved
+from domesim.frames.encodings import encoding_named
+from domesim.light import Light
+from domesim.observation.radiosity import radiosity
+from domesim.scene import DomeScene, Scene, load_scene
+from validation import judges
+from validation.experiment import (
+    Column,
+    Finding,
+    Missing,
+    Table,
+    Work,
+    at_least,
+    at_most,
+)
+from validation.inputs import (
+    CHOOSING,
+    USUAL_LUMINANCE,
+    Input,
+    wanted,
+)
+from validation.masters import night
+from validation.pairs import generated
+
+DOME, PAIR = "dome_imax", "stereo_cinema_silver"
+SHARE, GROWTH, LATE = 0.85, 16e6, 2.0
+"""Least share of the default's gain; most growth in bytes; most latency in frames."""
+FEW = 0.02
+"""JOD: of a smaller gain no share is told."""
+BANDWIDTH, TEXELS, RATE, A_PASS = 1e12, 5e11, 60.0, 1e-5
+"""Bytes and texels a second of a GPU, frames a second, and seconds that each pass takes anyhow."""
+TEXEL = 8
+"""Bytes of four halves."""
+_SRGB = encoding_named("srgb")
+
+
+@final
+@dataclass(frozen=True)
+class Apart:
+    """Codes of 8 bits that live and the library differ by: the most, and of how many samples."""
+
+    most: int
+    share: float
+
+
+@final
+@dataclass(frozen=True)
+class Gain:
+    """How good a picture is, JOD: of nothing, of subtraction, of the default, and of it live."""
+
+    nothing: float
+    subtraction: float
+    default: float
+    live: float
+
+    @property
+    def of_default(self) -> float:
+        """Over the better of nothing and subtraction."""
+        return self.default - max(self.nothing, self.subtraction)
+
+    @property
+    def of_live(self) -> float:
+        """The same, live."""
+        return self.live - max(self.nothing, self.subtraction)
+
+
+@final
+@dataclass(frozen=True)
+class Rate:
+    """Seconds of a frame: the median, and of copying its bytes; and how busy the machine was."""
+
+    frame: float
+    copy: float
+    load: float
+
+
+@final
+@dataclass(frozen=True)
+class Process:
+    """What a process took: frames, bytes that it grew by, and latency in ms and in frames."""
+
+    frames: int
+    growth: float
+    latency_ms: float
+    latency: float
+
+
+@final
+@dataclass(frozen=True)
+class Cost:
+    """What a shader's frame takes: passes, bytes, texels that are fetched."""
+
+    passes: int
+    bytes: float
+    fetches: float
+
+    @property
+    def seconds(self) -> float:
+        """On the GPU of `BANDWIDTH` and `TEXELS`."""
+        return max(self.bytes / BANDWIDTH, self.fetches / TEXELS) + self.passes * A_PASS
+
+
+def run(work: Work) -> Finding:
+    """Codes, gains, rates, a process, and counts."""
+    size = 128 if work.quick else 512
+    with _compiled(work) as by:
+        apart = work.each(_scenes(), Apart, lambda scene: _apart(scene, size))
+        gains, left_out = _gains(work)
+        rates = work.each(_sizes(work), Rate, lambda each: _rate(*each))
+        process = work.step("process", Process, lambda: _process(60 if work.quick else 10_000))
+    wide = 1024 if work.quick else 4096
+    cost = work.step("shader", Cost, partial(_cost, wide))
+    share = _share(gains)
+    fastest = "; ".join(f"{name} {1 / rate.frame:.0f}" for name, rate in rates.items())
+    checks = [
+        *(at_most(f"{name}: codes apart", found.most, 1) for name, found in apart.items()),
+        at_most("growth of a process", process.growth / 1e6, GROWTH / 1e6, "MB"),
+        at_most("latency, in frames", process.latency, LATE),
+        at_most(f"{wide}² by count, of 1/60 s", cost.seconds * RATE, 1.0),
+        *([] if share is None else [at_least("share of the default's gain", share, SHARE)]),
+    ]
+    told = "" if share is None else f" Live keeps {share:.1%} of the default's gain."
+    return Finding(
+        result=(
+            f"Live codes are the library's to {max(a.most for a in apart.values())} of 255 "
+            f"({max(a.share for a in apart.values()):.2%} of samples differ).{told} Frames a "
+            f"second here, by {by}: {fastest}. By count a dome of {wide}² takes a GPU of 1 TB/s "
+            f"{cost.seconds * 1e3:.1f} ms; no GPU has measured it."
+        ),
+        checks=tuple(checks),
+        tables=tuple(_tables(rates, gains, cost, wide)),
+        figures={
+            "share": share,
+            "gpu_ms": cost.seconds * 1e3,
+            **{f"fps, {name}": 1 / rate.frame for name, rate in rates.items()},
+        },
+        left_out=tuple(left_out),
+    )
+
+
+@contextmanager
+def _compiled(work: Work) -> Iterator[str]:
+    """Compiled loops, whatever the environment says: but in a quick run, which has no time."""
+    before = os.environ.get("DOMESIM_FAST")
+    if not work.quick:
+        os.environ["DOMESIM_FAST"] = "1"
+    try:
+        yield _engine(load_scene(DOME), 16, 16)[0]
+    finally:
+        if before is None:
+            os.environ.pop("DOMESIM_FAST", None)
+        else:
+            os.environ["DOMESIM_FAST"] = before
+
+
+def _scenes() -> dict[str, Scene]:
+    dome = load_scene(DOME)
+    assert isinstance(dome, DomeScene)
+    assert dome.theatre.floor is not None
+    floor = replace(dome.theatre.floor, albedo=(0.6, 0.5, 0.4))
+    theatre = replace(dome.theatre, floor=floor, solids=(), lamps=())
+    stored = replace(dome, theatre=theatre, transport=radiosity(theatre, resolution=6))
+    return {"closed form": dome, "stored transport": stored, "pair with a map": load_scene(PAIR)}
+
+
+def _engine(scene: Scene, rows: int, cols: int, pixels: str = "rgb24") -> tuple[str, Engine]:
+    return engine_of(
+        scene,
+        rows,
+        cols,
+        Coding(scene.projector, _SRGB),
+        PIXEL_FORMATS[pixels],
+        beside=False,
+        aim=Aim(),
+        dithers=False,
+        device="cpu",
+    )
+
+
+def _codes(scene: Scene, light: Light, pixels: str) -> NDArray[Any]:
+    """(row, col, RGB) of a master, both views one above the other."""
+    layout = PIXEL_FORMATS[pixels]
+    codes = Coding(scene.projector, _SRGB).encoded(np.asarray(light, np.float32))
+    return np.asarray(np.rint(np.concatenate(list(codes)) * layout.largest), layout.dtype)
+
+
+def _light(scene: Scene, codes: NDArray[Any]) -> Light:
+    """Within range, as live has it."""
+    views = np.stack(np.split(codes, scene.views))
+    light = np.clip(Coding(scene.projector, _SRGB).decoded(views), 0, 1)
+    return np.asarray(light * scene.screen(*views.shape[1:3])[None, :, :, None], np.float32)
+
+
+def _apart(scene: Scene, size: int) -> Apart:
+    codes = _codes(scene, night(size) if scene.views == 1 else generated(size, 1), "rgb24")
+    light = _light(scene, codes)
+    rows, cols = light.shape[1:3]
+    _, engine = _engine(scene, rows, cols)
+    shown = solved(pose(light, scene), "perceptual").light
+    there = np.concatenate([scene.screen(*light.shape[1:3])] * scene.views)
+    off = np.abs(engine(codes, 0).astype(int) - _codes(scene, shown, "rgb24"))[there]
+    return Apart(int(off.max()), float(np.mean(off > 0)))
+
+
+def _gains(work: Work) -> tuple[dict[str, Gain], list[str]]:
+    """Gains on each input that nothing was chosen on, where it is usually shown."""
+    inputs, left_out = wanted(work)
+    reported = {name: one for name, one in inputs.items() if work.quick or name not in CHOOSING}
+    try:
+        found = work.each(reported, Gain, lambda one: _gain(one, by_judge=not work.quick))
+    except Missing as error:
+        return {}, [*left_out, f"Shares of gains: {error}"]
+    return found, left_out
+
+
+def _gain(one: Input, *, by_judge: bool) -> Gain:
+    scene = one.scene(one.usual, USUAL_LUMINANCE)
+    codes = _codes(scene, one.read(), "rgb48le")
+    posed = pose(_light(scene, codes), scene, Aim())
+    rows, cols = posed.desired.shape[1:3]
+    _, engine = _engine(scene, rows, cols, "rgb48le")
+    lights = {
+        "nothing": posed.desired,
+        "subtraction": posed.subtractive,
+        "default": solved(posed, "perceptual").light,
+        "live": _light(scene, engine(codes, 0)),
+    }
+
+    def good(light: Light) -> float:
+        if by_judge:
+            return judges.colorvideovdp(posed.wanted, posed.seen(light), scene)
+        return -Ruler(posed.wanted, scene, posed.screen).lost(posed.seen(light))
+
+    return Gain(**{name: good(light) for name, light in lights.items()})
+
+
+def _share(gains: dict[str, Gain]) -> float | None:
+    """Live's gains over the default's, of those inputs that the default gains something on."""
+    some = [gain for gain in gains.values() if gain.of_default > FEW]
+    if not some:
+        return None
+    return sum(gain.of_live for gain in some) / sum(gain.of_default for gain in some)
+
+
+def _sizes(work: Work) -> dict[str, tuple[str, int, int]]:
+    """Scene, and rows and columns of each view."""
+    if work.quick:
+        return {"dome of 128²": (DOME, 128, 128), "pair of 128 x 72": (PAIR, 72, 128)}
+    return {
+        "dome of 1024²": (DOME, 1024, 1024),
+        "dome of 2048²": (DOME, 2048, 2048),
+        "pair of 1920 x 1080": (PAIR, 1080, 1920),
+    }
+
+
+def _rate(name: str, rows: int, cols: int, frames: int = 30) -> Rate:
+    """Frames of a picture that moves by some pixels a frame."""
+    scene = load_scene(name)
+    _, engine = _engine(scene, rows, cols)
+    light = night(rows) if scene.views == 1 else generated(cols, 1)[:, :rows]
+    codes = _codes(scene, light, "rgb24")
+    film = [np.roll(codes, 3 * k, axis=1) for k in range(6)]
+    engine(film[0], 0)
+    times = [_seconds(partial(engine, film[k % 6], k)) for k in range(frames)]
+    place = np.empty_like(codes)
+    copies = [_seconds(partial(np.copyto, place, film[k % 6])) for k in range(frames)]
+    return Rate(float(np.median(times)), float(np.median(copies)), os.getloadavg()[0])
+
+
+def _seconds(work: Callable[[], Any]) -> float:
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
+
+
+def _process(frames: int, size: int = 64) -> Process:
+    """`domesim live`, fed as fast as it takes frames."""
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "domesim", "live", "--scene", DOME, "--json"),
+                *("--device", "cpu", "--size", f"{size}x{size}"),
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=said,
+        )
+        assert process.stdin is not None
+        assert process.stdout is not None
+        codes = _codes(load_scene(DOME), night(size), "rgb24")
+        film = [np.roll(codes, 3 * k, axis=1).tobytes() for k in range(6)]
+        watched = psutil.Process(process.pid)
+        before = after = 0
+        for number in range(frames):
+            process.stdin.write(film[number % 6])
+            process.stdin.flush()
+            if number:  # one frame ahead
+                process.stdout.read(len(film[0]))
+            if number == frames // 4:
+                before = watched.memory_info().rss
+        after = watched.memory_info().rss
+        process.stdin.close()
+        process.stdout.read()
+        process.wait()
+        said.seek(0)
+        told = json.loads("{" + said.read().decode().split("{", 1)[1])
+    latency = told["latency_ms"]["median"]
+    return Process(told["frames"], float(after - before), latency, latency / 1e3 * told["fps"])
+
+
+def _cost(size: int) -> Cost:
+    return cost_of(shader_of(load_scene(DOME), size, size, _SRGB))
+
+
+def cost_of(text: str) -> Cost:
+    """What a frame takes, by a shader's text."""
+    sizes = {"HOOKED": _size_of(text)}
+    moved = fetched = 0.0
+    passes = [part for part in text.split("//!HOOK MAIN\n") if "fetch_" in part]
+    for part in re.findall(r"//!TEXTURE (\w+)\n//!SIZE (\d+) (\d+)", text):
+        sizes[part[0]] = int(part[1]) * int(part[2])
+    for part in passes:
+        read = re.findall(r"//!BIND (\w+)", part)
+        saved = re.search(r"//!SAVE (\w+)\n//!WIDTH (\d+)\n//!HEIGHT (\d+)", part)
+        texels = int(saved[2]) * int(saved[3]) if saved else sizes["HOOKED"]
+        body = part[part.index("ivec2 place(") :]
+        costs = _functions(body)
+        moved += TEXEL * (texels + sum(sizes[name] for name in read if f"fetch_{name}(" in body))
+        fetched += texels * costs["hook"]
+        if saved:
+            sizes[saved[1]] = texels
+    return Cost(len(passes), moved, fetched)
+
+
+def _size_of(text: str) -> int:
+    found = re.search(r"//!WHEN HOOKED.w (\d+) = HOOKED.h (\d+) =", text)
+    assert found is not None
+    return int(found[1]) * int(found[2])
+
+
+def _functions(body: str) -> dict[str, float]:
+    """Texels that each function of GLSL fetches, with those that it calls."""
+    costs: dict[str, float] = {}
+    for found in re.finditer(r"(?:vec\d|float|void|int) (\w+)\([^;{}()]*\) \{", body):
+        costs[found[1]] = _fetches(body, found.end() - 1, costs)[0]
+    return costs
+
+
+_LOOP = re.compile(r"for \(int \w+ = (-?[\w.]+); \w+ (<=?) (\d+); \w+(?:\+\+| \+= (\d+))\)\s*")
+
+
+def _fetches(text: str, at: int, costs: dict[str, float]) -> tuple[float, int]:
+    """Counts of one statement that begins at a place, and where it ends."""
+    loop = _LOOP.match(text, at)
+    if loop is not None:
+        inner, end = _fetches(text, loop.end(), costs)
+        first = int(loop[1]) if re.fullmatch(r"-?\d+", loop[1]) else 0
+        count = (int(loop[3]) + (loop[2] == "<=") - first) / int(loop[4] or 1)
+        return count * inner, end
+    total = 0.0
+    if text[at] != "{":
+        end = text.index(";", at) + 1
+        for called in re.findall(r"(\w+)\(", text[at:end]):
+            total += 1 if called.startswith("fetch_") else costs.get(called, 0)
+        return total, end
+    at += 1
+    while True:
+        at += len(text[at:]) - len(text[at:].lstrip())
+        if text[at] == "}":
+            return total, at + 1
+        if guard := re.compile(r"(?:if|else)\b[^;{]*(?=\{)").match(text, at):
+            at = guard.end()
+        some, at = _fetches(text, at, costs)
+        total += some
+
+
+def _tables(
+    rates: dict[str, Rate], gains: dict[str, Gain], cost: Cost, wide: int
+) -> Iterator[Table]:
+    yield Table(
+        caption="Frames a second here, and what is left of copying a frame",
+        columns=(
+            Column(name="frames"),
+            Column(name="a second"),
+            Column(name="ms", digits=".1f"),
+            Column(name="copies of the frame"),
+            Column(name="load of the machine"),
+        ),
+        rows=tuple(
+            (name, 1 / r.frame, r.frame * 1e3, r.frame / r.copy, r.load)
+            for name, r in rates.items()
+        ),
+    )
+    if gains:
+        yield Table(
+            caption="What live keeps of the default's gain",
+            columns=(
+                Column(name="input"),
+                Column(name="default", unit="JOD", digits=".3f"),
+                Column(name="live", unit="JOD", digits=".3f"),
+            ),
+            rows=tuple((name, g.of_default, g.of_live) for name, g in gains.items()),
+        )
+    yield Table(
+        caption=f"A dome of {wide}² by the shader's text",
+        columns=(
+            Column(name="passes"),
+            Column(name="moved", unit="GB"),
+            Column(name="fetched", unit="billion texels"),
+            Column(name="by count", unit="ms"),
+        ),
+        rows=((cost.passes, cost.bytes / 1e9, cost.fetches / 1e9, cost.seconds * 1e3),),
+    )

@@ -1,0 +1,233 @@
+"""What is tried: masters, and the pollutions and luminances at which they are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from typing import TypeAlias, final
+
+import numpy as np
+
+from domesim.frames import Master, read_master
+from domesim.light import Light
+from domesim.observation.crosstalk import leak_matrices
+from domesim.scene import DomeScene, Scene, StereoScene, load_scene
+from domesim.scene.screening import decoded, within_range
+from validation import content, masters, pairs
+from validation.experiment import Work
+
+DOME_SCENE = "dome_hemisphere"
+STEREO_SCENE = "stereo_polarised_paper"
+"""Where inputs are shown, with other figures of theirs."""
+CROSSTALK = (0.02, 0.05, 0.1)
+"""Shares of light that reach the other eye."""
+ALBEDOS = (0.3, 0.5, 0.7)
+LUMINANCES = (5.0, 15.0, 48.0)
+"""Luminances of white, cd/m²: a giant dome's, a planetarium's that is bright, a cinema's."""
+CHOSEN_CROSSTALK = ((0.02, 48.0), (0.05, 15.0), (0.1, 48.0), (0.1, 5.0))
+CHOSEN_ALBEDOS = ((0.3, 5.0), (0.5, 15.0), (0.7, 48.0))
+"""Crosstalk, or albedo, with the luminance of white (cd/m²): where the choosing half is shown."""
+USUAL_CROSSTALK, USUAL_ALBEDO, USUAL_LUMINANCE = 0.05, 0.5, 15.0
+"""Usual crosstalk and albedo, at which pictures are shown; and the luminance of white, cd/m², at
+which variants are tried."""
+SEQUENTIAL_CONTRAST = 2000.0
+"""White over black: the least of the reference projector in SMPTE RP 431-2:2011 (doi
+10.5594/SMPTE.RP431-2.2011), which allows theatres less."""
+ADAPTATION = 0.1
+"""Adaptation luminance over that of white."""
+PAIRS = ("trunks", "fog", "motorcycle", pairs.SEQUENCE[0])
+"""Pairs of the test data."""
+DOMES: Mapping[str, str] = {
+    "full dome": "dm3d_fulldome_2K.jpg",
+    "pillars": "dm3d_pillars_hdr_512.exr",
+    "dark sky": "kho_darksky_1024.png",
+    "Milky Way": "milkyway_eso_1024.png",
+    "Stellarium": "stellarium_night_1024.png",
+}
+"""Domemasters of the test data."""
+VARIANTS: Mapping[str, tuple[str, float, float]] = {
+    "dim night": ("night", 0.2, 1.0),
+    "dim aurora": ("aurora", 0.25, 1.0),
+    "dim full dome": ("full dome", 0.1, 1.0),
+    "dim chess": ("chess", 0.1, 1.0),
+    "bright trunks": ("trunks", 1.0, 0.45),
+    "bright fog": ("fog", 1.0, 0.45),
+    "bright motorcycle": ("motorcycle", 1.0, 0.45),
+    "dim beachball": (pairs.SEQUENCE[0], 0.15, 1.0),
+}
+"""Darker and brighter ones for choosing: an input, and the gain and exponent of its light."""
+CHOOSING = frozenset(
+    {
+        *PAIRS,
+        *("generated", "night", "generated dome", "full dome", "pillars"),
+        *("art on black", "film frame", "aurora", "chess"),
+        *VARIANTS,
+    }
+)
+"""Inputs that settings were chosen on, at fewer places. All others are for reporting."""
+WIDEST, DOME_SIZE = 512, 384
+"""Width of pairs, and size of domemasters, at most, pixels."""
+QUICK_WIDTH, QUICK_SIZE = 96, 64
+"""Width of the pair and size of the domemaster of a quick run, pixels."""
+
+PAIRED, DOMEMASTERS = "pairs", "domemasters"
+"""Kinds of inputs."""
+
+Place: TypeAlias = tuple[str, float, float]
+"""Name of an input, its pollution, its luminance."""
+
+
+@final
+@dataclass(frozen=True)
+class Input:
+    """A master, and where it is shown.
+
+    Parameters
+    ----------
+    read
+        Returns its light.
+    scene
+        The scene of a pollution and a luminance of white, cd/m².
+    pollutions
+        Pollutions to try.
+    usual
+        The pollution at which pictures are shown.
+    """
+
+    read: Callable[[], Light]
+    scene: Callable[[float, float], Scene]
+    pollutions: Sequence[float]
+    usual: float
+
+    @property
+    def kind(self) -> str:
+        """Kind of the input: `PAIRED` or `DOMEMASTERS`."""
+        return PAIRED if self.scene is stereo_at else DOMEMASTERS
+
+
+def reported_domemasters(work: Work) -> tuple[Mapping[str, Input], list[str]]:
+    """Domemasters of `wanted` on which nothing was chosen; in a quick run, all that it has."""
+    inputs, left_out = wanted(work)
+    found = {
+        name: one
+        for name, one in inputs.items()
+        if one.kind == DOMEMASTERS and (work.quick or name not in CHOOSING)
+    }
+    return found, left_out
+
+
+def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
+    """Inputs by name, and why others are not measured."""
+    quick = work.quick
+    width, size = (QUICK_WIDTH, QUICK_SIZE) if quick else (WIDEST, DOME_SIZE)
+    night = _of_dome(partial(domemaster, masters.bundled_night, size), quick=quick)
+    street = _of_pair(partial(content.PAIRS["night street"], width), quick=quick)
+    if quick:
+        return {"night street": street, "night": night}, ["Most inputs: with a full run"]
+    present, left_out = pairs.present(PAIRS)
+    found = {name: _of_pair(partial(_pair, name), quick=False) for name in present}
+    found["generated"] = _of_pair(partial(pairs.generated, width, work.seed), quick=False)
+    for name, draw in content.PAIRS.items():
+        found[name] = _of_pair(partial(draw, width), quick=False)
+    found |= {"night": night, "generated dome": _of_dome(partial(masters.night, size), quick=False)}
+    folder = pairs.data_folder() / "dome"
+    for name, file in DOMES.items():
+        if (folder / file).is_file():
+            read = partial(read_master, [folder / file], repair=True)
+            found[name] = _of_dome(partial(domemaster, read, size), quick=False)
+        else:
+            left_out.append(f"{name}: needs {folder / file}; set {pairs.FOLDER}")
+    for name, draw in content.DOMES.items():
+        found[name] = _of_dome(partial(draw, size), quick=False)
+    for name, (original, gain, exponent) in VARIANTS.items():
+        if original in found:
+            read = partial(_varied, found[original].read, gain, exponent)
+            found[name] = replace(found[original], read=read)
+    return found, left_out
+
+
+def places(work: Work, name: str, one: Input) -> list[Place]:
+    """Places at which an input is shown: all, but fewer in quick runs and in the choosing half."""
+    if not work.quick and name in CHOOSING:
+        chosen = CHOSEN_CROSSTALK if one.kind == PAIRED else CHOSEN_ALBEDOS
+        return [(name, *place) for place in chosen]
+    luminances = (USUAL_LUMINANCE,) if work.quick else LUMINANCES
+    return [(name, *place) for place in product(one.pollutions, luminances)]
+
+
+def kinds(inputs: Mapping[str, Input]) -> dict[str, list[str]]:
+    """Names of the inputs of each kind of which there are any."""
+    found = {
+        kind: [name for name, one in inputs.items() if one.kind == kind]
+        for kind in (PAIRED, DOMEMASTERS)
+    }
+    return {kind: names for kind, names in found.items() if names}
+
+
+def stereo_at(crosstalk: float, white: float) -> StereoScene:
+    """The stereo scene with that crosstalk at all seats, and that luminance of white, cd/m²."""
+    scene = scene_at(crosstalk)
+    black = white / SEQUENTIAL_CONTRAST
+    return replace(
+        scene,
+        projector=replace(scene.projector, white=white, black=black),
+        ambient=np.full((2, 3), black),
+        viewing=replace(scene.viewing, adaptation=ADAPTATION * white),
+    )
+
+
+def dome_at(albedo: float, white: float) -> DomeScene:
+    """The dome with that albedo for all primaries, and that luminance of white, cd/m²."""
+    scene = load_scene(DOME_SCENE)
+    assert isinstance(scene, DomeScene)
+    black = white / SEQUENTIAL_CONTRAST
+    return replace(
+        scene,
+        theatre=replace(scene.theatre, albedo=(albedo,) * 3),
+        projector=replace(scene.projector, white=white, black=black),
+        ambient=black,
+        viewing=replace(scene.viewing, adaptation=ADAPTATION * white),
+    )
+
+
+def words(place: Place) -> str:
+    """A place's name."""
+    name, pollution, white = place
+    return f"{name} at {pollution:g}, {white:g} cd/m²"
+
+
+def _of_pair(read: Callable[[], Light], *, quick: bool) -> Input:
+    return Input(read, stereo_at, (USUAL_CROSSTALK,) if quick else CROSSTALK, USUAL_CROSSTALK)
+
+
+def _varied(read: Callable[[], Light], gain: float, exponent: float) -> Light:
+    return np.asarray(gain * read() ** exponent, np.float32)
+
+
+def _of_dome(read: Callable[[], Light], *, quick: bool) -> Input:
+    return Input(read, dome_at, (USUAL_ALBEDO,) if quick else ALBEDOS, USUAL_ALBEDO)
+
+
+def _pair(name: str) -> Light:
+    """The pair, no wider than `WIDEST`."""
+    light, _ = pairs.from_data(name, load_scene(STEREO_SCENE))
+    return pairs.no_wider(light, WIDEST)
+
+
+def domemaster(read: Callable[[], Master], size: int) -> Light:
+    """The domemaster, no wider than `size`."""
+    scene = load_scene(DOME_SCENE)
+    light = decoded(read(), scene)
+    light = pairs.no_wider(light, size)
+    return within_range(light, scene.screen(*light.shape[1:3]))[0]
+
+
+def scene_at(crosstalk: float) -> StereoScene:
+    """The scene with that share of light reaching the other eye, at all seats."""
+    scene = load_scene(STEREO_SCENE)
+    assert isinstance(scene, StereoScene)
+    matrices = leak_matrices(crosstalk)
+    seats = {name: replace(seat, matrices=matrices) for name, seat in scene.seats.items()}
+    return replace(scene, seats=seats)
