@@ -192,9 +192,7 @@ def _difference(torch: Any, reference: Light, scene: Scene) -> Callable[[Any], A
 def run(work: Work) -> Finding:
     """Climb each."""
     if work.quick:
-        raise Missing(
-            "a step of climbing takes a second or two, and hundreds are needed: full runs"
-        )
+        raise Missing("takes minutes: with a full run")
     inputs, left_out = reported_domemasters(work)
     found = work.each({name: one for name, one in inputs.items() if name in INPUTS}, Climb, climb)
     had, taken = (
