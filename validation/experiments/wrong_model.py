@@ -502,7 +502,7 @@ def _energy(residuals: Images, energy: Callable[[Images], float]) -> Estimate:
 
 
 def _visible_error(residuals: Images, posed: Posed) -> Estimate:
-    """As `Posed.visible_error`, of noisy (repeat, row, col, primary) residuals."""
+    """As `Appraisal.visible_error`, of noisy (repeat, row, col, primary) residuals."""
     weighting, scene = posed.problem.weighting, posed.scene
     thresholds = scene.projector.white / scene.viewing.adaptation * weighting.peak
     energy = _energy(residuals, lambda residual: weighting.energy(residual[None]))
