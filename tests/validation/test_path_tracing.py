@@ -11,8 +11,10 @@ import pytest
 from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.loop import bounce_limit
 from domesim.pathtrace.tracer import Settings, Tracer
+from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre
-from validation.experiments import closed_form, corrected_models, second_opinion
+from validation import reflection
+from validation.experiments import corrected_models, second_opinion
 from validation.statistics import assert_unbiased
 
 pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
@@ -20,7 +22,7 @@ pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summa
 
 def sweep(half_angles, albedos, *, uneven=False):
     return [
-        closed_form.measure(half_angle, albedo, error=1e-3, uneven=uneven, seed=100 * number)
+        reflection.measure(half_angle, albedo, error=1e-3, uneven=uneven, seed=100 * number)
         for number, (half_angle, albedo) in enumerate(product(half_angles, albedos))
     ]
 
@@ -50,7 +52,7 @@ def test_bare_caps_follow_the_closed_form(cells, uneven):
 def test_each_bounce_keeps_the_same_share():
     cells = sweep((45, 105, 180), (0.2, 0.8))
     scores = np.array([one.ratio_z for one in cells])
-    assert scores.shape == (6, closed_form.BOUNCES)
+    assert scores.shape == (6, reflection.BOUNCES)
     assert_unbiased(scores, 1.0, 0.0)
 
 
@@ -123,7 +125,7 @@ def test_mitsubas_integrator_finds_the_same(theatre):
 
 def test_light_is_not_made():
     """What all surfaces and the opening absorb is what the projector gave: a closed white room."""
-    dome = closed_form.Dome(3.0, np.pi)
+    dome = Dome(3.0, np.pi)
     tracer = Tracer(Theatre(dome, (0.9, 0.5, 0.1)))
     source = tracer.picture(np.ones((32, 32, 3), np.float32))
     traced = tracer.screen(source, 32, 32, Settings(error=0.01, tolerance=1e-7))
