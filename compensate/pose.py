@@ -222,7 +222,7 @@ class Setting:
         """How sure the scene is of what is seen; None if nothing of it was measured."""
         return self.scene.uncertain(*self.screen.shape)
 
-    @property
+    @cached_property
     def negligible(self) -> float:
         """Cost of a visible error of `NEGLIGIBLE`."""
         samples = np.count_nonzero(self.screen) * self.scene.views / 2

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from compensate.aim import Aim, Sight, lifted, veiled, with_hue
 from compensate.devices import sender_to
-from compensate.live.coding import Coding, PixelFormat
-from domesim.frames.dithering import dither
+from compensate.live.coding import Coding, PixelFormat, stored, views_of
 from domesim.light import Light, namespace, on_host, total
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.lowrank import LowRankObservation, expand
@@ -65,7 +64,7 @@ class ByArrays:
     ) -> None:
         self._send = sender_to(device)
         self._aim, self._pixels, self._axis = aim, pixels, 1 if beside else 0
-        self._views, self._rows = scene.views, rows
+        self._views = scene.views
         self._screen = scene.screen(rows, cols)
         self._on = self._send(self._screen[None, :, :, None].astype(np.float32))
         self._observation = scene.solvable(rows, cols)
@@ -81,9 +80,7 @@ class ByArrays:
 
     def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
         """The frame (row, col, channel) to project; see `compensate.live.dome`."""
-        views = (
-            np.stack(np.split(codes, self._views, self._axis)) if self._views > 1 else codes[None]
-        )
+        views = views_of(codes, self._views, self._axis)
         kind = np.int32 if self._pixels.size == 2 else np.uint8
         bits = views[..., :3].view("<u2") if self._pixels.floating else views[..., :3]
         places = self._send(bits.astype(kind))
@@ -92,16 +89,8 @@ class ByArrays:
         light = xp.reshape(light, bits.shape) @ self._mixing
         light = xp.clip(light, 0, 1) * self._on
         found = self._coding.encoded(on_host(self._projected(light)))
-        out = np.array(views)
-        if not self._pixels.floating:
-            found *= np.float32(self._pixels.largest)
-            if self._dithers:
-                dither(found, self._pixels.largest, (1, number))
-            else:
-                np.rint(found, out=found)
-        there = self._screen[None, :, :, None]
-        np.copyto(out[..., :3], found.astype(self._pixels.dtype), where=there)
-        return np.concatenate(list(out), self._axis) if self._views > 1 else out[0]
+        noise = number if self._dithers else None
+        return stored(found, views, self._screen, self._pixels, axis=self._axis, noise=noise)
 
     def _projected(self, desired: Light) -> Light:
         """Light that shows the aim of a master; see `compensate.master`."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.frames.colour import ColourTag
+from domesim.frames.dithering import dither
 from domesim.light import transfer
 from domesim.observation.projector import Projector, require_primaries
 
@@ -122,3 +123,43 @@ class Coding:
         """(..., RGB) code values 0..1 of light."""
         codes = self.projector.encode(light, self.curve, self.colour.primaries)
         return np.clip(codes, 0, 1)
+
+
+def views_of(codes: NDArray[Any], count: int, axis: int) -> NDArray[Any]:
+    """(view, row, col, channel) of a raw frame whose views lie along an axis."""
+    return np.stack(np.split(codes, count, axis)) if count > 1 else codes[None]
+
+
+def stored(
+    found: NDArray[np.float32],
+    views: NDArray[Any],
+    screen: NDArray[np.bool_],
+    pixels: PixelFormat,
+    *,
+    axis: int,
+    noise: int | None,
+) -> NDArray[Any]:
+    """A raw frame of code values; what is off the screen, and alpha, as they were.
+
+    Parameters
+    ----------
+    found
+        (view, row, col, RGB) code values 0..1, which are overwritten.
+    views, axis
+        The frame, by `views_of`.
+    screen
+        (row, col) pixels that change.
+    pixels
+        Its layout.
+    noise
+        Number of the frame, of whose own noise integer codes get; None for the nearest codes.
+    """
+    out = np.array(views)
+    if not pixels.floating:
+        found *= np.float32(pixels.largest)
+        if noise is None:
+            np.rint(found, out=found)
+        else:
+            dither(found, pixels.largest, (1, noise))
+    np.copyto(out[..., :3], found.astype(pixels.dtype), where=screen[None, :, :, None])
+    return np.concatenate(list(out), axis) if len(out) > 1 else out[0]

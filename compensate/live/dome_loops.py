@@ -8,7 +8,6 @@ signed numbers for places from the end, too, and then has no vectors.
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import numba
@@ -16,12 +15,6 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
 from compensate.live.noise import APART
-
-# See `compensate.solver.admm.loops`
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-# Numba prefers TBB where it is installed, which keeps 7 kB of memory at each call of a loop, and is
-# slower the more it has kept (numba 0.68, tbb 2023.2): a show has millions of calls
-numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
 _COMPILED: Any = numba.njit(
     parallel=True, cache=True, nogil=True, error_model="numpy", fastmath=True

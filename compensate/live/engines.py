@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
 from numpy.typing import NDArray
 
 from compensate.aim import Aim
+from compensate.compiled import compiles
 from compensate.devices import CPU
-from compensate.live.coding import Coding, PixelFormat
+from compensate.live.coding import Coding, PixelFormat, stored, views_of
 from compensate.live.constants import DomeConstants, constants_of
 from compensate.pose import Stage
 from compensate.solve import solved
-from domesim.frames.dithering import dither
-from domesim.light.strips import threads
 from domesim.scene import Scene
 from domesim.scene.screening import within_range
 
@@ -70,7 +67,7 @@ def engine_of(
         from compensate.live.arrays import ByArrays  # noqa: PLC0415 - not for who has no GPU
 
         return device, ByArrays(scene, rows, cols, coding, pixels, device=device, **how)
-    if not _compiles():
+    if not compiles():
         return PLAIN, _plain(scene, coding, pixels, **how)
     if isinstance(constants, DomeConstants):
         from compensate.live.dome import CompiledDome  # noqa: PLC0415 - of an extra
@@ -90,14 +87,6 @@ def _has_gpu() -> bool:
     return bool(torch.cuda.is_available())
 
 
-def _compiles() -> bool:
-    """Whether the extra ``fast`` is here, and wanted: see `compensate.solver.admm.fused`."""
-    if os.environ.get("DOMESIM_FAST", "1") == "0" or importlib.util.find_spec("numba") is None:
-        return False
-    os.environ.setdefault("NUMBA_NUM_THREADS", str(threads()))
-    return True
-
-
 def _plain(
     scene: Scene, coding: Coding, pixels: PixelFormat, *, beside: bool, aim: Aim, dithers: bool
 ) -> Engine:
@@ -106,18 +95,11 @@ def _plain(
     axis = 1 if beside else 0
 
     def compensated(codes: NDArray[Any], number: int) -> NDArray[Any]:
-        views = np.stack(np.split(codes, scene.views, axis)) if scene.views > 1 else codes[None]
+        views = views_of(codes, scene.views, axis)
         screen = scene.screen(*views.shape[1:3])
         desired, _ = within_range(coding.decoded(views), screen)
         found = coding.encoded(solved(stage.pose(desired), "perceptual").light)
-        out = np.array(views)
-        if not pixels.floating:
-            found *= np.float32(pixels.largest)
-            if dithers:
-                dither(found, pixels.largest, (1, number))
-            else:
-                np.rint(found, out=found)
-        np.copyto(out[..., :3], found.astype(pixels.dtype), where=screen[None, :, :, None])
-        return np.concatenate(list(out), axis) if scene.views > 1 else out[0]
+        noise = number if dithers else None
+        return stored(found, views, screen, pixels, axis=axis, noise=noise)
 
     return compensated

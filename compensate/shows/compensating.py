@@ -109,13 +109,11 @@ class Compensating(Recipe):
             )
         if self.spatial:
             self._require_spatial(theatre, aimed=aimed)
-        if self.only_visible:
-            table = isinstance(theatre, StereoScene) and theatre.table is not None
-            if self.method != "perceptual" or theatre.several_seats or table or self.device != CPU:
-                raise InputError(
-                    "--only-visible is for --method perceptual, one seat without a grey-to-grey "
-                    "table, and the processor; leave it out"
-                )
+        if self.only_visible and not (self.method == "perceptual" and self._plain(theatre)):
+            raise InputError(
+                "--only-visible is for --method perceptual, one seat without a grey-to-grey "
+                "table, and the processor; leave it out"
+            )
         if self.method != "perceptual":
             if self.device != CPU:
                 raise InputError(
@@ -130,18 +128,16 @@ class Compensating(Recipe):
     def _require_spatial(self, theatre: Scene, *, aimed: bool) -> None:
         """See that eq. 7 is asked for where it can be."""
         least_squares = self.method == "paper" or (self.method == "perceptual" and not aimed)
-        table = isinstance(theatre, StereoScene) and theatre.table is not None
-        if (
-            not least_squares
-            or theatre.several_seats
-            or table
-            or self.device != CPU
-            or self.only_visible
-        ):
+        if not (least_squares and self._plain(theatre)) or self.only_visible:
             raise InputError(
                 f"--spatial-weights is for --weighting {PAPER} or --method paper, one seat without "
                 f"a grey-to-grey table, the processor, and not --only-visible; leave it out"
             )
+
+    def _plain(self, theatre: Scene) -> bool:
+        """Whether it is of one seat without a grey-to-grey table, on the processor."""
+        table = isinstance(theatre, StereoScene) and theatre.table is not None
+        return not (theatre.several_seats or table or self.device != CPU)
 
     def _masked(self, posed: Posed) -> Solver:
         """What solves masked problems."""

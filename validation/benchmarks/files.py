@@ -22,6 +22,7 @@ import scipy.fft
 from domesim.frames import ColourTag, Frame, write_frame
 from domesim.host.cores import cores
 from domesim.light import Light
+from domesim.light.transfer import SRGB
 from validation.benchmarks.commands import Job, run_command
 from validation.content.street import night_street
 from validation.masters import night, write_exr
@@ -121,10 +122,8 @@ def _stored(folder: Path, name: str, light: Light, suffix: str) -> list[Path]:
             write_exr(first, picture)
         else:
             colour = ColourTag("srgb", "BT.709", "made so")
-            codes = np.where(
-                picture <= 0.0031308, 12.92 * picture, 1.055 * picture ** (1 / 2.4) - 0.055
-            )
-            write_frame(Frame(codes.astype(np.float32), first, colour, 16, floating=False), first)
+            codes = SRGB().encode(picture).astype(np.float32)
+            write_frame(Frame(codes, first, colour, 16, floating=False), first)
         for number in range(2, LONG + 1):
             link = folder / first.name.replace("0001", f"{number:04}")
             if not link.exists():

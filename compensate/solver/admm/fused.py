@@ -1,20 +1,16 @@
-"""Whether the solver's inner loops are compiled: Numba, of the extra ``fast``, does that.
-
-``DOMESIM_FAST=0`` in the environment leaves them out.
-"""
+"""The solver's inner loops, where they are compiled (`compensate.compiled`)."""
 
 from __future__ import annotations
 
 import importlib
-import os
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from compensate.compiled import compiles
 from domesim.light import Array
-from domesim.light.strips import threads
 
 _WORTH = 1 << 16
 """Samples of a plane from which on a compiled loop pays: to wake its threads takes milliseconds."""
@@ -41,10 +37,8 @@ def parts_or_zero(plus: Sequence[Array] | None, spectra: Sequence[Array]) -> tup
 
 @cache
 def _compiled() -> Any:
-    if os.environ.get("DOMESIM_FAST", "1") == "0":
+    if not compiles():
         return None
-    # Numba's own setting is for one thread of ours only
-    os.environ.setdefault("NUMBA_NUM_THREADS", str(threads()))
     try:
         return importlib.import_module("compensate.solver.admm.loops")
     except ImportError:

@@ -7,18 +7,11 @@ Spectra are real arrays here, (row, 2 x (col // 2 + 1)), of real and imaginary p
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import numba
 import numpy as np
 from numba.extending import overload
-
-# Before OpenMP is loaded, which is at the first loop. Threads that wait for others in a busy loop
-# made a solution ten times slower while other programs ran, and are no faster while none do.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-# TBB's layer keeps 7 kB of memory at each call of a loop (numba 0.68, tbb 2023.2)
-numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
 _EXACT = {"nsz"}  # no sum is reordered, and none is fused with a product: what Numba loads from its
 # cache fuses others than what it has just compiled
