@@ -29,6 +29,8 @@ blue sky purple. So a share of what is missing in the worst primary is added to 
 places that are lifted anyhow. B and v are known by blocks of half a degree, and linear in between:
 what they cost does not grow with the picture.
 
+A 3D dome's views are lifted by the same v, the larger of both; what is left then is of pairs.
+
 *Pairs.* A ghost is missing light in one place of one eye. Its own light cannot be hidden, but its
 edges can, which are none of the picture's and hinder fusion (section 1): just outside a ghost g the
 aim has a *veil*, of the scales s from half of `reach` down by octaves,
@@ -166,7 +168,7 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
     aim, sight
         Settings, and how the dome is seen.
     wanted
-        (1, row, col, primary) what should be seen.
+        (view, row, col, primary) what should be seen.
     floor
         Light that is there without any of its own, of subtraction, of the same shape.
     brightest
@@ -184,7 +186,7 @@ def with_hue(aim: Aim, wanted: Light, aimed: Light, floor: Light) -> Light:
     aim
         Settings.
     wanted, aimed
-        (1, row, col, primary) the master and its aim.
+        (view, row, col, primary) the master and its aim.
     floor
         Light that is there without any of its own, of what shows the aim.
     """
@@ -258,13 +260,17 @@ def _of_primaries(pick: Callable[[Array, Array], Array], light: Light) -> Array:
 
 
 def _gain(aim: Aim, sight: Sight, wanted: Light, floor: Light) -> Array:
-    """(1, row, col) B' / B."""
+    """(view, row, col) B' / B; eyes that are lifted differently would see two blacks."""
     xp = namespace(wanted)
     luminance, dark = sight.luminance(wanted), aim.dark / sight.white
-    missing = aim.lift * _missing(aim, sight, sight.luminance(floor) - luminance)
-    base = _base(luminance[0, ...] + dark, sight, aim)
-    lift = xp.maximum(missing - base / aim.fade, xp.zeros_like(base))
-    return (1 + lift / base)[None, ...]
+    lacking = sight.luminance(floor) - luminance
+    views = range(wanted.shape[0])
+    missing = aim.lift * max(_missing(aim, sight, lacking[view, ...]) for view in views)
+    gains = []
+    for view in views:
+        base = _base(luminance[view, ...] + dark, sight, aim)
+        gains.append(1 + xp.maximum(missing - base / aim.fade, xp.zeros_like(base)) / base)
+    return xp.stack(gains)
 
 
 def _base(plane: Array, sight: Sight, aim: Aim) -> Array:
@@ -294,7 +300,7 @@ def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:
     xp = namespace(lacking)
     block = dome_block(sight.density)
     on = xp.astype(sight.screen, lacking.dtype)
-    pixels, sums = block_sums(on, block), block_sums(on * lacking[0, ...], block)
+    pixels, sums = block_sums(on, block), block_sums(on * lacking, block)
     counted, sums = pixels[pixels > 0], sums[pixels > 0]
     means = xp.maximum(sums, xp.zeros_like(sums)) / counted
     order = xp.argsort(means, descending=True)

@@ -16,6 +16,7 @@ from compensate.solver.deghosting import (
     PlayerShader,
     RangeCompression,
 )
+from compensate.solver.dome_pairs import PairSubtractive
 from compensate.solver.paper import PaperMethod
 from compensate.solver.relinearised import Relinearised
 from compensate.solver.result import Result
@@ -88,6 +89,13 @@ STEREO: Mapping[str, Chosen] = {
     "none": lambda scene, problem: Untouched(),
 }
 
+DOME_3D: Mapping[str, Chosen] = {
+    "perceptual": _perceptual,
+    "subtractive": lambda scene, problem: PairSubtractive(),
+    "raised-black": lambda scene, problem: RaisedBlack(),
+    "none": lambda scene, problem: Untouched(),
+}
+
 METHODS = tuple(dict.fromkeys([*DOME, *STEREO]))
 """The names of all methods."""
 
@@ -95,7 +103,7 @@ METHODS = tuple(dict.fromkeys([*DOME, *STEREO]))
 def methods_of(scene: Scene) -> Mapping[str, Chosen]:
     """The methods that a scene has."""
     if isinstance(scene, DomeScene):
-        return DOME
+        return DOME if scene.stereo is None else DOME_3D
     if isinstance(scene, StereoScene) and scene.table is not None:
         # These know crosstalk as one matrix
         matrix_only = ("paper", "player-shader")

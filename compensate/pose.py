@@ -18,15 +18,17 @@ from numpy.typing import NDArray
 
 from compensate.aim import Aim, Eye, Sight, lifted, veiled, with_hue
 from compensate.problem import Problem
-from compensate.solver import baselines, deghosting
+from compensate.solver import baselines, deghosting, dome_pairs
+from compensate.solver.dome_pairs import parts_of
 from compensate.solver.worst_seat import seat_importance
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
-from domesim.light import Light, require_light
+from domesim.light import Array, Light, require_light
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.base import AdjointObservation, Observation
 from domesim.observation.crosstalk import Crosstalk
+from domesim.observation.followed import Followed
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.seats import SeveralSeats
@@ -235,14 +237,8 @@ class Setting:
         """
         # Subtraction needs no adjoint, so that it knows a table as it is.
         observation = cast("AdjointObservation", self.single)
-        if isinstance(observation, LowRankObservation):
-            on = observation.screen_like(desired)[None, :, :, None]
-            problem = Problem(observation, self.plain, observation.direct(desired), (0.0, on))
-            return problem, baselines.clipped_subtraction(problem)[0]
-        problem = Problem(observation, self.plain, desired)
-        if isinstance(observation, Crosstalk):
-            return problem, deghosting.subtracted_crosstalk(observation, desired)
-        light, _ = deghosting.clipped_subtraction(problem)
+        problem = self._problem(observation.direct(desired))
+        light = self._shown(problem)
         if isinstance(self.single, GreyToGrey):
             problem = problem.observed_by(self.single.linearised(light))
         return problem, light
@@ -257,24 +253,51 @@ class Setting:
         desired, subtractive, seen
             The master, exact clipped subtraction of it, and what that shows.
         """
-        if len(desired) > 1:
-            left = np.maximum(seen - desired, 0)
-            return self.subtracted(veiled(aim, self.sight, desired, left))[1]
         direct = self.single.direct
-        wanted = direct(desired)
-        white = direct(np.broadcast_to(np.ones((), desired.dtype), desired.shape))
-        raised = lifted(aim, self.sight, wanted, seen - direct(subtractive), white)
-        light = self._showing(raised)
-        floor = self.single.observe(light)
-        floor -= direct(light)
-        del light
-        return self._showing(with_hue(aim, wanted, raised, floor))
+        wanted = raised = direct(desired)
+        if self.dome is not None:
+            white = direct(np.broadcast_to(np.ones((), desired.dtype), desired.shape))
+            raised = lifted(aim, self.sight, wanted, seen - direct(subtractive), white)
+            light = self._showing(raised)
+            floor = self.single.observe(light)
+            floor -= direct(light)
+            del light
+            raised = with_hue(aim, wanted, raised, floor)
+            light = self._showing(raised)
+            if len(desired) == 1:
+                return light
+            seen = self.single.observe(light)
+        return self._showing(veiled(aim, self.sight, raised, np.maximum(seen - raised, 0)))
+
+    @cached_property
+    def dome(self) -> LowRankObservation | None:
+        """How a dome shows light (of a 3D one, the sum of both views); None of flat screens."""
+        if isinstance(self.single, LowRankObservation):
+            return self.single
+        parts = parts_of(self.single)
+        return None if parts is None else parts.reflected.summed
 
     def _showing(self, seen: Light) -> Light:
-        """The light of a dome that shows `seen`, by exact clipped subtraction."""
-        observation = cast("LowRankObservation", self.single)
-        on = observation.screen_like(seen)[None, :, :, None]
-        return baselines.clipped_subtraction(Problem(observation, self.plain, seen, (0.0, on)))[0]
+        """The light that shows `seen`, by exact clipped subtraction."""
+        return self._shown(self._problem(seen))
+
+    def _problem(self, seen: Light) -> Problem:
+        """The problem of showing `seen` at the mean seat: off the screen there is no light."""
+        observation = cast("AdjointObservation", self.single)
+        upper: Array | float = 1.0
+        if self.dome is not None:
+            upper = self.dome.screen_like(seen)[None, :, :, None]
+        return Problem(observation, self.plain, seen, (0.0, upper))
+
+    def _shown(self, problem: Problem) -> Light:
+        """Exact clipped subtraction of a problem."""
+        if isinstance(self.single, Followed):
+            return dome_pairs.clipped_subtraction(problem)[0]
+        if self.dome is not None:
+            return baselines.clipped_subtraction(problem)[0]
+        if isinstance(self.single, Crosstalk):
+            return deghosting.subtracted_crosstalk(self.single, problem.desired)
+        return deghosting.clipped_subtraction(problem)[0]
 
 
 def preferred(scene: Scene) -> Eye:

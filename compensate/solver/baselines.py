@@ -74,13 +74,22 @@ class RaisedBlack:
     """Raise the black level until subtraction needs no negative light."""
 
     def __call__(self, problem: Problem, start: Light) -> Result:
-        """Light that shows b + (1 - b) desired exactly; the start's off the screen."""
-        observation = _low_rank(problem)
-        screen = np.asarray(observation.screen)[None, :, :, None]
+        """Light that shows b + (1 - b) desired exactly; the start's off the screen.
+
+        Raises
+        ------
+        ValueError
+            If the observation has no inverse.
+        """
+        observation = problem.observation
+        screen = np.broadcast_to(problem.lower < problem.upper, start.shape)
         # Off the screen the start stays, and its light is part of what must be subtracted.
         stays = observation.direct(start)
         white = observation.direct(np.ones_like(start))
-        low = observation.invert(np.where(screen, problem.desired, stays))
+        try:
+            low = observation.invert(np.where(screen, problem.desired, stays))
+        except NotImplementedError as error:
+            raise ValueError(f"a raised black takes an inverse: {error}") from None
         high = observation.invert(np.where(screen, white, stays))
         short = np.where(screen & (low < problem.lower), problem.lower - low, 0)
         # x(b) = (1 - b) low + b high is linear: each pixel needs b >= short / (high - low)

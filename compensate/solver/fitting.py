@@ -7,6 +7,7 @@ from typing import NamedTuple
 from compensate.problem import Problem
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM, require_certifiable
+from compensate.solver.dome_pairs import parts_of
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.stereo import StereoObservation
 
@@ -22,11 +23,12 @@ def fitting(problem: Problem) -> Fitting:
     """The fastest solver of `problem`: `ADMM`, which certifies its answer, or `Accelerated`.
 
     ADMM takes what Fourier diagonalises: a weighting by spatial frequency, of a dome whose
-    pollution is of low rank, or of a pair whose views mix pixelwise. Accelerated takes any linear
-    observation and weighting, and stops by the KKT residual.
+    pollution is of low rank, of a pair whose views mix pixelwise, or of both. Accelerated takes any
+    linear observation and weighting, and stops by the KKT residual.
     """
     observation = type(problem.observation).__name__
-    if not isinstance(problem.observation, LowRankObservation | StereoObservation):
+    known = isinstance(problem.observation, LowRankObservation | StereoObservation)
+    if not known and parts_of(problem.observation) is None:
         return Fitting(
             Accelerated(),
             f"Accelerated, as ADMM takes domes of low rank and pairs, got {observation}",

@@ -23,7 +23,7 @@ from domesim.observation.lowrank import LowRank, LowRankObservation
 from domesim.room.dome import Dome
 
 
-def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
+def closed_form_gain(albedo: float, radius: float, screen_area: float, kept: float = 1.0) -> float:
     """Indirect light per direct flux: rho / (4 pi r² - rho A_s), 1/m².
 
     Parameters
@@ -34,6 +34,9 @@ def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
         Radius r of the sphere, m.
     screen_area
         Area A_s of the whole screen, m².
+    kept
+        What each reflection keeps of it, -1..1, times rho: of the difference of two views
+        (`domesim.observation.dome_pair`). All of light itself is kept.
 
     Raises
     ------
@@ -52,7 +55,8 @@ def closed_form_gain(albedo: float, radius: float, screen_area: float) -> float:
         )
     if albedo * screen_area >= sphere:
         raise InputError("a closed sphere of albedo 1 never loses light; lower the albedo")
-    return float(albedo / (sphere - albedo * screen_area))  # eq. 15
+    reflected = kept * albedo
+    return float(reflected / (sphere - reflected * screen_area))  # eq. 15
 
 
 def bare_gain(albedo: float, dome: Dome) -> float:
@@ -89,6 +93,8 @@ class ClosedFormDome(LowRankObservation):
         Light on the screen without a picture (1.0 = projector white), one a primary.
     primaries
         How many primaries the light has.
+    kept
+        See `closed_form_gain`.
 
     Raises
     ------
@@ -106,6 +112,7 @@ class ClosedFormDome(LowRankObservation):
         lens_gain: NDArray[np.floating] | None = None,
         ambient: ArrayLike = 0.0,
         primaries: int = 3,
+        kept: float = 1.0,
     ) -> None:
         albedos = np.broadcast_to(np.asarray(albedo, np.float64), (primaries,))
         areas = dome.kept_areas(rows, cols)
@@ -118,7 +125,9 @@ class ClosedFormDome(LowRankObservation):
         else:
             gain = np.where(screen, lens_gain, 1.0)
             collect = areas * gain
-        gains = [closed_form_gain(float(rho), dome.radius, dome.screen_area) for rho in albedos]
+        gains = [
+            closed_form_gain(float(rho), dome.radius, dome.screen_area, kept) for rho in albedos
+        ]
         offset = np.broadcast_to(np.asarray(ambient, np.float64), (primaries,))
         # Rank one: the screen, the gain, the pixels' areas times the direct gain
         factors = LowRank(

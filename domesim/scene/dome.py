@@ -12,6 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.observation.base import AdjointObservation
+from domesim.observation.crosstalk import Crosstalk
+from domesim.observation.dome_pair import dome_pair
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.projector import Projector
 from domesim.observation.spherical import ClosedFormDome, bare_gain
@@ -36,6 +39,7 @@ from domesim.room.viewing import Viewing
 from domesim.scene.base import Scene
 from domesim.scene.dome_file import (
     DomeFile,
+    DomeStereoSection,
     LampSection,
     MeasuredSection,
     ProjectorSection,
@@ -71,6 +75,8 @@ class DomeScene(Scene):
         Its light transport, tabulated or measured; None for the closed form.
     measured
         What of it was measured, and how sure that is; None if nothing was.
+    stereo
+        How it keeps the eyes apart, if it shows 3D.
     file
         What commands call it: its file's path, or the name of a bundled one; "" if it was made
         otherwise.
@@ -86,12 +92,13 @@ class DomeScene(Scene):
     digest: str
     transport: Transport | None = None
     measured: MeasuredSection | None = None
+    stereo: DomeStereoSection | None = None
     file: str = field(default="", compare=False)
 
     @property
     def views(self) -> int:
-        """One: a domemaster."""
-        return 1
+        """One, a domemaster, or left and right."""
+        return 1 if self.stereo is None else 2
 
     @property
     def several_seats(self) -> bool:
@@ -108,8 +115,22 @@ class DomeScene(Scene):
         """Albedo of the screen for each primary, holes counted in."""
         return self.theatre.screen_albedo
 
-    def observation(self, rows: int, cols: int) -> LowRankObservation | TabulatedDome:
-        """What the audience sees of a domemaster of that size.
+    def observation(self, rows: int, cols: int) -> AdjointObservation:
+        """What the audience sees of a domemaster of that size, or of a pair of them.
+
+        Of a pair's stored transport, that is what `solvable` knows.
+
+        Raises
+        ------
+        InputError
+            If it is not square, or smaller than 2 x 2.
+        """
+        if self.stereo is not None:
+            return self.solvable(rows, cols)
+        return self.one_view(rows, cols)
+
+    def one_view(self, rows: int, cols: int) -> LowRankObservation | TabulatedDome:
+        """What the audience sees of one view.
 
         By the stored transport if there is one, else by the closed form of the bare screen, which
         is an approximation if `approximation` says so.
@@ -133,25 +154,45 @@ class DomeScene(Scene):
             self.dome, rows, cols, albedo=self.albedo, lens_gain=gain, ambient=black
         )
 
-    def solvable(self, rows: int, cols: int) -> LowRankObservation:
+    def solvable(self, rows: int, cols: int) -> AdjointObservation:
         """`observation` in the form that solvers need: of a stored transport, the strong modes."""
-        exact = self.observation(rows, cols)
-        return exact.low_rank() if isinstance(exact, TabulatedDome) else exact
+        exact = self.one_view(rows, cols)
+        seen = exact.low_rank() if isinstance(exact, TabulatedDome) else exact
+        if self.stereo is None:
+            return seen
+        return dome_pair(
+            seen,
+            self._difference(seen, self.stereo.kept),
+            Crosstalk(rows, cols, self.stereo.leaks),
+        )
+
+    def _difference(self, summed: LowRankObservation, kept: float) -> LowRankObservation:
+        """How the difference of the views is seen; what surfaces but the screen keep is 0."""
+        factors, screen = summed.factors, summed.screen
+        if kept == 1:
+            return summed
+        if kept == 0:
+            return LowRankObservation(replace(factors, core=0 * factors.core), screen)
+        return ClosedFormDome(
+            self.dome, *screen.shape, albedo=self.albedo, lens_gain=factors.direct_gain, kept=kept
+        )
 
     def uncertain(self, rows: int, cols: int) -> UncertainDome | None:
         """What is seen of a domemaster of that size, and how sure that is; None if nobody says.
 
         A transport that was measured itself knows all of it. Else albedos were: of all surfaces, so
         that without a stored transport, which they were traced to, radiosity takes the place of the
-        closed form.
+        closed form. Of a 3D dome nobody says: only one view was measured.
         """
+        if self.stereo is not None:
+            return None
         stored = self.transport
         alone = stored is not None and bool(stored.provenance.get("measured"))
         if self.measured is None and not alone:
             return None
         if stored is None:
             stored = whole_transport(self.theatre)
-        best = replace(self, transport=stored).observation(rows, cols)
+        best = replace(self, transport=stored).one_view(rows, cols)
         assert isinstance(best, TabulatedDome)
         if alone or self.measured is None:
             return UncertainDome(best, [], np.zeros((0, 3, 0)))
@@ -184,6 +225,13 @@ class DomeScene(Scene):
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
             "Model": model + ("" if self.approximation is None else f"; {self.approximation}"),
         }
+        if self.stereo is not None:
+            white = self.stereo.leaks.sum(axis=2) @ self.projector.luminance_weights
+            facts["3D"] = (
+                f"{self.stereo.system}; the left eye sees {white[0]:.2%} of the right one's direct "
+                f"light, the right eye {white[1]:.2%} of the left one's; of what makes the views "
+                f"differ, each reflection keeps {self.stereo.kept:.0%}"
+            )
         if self.measured is not None:
             spread = ", ".join(f"{100 * part:.2g}" for part in self.reflected_error)
             facts["Measured"] = (
@@ -301,6 +349,7 @@ def built(file: DomeFile, folder: Path) -> DomeScene:
         sources=file.sources,
         digest=_with_files(file, theatre),
         measured=file.measured,
+        stereo=file.stereo,
     )
 
 

@@ -25,11 +25,13 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from domesim.errors import InputError
+from domesim.observation.crosstalk import leak_matrices
 from domesim.observation.projector import Projector
 from domesim.room.dome import Dome
 from domesim.scene.fields import (
     AmbientSection,
     Coordinate,
+    LeakOfAView,
     Length,
     Luminance,
     LuminancePerPrimary,
@@ -265,6 +267,47 @@ class ProjectorSection(Section):
         return self
 
 
+class DomeStereoSection(Section):
+    """How a 3D dome keeps the eyes apart, and what leaks of direct light all the same.
+
+    ``share``, or ``to_left`` and ``to_right``, is crosstalk of direct light, as on a flat screen: a
+    number, one a primary, or a matrix. ``kept_by_reflection`` is what each reflection on the screen
+    keeps of circular polarisation; below 0 its hand is turned, as metal does.
+    """
+
+    system: Literal["shutter", "spectral", "polarised"]
+    share: LeakOfAView | None = None
+    to_left: LeakOfAView | None = None
+    to_right: LeakOfAView | None = None
+    kept_by_reflection: Annotated[Number, Field(ge=-1, le=1)] | None = None
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        one_view = [self.to_left is not None, self.to_right is not None]
+        if any(one_view) == (self.share is not None) or any(one_view) != all(one_view):
+            raise ValueError("needs share, or both to_left and to_right")
+        if self.kept_by_reflection is not None and self.system != "polarised":
+            raise ValueError(
+                f"kept_by_reflection: leave it out, as a {self.system} system keeps the eyes apart "
+                f"however often light is reflected"
+            )
+        return self
+
+    @property
+    def kept(self) -> float:
+        """What each reflection keeps of the difference of the views."""
+        if self.system != "polarised":
+            return 1.0
+        return self.kept_by_reflection or 0.0
+
+    @property
+    def leaks(self) -> NDArray[np.float64]:
+        """(view, primary, primary) crosstalk."""
+        views = self.to_left, self.to_right
+        given = [self.share if leak is None else leak for leak in views]
+        return np.stack([leak_matrices(np.asarray(leak))[0] for leak in given])
+
+
 Three = tuple[Number, Number, Number]
 
 
@@ -337,6 +380,7 @@ class DomeFile(Section):
     viewing: ViewingSection
     sources: dict[str, str] = Field(default_factory=dict)
     measured: MeasuredSection | None = None
+    stereo: DomeStereoSection | None = None
 
     @field_validator("projector")
     @classmethod
@@ -379,6 +423,7 @@ class DomeFile(Section):
     def digest(self) -> str:
         """SHA-256 of all that light transport depends on."""
         parts = {"name", "description", "sources", "viewing", "viewpoints", "ambient", "measured"}
+        parts.add("stereo")  # what one view's light does is stored
         content = self.model_dump(mode="json", exclude=parts, warnings=False)
         content["projector"].pop("black_cd_m2")
         for unit in content["projector"]["units"]:

@@ -5,7 +5,7 @@ Every key carries its unit; unknown keys are mistakes.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +31,25 @@ LuminancePerPrimary = Annotated[
     | Annotated[tuple[NoLuminance, NoLuminance, NoLuminance], Tag(TAGS[1])],
     _EITHER,
 ]
+
+Leak = Annotated[Number, Field(ge=-0.9, le=0.9)]
+Row = tuple[Leak, Leak, Leak]
+
+
+def leak_form(value: object) -> str:
+    """Which form a leak has: a number, a number a primary, or a matrix."""
+    if not isinstance(value, list):
+        return TAGS[0]
+    return TAGS[2] if value and isinstance(value[0], list) else TAGS[1]
+
+
+LeakOfAView: TypeAlias = Annotated[
+    Annotated[Leak, Tag(TAGS[0])]
+    | Annotated[Row, Tag(TAGS[1])]
+    | Annotated[tuple[Row, Row, Row], Tag(TAGS[2])],
+    Discriminator(leak_form),
+]
+"""One number for all primaries, one for each, or three rows: what R, G, B of the eye see."""
 
 
 class Section(BaseModel):

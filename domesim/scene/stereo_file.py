@@ -22,6 +22,8 @@ from domesim.scene.fields import (
     TAGS,
     AmbientSection,
     Coordinate,
+    Leak,
+    LeakOfAView,
     Length,
     Luminance,
     NoLuminance,
@@ -29,26 +31,10 @@ from domesim.scene.fields import (
     Section,
     Share,
     ViewingSection,
+    leak_form,
 )
 
-Leak = Annotated[Number, Field(ge=-0.9, le=0.9)]
-Row = tuple[Leak, Leak, Leak]
 _NUMBER, _ROW, _MATRIX, _NAMED, _MEASURED = TAGS
-
-
-def _form(value: object) -> str:
-    if not isinstance(value, list):
-        return _NUMBER
-    return _MATRIX if value and isinstance(value[0], list) else _ROW
-
-
-LeakOfAView: TypeAlias = Annotated[
-    Annotated[Leak, Tag(_NUMBER)]
-    | Annotated[Row, Tag(_ROW)]
-    | Annotated[tuple[Row, Row, Row], Tag(_MATRIX)],
-    Discriminator(_form),
-]
-"""One number for all primaries, one for each, or three rows: what R, G, B of the eye see."""
 
 NoLeak = Annotated[Number, Field(ge=0, le=0.9)]
 _Errors = tuple[NoLeak, NoLeak, NoLeak]
@@ -56,7 +42,7 @@ ErrorOfAView: TypeAlias = Annotated[
     Annotated[NoLeak, Tag(_NUMBER)]
     | Annotated[_Errors, Tag(_ROW)]
     | Annotated[tuple[_Errors, _Errors, _Errors], Tag(_MATRIX)],
-    Discriminator(_form),
+    Discriminator(leak_form),
 ]
 """Standard errors of a `LeakOfAView`: one that all primaries share, or independent ones."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import array_api_strict
 import numpy as np
 import pytest
+from dome_pairs import OBSERVATIONS as DOMES_IN_3D
 from theatres import closed_form, picture, unequal_weighting, weighting
 
 from compensate.weighting import Masked
@@ -48,6 +49,7 @@ OBSERVATIONS = {
         size, primaries, falloff=False
     ),
     "rank two": RankTwo,
+    **DOMES_IN_3D,
 }
 WEIGHTINGS = {
     "csf": weighting,

@@ -20,6 +20,11 @@ and so does the small system itself:
     U' W B^-1 W U   = U' W U - U' sigma U + U' sigma B^-1 sigma U
 
 The paper uses the circulant structure for products [Vogel 2002]; here it gives the inverse.
+
+*A 3D dome* (`domesim.observation.dome_pair`) shows psi = C (D x + S K V'x), where C is one matrix
+over views and primaries. With w = C D x, as of a flat pair (`pair.Eyes`), this is
+w + S (C K C^-1) V'D^-1 w: the same modes, excited by all planes. So U V' above has one more matrix
+in the middle, W is one block a view, and nothing else is new.
 """
 
 from __future__ import annotations
@@ -30,6 +35,7 @@ from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from compensate.fourier import Fourier
 from compensate.problem import Problem
@@ -43,8 +49,10 @@ from compensate.solver.admm.hessian import (
     outer_products,
 )
 from compensate.solver.admm.level import Apart, Level
+from compensate.solver.admm.pair import Eyes
 from compensate.solver.admm.planes import Split, planes_of, widths_of
 from compensate.solver.admm.pyramid import halved
+from compensate.solver.dome_pairs import DomePair
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace, on_host
 from domesim.observation.lowrank import LowRankObservation
@@ -62,14 +70,35 @@ def split_dome(problem: Problem, weighting: CsfWeighting) -> Split:
     if bool(np.any(weighting.support & ~observation.screen)):
         raise ValueError("the weighting's support reaches outside the observation's screen")
     base: Any = problem.anchor
-    direct, gain = observation.factors.direct_gain, None
-    if not bool(np.all(direct == 1)):
-        kept = np.where(direct == 0, 1, direct)[None, :, :, None]
-        gain = namespace(base).asarray(kept, dtype=base.dtype, device=base.device)
+    gain = _gain(observation.factors.direct_gain, base)
     below = namespace(base).broadcast_to(problem.lower, base.shape) - base
     level = Level(
         hessian_of(observation, weighting, base),
         Apart(),
+        problem.regularisation,
+        planes_of(below if gain is None else below * gain),
+        widths_of(problem, gain),
+    )
+    return Split(problem, level, gain)
+
+
+def split_dome_pair(problem: Problem, weighting: CsfWeighting, parts: DomePair) -> Split:
+    """A 3D dome's problem in w = C D (x - x_a).
+
+    Raises
+    ------
+    ValueError
+        If the weighting has support where there is no screen.
+    """
+    base: Any = problem.anchor
+    reflected, crosstalk = parts
+    if bool(np.any(weighting.support & ~reflected.screen)):
+        raise ValueError("the weighting's support reaches outside the observation's screen")
+    gain = _gain(reflected.direct_gain, base)
+    below = namespace(base).broadcast_to(problem.lower, base.shape) - base
+    level = Level(
+        _pair_hessian(parts, weighting, namespace(base), base.dtype, base.device),
+        Eyes.of(crosstalk, base),
         problem.regularisation,
         planes_of(below if gain is None else below * gain),
         widths_of(problem, gain),
@@ -88,36 +117,66 @@ def hessian_of(
 def _hessian(
     observation: LowRankObservation, weighting: CsfWeighting, library: Any, dtype: Any, device: Any
 ) -> DomeHessian:
-    like = library.zeros((1, 1, 1, 1), dtype=dtype, device=device)
-    factors, support, fourier = observation.factors, weighting.support, weighting.fourier
+    f, primaries = observation.factors, observation.shape[3]
+    core = np.zeros((primaries, f.core.shape[1], primaries, f.core.shape[1]))
+    core[np.arange(primaries), :, np.arange(primaries)] = f.core
+    modes = f.spread, f.collect, f.direct_gain
+    return _of_modes(*modes, core, weighting, library.zeros((1,), dtype=dtype, device=device))
+
+
+@lru_cache(maxsize=2)
+def _pair_hessian(
+    parts: DomePair, weighting: CsfWeighting, library: Any, dtype: Any, device: Any
+) -> DomeHessian:
+    reflected, crosstalk = parts
+    spread, collect, core = reflected.modes()
+    rank, primaries = core.shape[2], core.shape[1]
+    mixed = np.kron(crosstalk.central.reshape(2 * primaries, -1), np.eye(rank))
+    core = mixed @ core.reshape(len(mixed), -1) @ np.linalg.inv(mixed)
+    core = core.reshape(2 * primaries, rank, 2 * primaries, rank)
+    like = library.zeros((1,), dtype=dtype, device=device)
+    return _of_modes(spread, collect, reflected.direct_gain, core, weighting, like)
+
+
+def _of_modes(
+    spread: Any, collect: Any, gain: Any, core: Any, weighting: CsfWeighting, like: Array
+) -> DomeHessian:
+    support, fourier = weighting.support, weighting.fourier
 
     def modes(planes: Any) -> Array:
         large = np.zeros((len(planes), fourier.rows, fourier.cols))
         large[:, : support.shape[0], : support.shape[1]] = planes * support
-        return library.asarray(large, dtype=dtype, device=device)
+        return namespace(like).asarray(large, dtype=like.dtype, device=like.device)
 
     # In w = D x, a pixel's light has passed D already
-    gain = np.where(factors.direct_gain == 0, 1, factors.direct_gain)
     return DomeHessian(
-        modes(factors.spread),
-        modes(factors.collect / gain),
-        factors.core,
+        modes(spread),
+        modes(collect / np.where(gain == 0, 1, gain)),
+        core,
         weighting.opponent,
         weighting.squares(like),
         fourier,
     )
 
 
+def _gain(direct: Any, like: Light) -> Array | None:
+    """(1, row, col, 1) direct gain as an array like `like`; None for 1."""
+    if bool(np.all(direct == 1)):
+        return None
+    kept = np.where(direct == 0, 1, direct)[None, :, :, None]
+    return namespace(like).asarray(kept, dtype=like.dtype, device=like.device)
+
+
 @final
 class DomeHessian(Hessian):
-    """Hessian of one view with low-rank pollution, on padded planes (primary).
+    """Hessian of one or two views with low-rank pollution, on padded planes (view, primary).
 
     Parameters
     ----------
     spread, collect
         (mode, padded row, padded col) pollution's modes in w = D x, 0 off the picture.
     core
-        (primary, mode, mode) how the modes excite each other.
+        (plane, mode, plane, mode) how the modes excite each other.
     opponent
         (channel, primary) T.
     squares
@@ -136,10 +195,13 @@ class DomeHessian(Hessian):
         fourier: Fourier,
     ) -> None:
         self.fourier = fourier
-        self.core = core
+        self._modes = core.shape[1]
+        self._core = core.reshape(core.shape[0] * self._modes, -1)
         self._opponent, self.squares = opponent, squares
         self._blocks = Blocks(squares, outer_products(opponent))
-        self.metric = metric_of(opponent)
+        size = self._blocks.size
+        self._views = [slice(p, p + size) for p in range(0, len(core), size)]
+        self.metric = metric_of(opponent) * len(self._views)
         xp = namespace(spread)
         # V first, then the shapes of U
         self._shapes = fourier.forward(xp.concat([collect, spread]))
@@ -155,42 +217,51 @@ class DomeHessian(Hessian):
     @cached_property
     def strength(self) -> float:  # type: ignore[override]
         """1 + ||U V'||, the root of the largest eigenvalue of U'U V'V."""
-        core = self._core_matrix()
         overlap = self._plain
-        uu = core.T @ overlap["uu"] @ core
+        uu = self._core.T @ overlap["uu"] @ self._core
         return 1 + float(np.sqrt(np.abs(np.linalg.eigvals(uu @ overlap["vv"])).max()))
 
     def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
         """See `Hessian`."""
-        modes = self.core.shape[-1]
-        if compiled := self._compiled(spectra):
-            asked, found = self._compiled_sums(compiled, spectra, plus, sigma)
-        else:
-            asked, found = self._solve_blocks(spectra, sigma, plus)
+        compiled, modes = self._compiled(spectra), self._modes
+        sums = self._compiled_sums if compiled else self._solve_blocks
+        each = [
+            sums(spectra[view], sigma[view], None if plus is None else plus[view])
+            for view in self._views
+        ]
+        asked, found = (np.concatenate(some) for some in zip(*each, strict=True))
         damping = np.asarray(sigma)[:, None]
         v, u = found[:, :modes], asked - damping * found[:, modes:]
-        known = np.stack([v, np.einsum("pjk,pj->pk", self.core, u)])
+        known = np.stack([v, self._excited(self._core.T, u)])
         c, e = (self._small_inverse(tuple(sigma)) @ known.ravel()).reshape(known.shape)
-        e = np.einsum("pjk,pk->pj", self.core, e)
+        e = self._excited(self._core, e)
         if compiled:
-            weights = np.stack([c, -damping * e, e])[:, :, 0].astype(self._numbers(sigma)[0].dtype)
-            compiled.correct3(
-                *parts(spectra), *self._shapes_and_squares, *self._numbers(sigma), weights
+            weights = np.stack([c, -damping * e, e])[:, :, 0].astype(
+                self._blocks.coefficients.dtype
             )
+            for view in self._views:
+                numbers = self._numbers(sigma[view])
+                given = *self._shapes_and_squares, *numbers, weights[:, view]
+                compiled.correct3(*parts(spectra[view]), *given)
             return
         asks, shows = np.concatenate([c, -damping * e], 1), np.concatenate([0 * c, e], 1)
 
         def correct(rows: slice) -> None:
-            correction = self._blocks.solved(rows, self._combined(rows, asks), sigma)
-            shown = self._combined(rows, shows)
-            for plane, one, other in zip(spectra, correction, shown, strict=True):
-                plane[rows, :] -= one + other
+            asking, shown = self._combined(rows, asks), self._combined(rows, shows)
+            for view in self._views:
+                found = self._blocks.solved(rows, asking[view], sigma[view])
+                for plane, one, other in zip(spectra[view], found, shown[view], strict=True):
+                    plane[rows, :] -= one + other
 
         each_strip(correct, spectra[0])
 
+    def _excited(self, core: Any, sums: Any) -> Any:
+        """A matrix over (plane, mode) times (plane, mode) numbers."""
+        return (core @ sums.ravel()).reshape(sums.shape)
+
     def _compiled(self, spectra: Spectra) -> Any:
         """The compiled loops, or None if there are none for this problem."""
-        fits = self._blocks.compiles and self.core.shape[-1] == 1
+        fits = self._blocks.compiles and self._modes == 1
         return loops(*spectra) if fits else None
 
     @property
@@ -203,7 +274,7 @@ class DomeHessian(Hessian):
         return coefficients, np.asarray(sigma, coefficients.dtype)
 
     def _compiled_sums(
-        self, compiled: Any, spectra: Spectra, plus: Spectra | None, sigma: Sequence[float]
+        self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None
     ) -> tuple[Any, Any]:
         """Does what `_solve_blocks` does, by compiled loops."""
         fourier = self.fourier
@@ -212,20 +283,20 @@ class DomeHessian(Hessian):
         sums[:, 0], sums[:, 1] = 1, 1 if fourier.cols % 2 == 0 else 2
         added = parts_or_zero(plus, spectra)
         given = *self._shapes_and_squares, *self._numbers(sigma)
-        compiled.dome3(*parts(spectra), added, *given, sums)
+        loops(*spectra).dome3(*parts(spectra), added, *given, sums)
         found = (sums.sum(axis=0) / (fourier.rows * fourier.cols)).reshape(3, 3)
         return found[0][:, None], found[1:].T
 
     def _solve_blocks(
         self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None
     ) -> tuple[Any, Any]:
-        """Turns `spectra` into B^-1 of them, in place; takes inner products with the modes.
+        """Turns a view's `spectra` into B^-1 of them, in place, with the modes' inner products.
 
         Returns
         -------
         (primary, mode) with U before, and (primary, V and U mode) after.
         """
-        modes = self.core.shape[-1]
+        modes = self._modes
         if plus is not None:
             for p, plane in enumerate(plus):
                 spectra[p] += plane
@@ -241,34 +312,36 @@ class DomeHessian(Hessian):
 
     def energy(self, spectra: Spectra) -> float:
         """<w, C'WC w>."""
-        modes = self.core.shape[-1]
-        polluted = np.einsum("pjk,pk->pj", self.core, self._sums(spectra)[:, :modes])
+        polluted = self._excited(self._core, self._sums(spectra)[:, : self._modes])
 
         def work(rows: slice) -> float:
             seen = self._combined(rows, np.concatenate([0 * polluted, polluted], 1))
             for p, plane in enumerate(spectra):
                 seen[p] += plane[rows, :]
-            images = self._blocks.times(rows, seen)
+            images = self._images(rows, seen)
             return sum(self.fourier.dot(a, b) for a, b in zip(seen, images, strict=True))
 
         return sum(each_strip(work, spectra[0]))
 
     def seen(self, residual: Spectra) -> tuple[float, Spectra]:
         """||A r||² and C'W r of a residual r."""
-        modes = self.core.shape[-1]
 
         def weighted(rows: slice) -> tuple[float, Any]:
             strip = [plane[rows, :] for plane in residual]
-            back = self._blocks.times(rows, strip)
+            back = self._images(rows, strip)
             energy = sum(self.fourier.dot(a, b) for a, b in zip(strip, back, strict=True))
             for plane, value in zip(residual, back, strict=True):
                 plane[rows, :] = value
-            return energy, self._dots(rows, back)[:, modes:]
+            return energy, self._dots(rows, back)[:, self._modes :]
 
         found = each_strip(weighted, residual[0])
         energy, shown = (sum(part[k] for part in found) for k in range(2))
-        self._add_collected(residual, np.einsum("pjk,pj->pk", self.core, shown))
+        self._add_collected(residual, self._excited(self._core.T, shown))
         return float(energy), residual
+
+    def _images(self, rows: slice, strip: Sequence[Array]) -> list[Array]:
+        """W of a strip of all planes."""
+        return [image for view in self._views for image in self._blocks.times(rows, strip[view])]
 
     def _sums(self, spectra: Spectra) -> Any:
         """(primary, V and U mode) inner products with the modes."""
@@ -297,7 +370,7 @@ class DomeHessian(Hessian):
         return DomeHessian(
             spread,
             4 * collect,
-            self.core,
+            self._core.reshape(len(self.metric), self._modes, len(self.metric), -1),
             self._opponent,
             squares,
             self.fourier.coarser(),
@@ -328,29 +401,21 @@ class DomeHessian(Hessian):
 
     @cached_property
     def _plain(self) -> dict[str, Any]:
-        """Inner products of the modes, the same for each primary: (primary mode, primary mode)."""
-        count = len(self.metric)
+        """Inner products of the modes, the same for each plane: (plane mode, plane mode)."""
         one = sum(each_strip(lambda rows: self._products(rows, None), self._shapes[0, :, :]))
-        return self._arranged(np.einsum("pq,jk->pqjk", np.eye(count), one))
+        return self._arranged([np.einsum("pq,jk->pqjk", np.eye(self._blocks.size), one)])
 
     def _small_inverse(self, sigma: tuple[float, ...]) -> Any:
-        """Inverse of M^-1 + Z' B^-1 Z by (primary, mode); M^-1 = [[0, I], [I, -U'WU]]."""
+        """Inverse of M^-1 + Z' B^-1 Z by (plane, mode); M^-1 = [[0, I], [I, -U'WU]]."""
         if sigma not in self._small:
-            count, modes = len(self.metric), self.core.shape[-1]
-
-            def between(rows: slice) -> Any:
-                zero = 0 * self._blocks.squares[0][rows, :]
-                result = []
-                for q in range(count):
-                    unit = [zero + float(p == q) for p in range(count)]
-                    column = self._blocks.solved(rows, unit, sigma)
-                    result.append([self._products(rows, entry) for entry in column])
-                return np.asarray(result)
-
-            found = sum(each_strip(between, self._shapes[0, :, :]))
-            plain, b = self._plain, self._arranged(np.swapaxes(found, 0, 1))
-            core = self._core_matrix()
-            s = np.diag(np.repeat(sigma, modes))
+            each: dict[tuple[float, ...], Any] = {}
+            for view in self._views:
+                if sigma[view] not in each:
+                    each[sigma[view]] = self._between(sigma[view])
+            plain = self._plain
+            b = self._arranged([each[sigma[view]] for view in self._views])
+            core = self._core
+            s = np.diag(np.repeat(sigma, self._modes))
             upper = (plain["vu"] - b["vu"] @ s) @ core
             # -U'WU of M^-1 and U'WU of Z'B^-1Z cancel
             corner = core.T @ (s @ b["uu"] @ s - s @ plain["uu"]) @ core
@@ -359,6 +424,21 @@ class DomeHessian(Hessian):
                 np.block([[b["vv"], one + upper], [one + upper.T, corner]])
             )
         return self._small[sigma]
+
+    def _between(self, sigma: tuple[float, ...]) -> Any:
+        """(primary, primary, V and U, V and U) inner products of a view's modes with B^-1."""
+        count = self._blocks.size
+
+        def between(rows: slice) -> Any:
+            zero = 0 * self._blocks.squares[0][rows, :]
+            result = []
+            for q in range(count):
+                unit = [zero + float(p == q) for p in range(count)]
+                column = self._blocks.solved(rows, unit, sigma)
+                result.append([self._products(rows, entry) for entry in column])
+            return np.asarray(result)
+
+        return np.swapaxes(sum(each_strip(between, self._shapes[0, :, :])), 0, 1)
 
     def _products(self, rows: slice, entry: Array | None) -> Any:
         """(V and U mode, V and U mode) inner products over a strip, with a plane in between."""
@@ -369,22 +449,24 @@ class DomeHessian(Hessian):
         product = xp.matmul(xp.reshape(shapes * weight, flat), xp.conj(xp.reshape(shapes, flat)).T)
         return on_host(xp.real(product)).astype(np.float64)
 
-    def _arranged(self, products: Any) -> dict[str, Any]:
-        """Turns (primary, primary, V and U, V and U) into (primary mode, primary mode) matrices."""
-        modes, count = self.core.shape[-1], len(self.metric)
-        first, second = slice(0, modes), slice(modes, 2 * modes)
+    def _arranged(self, products: Sequence[Any]) -> dict[str, Any]:
+        """Turns (primary, primary, V and U, V and U) into (plane mode, plane mode) matrices.
+
+        `products` are of each view, or of all alike.
+        """
+        first, second = slice(0, self._modes), slice(self._modes, 2 * self._modes)
+        size = self._blocks.size * self._modes
+        each = list(products) * (len(self._views) // len(products))
         return {
-            name: np.swapaxes(products[:, :, left, right], 1, 2).reshape(count * modes, -1)
+            name: block_diag(
+                *(
+                    np.swapaxes(of_view[:, :, left, right], 1, 2).reshape(size, -1)
+                    for of_view in each
+                )
+            )
             for name, left, right in (
                 ("vv", first, first),
                 ("vu", first, second),
                 ("uu", second, second),
             )
         }
-
-    def _core_matrix(self) -> Any:
-        """The core as (primary mode, primary mode)."""
-        count, modes, _ = self.core.shape
-        result = np.zeros((count, modes, count, modes), self.core.dtype)
-        result[np.arange(count), :, np.arange(count)] = self.core
-        return result.reshape(count * modes, -1)

@@ -43,12 +43,13 @@ from compensate.fourier import Fourier
 from compensate.problem import Problem
 from compensate.solver.admm.anderson import Anderson
 from compensate.solver.admm.certificate import Certificate
-from compensate.solver.admm.dome import split_dome
+from compensate.solver.admm.dome import split_dome, split_dome_pair
 from compensate.solver.admm.hessian import Planes, Spectra, penalty_of
 from compensate.solver.admm.level import Level
 from compensate.solver.admm.pair import split_pair
 from compensate.solver.admm.planes import Split, require_certifiable, residual_of
 from compensate.solver.admm.pyramid import padded
+from compensate.solver.dome_pairs import parts_of
 from compensate.solver.result import Result, Status
 from domesim.host.memory import give_back_memory
 from domesim.light import Light, namespace
@@ -127,6 +128,8 @@ class ADMM:
             split = split_dome(problem, weighting)
         elif isinstance(observation, StereoObservation):
             split = split_pair(problem, weighting)
+        elif (parts := parts_of(observation)) is not None:
+            split = split_dome_pair(problem, weighting, parts)
         else:
             raise ValueError(f"ADMM takes domes of low rank and pairs, got {observation}")
         levels = split.levels(residual, coarser=max(self.coarse) > 0)

@@ -1,0 +1,100 @@
+"""3D domes: exact subtraction by its conditions, the optimum by SciPy's BVLS, the certificate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from dome_pairs import OBSERVATIONS, pair_problem, polarised, shutter
+from scipy.optimize import lsq_linear
+
+from compensate.problem import Problem
+from compensate.solver.admm import ADMM
+from compensate.solver.baselines import RaisedBlack
+from compensate.solver.dome_pairs import PairSubtractive, clipped_subtraction
+from compensate.solver.fitting import fitting
+from compensate.solver.result import Status
+from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from domesim.observation.followed import Followed
+from validation.experiments.convergence import dense
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("name", OBSERVATIONS)
+def test_subtraction_is_exact_wherever_it_can_be(name, dtype):
+    observation = OBSERVATIONS[name](33)
+    posed, _ = pair_problem(observation, seed=4)
+    wanted = posed.desired.astype(dtype)
+    light, rounds = clipped_subtraction(Problem(observation, posed.weighting, wanted))
+    error = observation.observe(light) - wanted
+    tolerance = 2e-6 if dtype == np.float32 else 1e-8
+    on = np.broadcast_to(observation.first.screen[None, :, :, None], light.shape)
+    between = on & (light > 0) & (light < 1)
+    assert np.abs(error[between]).max() <= tolerance
+    assert error[on & (light == 0)].min() >= -tolerance
+    assert 0.05 < between.mean() < 0.9
+    assert (light.min(), np.abs(light[~on]).max()) == (0, 0)
+    assert rounds <= 8
+
+
+@pytest.mark.parametrize("name", OBSERVATIONS)
+def test_the_optimum_is_that_of_bvls(name):
+    posed, start = pair_problem(OBSERVATIONS[name](5), seed=2)
+    matrix, offset, free = dense(posed)
+    answer = lsq_linear(matrix, offset, (0, 1), method="bvls", tol=1e-14, max_iter=2000)
+    wanted = np.zeros(free.shape)
+    wanted[free] = answer.x
+    result = ADMM(tolerance=1e-13, max_iterations=20000)(posed, start)
+    assert result.status is Status.CONVERGED
+    assert np.abs(result.light - wanted).max() <= 1e-6
+    assert 0.02 < np.mean(wanted[free] <= 1e-12) < 0.98
+
+
+@pytest.mark.parametrize(
+    "seed", [*range(10), *(pytest.param(s, marks=pytest.mark.long) for s in range(10, 200))]
+)
+def test_the_certificate_bounds_the_true_gap(seed):
+    make = list(OBSERVATIONS.values())[seed % 5]
+    gain, mu = (0.0, 0.1, 0.3, 1.0)[seed % 4], (1e-4, 1e-3)[seed % 2]
+    posed, start = pair_problem(make(7), seed=seed, gain=gain, mu=mu)
+    least = ADMM(tolerance=1e-10, max_iterations=5000)(posed, start).cost
+    for steps in (4, 12):
+        early = ADMM(max_iterations=steps, first_check=steps)(posed, start)
+        assert early.cost >= least * (1 - 1e-9)
+        if early.gap is not None:
+            assert early.gap >= (early.cost / least - 1) * (1 - 1e-9) - 1e-9
+        assert posed.project(early.light) == pytest.approx(early.light, abs=0)
+
+
+def test_a_raised_black_clips_nothing():
+    observation = polarised(17)
+    posed, start = pair_problem(observation)
+    light = RaisedBlack()(posed, start).light
+    seen = observation.observe(light)
+    white = observation.direct(np.ones_like(light))
+    room = (white - posed.desired) * observation.first.screen[None, :, :, None]
+    black = (seen - posed.desired)[room > 0.01] / room[room > 0.01]
+    assert np.ptp(black) < 1e-9
+    assert 0.01 < black[0] < 0.9
+
+
+def test_what_no_solver_knows_goes_to_the_general_one():
+    observation = shutter(9)
+    posed, start = pair_problem(observation)
+    mapped = Crosstalk(9, 9, leak_matrices(0.05), share=np.full((2, 9, 9), 1.1))
+    composed = Followed(observation.first, mapped)
+    other = Problem(
+        composed,
+        posed.weighting,
+        posed.desired,
+        (posed.lower, posed.upper),
+        anchor=start,
+        regularisation=1e-3,
+    )
+    assert "Followed" in fitting(other).why
+    assert isinstance(fitting(posed).solver, ADMM)
+    with pytest.raises(ValueError, match="3D dome"):
+        PairSubtractive()(other, start)
+    with pytest.raises(ValueError, match="domes of low rank and pairs"):
+        ADMM()(other, start)
+    found = fitting(other).solver(other, start)
+    assert found.cost < other.cost(start)
