@@ -21,6 +21,7 @@ from domesim.errors import InputError
 from domesim.frames import read_master
 from domesim.host.console import Console, about, prepare_file
 from domesim.inspection.coverage import require_covered
+from domesim.observation.stereo import VIEWS
 from domesim.scene import DomeScene, StereoScene, load_dome, load_scene
 from domesim.scene.crosstalk_maps import CrosstalkMaps
 from domesim.scene.screening import decoded
@@ -43,9 +44,14 @@ SceneArgument = Annotated[
         show_default=False,
     ),
 ]  # fmt: skip
-RenderedMaster = Annotated[
-    Path | None,
-    typer.Option("--master", help="The domemaster on the screen; the bundled night scene if none."),
+RenderedMasters = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--master",
+        help="The domemaster on the screen; of a 3D dome twice: left, then right. The bundled "
+        "night scene if none.",
+        show_default=False,
+    ),
 ]
 View = Annotated[
     str,
@@ -73,7 +79,7 @@ Size = Annotated[
 def render(
     scene: SceneArgument,
     out: OutFile,
-    master: RenderedMaster = None,
+    master: RenderedMasters = None,
     view: View = "domemaster",
     size: Size = None,
     error: Error = 0.05,
@@ -97,24 +103,86 @@ def render(
     suffix = ".png" if view == "cutaway" else ".exr"
     if out.suffix.lower() != suffix:
         raise InputError(f"--out {out}: the view {view!r} is written as {suffix}, name it so")
-    for written in {out, out.with_suffix(".png")}:
-        prepare_file(written, instead_of=master)
-    picture = _picture(theatre, master, size if view == "domemaster" else None, repair, console)
+    outs = _outputs(theatre, view, out)
+    masters = _masters(theatre, master)
+    for written in {path.with_suffix(end) for path in outs for end in (suffix, ".png")}:
+        for path in masters:
+            prepare_file(written, instead_of=path)
+    pictures = [
+        _picture(theatre.one_eye, path, size if view == "domemaster" else None, repair, console)
+        for path in dict.fromkeys(masters)
+    ]
     if view == "cutaway":
-        _cutaway(theatre, picture, out, size or 1200, console)
+        _cutaway(theatre, pictures[0], out, size or 1200, console)
         return
     # Slow to import, and not needed for --help
     from domesim.pathtrace.llvm import backend  # noqa: PLC0415
-    from domesim.pathtrace.tracer import Settings  # noqa: PLC0415
+    from domesim.pathtrace.tracer import Settings, Status  # noqa: PLC0415
 
     settings = Settings(error=error, most=samples, least=min(32, samples), seed=seed,
                         per_bounce=per_bounce)  # fmt: skip
     console.say(backend().summary)
+    traced = _traced(theatre, pictures, view, size, settings, console)
+    told = [
+        _write(theatre, view, layers, facts, path, console)
+        for (layers, facts), path in zip(traced, outs, strict=True)
+    ]
+    _finish(
+        console,
+        told[0] if len(told) == 1 else dict(zip(VIEWS, told, strict=True)),
+        any(figures["status"] == Status.INTERRUPTED.value for figures in told),
+    )
+
+
+def _traced(
+    scene: DomeScene,
+    pictures: Sequence[NDArray[np.float32]],
+    view: str,
+    size: int | None,
+    settings: Settings,
+    console: Console,
+) -> list[tuple[dict[str, NDArray[Any]], dict[str, Any]]]:
+    """Layers and facts of what is seen, of a 3D dome by each eye."""
+    eyes = scene.stereo
+    if eyes is not None and eyes.kept not in (0, 1):
+        settings = replace(settings, per_bounce=True)
+    traced = []
+    for picture in pictures:
+        if view == "domemaster":
+            traced.append(_domemaster(scene, picture, settings, console))
+        else:
+            traced.append(_from_seat(scene, picture, view, size or 960, settings, console))
+    each = [layers for layers, _ in traced]
+    if eyes is not None:
+        from domesim.pathtrace.two_eyes import seen_by_eyes  # noqa: PLC0415
+
+        each = seen_by_eyes((each[0], each[-1]), eyes.kept, eyes.leaks)
     if view == "domemaster":
-        layers, facts = _domemaster(theatre, picture, settings, console)
-    else:
-        layers, facts = _from_seat(theatre, picture, view, size or 960, settings, console)
-    _write(theatre, view, layers, facts, out, console)
+        black = scene.ambient / scene.projector.white
+        for layers in each:
+            layers[""] += black * scene.screen(*layers[""].shape[:2])[..., None]
+    facts = [facts for _, facts in (traced[0], traced[-1])]
+    return list(zip(each, facts, strict=False))
+
+
+def _outputs(scene: DomeScene, view: str, out: Path) -> list[Path]:
+    """Files to write: of a 3D dome one for each eye, named as masters are."""
+    if scene.stereo is None or view == "cutaway":
+        return [out]
+    return [out.with_name(f"{out.stem}_{eye}{out.suffix}") for eye in "LR"]
+
+
+def _masters(scene: DomeScene, given: Sequence[Path] | None) -> list[Path]:
+    """One master a view."""
+    if not given:
+        bundled = Path(str(resources.files("scenes").joinpath("masters", "night.exr")))
+        return [bundled] * scene.views
+    if len(given) != scene.views:
+        raise InputError(
+            f"--master: wanted {'one domemaster' if scene.views == 1 else 'left, then right'} for "
+            f"{scene.name}, got {len(given)}: --master {' --master '.join(map(str, given))}"
+        )
+    return list(given)
 
 
 def tabulate(
@@ -332,12 +400,9 @@ def _second_opinion(scene: DomeScene, found: Tabulation, console: Console) -> di
 
 
 def _picture(
-    scene: DomeScene, master: Path | None, size: int | None, repair: bool, console: Console
+    scene: DomeScene, path: Path, size: int | None, repair: bool, console: Console
 ) -> NDArray[np.float32]:
     """(row, col, primary) light of the master, at another size if wanted."""
-    path = master
-    if path is None:
-        path = Path(str(resources.files("scenes").joinpath("masters", "night.exr")))
     with about(path):
         frame = read_master([path], repair=repair)
         if frame.repaired:
@@ -389,8 +454,7 @@ def _domemaster(
         dome = PathTracedDome(scene.theatre, rows, cols, settings, progress=progress)
         seen = dome.trace(picture[None])
     on = dome.screen[..., None]
-    black = scene.ambient / scene.projector.white
-    total = np.where(on, seen.mean[0] + black, 0)
+    total = np.where(on, seen.mean[0], 0)
     layers = {
         "": total,
         "direct": np.where(on, seen.direct[0], 0),
@@ -495,10 +559,10 @@ def _write(
     facts: dict[str, Any],
     out: Path,
     console: Console,
-) -> None:
+) -> dict[str, Any]:
+    """Writes the layers and a preview; returns the figures."""
     from domesim.pathtrace.cutaway import to_png  # noqa: PLC0415
     from domesim.pathtrace.layers import write_layers  # noqa: PLC0415
-    from domesim.pathtrace.tracer import Status  # noqa: PLC0415
 
     white = scene.projector.white
     for name, layer in layers.items():
@@ -535,12 +599,8 @@ def _write(
         f"{facts['relative_error']:.1%} of the mean, {facts['cpu_s']:.0f} CPU-s. {facts['status']}"
         f"\n  -> {out}\n  -> {preview}"
     )
-    _finish(
-        console,
-        {"scene": scene.name, "output": str(out), "preview": str(preview), "mean_cd_m2": seen}
-        | facts,
-        facts["status"] == Status.INTERRUPTED.value,
-    )
+    paths = {"scene": scene.name, "output": str(out), "preview": str(preview)}
+    return {**paths, "mean_cd_m2": seen, **facts}
 
 
 def _display(scene: DomeScene, picture: NDArray[Any]) -> NDArray[Any]:

@@ -72,7 +72,7 @@ def check(
             raise InputError(f"--out {out}: the picture is a .png, name it so")
         prepare_file(out)
     lit = coverage(found.theatre, lightmaps.SIZE)
-    light = photometry(found, lightmaps.SIZE) if lit.whole else None
+    light = photometry(found.one_eye, lightmaps.SIZE) if lit.whole else None
     figures |= _told(found, lit, light, console)
     if out is not None:
         write_whole(out, lightmaps.picture(lit, light))

@@ -71,7 +71,7 @@ def show(
     prepare_file(out)
     if isinstance(found, DomeScene):
         require_covered(found, scene)
-        content, figures = _dome(found, console, cutaway=cutaway)
+        content, figures = _dome(found.one_eye, console, cutaway=cutaway)
     else:
         assert isinstance(found, StereoScene)
         content, figures = _stereo(found)

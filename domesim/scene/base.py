@@ -51,6 +51,11 @@ class Scene(ABC):
 
     @property
     @abstractmethod
+    def pollution(self) -> str:
+        """Whose light is seen besides the picture's, in words."""
+
+    @property
+    @abstractmethod
     def several_seats(self) -> bool:
         """Whether it is looked at from several seats at once."""
 

@@ -101,6 +101,16 @@ class DomeScene(Scene):
         return 1 if self.stereo is None else 2
 
     @property
+    def pollution(self) -> str:
+        """See `Scene`."""
+        return "reflected" if self.stereo is None else "reflected, the other eye's"
+
+    @property
+    def one_eye(self) -> DomeScene:
+        """The same theatre with one view, as either eye sees it without the other's picture."""
+        return self if self.stereo is None else replace(self, stereo=None)
+
+    @property
     def several_seats(self) -> bool:
         """False: a dome has one viewing."""
         return False

@@ -135,6 +135,11 @@ class StereoScene(Scene):
         return 2
 
     @property
+    def pollution(self) -> str:
+        """See `Scene`."""
+        return "the other eye's"
+
+    @property
     def several_seats(self) -> bool:
         """Whether more than one is chosen."""
         return len(self.chosen) > 1

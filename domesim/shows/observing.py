@@ -51,10 +51,9 @@ class Observing(Recipe):
             solved: tuple[Master, dict[str, Any], list[Light]], write: Write
         ) -> tuple[dict[str, Any], str]:
             result, figures, small = solved
-            other = "reflected" if theatre.views == 1 else "the other eye's"
             line = (
                 f"mean {figures['direct_cd_m2']:.3g} cd/m² direct, "
-                f"{figures['pollution_cd_m2']:.3g} cd/m² {other} and stray light"
+                f"{figures['pollution_cd_m2']:.3g} cd/m² {theatre.pollution} and stray light"
             )
             if clipped := figures["clipped_share"]:
                 line += (

@@ -75,6 +75,6 @@ def test_baselines_refuse_what_they_cannot_solve():
     posed, start = problem(9)
     frozen = posed.frozen(start)
     for solver in (Subtractive(), RaisedBlack()):
-        with pytest.raises(ValueError, match="low-rank observation, got Frozen|Frozen has no inv"):
+        with pytest.raises(ValueError, match=r"observation, got Frozen|Frozen has no"):
             solver(frozen, start)
     assert GPCG(max_iterations=3)(frozen, start).cost <= frozen.cost(start)
