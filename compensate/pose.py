@@ -258,16 +258,19 @@ class Setting:
         if self.dome is not None:
             white = direct(np.broadcast_to(np.ones((), desired.dtype), desired.shape))
             raised = lifted(aim, self.sight, wanted, seen - direct(subtractive), white)
-            light = self._showing(raised)
+            light = self._showing(raised, subtractive)
             floor = self.single.observe(light)
             floor -= direct(light)
-            del light
             raised = with_hue(aim, wanted, raised, floor)
-            light = self._showing(raised)
+            light = self._showing(raised, light)
             if len(desired) == 1:
                 return light
             seen = self.single.observe(light)
-        return self._showing(veiled(aim, self.sight, raised, np.maximum(seen - raised, 0)))
+            if is_rounding(seen, raised):
+                return light
+            subtractive = light
+        left = np.maximum(seen - raised, 0)
+        return self._showing(veiled(aim, self.sight, raised, left), subtractive)
 
     @cached_property
     def dome(self) -> LowRankObservation | None:
@@ -277,9 +280,9 @@ class Setting:
         parts = parts_of(self.single)
         return None if parts is None else parts.reflected.summed
 
-    def _showing(self, seen: Light) -> Light:
-        """The light that shows `seen`, by exact clipped subtraction."""
-        return self._shown(self._problem(seen))
+    def _showing(self, seen: Light, start: Light) -> Light:
+        """The light that shows `seen`, by exact clipped subtraction; `start` is near it."""
+        return self._shown(self._problem(seen), start)
 
     def _problem(self, seen: Light) -> Problem:
         """The problem of showing `seen` at the mean seat: off the screen there is no light."""
@@ -289,10 +292,10 @@ class Setting:
             upper = self.dome.screen_like(seen)[None, :, :, None]
         return Problem(observation, self.plain, seen, (0.0, upper))
 
-    def _shown(self, problem: Problem) -> Light:
+    def _shown(self, problem: Problem, start: Light | None = None) -> Light:
         """Exact clipped subtraction of a problem."""
         if isinstance(self.single, Followed):
-            return dome_pairs.clipped_subtraction(problem)[0]
+            return dome_pairs.clipped_subtraction(problem, start=start)[0]
         if self.dome is not None:
             return baselines.clipped_subtraction(problem)[0]
         if isinstance(self.single, Crosstalk):

@@ -179,11 +179,11 @@ class Comparison:
 
     def _facts(self, command: str) -> dict[str, str]:
         scene, best = self.posed.scene, self.outcomes["perceptual"].figures
-        other = scene.pollution
+        polluted = f"{scene.pollution.capitalize()} and stray light"
         return {
             "Master": self.frame.described(),
             **scene.facts(),
-            f"{other[0].upper()}{other[1:]} and stray light": f"{best.pollution:.3g} cd/m² on average, untouched",
+            polluted: f"{best.pollution:.3g} cd/m² on average, untouched",
             "Too dark for exact subtraction": f"{best.clipped:.1%} of the screen",
             "Out of the projector's range": f"{best.out_of_range:.1%} of the screen",
             "Solver": f"{best.status} {best.iterations} iterations, {best.ffts} FFTs, "

@@ -1,14 +1,13 @@
 """Exact clipped subtraction in a 3D dome: of the reflected light, and of the other eye's.
 
-With y = D x + S s, S the modes of reflected light and s = K V'x their strengths, what is seen is
-C y (`domesim.observation.dome_pair`). Whatever s is, exact subtraction is that of crosstalk alone
-(`deghosting`):
+With s = K V'x, the strengths of the modes S of reflected light, what is seen is C (D x + S s)
+(`domesim.observation.dome_pair`). Exact subtraction of both is
 
-    x(s) = clip(D^-1 (wanted - C S s - (C - 1) D x))
+    x = clip(D^-1 (wanted - C S s) - M x_u)        x_u: the other view's light, M: crosstalk
 
-So F(s) = s - K V' x(s) = 0 is left, a small equation as of a flat dome (`baselines`). Newton's
-slopes take x to follow S s as if nothing leaked; what that leaves out is crosstalk times the
-reflected light, so that each round gains a factor of some fifty.
+in each view, with the light and the s that are shown. Rounds take both at once: of s by Newton's
+slopes, which have x follow S s as if nothing leaked (as `baselines`), and of x_u as it was last.
+What they leave out is crosstalk, so that each round gains a factor of some fifty.
 """
 
 from __future__ import annotations
@@ -18,15 +17,15 @@ from typing import Any, NamedTuple, cast, final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from compensate.problem import Problem
 from compensate.solver.baselines import computed
-from compensate.solver.deghosting import subtracted_crosstalk
 from compensate.solver.result import Result, Status
 from domesim.light import Light, dot
 from domesim.light.strips import in_strips
 from domesim.observation.base import Observation
-from domesim.observation.crosstalk import Crosstalk
+from domesim.observation.crosstalk import Crosstalk, mixing_by
 from domesim.observation.dome_pair import ReflectedViews
 from domesim.observation.followed import Followed
 from domesim.observation.lowrank import expand
@@ -34,6 +33,7 @@ from domesim.observation.lowrank import expand
 Floats = NDArray[Any]
 
 _SETTLED = 1e-7  # of the reflected light
+_ROUNDING = 8  # of the last digit
 
 
 class DomePair(NamedTuple):
@@ -80,10 +80,12 @@ def parts_of(observation: Observation) -> DomePair | None:
     return DomePair(first, cast("Crosstalk", then))
 
 
-def clipped_subtraction(problem: Problem, max_rounds: int = 50) -> tuple[Light, int]:
+def clipped_subtraction(
+    problem: Problem, max_rounds: int = 50, start: Light | None = None
+) -> tuple[Light, int]:
     """Light within 0..1 on the screen that shows what is wanted where any can, and rounds taken.
 
-    If those are `max_rounds`, it has not been reached.
+    If those are `max_rounds`, it has not been reached. A `start` that is near saves some.
 
     Raises
     ------
@@ -97,31 +99,57 @@ def clipped_subtraction(problem: Problem, max_rounds: int = 50) -> tuple[Light, 
         )
     reflected, crosstalk = found
     wanted = problem.desired
+    tiny = _ROUNDING * float(np.finfo(wanted.dtype).eps)
     spread, collect, core = reflected.modes()
     views, primaries, rank = core.shape[:3]
     core = core.reshape(views * primaries * rank, -1)
     gain = np.where(reflected.screen, reflected.direct_gain, 1).astype(wanted.dtype)
-    modes, collect = (np.asarray(each, wanted.dtype) for each in (spread, collect))
-    dark = problem.observation.observe(np.zeros_like(wanted))
-    s = np.zeros((views, primaries, rank))
-    light = wanted
+    modes = np.asarray(spread / gain, wanted.dtype)
+    collect = np.asarray(collect, wanted.dtype)
+    dark = reflected.ambient(wanted)
+    dark = None if dark is None else crosstalk.linear(dark)
+    mixing = [mixing_by(crosstalk.share[v, 0, 0] * crosstalk.matrices[v], wanted) for v in range(2)]
+    light = np.clip(wanted, 0, 1) if start is None else np.array(start)
+
+    def collected(view: int, rows: slice) -> Floats:
+        found = np.zeros((views, primaries, rank))
+        for p, k in np.ndindex(primaries, rank):
+            found[view, p, k] = dot(collect[k, rows], light[view, rows, :, p])
+        return found
+
+    def show(_: int, rows: slice) -> tuple[float, Floats, Floats]:
+        """The light of s in some rows: its largest change, its sums, and their slopes by s."""
+        sums = np.empty((views, primaries, rank))
+        slopes = np.empty((views, primaries, rank, rank))
+        overlaps = [[each * mode for mode in modes[:, rows]] for each in collect[:, rows]]
+        change = 0.0
+        for v in range(views):
+            leak = mixing[v](light[1 - v, rows])
+            for p in range(primaries):
+                part = wanted[v, rows, :, p] - (0 if dark is None else dark[v, rows, :, p])
+                part /= gain[rows]
+                part -= expand(modes[:, rows], leaked[v, p].astype(part.dtype))
+                part -= leak[..., p]
+                shown = np.clip(part, 0, 1)
+                moving = (part > 0) & (part < 1)
+                change = max(change, float(np.abs(shown - light[v, rows, :, p]).max()))
+                light[v, rows, :, p] = shown
+                sums[v, p] = [dot(each, shown) for each in collect[:, rows]]
+                slopes[v, p] = [[np.sum(moving * each) for each in line] for line in overlaps]
+        return change, sums, slopes
+
+    s = core @ np.sum(in_strips(collected, wanted.shape), axis=0).ravel()
+    s = s.reshape(views, primaries, rank)
     for rounds in range(1, max_rounds + 1):
         leaked = _seen(crosstalk, s)
-        shown = np.empty_like(wanted)
-
-        def show(view: int, rows: slice, leaked: Floats = leaked, shown: Light = shown) -> None:
-            for p in range(primaries):
-                part = wanted[view, rows, :, p] - dark[view, rows, :, p]
-                part -= expand(modes[:, rows], leaked[view, p].astype(part.dtype))
-                shown[view, rows, :, p] = part / gain[rows]
-
-        in_strips(show, wanted.shape)
-        light = subtracted_crosstalk(crosstalk, shown)
-        sums, slopes = _collected(light, collect, modes / gain)
-        system = np.eye(s.size) + core @ slopes
+        # Both views of a strip at once
+        changes, *parts = zip(*in_strips(show, (1, *wanted.shape[1:3], 2 * primaries)), strict=True)
+        sums, slopes = (sum(part) for part in parts)
+        system = np.eye(s.size) + core @ block_diag(*slopes.reshape(-1, rank, rank))
         change = np.linalg.solve(system, core @ sums.ravel() - s.ravel())
         s += change.reshape(s.shape)
-        if np.abs(change).max() <= _SETTLED * max(np.abs(s).max(), _SETTLED):
+        settled = np.abs(change).max() <= _SETTLED * max(np.abs(s).max(), _SETTLED)
+        if settled and max(changes) <= tiny:
             return light, rounds
     return light, max_rounds
 
@@ -130,28 +158,3 @@ def _seen(crosstalk: Crosstalk, s: Floats) -> Floats:
     """C of (view, primary, rank) strengths."""
     leaks = crosstalk.share[:, :, 0, None] * crosstalk.matrices
     return np.stack([s[v] + leaks[v] @ s[1 - v] for v in range(2)])
-
-
-def _collected(light: Light, collect: Floats, modes: Floats) -> tuple[Floats, Floats]:
-    """V'x, (view, primary, rank), and its slopes by s, a block matrix, at light x."""
-    views, _, _, primaries = light.shape
-    rank = len(modes)
-
-    def work(view: int, rows: slice) -> tuple[int, Floats, Floats]:
-        sums, slopes = np.empty((primaries, rank)), np.empty((primaries, rank, rank))
-        overlaps = [[each * mode for mode in modes[:, rows]] for each in collect[:, rows]]
-        for p in range(primaries):
-            part = light[view, rows, :, p]
-            moving = (part > 0) & (part < 1)
-            sums[p] = [dot(each, part) for each in collect[:, rows]]
-            slopes[p] = [[np.sum(moving * each) for each in line] for line in overlaps]
-        return view, sums, slopes
-
-    sums, slopes = np.zeros((views, primaries, rank)), np.zeros((views, primaries, rank, rank))
-    for view, some, steep in in_strips(work, light.shape):
-        sums[view] += some
-        slopes[view] += steep
-    count = views * primaries
-    blocks = np.zeros((count, rank, count, rank))
-    blocks[np.arange(count), :, np.arange(count)] = slopes.reshape(count, rank, rank)
-    return sums, blocks.reshape(count * rank, -1)

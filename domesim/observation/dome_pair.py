@@ -108,6 +108,12 @@ class ReflectedViews(AdjointObservation):
             core[v, p, :, u, p] = (first[p] + (second[p] if v == u else -second[p])) / 2
         return spread, collect, core
 
+    def ambient(self, like: Light) -> Light | None:
+        """What is seen without a picture, as an array like `like`; None if nothing is."""
+        if not (np.any(self.summed.factors.ambient) or np.any(self.differing.factors.ambient)):
+            return None
+        return self.observe(0 * like)
+
     def invert(self, seen: Light) -> Light:
         """The light whose observation is `seen`; negative where no projector could do it."""
         seen = self._guarded(seen, "inverts")
