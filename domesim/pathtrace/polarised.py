@@ -113,14 +113,14 @@ def crosstalk_map(
         raise InputError(f"a crosstalk map needs at least 2 samples for its error, got {samples}")
     sums = [_Sums(rows * cols) for _ in theatre.eyewear]
     random = np.random.default_rng(launch_seed(seed, *seat.encode()))
-    with _polarised() as mi, interruptible() as interrupted:
+    with polarised() as mi, interruptible() as interrupted:
         integrator = mi.load_dict({"type": "volpath", "max_depth": 2})
         scenes = [_scene(mi, theatre, projector) for projector in (0, 1)]
         passed = [_passed(mi, glass) for glass in theatre.eyewear]
 
         def seen(projector: int, glass: int, points: _Floats) -> _Floats:
-            arriving = _arriving(mi, integrator, scenes[projector], eye, points)
-            return np.asarray(passed[glass] @ arriving)
+            stokes = arriving(mi, integrator, scenes[projector], eye, points)
+            return np.asarray(passed[glass] @ stokes)
 
         for done, count in _launches(samples, rows * cols):
             for e in (0, 1):
@@ -206,19 +206,18 @@ class _Sums:
 
 
 @contextmanager
-def _polarised() -> Iterator[Any]:
+def polarised() -> Iterator[Any]:
     """Mitsuba with polarisation; whoever comes after finds the variant of `load_mitsuba` again."""
     if not backend().vectorised:
         raise InputError(
-            "crosstalk_map traces polarised light and wants a vectorised Mitsuba, got "
-            f"{backend().variant} ({backend().why})"
+            f"polarised light wants a vectorised Mitsuba, got {backend().variant} ({backend().why})"
         )
     mi = load_mitsuba()
     before = mi.variant()
     wanted = before.replace("_rgb", "_mono_polarized")
     if wanted not in mi.variants():
         raise InputError(
-            f"crosstalk_map wants a Mitsuba with the variant {wanted}, this one has "
+            f"polarised light wants a Mitsuba with the variant {wanted}, this one has "
             f"{', '.join(mi.variants())}; pip install mitsuba has it"
         )
     mi.set_variant(wanted)
@@ -238,15 +237,16 @@ def _scene(mi: Any, theatre: StereoTheatre, projector: int) -> Any:
     return mi.load_dict(
         {
             "type": "scene",
-            "screen": {"type": "rectangle", "to_world": facing @ extent, "bsdf": _silver(screen)},
+            "screen": {"type": "rectangle", "to_world": facing @ extent, "bsdf": silver(screen)},
             "lamp": {"type": "point", "position": list(lens.position), "intensity": 1.0},
-            "polariser": _around(lens.position, radius / 2, _leaking(lens.filter)),
-            "retarder": _around(lens.position, radius, _retarder(lens.filter)),
+            "polariser": around(lens.position, radius / 2, leaking(lens.filter)),
+            "retarder": around(lens.position, radius, retarder(lens.filter)),
         }
     )
 
 
-def _silver(screen: SilverScreen) -> dict[str, Any]:
+def silver(screen: SilverScreen) -> dict[str, Any]:
+    """Facets of aluminium, and paint that forgets polarisation."""
     return {
         "type": "blendbsdf",
         "weight": screen.depolarising_share,
@@ -262,7 +262,7 @@ def _silver(screen: SilverScreen) -> dict[str, Any]:
     }
 
 
-def _leaking(glass: CircularFilter) -> dict[str, Any]:
+def leaking(glass: CircularFilter) -> dict[str, Any]:
     """Crossed polarisers of a lens that share its light as 1 : leak, adding up to half."""
     # Mitsuba 3.9 turns a polariser one way, and a retarder the other way, on the same surface
     passed, blocked = ({"type": "polarizer", "theta": glass.axis + turn} for turn in (0.0, 90.0))
@@ -274,7 +274,8 @@ def _leaking(glass: CircularFilter) -> dict[str, Any]:
     }
 
 
-def _retarder(glass: CircularFilter) -> dict[str, Any]:
+def retarder(glass: CircularFilter) -> dict[str, Any]:
+    """The wave plate of a lens, which makes the hand."""
     delta = QUARTER + glass.retardance_error
     return {"type": "retarder", "theta": -_fast(glass), "delta": delta}
 
@@ -284,7 +285,8 @@ def _fast(glass: CircularFilter) -> float:
     return glass.axis + (-45.0 if glass.hand == "right" else 45.0)
 
 
-def _around(centre: Point, radius: float, bsdf: dict[str, Any]) -> dict[str, Any]:
+def around(centre: Point, radius: float, bsdf: dict[str, Any]) -> dict[str, Any]:
+    """A sphere round a lens."""
     return {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": bsdf}
 
 
@@ -300,7 +302,7 @@ def _passed(mi: Any, glass: CircularFilter) -> _Floats:
         turned(glass.axis + turn, mueller.linear_polarizer(mi.Float(1.0))) for turn in (0.0, 90.0)
     )
     phase = np.radians(QUARTER + glass.retardance_error)
-    retarder = turned(_fast(glass), mueller.linear_retarder(mi.Float(phase)))
+    retarder = turned(_fast(glass), mueller.linearretarder(mi.Float(phase)))
     return np.asarray((polariser + glass.leak * crossed)[0] @ retarder)
 
 
@@ -330,8 +332,13 @@ def _places(
     return np.stack([x, 0 * x, z], axis=-1).reshape(-1, 3)
 
 
-def _arriving(mi: Any, integrator: Any, scene: Any, eye: Point, points: _Floats) -> _Floats:
-    """(Stokes, ray) of what comes from points of the screen, by axes that are right and up."""
+def arriving(
+    mi: Any, integrator: Any, scene: Any, eye: Point, points: _Floats, seed: int = 0
+) -> _Floats:
+    """(Stokes, ray) of what comes from points of the screen, by axes that are right and up.
+
+    The seed decides nothing where paths end at their first reflection.
+    """
     way = points - np.asarray(eye)
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     right = np.cross(way, [0.0, 0.0, 1.0])
@@ -339,7 +346,7 @@ def _arriving(mi: Any, integrator: Any, scene: Any, eye: Point, points: _Floats)
     towards, across = (mi.Vector3f(*each.T.astype(np.float32)) for each in (-way, right))
     ray = mi.RayDifferential3f(o=mi.Point3f(*eye), d=-towards)
     sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(0, len(points))  # it decides nothing: paths end at their first reflection
+    sampler.seed(seed, len(points))
     mueller, _, _ = integrator.sample(scene, sampler, ray)
     basis = mi.mueller.stokes_basis(towards)
     turn = mi.mueller.rotate_stokes_basis(towards, basis, across)

@@ -49,6 +49,7 @@ _EXAMPLES: dict[str, Any] = {
     "measured.standard_errors": {"screen": [0.004, 0.004, 0.005], "floor": [0.02, 0.02, 0.02]},
     "measured.correlations": {"R screen": [1.0, -0.3, 0.0, 0.0, 0.0, 0.0]},
     "measured.sha256": {"white.exr": "9f86d081884c7d65..."},
+    "stereo.kept_by_reflection": -0.8,
     "crosstalk.share": [0.01, 0.012, 0.015],
     "crosstalk.to_left_error": 0.001,
     "crosstalk.to_right_error": 0.001,

@@ -15,6 +15,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "public_cases",
         "random_theatres",
         "polarised_crosstalk",
+        "domes_in_3d",
     ),
     "What compensation does": (
         "wrong_model",
