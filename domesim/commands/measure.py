@@ -10,6 +10,7 @@ import io
 import json
 import os
 import re
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, final
@@ -25,8 +26,9 @@ from domesim.frames.whole import write_whole
 from domesim.host.console import Console, about, complain, prepare_file
 from domesim.light.transfer import Gamma
 from domesim.observation.projector import PRIMARIES
-from domesim.scene import DomeScene, StereoScene
-from domesim.scene.loading import scene_of_text
+from domesim.observation.stereo import VIEWS
+from domesim.scene import DomeScene, StereoScene, load_dome
+from domesim.scene.loading import scene_of_text, scene_text
 
 if TYPE_CHECKING:
     from domesim.measure.crosstalk_photographs import CrosstalkMap
@@ -49,6 +51,8 @@ WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
 section 4."""
 COLOURS = "BT.709"
 """Primaries of a display with shutters, unless others are named: most are televisions."""
+
+_GRID = 128  # of a domemaster, for means over the dome
 
 ReadingsFile = Annotated[
     Path,
@@ -102,6 +106,14 @@ def crosstalk(
     height: Height = None,
     distance: Distance = None,
     adaptation: Adaptation = None,
+    dome: Annotated[
+        str | None,
+        typer.Option(
+            help="The 3D dome in which pictures that fill it were read: its scene, to be written "
+            "with crosstalk of direct light.",
+            show_default=False,
+        ),
+    ] = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -122,10 +134,15 @@ def crosstalk(
             raise InputError(
                 f"--black {taken} is for readings; photographs have their own of black"
             )
+        if dome is not None:
+            raise InputError(f"--dome {dome} is for a meter's readings, got photographs")
         _photographed(readings, out, room, console, allow_negative=allow_negative)
         return
     pair = measured_pair(read_readings(readings, black=taken), allow_negative=allow_negative)
     prepare_file(out, instead_of=readings)
+    if dome is not None:
+        _in_dome(pair, dome, readings, out, console)
+        return
     scene = _SCENE.format(
         name=_quoted(out.stem),
         description=_quoted(f"A stereo system as measured: {readings.name}."),
@@ -245,6 +262,45 @@ def response(
     figures = {display.name: _of_display(display) for display in displays}
     facts = {"readings": str(readings), "left_out": read.left_out}
     finish(console, {**facts, "displays": figures}, [])
+
+
+def _in_dome(pair: MeasuredPair, dome: str, readings: Path, out: Path, console: Console) -> None:
+    """A dome's scene with crosstalk of direct light, from pictures that filled it."""
+    from domesim.observation.dome_pair import direct_crosstalk  # noqa: PLC0415
+    from domesim.scene.writing import as_toml  # noqa: PLC0415
+
+    scene = load_dome(dome)
+    if scene.stereo is None:
+        raise InputError(f"--dome {dome}: wanted a 3D dome, this one has no [stereo]")
+    text, folder = scene_text(dome)
+    content = tomllib.loads(text)
+    for mesh in content.get("meshes", []):  # which lie beside the other scene
+        mesh["file"] = str((folder / mesh["file"]).resolve())
+    measured = pair.common_matrices
+    direct = direct_crosstalk(measured, *scene.reflected_by_views(_GRID))
+    content["stereo"].pop("share", None)
+    for eye, matrix in zip(VIEWS, direct, strict=True):
+        content["stereo"][f"to_{eye}"] = np.round(matrix, 6).tolist()
+    content.setdefault("sources", {})["stereo"] = (
+        f"measured: {readings.name}, pictures that filled the dome; its reflected light taken out"
+    )
+    written = as_toml(content)
+    scene_of_text(written, str(out), folder)
+    write_whole(out, written.encode("utf-8", "surrogateescape"))
+    for line in pair.report():
+        console.say(line)
+    for eye, before, after in zip(VIEWS, measured, direct, strict=True):
+        console.say(
+            f"to the {eye} eye: {_percent(before)} as read, {_percent(after)} of direct light"
+        )
+    console.say(f"  -> {out}")
+    figures = {"output": str(out), "dome": scene.name, "direct": _plain(direct)}
+    finish(console, {**figures, **_of_pair(pair)}, [])
+
+
+def _percent(matrix: NDArray[np.float64]) -> str:
+    """Of each primary, from the matrix's diagonal."""
+    return " / ".join(f"{value:.2%}" for value in np.diag(matrix))
 
 
 def _photographed(

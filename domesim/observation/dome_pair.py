@@ -176,6 +176,30 @@ def dome_pair(
     return Followed(ReflectedViews(summed, differing), crosstalk)
 
 
+def direct_crosstalk(measured: Floats, summed: Floats, differing: Floats) -> Floats:
+    """Crosstalk of direct light, from readings of pictures that fill the dome.
+
+    A whole picture is seen with its own reflected light. Per unit of direct light the own eye sees
+    own = 1 + a + M b of it, and the other one other = b + M (1 + a), where a and b are the half sum
+    and half difference of the reflected light of sum and difference. A meter gives own^-1 other.
+
+    Parameters
+    ----------
+    measured
+        (view, primary, primary) light of the other view's picture over that of the own one.
+    summed, differing
+        (primary,) reflected light over direct light of a white picture, of sum and difference.
+
+    Returns
+    -------
+    ndarray
+        (view, primary, primary) M.
+    """
+    a, b = np.diag((summed + differing) / 2), np.diag((summed - differing) / 2)
+    own = np.eye(len(summed)) + a
+    return np.stack([(own @ each - b) @ np.linalg.inv(own - b @ each) for each in measured])
+
+
 def _apart(light: Light) -> tuple[Light, Light]:
     """Half the sum and half the difference of the views, each (1, row, col, primary)."""
     left, right = light[:1, ...], light[1:, ...]

@@ -176,6 +176,31 @@ class DomeScene(Scene):
             Crosstalk(rows, cols, self.stereo.leaks),
         )
 
+    def reflected_by_views(self, size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(primary,) reflected light over direct light of a white picture, mean over the screen.
+
+        Of the sum of the views, and of their difference, where both are white.
+
+        Raises
+        ------
+        InputError
+            If it is no 3D dome.
+        """
+        if self.stereo is None:
+            raise InputError(f"{self.name} has one view, so no light of another")
+        exact = self.one_view(size, size)
+        summed = exact.low_rank() if isinstance(exact, TabulatedDome) else exact
+        white = self.screen(size, size)[None, :, :, None] * np.ones(3)
+        areas = self.pixel_areas(size, size)
+        found = []
+        for observation in (summed, self._difference(summed, self.stereo.kept)):
+            direct = observation.direct(white)
+            reflected = observation.linear(white) - direct
+            found.append(
+                np.einsum("rc,vrcp->p", areas, reflected) / np.einsum("rc,vrcp->p", areas, direct)
+            )
+        return found[0], found[1]
+
     def _difference(self, summed: LowRankObservation, kept: float) -> LowRankObservation:
         """How the difference of the views is seen; what surfaces but the screen keep is 0."""
         factors, screen = summed.factors, summed.screen

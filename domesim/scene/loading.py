@@ -34,11 +34,23 @@ def load_scene(name_or_path: str | Path) -> Scene:
     InputError
         If there is no such scene, or with all mistakes of its file, each with its path.
     """
+    text, folder = scene_text(name_or_path)
+    return scene_of_text(text, str(name_or_path), folder)
+
+
+def scene_text(name_or_path: str | Path) -> tuple[str, Path]:
+    """The text of a scene's file, and the folder that its paths are from.
+
+    Raises
+    ------
+    InputError
+        If there is no such scene.
+    """
     path = Path(name_or_path)
     if path.suffix != ".toml" and len(path.parts) <= 1:
-        return scene_of_text(_bundled(str(name_or_path)), str(name_or_path), Path())
+        return _bundled(str(name_or_path)), Path()
     try:
-        text = text_in(read_plain(path))
+        return text_in(read_plain(path)), path.parent
     except UnicodeDecodeError:
         raise InputError(f"{path}: a scene is a TOML text file in UTF-8, this is not") from None
     except OSError as error:
@@ -46,7 +58,6 @@ def load_scene(name_or_path: str | Path) -> Scene:
             f"{path}: wanted a scene's .toml file, got '{error.strerror}'. "
             f"Check the path, or use one of {', '.join(scene_names())}"
         ) from error
-    return scene_of_text(text, str(path), path.parent)
 
 
 def scene_of_text(text: str, where: str, folder: Path) -> Scene:

@@ -1,0 +1,159 @@
+"""3D domes in scene files, and in all commands."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import outcome_of
+from rigs import Rig
+
+from domesim.errors import InputError
+from domesim.frames import ColourTag, Frame, read_frame, write_frame
+from domesim.observation.dome_pair import direct_crosstalk
+from domesim.scene import load_dome, load_scene
+from domesim.scene.loading import scene_of_text
+
+DOME = """
+name = "3D"
+[dome]
+radius_m = 3.0
+[screen]
+albedo = [0.6, 0.5, 0.4]
+[projector]
+white_cd_m2 = 10.0
+black_cd_m2 = 0.01
+[viewing]
+adaptation_cd_m2 = 1.0
+[stereo]
+"""
+SHUTTER = DOME + 'system = "shutter"\nshare = 0.03\n'
+POLARISED = DOME + 'system = "polarised"\nto_left = 0.02\nto_right = [0.01, 0.02, 0.03]\n'
+
+
+def scene(text):
+    return scene_of_text(text, "mine.toml", Path())
+
+
+def pair(folder, size=64):
+    """Files of dark views with lamps in different places."""
+    folder.mkdir(exist_ok=True)
+    files = []
+    for eye, shift in (("L", 0), ("R", 3)):
+        pixels = np.full((size, size, 3), 0.01, np.float32)
+        pixels[20:28, 30 + shift : 40 + shift] = 0.8
+        files.append(folder / f"{eye}.exr")
+        colour = ColourTag("linear", "BT.709", "given")
+        write_frame(Frame(pixels, files[-1], colour, 16, floating=True), files[-1])
+    return files
+
+
+def test_what_a_file_says_is_what_is_seen():
+    shutter, polarised = scene(SHUTTER), scene(POLARISED)
+    assert shutter.views == polarised.views == 2
+    light = np.zeros((2, 32, 32, 3))
+    light[1] = shutter.screen(32, 32)[..., None]  # the right view is white, the left one black
+    black = 0.001
+    on = shutter.screen(32, 32)
+    reflected = shutter.one_eye.observation(32, 32).observe(light[1:])[0][on] - 1 - black
+    seen = shutter.observation(32, 32).observe(light)[:, on]
+    assert seen[0] == pytest.approx(0.03 * (1 + reflected) + black)
+    assert seen[1] == pytest.approx(1 + reflected + black)
+    # Half of what is reflected goes either way, and then leaks
+    seen = polarised.observation(32, 32).observe(light)[:, on]
+    own, other = 1 + reflected / 2, reflected / 2
+    assert seen[0] == pytest.approx(other + 0.02 * own + black)
+    assert seen[1] == pytest.approx(own + np.array([0.01, 0.02, 0.03]) * other + black)
+    turned = scene(POLARISED + "kept_by_reflection = -1.0\n")
+    assert turned.observation(32, 32).observe(light)[0, on].mean() > seen[0].mean()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (DOME + 'system = "shutter"\n', ("stereo", "share")),
+        (SHUTTER + "to_left = 0.1\n", ("stereo", "share")),
+        (SHUTTER + "kept_by_reflection = 0.5\n", ("kept_by_reflection", "leave it out")),
+        (POLARISED + "kept_by_reflection = 1.5\n", ("stereo.kept_by_reflection", "1.5")),
+        (DOME + 'system = "anaglyph"\nshare = 0.1\n', ("stereo.system", "polarised")),
+    ],
+)
+def test_what_cannot_be_is_refused(text, words):
+    with pytest.raises(InputError) as refusal:
+        scene(text)
+    for word in words:
+        assert word in str(refusal.value)
+
+
+def test_a_stored_transport_is_of_one_view():
+    assert scene(SHUTTER).digest == scene(SHUTTER).one_eye.digest == scene(POLARISED).digest
+    with_floor = SHUTTER.replace("[stereo]", "[floor]\nheight_m = -1.0\nalbedo = 0.2\n[stereo]")
+    assert "closed form" in scene(with_floor).approximation
+
+
+@pytest.mark.parametrize("name", ["dome_3d_spectral", "dome_3d_polarised"])
+def test_commands_take_a_pair(name, tmp_path, capfd):
+    left, right = pair(tmp_path / "in")
+    shown = ("--left", left, "--right", right, "--scene", name, "--json")
+    found = outcome_of(capfd, "compensate", *shown, "--out", tmp_path / "c").figures()
+    (frame,) = found["frames"]
+    assert frame["loss_after"] < frame["loss_before"]
+    seen = outcome_of(capfd, "observe", *shown, "--out", tmp_path / "o").figures()
+    assert seen["frames"][0]["pollution_cd_m2"] > 0
+    brighter = read_frame(tmp_path / "o" / "L.exr").pixels.mean()
+    assert brighter > read_frame(left).pixels.mean()
+    paper = outcome_of(
+        capfd, "compensate", *shown, "--weighting", "paper", "--out", tmp_path / "p"
+    ).figures()
+    assert paper["frames"][0]["gap"] <= 1e-3
+    outcome_of(capfd, "predict", *shown, "--out", tmp_path / "q").figures()
+    outcome_of(capfd, "compare", *shown, "--out", tmp_path / "page.html").figures()
+    assert "other eye" in (tmp_path / "page.html").read_text()
+    outcome_of(capfd, "compensate", left, "--scene", name, "--out", tmp_path / "x").is_refused(
+        "left and right"
+    )
+
+
+def test_checking_and_showing(tmp_path, capfd):
+    path = tmp_path / "mine.toml"
+    path.write_text(SHUTTER)
+    found = outcome_of(capfd, "scene", "check", path, "--json").figures()
+    assert "3D" in found["facts"]
+    page = tmp_path / "s.html"
+    outcome_of(capfd, "scene", "show", path, "--no-cutaway", "--out", page, "--json").figures()
+    assert "shutter" in page.read_text()
+
+
+def test_readings_of_full_pictures_tell_direct_crosstalk(tmp_path, capfd):
+    polarised = scene(POLARISED)
+    path = tmp_path / "mine.toml"
+    path.write_text(POLARISED)
+    light = np.zeros((2, 32, 32, 3))
+    on = polarised.screen(32, 32)
+    observation, seen = polarised.observation(32, 32), np.zeros((2, 3, 2, 3))
+    for view, p in np.ndindex(2, 3):
+        light[:] = 0
+        light[view, on, p] = 1
+        seen[:, :, view, p] = observation.linear(light)[:, on].mean(axis=1)
+    measured = np.stack([np.linalg.solve(seen[v, :, v], seen[v, :, 1 - v]) for v in range(2)])
+    found = direct_crosstalk(measured, *polarised.reflected_by_views(32))
+    assert found == pytest.approx(polarised.stereo.leaks, abs=1e-4)
+    # A matrix of readings is read as it is, and reflected light taken out
+    readings = tmp_path / "rig.csv"
+    readings.write_text(Rig(to_left=((0.2, 0.002, 0.001), (0.003, 0.2, 0), (0.001, 0, 0.2))).csv())
+    out = tmp_path / "new.toml"
+    arguments = ("measure", "crosstalk", readings, "--dome", path, "--out", out, "--json")
+    figures = outcome_of(capfd, *arguments).figures()
+    written = tomllib.loads(out.read_text())["stereo"]
+    assert written["to_left"] == pytest.approx(np.round(figures["direct"][0], 6))
+    assert written["to_left"][0][0] < 0.15
+    assert load_dome(out).stereo.system == "polarised"
+    flat = ("measure", "crosstalk", readings, "--dome", "dome_imax", "--out", tmp_path / "x.toml")
+    outcome_of(capfd, *flat).is_refused("3D dome", "[stereo]")
+
+
+def test_bundled_ones_say_what_they_are():
+    assert "spectral" in load_scene("dome_3d_spectral").facts()["3D"]
+    assert "-50%" in load_scene("dome_3d_polarised").facts()["3D"]
