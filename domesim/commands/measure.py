@@ -299,7 +299,7 @@ def _in_dome(pair: MeasuredPair, dome: str, readings: Path, out: Path, console: 
 
 
 def _percent(matrix: NDArray[np.float64]) -> str:
-    """Of each primary, from the matrix's diagonal."""
+    """Shares of each primary, by the matrix's diagonal."""
     return " / ".join(f"{value:.2%}" for value in np.diag(matrix))
 
 

@@ -56,7 +56,7 @@ from validation.inputs import DOME_SIZE, wanted
 from validation.pairs import FOLDER
 from validation.statistics import FALSE_ALARM, bias_p
 
-SCENES = ("dome_3d_spectral", "dome_3d_polarised")
+SCENES = ("dome_stereo_spectral", "dome_stereo_polarised")
 RADIUS, ALBEDO = 5.0, 0.5
 LENS, EYE = (0.4, 0.3, 2.0), (-0.6, -0.5, 2.2)
 """Off the axis, so that the screen is lit unevenly; m, in the dome's frame."""
@@ -73,7 +73,7 @@ DISPARITY = np.radians(0.4)
 SKIES = ("night", "Milky Way")
 WAYS = ("both", "reflected light only", "crosstalk only", "nothing")
 Two: TypeAlias = tuple[float, float]
-"""Of intensity, and of the circular part."""
+"""A figure of intensity, and one of the circular part."""
 
 
 @final

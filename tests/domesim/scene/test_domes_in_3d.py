@@ -93,7 +93,7 @@ def test_a_stored_transport_is_of_one_view():
     assert "closed form" in scene(with_floor).approximation
 
 
-@pytest.mark.parametrize("name", ["dome_3d_spectral", "dome_3d_polarised"])
+@pytest.mark.parametrize("name", ["dome_stereo_spectral", "dome_stereo_polarised"])
 def test_commands_take_a_pair(name, tmp_path, capfd):
     left, right = pair(tmp_path / "in")
     shown = ("--left", left, "--right", right, "--scene", name, "--json")
@@ -155,5 +155,5 @@ def test_readings_of_full_pictures_tell_direct_crosstalk(tmp_path, capfd):
 
 
 def test_bundled_ones_say_what_they_are():
-    assert "spectral" in load_scene("dome_3d_spectral").facts()["3D"]
-    assert "-50%" in load_scene("dome_3d_polarised").facts()["3D"]
+    assert "spectral" in load_scene("dome_stereo_spectral").facts()["3D"]
+    assert "-50%" in load_scene("dome_stereo_polarised").facts()["3D"]
