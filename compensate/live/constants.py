@@ -141,8 +141,8 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
     Raises
     ------
     InputError
-        If the scene is of several seats, its crosstalk is a table from grey to grey, or it cannot
-        show such a picture.
+        If the scene is of several seats or a 3D dome, its crosstalk is a table from grey to grey, or
+        it cannot show such a picture.
     """
     aim = aim or Aim()
     if scene.several_seats:
@@ -159,8 +159,8 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
     if isinstance(observation, Crosstalk):
         return _of_pair(observation, sight, aim)
     raise InputError(
-        f"{scene.name}: live pictures take crosstalk that is linear, got a table from grey to "
-        f"grey; compensate such shows as files (domesim compensate)"
+        f"{scene.name}: live pictures are of domes with one view, or of linear crosstalk, not of "
+        f"3D domes or tables from grey to grey; compensate such shows as files (domesim compensate)"
     )
 
 

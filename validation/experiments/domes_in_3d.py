@@ -255,7 +255,7 @@ def traced(sent: Light, scene: DomeScene, seed: int) -> Light:
     stereo = scene.stereo
     assert stereo is not None
     rows, cols = sent.shape[1:3]
-    settings = Settings(error=0.01, seed=seed, per_bounce=True)
+    settings = Settings(error=0.03, seed=seed, per_bounce=True)
     dome = PathTracedDome(scene.theatre, rows, cols, settings)
     views = []
     for v in range(2):
