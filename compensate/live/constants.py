@@ -141,8 +141,8 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
     Raises
     ------
     InputError
-        If the scene is of several seats or a 3D dome, its crosstalk is a table from grey to grey, or
-        it cannot show such a picture.
+        If the scene is of several seats or a 3D dome, its crosstalk is a table from grey to grey,
+        or it cannot show such a picture.
     """
     aim = aim or Aim()
     if scene.several_seats:
