@@ -199,7 +199,7 @@ def test_problems_are_what_they_say(name):
     single, double = case.single, case.double
     assert single.start.dtype == single.problem.desired.dtype == np.float32
     assert double.start.dtype == double.problem.desired.dtype == np.float64
-    rows = 64 if name == "dome-rgb" else 34
+    rows = 64 if name in ("dome-rgb", "dome-3d") else 34
     assert single.start.shape[1:3] == (rows, 64)
     assert single.planes == (1 if name.startswith("dome") else 2) * (3 if "rgb" in name else 1)
     assert 0.005 < single.clipped < 0.9

@@ -52,7 +52,7 @@ POLLUTION = 0.3
 CROSSTALK = 0.05
 PHOTOGRAPH = "trunks"
 STEREO = "stereo_polarised_paper"
-DOME = "dome_imax"
+DOME, DOME_3D = "dome_imax", "dome_stereo_polarised"
 FULL = 2048
 """Width of a flat picture at its full size."""
 _BAND = (slice(None), slice(400, 872), slice(64, 960))  # of the bundled night
@@ -151,6 +151,12 @@ def _dome_rgb(size: int) -> Case:
     return Case("dome-rgb", size, _in_theatre(DOME), desired)
 
 
+def _dome_3d(size: int) -> Case:
+    one = _resized(_bundled(load_dome(DOME)), size, size)
+    pair = np.concatenate([one, np.roll(one, size // 100, axis=2)])
+    return Case("dome-3d", size, _in_theatre(DOME_3D), pair)
+
+
 def _photo(size: int) -> Case:
     return _grey_pair("photo", size, _photograph(size))
 
@@ -188,6 +194,7 @@ def _map(size: int) -> Case:
 PROBLEMS: Mapping[str, tuple[str, Callable[[int], Case]]] = {
     "dome": ("dome, k 0.3, one channel", _dome),
     "dome-rgb": ("dome_imax, RGB disc", _dome_rgb),
+    "dome-3d": ("dome_stereo_polarised, two RGB discs", _dome_3d),
     "photo": ("photographed pair, 5 %, one channel", _photo),
     "synthetic": ("generated pair, 5 %, one channel", _synthetic),
     "photo-rgb": ("photographed pair, 5 %, RGB", _photo_rgb),
