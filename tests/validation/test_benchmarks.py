@@ -199,9 +199,10 @@ def test_problems_are_what_they_say(name):
     single, double = case.single, case.double
     assert single.start.dtype == single.problem.desired.dtype == np.float32
     assert double.start.dtype == double.problem.desired.dtype == np.float64
-    rows = 64 if name in ("dome-rgb", "dome-3d") else 34
+    rows = 64 if name in ("dome-rgb", "dome-3d-rgb") else 34
     assert single.start.shape[1:3] == (rows, 64)
-    assert single.planes == (1 if name.startswith("dome") else 2) * (3 if "rgb" in name else 1)
+    views = 1 if name in ("dome", "dome-rgb") else 2
+    assert single.planes == views * (3 if "rgb" in name else 1)
     assert 0.005 < single.clipped < 0.9
     assert np.array_equal(double.problem.project(double.start), double.start)
     assert single.problem.cost(single.start) == pytest.approx(

@@ -154,7 +154,7 @@ def _dome_rgb(size: int) -> Case:
 def _dome_3d(size: int) -> Case:
     one = _resized(_bundled(load_dome(DOME)), size, size)
     pair = np.concatenate([one, np.roll(one, size // 100, axis=2)])
-    return Case("dome-3d", size, _in_theatre(DOME_3D), pair)
+    return Case("dome-3d-rgb", size, _in_theatre(DOME_3D), pair)
 
 
 def _photo(size: int) -> Case:
@@ -194,7 +194,7 @@ def _map(size: int) -> Case:
 PROBLEMS: Mapping[str, tuple[str, Callable[[int], Case]]] = {
     "dome": ("dome, k 0.3, one channel", _dome),
     "dome-rgb": ("dome_imax, RGB disc", _dome_rgb),
-    "dome-3d": ("dome_stereo_polarised, two RGB discs", _dome_3d),
+    "dome-3d-rgb": ("dome_stereo_polarised, two RGB discs", _dome_3d),
     "photo": ("photographed pair, 5 %, one channel", _photo),
     "synthetic": ("generated pair, 5 %, one channel", _synthetic),
     "photo-rgb": ("photographed pair, 5 %, RGB", _photo_rgb),
