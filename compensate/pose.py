@@ -261,9 +261,11 @@ class Setting:
             light = self._showing(raised, subtractive)
             floor = self.single.observe(light)
             floor -= direct(light)
+            start = light if len(desired) > 1 else None
+            del light  # it takes memory
             raised = with_hue(aim, wanted, raised, floor)
-            light = self._showing(raised, light)
-            if len(desired) == 1:
+            light = self._showing(raised, start)
+            if start is None:
                 return light
             seen = self.single.observe(light)
             if is_rounding(seen, raised):
@@ -280,8 +282,8 @@ class Setting:
         parts = parts_of(self.single)
         return None if parts is None else parts.reflected.summed
 
-    def _showing(self, seen: Light, start: Light) -> Light:
-        """The light that shows `seen`, by exact clipped subtraction; `start` is near it."""
+    def _showing(self, seen: Light, start: Light | None) -> Light:
+        """The light that shows `seen`, by exact clipped subtraction; a `start` is near it."""
         return self._shown(self._problem(seen), start)
 
     def _problem(self, seen: Light) -> Problem:

@@ -13,6 +13,7 @@ from compensate.solver.baselines import RaisedBlack
 from compensate.solver.dome_pairs import PairSubtractive, clipped_subtraction
 from compensate.solver.fitting import fitting
 from compensate.solver.result import Status
+from compensate.solver.windows import Windows
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.followed import Followed
 from validation.experiments.convergence import dense
@@ -63,6 +64,12 @@ def test_the_certificate_bounds_the_true_gap(seed):
         if early.gap is not None:
             assert early.gap >= (early.cost / least - 1) * (1 - 1e-9) - 1e-9
         assert posed.project(early.light) == pytest.approx(early.light, abs=0)
+
+
+def test_windows_solve_all_of_it():
+    posed, start = pair_problem(shutter(24))
+    windows = Windows(((slice(2, 5), slice(3, 6)),), 1, ADMM(), overhead=0)
+    assert windows(posed, start).gap <= 1e-3
 
 
 def test_a_raised_black_clips_nothing():
