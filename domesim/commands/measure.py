@@ -53,6 +53,8 @@ COLOURS = "BT.709"
 """Primaries of a display with shutters, unless others are named: most are televisions."""
 
 _GRID = 128  # of a domemaster, for means over the dome
+_OF_ROOMS = 4  # width, height, distance and adaptation
+_LEAKS_OF = ("stereo.share", "stereo.to_")
 
 ReadingsFile = Annotated[
     Path,
@@ -141,6 +143,10 @@ def crosstalk(
     pair = measured_pair(read_readings(readings, black=taken), allow_negative=allow_negative)
     prepare_file(out, instead_of=readings)
     if dome is not None:
+        if len(room.assumed) < _OF_ROOMS:
+            raise InputError(
+                f"--dome {dome} has a screen and viewers: leave out those of flat ones"
+            )
         _in_dome(pair, dome, readings, out, console)
         return
     scene = _SCENE.format(
@@ -273,19 +279,34 @@ def _in_dome(pair: MeasuredPair, dome: str, readings: Path, out: Path, console: 
     if scene.stereo is None:
         raise InputError(f"--dome {dome}: wanted a 3D dome, this one has no [stereo]")
     text, folder = scene_text(dome)
+    if folder != Path() or dome.endswith(".toml"):
+        prepare_file(out, instead_of=Path(dome))
     content = tomllib.loads(text)
-    for mesh in content.get("meshes", []):  # which lie beside the other scene
-        mesh["file"] = str((folder / mesh["file"]).resolve())
+    units = content["projector"].get("units", [])
+    for holder, key in [(mesh, "file") for mesh in content.get("meshes", [])] + [
+        (unit, "mask") for unit in units if "mask" in unit
+    ]:  # which lie beside the other scene
+        holder[key] = str((folder / holder[key]).resolve())
     measured = pair.common_matrices
     direct = direct_crosstalk(measured, *scene.reflected_by_views(_GRID))
     content["stereo"].pop("share", None)
     for eye, matrix in zip(VIEWS, direct, strict=True):
         content["stereo"][f"to_{eye}"] = np.round(matrix, 6).tolist()
-    content.setdefault("sources", {})["stereo"] = (
+    told = (
         f"measured: {readings.name}, pictures that filled the dome; its reflected light taken out"
     )
+    sources = content.get("sources", {})
+    kept = {key: text for key, text in sources.items() if not key.startswith(_LEAKS_OF)}
+    content["sources"] = {**kept, "stereo.to_left, stereo.to_right": told}
     written = as_toml(content)
-    scene_of_text(written, str(out), folder)
+    try:
+        scene_of_text(written, str(out), folder)
+    except InputError as error:
+        raise InputError(
+            f"{readings}: less the light that {scene.name} reflects, no crosstalk is left that can "
+            f"be ({error}). Did the pictures fill the dome? Is its albedo right, and "
+            f"kept_by_reflection?"
+        ) from None
     write_whole(out, written.encode("utf-8", "surrogateescape"))
     for line in pair.report():
         console.say(line)

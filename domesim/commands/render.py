@@ -112,6 +112,9 @@ def render(
         _picture(theatre.one_eye, path, size if view == "domemaster" else None, repair, console)
         for path in dict.fromkeys(masters)
     ]
+    if len({picture.shape for picture in pictures}) > 1:
+        sizes = " and ".join(f"{len(picture)}" for picture in pictures)
+        raise InputError(f"--master: left and right must be of one size, got {sizes}; give --size")
     if view == "cutaway":
         _cutaway(theatre, pictures[0], out, size or 1200, console)
         return
@@ -143,11 +146,16 @@ def _traced(
     console: Console,
 ) -> list[tuple[dict[str, NDArray[Any]], dict[str, Any]]]:
     """Layers and facts of what is seen, of a 3D dome by each eye."""
+    from domesim.pathtrace.tracer import Status  # noqa: PLC0415
+
     eyes = scene.stereo
     if eyes is not None and eyes.kept not in (0, 1):
         settings = replace(settings, per_bounce=True)
-    traced = []
-    for picture in pictures:
+    traced: list[tuple[dict[str, NDArray[Any]], dict[str, Any]]] = []
+    for number, picture in enumerate(pictures):
+        settings = replace(settings, seed=settings.seed + number)
+        if traced and traced[0][1]["status"] == Status.INTERRUPTED.value:
+            settings = replace(settings, most=settings.least)
         if view == "domemaster":
             traced.append(_domemaster(scene, picture, settings, console))
         else:
@@ -161,8 +169,23 @@ def _traced(
         black = scene.ambient / scene.projector.white
         for layers in each:
             layers[""] += black * scene.screen(*layers[""].shape[:2])[..., None]
-    facts = [facts for _, facts in (traced[0], traced[-1])]
-    return list(zip(each, facts, strict=False))
+    facts = _of_all([facts for _, facts in traced])
+    return [(layers, facts) for layers in each]
+
+
+def _of_all(facts: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Figures of a picture that holds the light of all traced ones."""
+    from domesim.pathtrace.tracer import Status  # noqa: PLC0415
+
+    # The members of Status stand in the order of how well it went
+    order = [status.value for status in Status]
+    return {
+        **facts[0],
+        "status": max((each["status"] for each in facts), key=order.index),
+        "relative_error": max(each["relative_error"] for each in facts),
+        "samples": min(each["samples"] for each in facts),
+        **{name: sum(each[name] for each in facts) for name in ("segments", "cpu_s")},
+    }
 
 
 def _outputs(scene: DomeScene, view: str, out: Path) -> list[Path]:

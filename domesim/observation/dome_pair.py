@@ -12,10 +12,11 @@ All light counts in the sum, R_s = R. Of the difference each reflection keeps th
 in the closed form the albedo is k rho (`domesim.observation.spherical.closed_form_gain`):
 
     shutter, spectral               k = 1, R_d = R
-    polarised, all depolarised      k = 0, R_d = D: half of it reaches either eye
-    polarised, ideal paint          k = -1: light reflected twice is seen by the other eye only
+    polarised, all mixed then       k = 0, R_d = D: half of it reaches either eye
+    polarised, an ideal metal       k = -1: light reflected twice is seen by the other eye only
 
-Crosstalk C of direct light (eq. 8) follows, as it does on a flat screen:
+What the first reflection keeps is in direct light, and so in C; k is of the later ones, which are
+less close to the normal. Crosstalk C of direct light (eq. 8) follows, as it does on a flat screen:
 
     psi(x) = C R x,    R x = (R_s s + R_d d, R_s s - R_d d)
 
@@ -167,13 +168,24 @@ def dome_pair(
         )
     s, d = summed.factors, differing.factors
     if np.any(s.ambient):
-        # What is seen is C of it
-        plane = np.moveaxis(np.asarray(s.ambient), 0, -1)[None]
-        both = crosstalk.invert(np.concatenate([plane, plane]))
-        sums, differences = (np.moveaxis(each[0], -1, 0) for each in _apart(both))
+        # What is seen is C of it, and the same for both eyes
+        primaries = len(s.ambient)
+        inverse = np.linalg.inv(crosstalk.central.reshape(2 * primaries, -1))
+        left, right = inverse.reshape(2, primaries, 2, primaries).sum(axis=2)
+        sums, differences = (
+            _mixed((left + sign * right) / 2, np.asarray(s.ambient)) for sign in (1, -1)
+        )
         summed = LowRankObservation(replace(s, ambient=sums), summed.screen)
         differing = LowRankObservation(replace(d, ambient=differences), differing.screen)
     return Followed(ReflectedViews(summed, differing), crosstalk)
+
+
+def _mixed(matrix: Floats, planes: Floats) -> Floats:
+    """Planes of (primary, row, col) mixed by a matrix; those that are alike stay one in memory."""
+    factors = matrix.sum(axis=1)
+    if planes.strides[0] == 0 and np.ptp(factors) < 1e-12:
+        return np.broadcast_to(planes[0] * factors[0].astype(planes.dtype), planes.shape)
+    return np.tensordot(matrix, planes, axes=1).astype(planes.dtype)
 
 
 def direct_crosstalk(measured: Floats, summed: Floats, differing: Floats) -> Floats:

@@ -302,8 +302,8 @@ def _passed(mi: Any, glass: CircularFilter) -> _Floats:
         turned(glass.axis + turn, mueller.linear_polarizer(mi.Float(1.0))) for turn in (0.0, 90.0)
     )
     phase = np.radians(QUARTER + glass.retardance_error)
-    retarder = turned(_fast(glass), mueller.linearretarder(mi.Float(phase)))
-    return np.asarray((polariser + glass.leak * crossed)[0] @ retarder)
+    plate = turned(_fast(glass), mueller.linear_retarder(mi.Float(phase)))
+    return np.asarray((polariser + glass.leak * crossed)[0] @ plate)
 
 
 def _numbers(entries: list[Any], rays: int = 1) -> _Floats:

@@ -20,6 +20,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.errors import InputError
 from domesim.pathtrace.polarised import around, arriving, leaking, polarised, retarder, silver
 from domesim.pathtrace.tracer import interruptible
 from domesim.room.dome import Dome
@@ -84,10 +85,12 @@ def polarised_dome(
     Raises
     ------
     InputError
-        If Mitsuba cannot trace polarised light here.
+        If there are fewer than 2 samples, or Mitsuba cannot trace polarised light here.
     KeyboardInterrupt
         After Ctrl-C.
     """
+    if samples < 2:
+        raise InputError(f"polarised_dome needs at least 2 samples for its error, got {samples}")
     glass = CircularFilter("left")
     with polarised() as mi, interruptible() as interrupted:
         mi.register_bsdf(_NAME, _paint(mi))

@@ -28,7 +28,7 @@ def seen_by_eyes(
     ----------
     views
         Layers of the left view's light and of the right one's; with all bounces unless `kept` is 0
-        or 1. "ambient" is what either eye sees; "variance" adds up, which is the most it can be.
+        or 1. "ambient" is what either eye sees; errors of "variance" add up, as if they were one.
     kept
         k.
     leaks
@@ -39,9 +39,10 @@ def seen_by_eyes(
     for v in range(2):
         own, other, leak = mixed[v], mixed[1 - v], leaks[v].T
         layers = {name: own[name] + other[name] @ leak for name in own if name != "variance"}
-        layers["variance"] = own["variance"] + other["variance"] @ leak**2
+        errors = np.sqrt(own["variance"]) + np.sqrt(other["variance"]) @ np.abs(leak)
+        layers["variance"] = errors**2
         if (ambient := views[v].get("ambient")) is not None:
-            layers["ambient"] = ambient
+            layers["ambient"] = np.array(ambient)
             layers[""] = layers[""] + ambient
         result.append({name: np.asarray(layer, np.float32) for name, layer in layers.items()})
     return result
@@ -62,6 +63,8 @@ def _kept(own: Layers, other: Layers, kept: float) -> dict[str, NDArray[Any]]:
         "": own["direct"] + indirect,
         "direct": own["direct"],
         "indirect": indirect,
-        "variance": own["variance"] if kept == 1 else own["variance"] + other["variance"],
+        "variance": own["variance"]
+        if kept == 1
+        else (np.sqrt(own["variance"]) + np.sqrt(other["variance"])) ** 2,
         **found,
     }

@@ -107,7 +107,7 @@ class DomeScene(Scene):
 
     @property
     def one_eye(self) -> DomeScene:
-        """The same theatre with one view, as either eye sees it without the other's picture."""
+        """The same theatre with one view's light alone, seen without glasses."""
         return self if self.stereo is None else replace(self, stereo=None)
 
     @property
@@ -128,7 +128,7 @@ class DomeScene(Scene):
     def observation(self, rows: int, cols: int) -> AdjointObservation:
         """What the audience sees of a domemaster of that size, or of a pair of them.
 
-        Of a pair's stored transport, that is what `solvable` knows.
+        Of a pair it is `solvable`, which knows the strong modes of a stored transport.
 
         Raises
         ------
@@ -177,9 +177,9 @@ class DomeScene(Scene):
         )
 
     def reflected_by_views(self, size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(primary,) reflected light over direct light of a white picture, mean over the screen.
+        """How much the dome adds to white views: to their sum, and to their difference.
 
-        Of the sum of the views, and of their difference, where both are white.
+        Each is (primary,) reflected light over direct light, mean over the screen.
 
         Raises
         ------

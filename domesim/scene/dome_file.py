@@ -25,7 +25,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from domesim.errors import InputError
-from domesim.observation.crosstalk import leak_matrices
+from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.projector import Projector
 from domesim.room.dome import Dome
 from domesim.scene.fields import (
@@ -291,6 +291,10 @@ class DomeStereoSection(Section):
                 f"kept_by_reflection: leave it out, as a {self.system} system keeps the eyes apart "
                 f"however often light is reflected"
             )
+        try:
+            Crosstalk(1, 1, self.leaks)
+        except InputError as error:
+            raise ValueError(str(error)) from None
         return self
 
     @property
@@ -418,6 +422,19 @@ class DomeFile(Section):
                 mistake = _line_error(("top_m",), f"must be {place}, got {top:g}")
                 raise ValidationError.from_exception_data("wall", [mistake])
         return section
+
+    @field_validator("stereo")
+    @classmethod
+    def _matt(
+        cls, stereo: DomeStereoSection | None, info: ValidationInfo
+    ) -> DomeStereoSection | None:
+        screen = info.data.get("screen")
+        glossy = screen is not None and screen.lobe is not None
+        if stereo is not None and glossy and stereo.kept not in (0, 1):
+            way_out = "leave it out: beside [screen.lobe] no closed form knows what is kept"
+            mistakes = [_line_error(("kept_by_reflection",), way_out)]
+            raise ValidationError.from_exception_data("stereo", mistakes)
+        return stereo
 
     @property
     def digest(self) -> str:

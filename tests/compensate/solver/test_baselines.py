@@ -74,7 +74,8 @@ def test_untouched_projects_the_master():
 def test_baselines_refuse_what_they_cannot_solve():
     posed, start = problem(9)
     frozen = posed.frozen(start)
-    for solver in (Subtractive(), RaisedBlack()):
-        with pytest.raises(ValueError, match=r"observation, got Frozen|Frozen has no"):
-            solver(frozen, start)
+    with pytest.raises(ValueError, match="low-rank observation, got Frozen"):
+        Subtractive()(frozen, start)
+    with pytest.raises(ValueError, match="Frozen has no inverse"):
+        RaisedBlack()(frozen, start)
     assert GPCG(max_iterations=3)(frozen, start).cost <= frozen.cost(start)

@@ -13,6 +13,9 @@ from rigs import Rig
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.observation.dome_pair import direct_crosstalk
+from domesim.pathtrace.llvm import backend
+from domesim.readings.meter import read_readings
+from domesim.readings.pair import measured_pair
 from domesim.scene import load_dome, load_scene
 from domesim.scene.loading import scene_of_text
 
@@ -77,6 +80,12 @@ def test_what_a_file_says_is_what_is_seen():
         (SHUTTER + "to_left = 0.1\n", ("stereo", "share")),
         (SHUTTER + "kept_by_reflection = 0.5\n", ("kept_by_reflection", "leave it out")),
         (POLARISED + "kept_by_reflection = 1.5\n", ("stereo.kept_by_reflection", "1.5")),
+        (DOME + 'system = "shutter"\nshare = -0.2\n', ("stereo", "must add light")),
+        (
+            POLARISED.replace("[stereo]", "[screen.lobe]\nshare = 0.2\nroughness = 0.3\n[stereo]")
+            + "kept_by_reflection = -0.5\n",
+            ("stereo.kept_by_reflection", "lobe"),
+        ),
         (DOME + 'system = "anaglyph"\nshare = 0.1\n', ("stereo.system", "polarised")),
     ],
 )
@@ -116,6 +125,29 @@ def test_commands_take_a_pair(name, tmp_path, capfd):
     )
 
 
+@pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
+def test_rendering_shows_either_eye(tmp_path, capfd):
+    left, right = pair(tmp_path / "in", size=32)
+    path = tmp_path / "mine.toml"
+    path.write_text(POLARISED)
+    out = tmp_path / "seen.exr"
+    arguments = ("render", path, "--master", left, "--master", right, "--error", "0.05")
+    found = outcome_of(capfd, *arguments, "--out", out, "--json").figures()
+    theatre = scene(POLARISED)
+    light = np.stack([read_frame(each).pixels for each in (left, right)])
+    light = light * theatre.screen(32, 32)[None, :, :, None]
+    seen = theatre.observation(32, 32).observe(light)[:, theatre.screen(32, 32)]
+    for eye, expected in zip("LR", seen, strict=True):
+        layers = read_frame(out.with_name(f"seen_{eye}.exr")).pixels[theatre.screen(32, 32)]
+        white = theatre.projector.white
+        assert layers.mean() / white == pytest.approx(expected.mean(), rel=0.01)
+        assert out.with_name(f"seen_{eye}.png").is_file()
+    assert found["left"]["mean_cd_m2"]["seen"] > found["left"]["mean_cd_m2"]["direct"]
+    outcome_of(capfd, *arguments[:4], "--out", out).is_refused("left, then right")
+    _, other = pair(tmp_path / "other", size=48)
+    outcome_of(capfd, *arguments[:4], "--master", other, "--out", out).is_refused("one size")
+
+
 def test_checking_and_showing(tmp_path, capfd):
     path = tmp_path / "mine.toml"
     path.write_text(SHUTTER)
@@ -127,9 +159,10 @@ def test_checking_and_showing(tmp_path, capfd):
 
 
 def test_readings_of_full_pictures_tell_direct_crosstalk(tmp_path, capfd):
-    polarised = scene(POLARISED)
+    mixed = "to_left = [[0.02, 0.01, 0.0], [0.003, 0.03, 0.002], [0.0, 0.02, 0.01]]"
+    polarised = scene(POLARISED.replace("to_left = 0.02", mixed))
     path = tmp_path / "mine.toml"
-    path.write_text(POLARISED)
+    path.write_text(SHUTTER.replace("albedo = [0.6, 0.5, 0.4]", "albedo = 0.5"))
     light = np.zeros((2, 32, 32, 3))
     on = polarised.screen(32, 32)
     observation, seen = polarised.observation(32, 32), np.zeros((2, 3, 2, 3))
@@ -142,14 +175,21 @@ def test_readings_of_full_pictures_tell_direct_crosstalk(tmp_path, capfd):
     assert found == pytest.approx(polarised.stereo.leaks, abs=1e-4)
     # A matrix of readings is read as it is, and reflected light taken out
     readings = tmp_path / "rig.csv"
-    readings.write_text(Rig(to_left=((0.2, 0.002, 0.001), (0.003, 0.2, 0), (0.001, 0, 0.2))).csv())
+    readings.write_text(Rig().csv())
     out = tmp_path / "new.toml"
     arguments = ("measure", "crosstalk", readings, "--dome", path, "--out", out, "--json")
     figures = outcome_of(capfd, *arguments).figures()
     written = tomllib.loads(out.read_text())["stereo"]
     assert written["to_left"] == pytest.approx(np.round(figures["direct"][0], 6))
-    assert written["to_left"][0][0] < 0.15
-    assert load_dome(out).stereo.system == "polarised"
+    # Shutters keep reflected light apart, so that it tells nothing
+    pair = measured_pair(read_readings(readings, black=None))
+    assert np.array(written["to_right"]) == pytest.approx(pair.common_matrices[1], abs=1e-5)
+    assert load_dome(out).stereo.system == "shutter"
+    path.write_text(POLARISED)
+    less = ("measure", "crosstalk", readings, "--dome", path, "--out", tmp_path / "y.toml")
+    outcome_of(capfd, *less).is_refused("no crosstalk is left", "albedo")
+    outcome_of(capfd, *less[:5], "--out", path).is_refused("mine.toml")
+    outcome_of(capfd, *less, "--width", 3).is_refused("leave out")
     flat = ("measure", "crosstalk", readings, "--dome", "dome_imax", "--out", tmp_path / "x.toml")
     outcome_of(capfd, *flat).is_refused("3D dome", "[stereo]")
 
