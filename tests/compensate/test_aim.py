@@ -70,6 +70,25 @@ def test_without_lift_it_is_subtraction():
         np.testing.assert_allclose(solved(posed, "perceptual").light, posed.subtractive, atol=1e-6)
 
 
+def test_both_eyes_of_a_3d_dome_are_lifted_by_the_same_light():
+    """Else the eyes would see two blacks, where one view is lit more than the other."""
+    scene = load_scene("dome_stereo_spectral")
+    screen = scene.screen(96, 96)
+    light = np.full((2, 96, 96, 3), 0.01, np.float32)
+    light[0, 40:56, 20:76] = 0.9  # one view is lit much more than the other
+    light[1, 40:44, 20:30] = 0.9
+    light *= screen[None, :, :, None]
+    posed = pose(light, scene)
+    seen = posed.seen(solved(posed, "perceptual").light)
+    dark = screen & (light.max(axis=(0, 3)) < 0.02)
+    dark[30:66, 10:86] = False
+    black = [np.median(view[dark] @ scene.projector.luminance_weights) for view in seen]
+    untouched = posed.seen(posed.subtractive)
+    left, right = (np.median(view[dark] @ scene.projector.luminance_weights) for view in untouched)
+    assert left > 2 * right
+    assert black[1] == pytest.approx(black[0], rel=0.05)
+
+
 def test_what_is_exact_is_shown_exactly():
     """Where nothing is missing the aim is the master."""
     bright = (0.3 + 0.5 * night(SIZE)).astype(np.float32)

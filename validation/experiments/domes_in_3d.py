@@ -66,9 +66,9 @@ LENS, EYE = (0.4, 0.3, 2.0), (-0.6, -0.5, 2.2)
 HALF_ANGLES = (90.0, 75.0)
 KEPT = (-1.0, -0.7, 0.0)
 SILVER: Mapping[str, SilverScreen] = {
-    f"roughness {rough:g}, {share:.0%} matt": SilverScreen(1.0, 1.0, share, rough, 0.6)
+    f"roughness {rough:g}, {share:.1%} matt": SilverScreen(1.0, 1.0, share, rough, 0.6)
     for rough in (0.2, 0.35, 0.5)
-    for share in (0.0, 0.08)
+    for share in (0.0, 0.025, 0.08)
 }
 DISPARITY = np.radians(0.4)
 """Between the eyes, of what is at infinity, where the screen is 9 m away."""
@@ -105,6 +105,38 @@ class Paint:
     def off(self) -> float:
         """Largest error of the means."""
         return float(np.abs(np.subtract(self.mean, self.expected)).max())
+
+
+@final
+@dataclass(frozen=True)
+class Silver:
+    """Light off facets of aluminium.
+
+    Attributes
+    ----------
+    direct, reflected
+        Circular part over intensity, of direct light and of what was reflected more than once.
+    share
+        Reflected light over direct light.
+    """
+
+    direct: float
+    reflected: float
+    share: float
+
+    @property
+    def crosstalk(self) -> float:
+        """What ideal filters leave of the other eye's direct light."""
+        return (1 - self.direct) / (1 + self.direct)
+
+    @property
+    def kept(self) -> float:
+        """The k of a series of reflections that has this circular part in all.
+
+        Reflected intensities are q + q² + ... = q / (1 - q), circular parts k q / (1 - k q).
+        """
+        ratio, q = self.reflected / self.direct, self.share / (1 + self.share)
+        return ratio / (1 - q + ratio * q)
 
 
 @final
@@ -151,15 +183,15 @@ def painted(half_angle: float, kept: float, samples: int, seed: int) -> Paint:
     return Paint(_two(means[0]), _two(spread), _two(means[1]), p)
 
 
-def silver(screen: SilverScreen, samples: int, seed: int) -> tuple[float, float, float]:
-    """Circular over all light, direct and reflected; and reflected over direct light."""
+def silver(screen: SilverScreen, samples: int, seed: int) -> Silver:
+    """Traces facets of aluminium, and matt paint between them."""
     dome = Dome(RADIUS, np.pi / 2)
     found = polarised_dome(
         dome, screen, LENS, EYE, _seen_places(dome, seed), samples=samples, seed=seed
     )
     direct, reflected = found.direct.mean(axis=0), (found.all - found.direct).mean(axis=0)
     first, later = direct[1] / direct[0], reflected[1] / reflected[0]
-    return float(first), float(later), float(reflected[0] / direct[0])
+    return Silver(float(first), float(later), float(reflected[0] / direct[0]))
 
 
 _GROUP = 512
@@ -294,27 +326,24 @@ def run(work: Work) -> Finding:
         Paint,
         lambda given: painted(*given, samples, work.seed),
     )
-    metals = work.each(
-        SILVER, tuple[float, float, float], lambda screen: silver(screen, samples, work.seed)
-    )
+    metals = work.each(SILVER, Silver, lambda screen: silver(screen, samples, work.seed))
     pairs, left_out = _pairs(work)
     seen = work.each(
         {f"{what} in {name}": (read, name) for what, read in pairs.items() for name in SCENES},
         Seen,
         lambda given: judged(*given, seed=work.seed),
     )
-    kept = {name: later / first for name, (first, later, _) in metals.items()}
+    kept = {name: metal.kept for name, metal in metals.items()}
     off = max(paint.off for paint in paints.values())
     losses = {way: [one.lost[way] - one.lost[BOTH] for one in seen.values()] for way in WAYS[1:]}
-    matt = [kept[name] for name in SILVER if "0% matt" not in name]
     return Finding(
         result=(
             f"Off matt paint, traced intensity and circular polarisation are the closed form's: "
             f"means are within {off:.1e} of white, and places within their errors. Off facets of "
-            f"aluminium reflected light has {min(kept.values()):.2f} to {max(kept.values()):.2f} "
-            f"of the circular polarisation of direct light, {min(matt):.2f} to {max(matt):.2f} "
-            f"with 8 % of matt paint: its hand is turned, and it is seen by the wrong eye more "
-            f"than by its own. It does not just lose its polarisation. Traced colour pictures are "
+            f"aluminium each reflection keeps {min(kept.values()):.2f} to {max(kept.values()):.2f} "
+            f"of the circular polarisation: its hand is turned, and what is reflected is seen by "
+            f"the wrong eye more than by its own. It does not just lose its polarisation. Traced "
+            f"colour pictures are "
             f"within {max(one.error for one in seen.values()):.1e} of white (rms) of the closed "
             f"form times crosstalk.\n\nTo answer one pollution of two costs, over answering both: "
             + "; ".join(
@@ -379,7 +408,7 @@ def _checks(
 
 def _tables(
     paints: Mapping[str, Paint],
-    metals: Mapping[str, tuple[float, float, float]],
+    metals: Mapping[str, Silver],
     seen: Mapping[str, Seen],
 ) -> Iterator[Table]:
     yield Table(
@@ -399,15 +428,21 @@ def _tables(
         ),
     )
     yield Table(
-        caption="Circular part over intensity off a hemisphere of aluminium facets, of direct and "
-        "of reflected light, and reflected light over direct light.",
+        caption="Off a hemisphere of aluminium facets, with matt paint between them: circular part "
+        "over intensity, of direct and of reflected light; reflected light over direct light; the "
+        "crosstalk of direct light behind ideal filters; what each reflection keeps.",
         columns=(
             Column(name="screen"),
-            Column(name="direct", digits=".3f"),
-            Column(name="reflected", digits=".3f"),
-            Column(name="reflected light", digits=".3f"),
+            Column(name="circular, direct", digits=".3f"),
+            Column(name="circular, reflected", digits=".3f"),
+            Column(name="reflected over direct", digits=".3f"),
+            Column(name="crosstalk", unit="%", digits=".1f"),
+            Column(name="k", digits=".2f"),
         ),
-        rows=tuple((name, *values) for name, values in metals.items()),
+        rows=tuple(
+            (name, one.direct, one.reflected, one.share, 100 * one.crosstalk, one.kept)
+            for name, one in metals.items()
+        ),
     )
     yield Table(
         caption="Quality lost (JOD, reference model) of traced light, light that is seen over the "

@@ -52,12 +52,19 @@ def dark_dome():
     return posed.problem, posed.subtractive
 
 
+def dark_dome_in_3d():
+    night_pair = np.concatenate([night(64), night(64, seed=1)])
+    posed = pose(night_pair, load_dome("dome_stereo_polarised"), PerceptualWeighting())
+    return posed.problem, posed.subtractive
+
+
 PROBLEMS = {
     "pair of one": lambda: dark_pair(1),
     "pair of three": lambda: dark_pair(3),
     "pair, map": lambda: dark_pair(3, share=share(40, 56)),
     "pair, mixed": lambda: dark_pair(3, COLOURED),
     "dome": dark_dome,
+    "3D dome": dark_dome_in_3d,
 }
 
 

@@ -196,4 +196,4 @@ def test_readings_of_full_pictures_tell_direct_crosstalk(tmp_path, capfd):
 
 def test_bundled_ones_say_what_they_are():
     assert "spectral" in load_scene("dome_stereo_spectral").facts()["3D"]
-    assert "-50%" in load_scene("dome_stereo_polarised").facts()["3D"]
+    assert "-80%" in load_scene("dome_stereo_polarised").facts()["3D"]
