@@ -19,7 +19,7 @@ from compensate.live import dome_loops as loops
 from compensate.live.coding import Coding, PixelFormat
 from compensate.live.constants import DomeConstants
 from compensate.live.noise import shifts_of
-from compensate.live.tile_loops import code_of, widened
+from compensate.live.tile_loops import code_of, places_along, widened
 from compensate.means import block_sums, box_sum
 
 _SETTLED = 1e-3
@@ -67,6 +67,9 @@ class CompiledDome:
             edge=np.float32(k.aim.edge),
             hue=np.float32(k.aim.hue),
         )
+        self._cells = places_along(cols, k.cell, k.gain.shape[1])
+        self._blocks = places_along(cols, k.block, shape[1])
+        self._blocks_cells = places_along(shape[1], k.cell // k.block, k.gain.shape[1])
         self._heap = np.zeros((6, *shape), np.float32)
         self._work = np.zeros((12, *shape), np.float32)
         self._coarse = np.empty((4, *shape), np.float32)
@@ -145,7 +148,7 @@ class CompiledDome:
     def _wide(self, floors: NDArray[np.float32]) -> NDArray[np.float32]:
         """(4, cell row, col)."""
         found = np.empty((*floors.shape[:2], self._k.screen.shape[1]), np.float32)
-        widened(floors, self._k.cell, found)
+        widened(floors, *self._cells, found)
         return found
 
     def _find_bases(self) -> None:
@@ -155,7 +158,7 @@ class CompiledDome:
         loops.bases(
             self._counted, self._around, self._heap, self._k.radius, edge, self._work, self._coarse
         )
-        widened(self._coarse, self._k.block, self._bases)
+        widened(self._coarse, *self._blocks, self._bases)
 
     def _missing(self, floors: NDArray[np.float32]) -> float:
         """See `compensate.aim`: `lift` times the mean over the darkest share of the screen.
@@ -166,7 +169,10 @@ class CompiledDome:
         """
         k, share = self._k, self._k.aim.darkest
         floor = np.tensordot(k.weights, floors[:3], 1) * floors[3]
-        lacking = loops.lacking(floor[None], k.cell // k.block, self._heap[5], self._counted)
+        wide = np.empty((1, len(floor), self._counted.shape[1]), np.float32)
+        widened(floor[None].astype(np.float32), *self._blocks_cells, wide)
+        lacking = np.empty_like(self._counted)
+        loops.lacking(wide, k.cell // k.block, self._heap[5], self._counted, lacking)
 
         def tangent(level: float) -> tuple[float, float, float]:
             above, more = loops.excess(self._counted, lacking, np.float32(level))

@@ -32,7 +32,6 @@ from compensate.live.tile_loops import (
     logarithm,
     stored,
     summed,
-    widened,
     within,
 )
 
@@ -290,20 +289,16 @@ def bases(
 
 
 @COMPILED
-def lacking(floor: Any, side: int, luminance: Any, counted: Any) -> Any:
-    """(block row, block col) missing light: of (1, cell row, cell col) floors, luminance is shown.
+def lacking(floor: Any, side: int, luminance: Any, counted: Any, found: Any) -> None:
+    """(block row, block col) missing light: of a (1, cell row, block col) floor, what is shown.
 
     `side`: blocks along a cell.
     """
-    rows, cols = counted.shape
-    wide, found = np.empty((1, floor.shape[1], cols), np.float32), np.empty((rows, cols), np.float32)
-    widened(floor, side, wide)
-    for i in numba.prange(rows):
-        at = about(i, side, wide)
-        for j in range(np.uint64(cols)):
+    for i in numba.prange(counted.shape[0]):
+        at = about(i, side, floor)
+        for j in range(np.uint64(counted.shape[1])):
             shown = luminance[i, j] / max(counted[i, j], ONE)
-            found[i, j] = max(between(wide, 0, at, j) - shown, NO)
-    return found
+            found[i, j] = max(between(floor, 0, at, j) - shown, NO)
 
 
 @COMPILED

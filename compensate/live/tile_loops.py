@@ -218,23 +218,36 @@ def copied(code: Any, codes: Any, i: Any, begin: Any, end: Any, out: Any) -> Non
         out[i, at] = codes[i, at]
 
 
+def places_along(count: int, side: int, cells: int) -> tuple[NDArray[np.uint32], Any]:
+    """(col,) the coarse column below each of `count` columns, and how far it is to the next.
+
+    Coarse columns are `side` columns each: linear between their middles, flat beyond the last.
+    """
+    at = np.clip((np.arange(count) + 0.5) / side - 0.5, 0, cells - 1)
+    low = np.floor(at).astype(np.uint32)
+    return low, (at - low).astype(np.float32)
+
+
+@INSIDE
+def widened_row(
+    coarse: Any, p: Any, i: Any, lows: Any, parts: Any, first: Any, wide: Any, found: Any, k: Any
+) -> None:
+    """Row `i` of plane `p` of a coarse array at columns from `first` on, into row `k` of another."""
+    last = np.uint64(coarse.shape[2] - 1)
+    for j in range(NONE, wide):
+        at = np.uint64(lows[first + j])
+        low = coarse[p, i, at]
+        found[k, j] = low + (coarse[p, i, min(at + NEXT, last)] - low) * parts[first + j]
+
+
 @COMPILED
-def widened(coarse: Any, side: int, found: Any) -> None:
-    """Coarse (plane, row, col) at all columns: linear between middles, and flat beyond them."""
-    cols, last = np.uint64(found.shape[2]), coarse.shape[2] - 1
-    lows, parts = np.empty(cols, np.uint32), np.empty(cols, np.float32)
-    for j in range(cols):
-        at = min(max((float(j) + 0.5) / side - 0.5, 0.0), float(last))
-        lows[j] = np.uint32(at)
-        parts[j] = np.float32(at - float(lows[j]))
-    for i in numba.prange(coarse.shape[1]):
-        line = np.zeros(last + 2, np.float32)
-        for p in range(coarse.shape[0]):
-            for c in range(last + 1):
-                line[c] = coarse[p, i, c]
-            for j in range(cols):
-                low = line[lows[j]]
-                found[p, i, j] = low + (line[lows[j] + _AFTER] - low) * parts[j]
+def widened(coarse: Any, lows: Any, parts: Any, found: Any) -> None:
+    """Coarse (plane, row, col) at all columns."""
+    count, rows = coarse.shape[:2]
+    cols = np.uint64(found.shape[2])
+    for i in numba.prange(rows):
+        for p in range(count):
+            widened_row(coarse, p, i, lows, parts, NONE, cols, found[p], i)
 
 
 @INSIDE
