@@ -19,10 +19,8 @@ from compensate.live.tile_loops import (
     NO,
     NONE,
     ONE,
-    planes_of,
     LINE,
     TINY,
-    WIDE,
     about,
     between,
     copied,
@@ -38,6 +36,9 @@ from compensate.live.tile_loops import (
 MASTER, LIFTED, HUED, WRITTEN = range(4)
 """What `sweep` adds up: what subtraction shows of the master, of the aim, and of the aim with its
 hues; or what it writes."""
+
+_WIDE, _PITCH = np.uint64(2048), 2064
+"""Columns of a tile, and of its planes."""
 
 # Planes of a tile: light; 1 on the screen; sums by cells; sums by blocks
 _HERE, _SUMS, _HEAP, _PLANES = 3, 4, 10, 16
@@ -182,11 +183,11 @@ def sweep(
     if stage == MASTER:
         heap[:] = NO
     for band in numba.prange(sums.shape[1]):
-        w = planes_of(_PLANES)
-        places, found = np.empty(WIDE, np.uint32), np.empty((3, WIDE), out.dtype)
+        w = np.zeros((_PLANES, _PITCH), np.float32)
+        places, found = np.empty(_WIDE, np.uint32), np.empty((3, _WIDE), out.dtype)
         last = min((band + 1) * k.cell, rows) - 1
-        for first in range(NONE, k.cols, WIDE):
-            wide = min(WIDE, k.cols - first)
+        for first in range(NONE, k.cols, _WIDE):
+            wide = min(_WIDE, k.cols - first)
             for i in range(band * k.cell, last + 1):
                 at, done = about(i, k.cell, floors), NONE
                 for piece in range(k.spans.shape[1]):

@@ -107,8 +107,9 @@ class CompiledPair:
         ghosts, near = self._found[:12], self._found[12:]
         loops.smoothed(near, *self._nearby, self._work[12:])
         for octave in self._octaves:
-            means = octave.means
-            loops.halved(ghosts, octave.block, means)
+            means = ghosts if octave is self._octaves[-1] else octave.means  # the last may go
+            if means is not ghosts:
+                loops.halved(ghosts, octave.block, octave.counts, means)
             loops.smoothed(means, *octave.weights, octave.work)
             loops.peaks(means, np.float32(aim.lift), self._pair.weights, octave.peaks)
             widened(octave.peaks, *octave.places, octave.wide)
@@ -140,6 +141,7 @@ class _Octave:
     def __init__(self, size: tuple[int, ...], block: int, sigma: float) -> None:
         rows, cols = (-(-count // block) for count in size)
         self.block, self.weights = block, _weights((rows, cols), sigma)
+        self.counts = 1 / block_sums(np.ones(size, np.float32), block)
         self.means, self.work = np.empty((2, 12, rows, cols), np.float32)
         self.peaks = np.empty((8, rows, cols), np.float32)
         self.places = places_along(size[1], block, cols)

@@ -20,19 +20,20 @@ from compensate.live.tile_loops import (
     NONE,
     ONE,
     TINY,
-    WIDE,
     about,
     between,
     decoded,
     encoded,
-    planes_of,
     stored,
     widened_row,
     within,
 )
 
-# Planes of a tile: light; what is shown of it; rows of veils; sums, and room to add them up
-_SHOWN, _VEILS, _SUMS, _ROOM, _PLANES = 6, 12, 28, 42, 44
+_WIDE, _PITCH = np.uint64(512), 528
+"""Columns of a tile, and of its planes: fewer than of a dome, for it has many."""
+
+# Planes of a tile: light; what is shown of it; the map; rows of veils; sums, and room to add them up
+_SHOWN, _SHARE, _VEILS, _SUMS, _ROOM, _PLANES = 6, 12, 14, 30, 44, 46
 _BAND = 32
 """Rows that a thread does at once: whole blocks."""
 _TAPS = 4
@@ -79,43 +80,41 @@ def _leak(k: Any, w: Any, view: int, p: int, other: int, j: Any) -> Any:
 
 
 @INSIDE
-def _turned(k: Any, shares: Any, at: Any, view: int, first: Any, wide: Any, w: Any) -> None:
+def _turned(k: Any, view: int, wide: Any, w: Any) -> None:
     """An eye's turn: what is wanted less what leaks of what the other is shown."""
     mine, other = 3 * view, _SHOWN + 3 - 3 * view
     for j in range(NONE, wide):
-        share = between(shares, view, at, first + j)
         for p in range(3):
-            leaks = share * _leak(k, w, view, p, other, j)
+            leaks = w[_SHARE + view, j] * _leak(k, w, view, p, other, j)
             w[_SHOWN + mine + p, j] = within(w[mine + p, j] - k.black[view, p] - leaks)
 
 
 @INSIDE
-def _subtracted(k: Any, shares: Any, at: Any, first: Any, wide: Any, w: Any) -> None:
+def _subtracted(k: Any, wide: Any, w: Any) -> None:
     """What to project so that the light is seen."""
     for p in range(3, 6):
         for j in range(NONE, wide):
             w[_SHOWN + p, j] = within(w[p, j] - k.black[1, p - 3])
     for _ in range(k.rounds):
-        _turned(k, shares, at, 0, first, wide, w)
-        _turned(k, shares, at, 1, first, wide, w)
+        _turned(k, 0, wide, w)
+        _turned(k, 1, wide, w)
 
 
 @INSIDE
-def _ghost(k: Any, w: Any, view: int, p: int, share: Any, j: Any) -> Any:
+def _ghost(k: Any, w: Any, view: int, p: int, j: Any) -> Any:
     """How much more is seen of a primary than is wanted."""
-    leaks = share * _leak(k, w, view, p, _SHOWN + 3 - 3 * view, j)
+    leaks = w[_SHARE + view, j] * _leak(k, w, view, p, _SHOWN + 3 - 3 * view, j)
     mine = 3 * view + p
     return max(w[_SHOWN + mine, j] + k.black[view, p] + leaks - w[mine, j], NO)
 
 
 @INSIDE
-def _counted(k: Any, shares: Any, at: Any, view: int, first: Any, wide: Any, w: Any) -> None:
+def _counted(k: Any, view: int, wide: Any, w: Any) -> None:
     """Add ghosts, their squares and the luminance of a view, by columns."""
     mine = 3 * view
     for j in range(NONE, wide):
-        share = between(shares, view, at, first + j)
         for p in range(3):
-            ghost = _ghost(k, w, view, p, share, j)
+            ghost = _ghost(k, w, view, p, j)
             w[_SUMS + mine + p, j] += ghost
             w[_SUMS + 6 + mine + p, j] += ghost * ghost
         mean = k.weights[0] * w[mine, j] + k.weights[1] * w[mine + 1, j]
@@ -123,17 +122,20 @@ def _counted(k: Any, shares: Any, at: Any, view: int, first: Any, wide: Any, w: 
 
 
 @INSIDE
-def _veiled(
-    k: Any, shares: Any, at: Any, up: Any, view: int, first: Any, wide: Any, w: Any
-) -> None:
+def _veiled(k: Any, up: Any, view: int, wide: Any, w: Any) -> None:
     """Add a view's veils to its light, where they are brighter than its ghosts."""
     mine = 3 * view
     for j in range(NONE, wide):
-        share = between(shares, view, at, first + j)
         faint = _row_between(w, 6 + view, up, j)
-        for p in range(3):
-            rim = _row_between(w, mine + p, up, j) - _ghost(k, w, view, p, share, j)
-            w[mine + p, j] += max(rim, NO) * faint
+        w[mine, j] += _rim(k, w, view, 0, up, j) * faint
+        w[mine + 1, j] += _rim(k, w, view, 1, up, j) * faint
+        w[mine + 2, j] += _rim(k, w, view, 2, up, j) * faint
+
+
+@INSIDE
+def _rim(k: Any, w: Any, view: int, p: int, up: Any, j: Any) -> Any:
+    """How much brighter a primary's veil is than its ghost."""
+    return max(_row_between(w, 3 * view + p, up, j) - _ghost(k, w, view, p, j), NO)
 
 
 @INSIDE
@@ -148,8 +150,8 @@ def _added(k: Any, w: Any, first: Any, wide: Any, row: Any, counts: Any, found: 
     """Means over a row of blocks, of sums by columns, which begin anew."""
     begin, blocks = first // k.block, (wide + k.block - NEXT) // k.block
     for p in range(found.shape[0]):
-        source, width = _SUMS + p, WIDE
-        while width > WIDE // k.block:
+        source, width = _SUMS + p, _WIDE
+        while width > _WIDE // k.block:
             width //= np.uint64(2)
             target = _ROOM + 1 if source == _ROOM else _ROOM
             for c in range(width):
@@ -157,7 +159,7 @@ def _added(k: Any, w: Any, first: Any, wide: Any, row: Any, counts: Any, found: 
             source = target
         for c in range(blocks):
             found[p, row, begin + c] = w[source, c] * counts[row, begin + c]
-        for j in range(WIDE):
+        for j in range(_WIDE):
             w[_SUMS + p, j] = NO
 
 
@@ -188,21 +190,24 @@ def sweep(
     block = np.int64(k.block)
     band = max(_BAND, block)
     for number in numba.prange((k.rows + band - 1) // band):
-        w = planes_of(_PLANES)
-        places, kept = np.empty(WIDE, np.uint32), np.empty((3, WIDE), out.dtype)
+        w = np.zeros((_PLANES, _PITCH), np.float32)
+        places, kept = np.empty(_WIDE, np.uint32), np.empty((3, _WIDE), out.dtype)
         last = min((number + 1) * band, k.rows) - 1
-        for first in range(NONE, k.cols, WIDE):
-            wide = min(WIDE, k.cols - first)
+        for first in range(NONE, k.cols, _WIDE):
+            wide = min(_WIDE, k.cols - first)
             held = -1
             for i in range(number * band, last + 1):
                 right = i + np.int64(k.down)
                 at = about(i, k.cell, shares)
                 decoded(code, codes, i, first, NONE, wide, w, 0)
                 decoded(code, codes, right, first + k.across, NONE, wide, w, 3)
-                _subtracted(k, shares, at, first, wide, w)
+                for view in range(2):
+                    for j in range(NONE, wide):
+                        w[_SHARE + view, j] = between(shares, view, at, first + j)
+                _subtracted(k, wide, w)
                 if not writes:
-                    _counted(k, shares, at, 0, first, wide, w)
-                    _counted(k, shares, at, 1, first, wide, w)
+                    _counted(k, 0, wide, w)
+                    _counted(k, 1, wide, w)
                     if (i + 1) % block == 0 or i == last:
                         _added(k, w, first, wide, i // block, counts, found)
                     continue
@@ -212,9 +217,9 @@ def sweep(
                         widened_row(veils, p, up.low, lows, parts, first, wide, w, _VEILS + p)
                         widened_row(veils, p, up.high, lows, parts, first, wide, w, _VEILS + 8 + p)
                     held = np.int64(up.low)
-                _veiled(k, shares, at, up.part, 0, first, wide, w)
-                _veiled(k, shares, at, up.part, 1, first, wide, w)
-                _subtracted(k, shares, at, first, wide, w)
+                _veiled(k, up.part, 0, wide, w)
+                _veiled(k, up.part, 1, wide, w)
+                _subtracted(k, wide, w)
                 begin = noise[i] + first
                 encoded(code, w, _SHOWN, NONE, wide, begin, places, kept)
                 stored(code, codes, i, first, NONE, wide, kept, out)
@@ -224,8 +229,11 @@ def sweep(
 
 
 @COMPILED
-def halved(planes: Any, block: int, found: Any) -> None:
-    """Means of (plane, row, col) over squares of `block`, the last cut off."""
+def halved(planes: Any, block: int, counts: Any, found: Any) -> None:
+    """Means of (plane, row, col) over squares of `block`, the last cut off.
+
+    `counts`: (row, col) one over how many each has.
+    """
     rows, cols = planes.shape[1], np.uint64(planes.shape[2])
     side = np.uint64(block)
     for i in numba.prange(found.shape[1]):
@@ -241,7 +249,7 @@ def halved(planes: Any, block: int, found: Any) -> None:
                 some = NO
                 for x in range(j * side, end):
                     some += line[x]
-                found[k, i, j] = some / np.float32((last - i * block) * np.int64(end - j * side))
+                found[k, i, j] = some * counts[i, j]
 
 
 @INSIDE

@@ -1,9 +1,9 @@
 """What the passes over domes and pairs share, compiled by Numba: tiles of rows in planes.
 
 Only `compensate.live.dome`, `pair` and their loops import this module: Numba is of the extra
-``fast``. A tile is a row's next `WIDE` columns at most: (plane, col) float32, which stay in a core's cache. Its
-planes lie as far apart as the compiler is told. It can then prove that they do not overlap, and
-makes vectors of whole formulas. Places in arrays are unsigned: Numba takes
+``fast``. A tile is some of a row's columns: (plane, col) float32, which stay in a core's cache. Its planes lie
+as far apart as the compiler is told, and no power of two: they would push each other out. It can then prove that they do not overlap, and
+makes vectors of whole formulas: of loops that hold no other loop. Places in arrays are unsigned: Numba takes
 signed numbers for places from the end, too, and then has no vectors.
 """
 
@@ -26,9 +26,6 @@ INSIDE: Any = numba.njit(
     forceinline=True, cache=True, nogil=True, error_model="numpy", fastmath=True
 )
 
-WIDE, PITCH = np.uint64(2048), 2064
-"""Columns of a tile, and of its planes: a power of two apart they would push each other out of a
-core's cache."""
 LEAST_LOG = -24
 """Power of 2 of the light at which tables for encoding begin."""
 TINY = np.float32(1e-9)
@@ -44,6 +41,8 @@ _AFTER = np.uint32(1)
 _HALF = np.float32(0.5)
 LINE = np.uint64(16)
 """Numbers of a line of the cache, and of a vector."""
+_SOME = np.uint64(512)
+"""Columns that are encoded at once: they leave room for the table in a core's first cache."""
 _TWO, _THREE, _FOUR = np.uint64(2), np.uint64(3), np.uint64(4)
 _LN2 = np.float32(np.log(2))
 _INVERSE_LN2 = np.float32(1 / np.log(2))
@@ -144,8 +143,9 @@ def mixed(w: Any, k: int, matrix: Any, a: Any, b: Any) -> None:
     """Other primaries, in the place of planes `k` to `k` + 2."""
     for j in range(a, b):
         red, green, blue = w[k, j], w[k + 1, j], w[k + 2, j]
-        for p in range(3):
-            w[k + p, j] = matrix[p, 0] * red + matrix[p, 1] * green + matrix[p, 2] * blue
+        w[k, j] = matrix[0, 0] * red + matrix[0, 1] * green + matrix[0, 2] * blue
+        w[k + 1, j] = matrix[1, 0] * red + matrix[1, 1] * green + matrix[1, 2] * blue
+        w[k + 2, j] = matrix[2, 0] * red + matrix[2, 1] * green + matrix[2, 2] * blue
 
 
 @INSIDE
@@ -176,25 +176,27 @@ def encoded(code: Any, w: Any, k: int, a: Any, b: Any, noise: Any, places: Any, 
     if code.mixes:
         mixed(w, k, code.back, a, b)
     for p in range(3):
-        for j in range(a, b):
-            bits = np.float32(within(w[k + p, j]) + _LEAST).view(np.uint32)
-            places[j] = (bits >> _SHIFT) - _FIRST
-            w[k + p, j] = np.float32(np.int32(bits & _REST)) * _OF_REST
-        for j in range(a, b):
-            place = places[j]
-            low = code.codes_of[place]
-            w[k + p, j] = low + (code.codes_of[place + _AFTER] - low) * w[k + p, j]
-        if code.largest <= NO:
-            for j in range(a, b):
-                found[p, j] = w[k + p, j]
-            continue
-        begin = noise + np.uint64(p * APART)
-        for j in range(a, b):
-            value = w[k + p, j]
-            second = code.noise[1, begin + j]
-            inside = min(value, code.largest - value) >= _HALF
-            some = code.noise[0, begin + j] + (second if inside else NO)
-            found[p, j] = np.int32(min(max(value + some + _HALF, NO), code.largest))
+        for begin in range(a, b, _SOME):
+            end = min(begin + _SOME, b)
+            for j in range(begin, end):
+                bits = np.float32(within(w[k + p, j]) + _LEAST).view(np.uint32)
+                places[j] = (bits >> _SHIFT) - _FIRST
+                w[k + p, j] = np.float32(np.int32(bits & _REST)) * _OF_REST
+            for j in range(begin, end):
+                place = places[j]
+                low = code.codes_of[place]
+                w[k + p, j] = low + (code.codes_of[place + _AFTER] - low) * w[k + p, j]
+            if code.largest <= NO:
+                for j in range(begin, end):
+                    found[p, j] = w[k + p, j]
+                continue
+            at = noise + np.uint64(p * APART)
+            for j in range(begin, end):
+                value = w[k + p, j]
+                second = code.noise[1, at + j]
+                inside = min(value, code.largest - value) >= _HALF
+                some = code.noise[0, at + j] + (second if inside else NO)
+                found[p, j] = np.int32(min(max(value + some + _HALF, NO), code.largest))
 
 
 @INSIDE
@@ -285,11 +287,3 @@ def summed(w: Any, k: int, first: Any, wide: Any, side: Any, row: Any, found: An
     for p in range(6):
         for j in range(NONE, wide):
             w[k + p, j] = NO
-
-
-@INSIDE
-def planes_of(count: int) -> Any:
-    """A tile of zeros whose planes begin with a line of the cache, which are `LINE` numbers."""
-    room = np.zeros(count * PITCH + 16, np.float32)
-    begin = -(room.ctypes.data // 4) % 16
-    return room[begin : begin + count * PITCH].reshape((count, PITCH))
