@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.live import dome_loops as loops
-from compensate.live.coding import Coding, PixelFormat
+from compensate.live.coding import Coding, PixelFormat, room_for
 from compensate.live.constants import DomeConstants
 from compensate.live.noise import shifts_of
 from compensate.live.tile_loops import code_of, places_along, widened
@@ -76,9 +76,7 @@ class CompiledDome:
         self._bases = np.empty((4, shape[0], cols), np.float32)
         self._lifts = np.empty((rows, cols), np.float32)
         self._sums = np.zeros((6, *k.gain.shape), np.float32)
-        self._out = np.empty(
-            (rows, cols, pixels.channels), np.float32 if pixels.floating else pixels.dtype
-        )
+        self._room = room_for(rows, cols, pixels)
         ranks = range(len(k.spread))
         self._collect = k.collect.reshape(len(k.collect), -1)
         self._overlap = np.stack(
@@ -87,7 +85,7 @@ class CompiledDome:
         self._excited = [np.zeros((3, len(k.spread))) for _ in range(3)]
 
     def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
-        """The frame (row, col, channel) to project; it is overwritten by the next.
+        """The frame (row, col, channel) to project; it is kept until `HELD` - 1 more are made.
 
         Parameters
         ----------
@@ -98,13 +96,13 @@ class CompiledDome:
         """
         k = self._k
         frame = (codes.view("<u2") if self._pixels.floating else codes).reshape(len(codes), -1)
-        flat, missing = self._out.reshape(len(codes), -1), np.float32(0)
+        out, missing = next(self._room), np.float32(0)
         noise, below = shifts_of(number, len(codes)), self._bases[:, :0]
 
         def sweep(stage: int, floors: NDArray[np.float32]) -> None:
             loops.sweep(
                 stage, self._code, self._dome, frame, floors, below, self._bases, missing,
-                self._lifts, self._heap, self._sums, noise, flat,
+                self._lifts, self._heap, self._sums, noise, out.reshape(frame.shape),
             )  # fmt: skip
 
         missing = np.float32(self._missing(self._settled(loops.MASTER, sweep)))
@@ -112,8 +110,8 @@ class CompiledDome:
         below = self._wide(self._settled(loops.LIFTED, sweep))
         sweep(loops.WRITTEN, self._wide(self._settled(loops.HUED, sweep)))
         if not self._pixels.floating:
-            return self._out
-        out = self._out.astype("<f2")
+            return out
+        out = out.astype("<f2")
         out[~k.screen] = codes[~k.screen]
         out[..., 3:] = codes[..., 3:]
         return out

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from compensate.live.tile_loops import (
     COMPILED,
     INSIDE,
+    LINE,
     NEXT,
     NO,
     NONE,
     ONE,
-    LINE,
     TINY,
     about,
     between,
@@ -61,8 +61,8 @@ class Dome(NamedTuple):
 
     cols: np.uint64
     spans: NDArray[np.uint64]
-    cell: int
-    block: int
+    cell: np.uint64
+    block: np.uint64
     weights: NDArray[np.float32]
     dark: np.float32
     fade: np.float32
@@ -140,13 +140,32 @@ def _hued(
 
 
 @INSIDE
-def _counted(floors: Any, at: Any, first: Any, a: Any, b: Any, w: Any) -> None:
+def _counted(
+    floors: Any, at: Any, first: Any, begin: Any, end: Any, a: Any, b: Any, w: Any
+) -> None:
     """Add subtracted light, and which of it moves with the floor, by columns."""
     for p in range(3):
+        _set(w, p, a, begin, NO)
+        _set(w, p, end, b, NO)
         for j in range(a, b):
             free = w[p, j] - between(floors, p, at, first + j)
             w[_SUMS + p, j] += within(free)
             w[_SUMS + 3 + p, j] += ONE if free > NO and free < ONE else NO
+
+
+@INSIDE
+def _subtracted(floors: Any, at: Any, first: Any, a: Any, b: Any, w: Any) -> None:
+    """What to project, in the place of the aim."""
+    for p in range(3):
+        for j in range(a, b):
+            w[p, j] = within(w[p, j] - between(floors, p, at, first + j))
+
+
+@INSIDE
+def _begun(sums: Any, planes: int) -> None:
+    """Sums begin anew."""
+    for p in range(planes):
+        sums[p] = NO
 
 
 @COMPILED
@@ -178,10 +197,8 @@ def sweep(
     `noise`: (row,) places at which noise begins.
     """
     rows = codes.shape[0]
-    if stage != WRITTEN:
-        sums[:] = NO
-    if stage == MASTER:
-        heap[:] = NO
+    _begun(sums, 6)
+    _begun(heap, 6 if stage == MASTER else 0)
     for band in numba.prange(sums.shape[1]):
         w = np.zeros((_PLANES, _PITCH), np.float32)
         places, found = np.empty(_WIDE, np.uint32), np.empty((3, _WIDE), out.dtype)
@@ -210,21 +227,16 @@ def sweep(
                     else:
                         _hued(k, below, lifts, i, at, first, a, b, w)
                     if stage != WRITTEN:
-                        for p in range(3):
-                            _set(w, p, a, begin, NO)
-                            _set(w, p, end, b, NO)
-                        _counted(floors, at, first, a, b, w)
+                        _counted(floors, at, first, begin, end, a, b, w)
                         continue
-                    for p in range(3):
-                        for j in range(a, b):
-                            w[p, j] = within(w[p, j] - between(floors, p, at, first + j))
+                    _subtracted(floors, at, first, a, b, w)
                     encoded(code, w, 0, a, b, noise[i] + first, places, found)
                     copied(code, codes, i, first + done, first + begin, out)
                     stored(code, codes, i, first, begin, end, found, out)
                     done = end
                 if stage == WRITTEN:
                     copied(code, codes, i, first + done, first + wide, out)
-                if stage == MASTER and ((i + 1) % k.block == 0 or i == last):
+                elif stage == MASTER and ((i + 1) % k.block == 0 or i == last):
                     summed(w, _HEAP, first, wide, k.block, i // k.block, heap)
             if stage != WRITTEN:
                 summed(w, _SUMS, first, wide, k.cell, band, sums)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.live import pair_loops as loops
-from compensate.live.coding import Coding, PixelFormat
+from compensate.live.coding import Coding, PixelFormat, room_for
 from compensate.live.constants import PairConstants, turns_of
 from compensate.live.noise import shifts_of
 from compensate.live.smoothing import weights_of
@@ -79,25 +79,22 @@ class CompiledPair:
             for sigma, block in zip(k.sigmas, k.blocks, strict=True)
         ]
         down, across = (1, 2) if beside else (2, 1)
-        self._out = np.empty(
-            (down * k.rows, across * k.cols, pixels.channels),
-            np.float32 if pixels.floating else pixels.dtype,
-        )
+        self._room = room_for(down * k.rows, across * k.cols, pixels)
 
     def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
         """The frame (row, col, channel) to project; see `CompiledDome`."""
         frame = (codes.view("<u2") if self._pixels.floating else codes).reshape(len(codes), -1)
-        flat, noise = self._out.reshape(len(codes), -1), shifts_of(number, self._k.rows)
+        out, noise = next(self._room), shifts_of(number, self._k.rows)
         for writes in (False, True):
             if writes:
                 self._find_veils()
             loops.sweep(
                 writes, self._code, self._pair, frame, self._shares, self._counts, self._found,
-                self._veils, *self._places, noise, flat,
+                self._veils, *self._places, noise, out.reshape(frame.shape),
             )  # fmt: skip
         if not self._pixels.floating:
-            return self._out
-        out = self._out.astype("<f2")
+            return out
+        out = out.astype("<f2")
         out[..., 3:] = codes[..., 3:]
         return out
 

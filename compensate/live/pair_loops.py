@@ -32,7 +32,7 @@ from compensate.live.tile_loops import (
 _WIDE, _PITCH = np.uint64(512), 528
 """Columns of a tile, and of its planes: fewer than of a dome, for it has many."""
 
-# Planes of a tile: light; what is shown of it; the map; rows of veils; sums, and room to add them up
+# Planes of a tile: light; what is shown of it; the map; rows of veils; sums, and room to add up
 _SHOWN, _SHARE, _VEILS, _SUMS, _ROOM, _PLANES = 6, 12, 14, 30, 44, 46
 _BAND = 32
 """Rows that a thread does at once: whole blocks."""
@@ -195,7 +195,7 @@ def sweep(
         last = min((number + 1) * band, k.rows) - 1
         for first in range(NONE, k.cols, _WIDE):
             wide = min(_WIDE, k.cols - first)
-            held = -1
+            held: Any = -1
             for i in range(number * band, last + 1):
                 right = i + np.int64(k.down)
                 at = about(i, k.cell, shares)
@@ -269,7 +269,7 @@ def _weighed(line: Any, table: Any, found: Any) -> None:
             found[j] += some + e * line[near + np.uint64(3)]
     for j in range(min(reach, count)):
         for place in (j, count - NEXT - j):
-            row, some = min(min(place, count - NEXT - place), kept - NEXT), NO
+            row, some = min(place, count - NEXT - place, kept - NEXT), NO
             for d in range(taps):
                 d_there = d if place <= count - NEXT - place else taps - NEXT - d
                 some += table[row, d_there] * line[place + d]
@@ -344,7 +344,9 @@ def peaks(means: Any, lift: Any, weights: Any, found: Any) -> None:
 
 
 @COMPILED
-def raised(octave: Any, block: int, first: bool, near: Any, dark: Any, faint: Any, veils: Any) -> None:
+def raised(
+    octave: Any, block: int, first: bool, near: Any, dark: Any, faint: Any, veils: Any
+) -> None:
     """Raise veils to those of an octave; the `first`, of (8, row, col), says how faint they are.
 
     `octave`: (8, row, block col) as of `peaks`, widened.

@@ -1,10 +1,12 @@
 """What the passes over domes and pairs share, compiled by Numba: tiles of rows in planes.
 
 Only `compensate.live.dome`, `pair` and their loops import this module: Numba is of the extra
-``fast``. A tile is some of a row's columns: (plane, col) float32, which stay in a core's cache. Its planes lie
-as far apart as the compiler is told, and no power of two: they would push each other out. It can then prove that they do not overlap, and
-makes vectors of whole formulas: of loops that hold no other loop. Places in arrays are unsigned: Numba takes
-signed numbers for places from the end, too, and then has no vectors.
+``fast``. A tile is some of a row's columns: (plane, col) float32, which stay in a core's cache. Its
+planes lie as far apart as the compiler is told, but no power of two, for they would push each other
+out. It can then prove that they do not overlap, and makes vectors of whole formulas, of loops that
+hold no other. Places in arrays are unsigned: Numba takes signed numbers for places from the end,
+too, and then has no vectors. Numba does not see that a loop of another file has changed: whoever
+edits this file deletes ``__pycache__/*.nb?``.
 """
 
 from __future__ import annotations
@@ -234,7 +236,7 @@ def places_along(count: int, side: int, cells: int) -> tuple[NDArray[np.uint32],
 def widened_row(
     coarse: Any, p: Any, i: Any, lows: Any, parts: Any, first: Any, wide: Any, found: Any, k: Any
 ) -> None:
-    """Row `i` of plane `p` of a coarse array at columns from `first` on, into row `k` of another."""
+    """Row `i` of plane `p` of a coarse array, at columns from `first` on, into plane `k`."""
     last = np.uint64(coarse.shape[2] - 1)
     for j in range(NONE, wide):
         at = np.uint64(lows[first + j])
@@ -285,5 +287,5 @@ def summed(w: Any, k: int, first: Any, wide: Any, side: Any, row: Any, found: An
             found[p, row, c] += some[p]
         c += NEXT
     for p in range(6):
-        for j in range(NONE, wide):
-            w[k + p, j] = NO
+        for place in range(NONE, wide):
+            w[k + p, place] = NO
