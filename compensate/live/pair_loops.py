@@ -195,7 +195,7 @@ def sweep(
         last = min((number + 1) * band, k.rows) - 1
         for first in range(NONE, k.cols, _WIDE):
             wide = min(_WIDE, k.cols - first)
-            held: Any = -1
+            held: Any = -9
             for i in range(number * band, last + 1):
                 right = i + np.int64(k.down)
                 at = about(i, k.cell, shares)
@@ -212,11 +212,15 @@ def sweep(
                         _added(k, w, first, wide, i // block, counts, found)
                     continue
                 up = about(i, block, veils)
-                if held != np.int64(up.low):
-                    for p in range(8):
+                low = np.int64(up.low)
+                for p in range(8 if held != low else 0):
+                    if held == low - 1:
+                        for j in range(wide):
+                            w[_VEILS + p, j] = w[_VEILS + 8 + p, j]
+                    else:
                         widened_row(veils, p, up.low, lows, parts, first, wide, w, _VEILS + p)
-                        widened_row(veils, p, up.high, lows, parts, first, wide, w, _VEILS + 8 + p)
-                    held = np.int64(up.low)
+                    widened_row(veils, p, up.high, lows, parts, first, wide, w, _VEILS + 8 + p)
+                held = low
                 _veiled(k, up.part, 0, wide, w)
                 _veiled(k, up.part, 1, wide, w)
                 _subtracted(k, wide, w)
