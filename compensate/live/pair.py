@@ -103,13 +103,21 @@ class CompiledPair:
         aim, dark = self._k.aim, np.float32(self._k.dark)
         ghosts, near = self._found[:12], self._found[12:]
         loops.smoothed(near, *self._nearby, self._work[12:])
+        sums = self._octaves[-1].sums = ghosts
+        for octave in reversed(self._octaves[:-1]):
+            if octave.sums.shape == sums.shape:
+                np.copyto(octave.sums, sums)
+            else:
+                loops.halved(sums, octave.sums)
+            sums = octave.sums
         for octave in self._octaves:
-            means = ghosts if octave is self._octaves[-1] else octave.means  # the last may go
-            if means is not ghosts:
-                loops.halved(ghosts, octave.block, octave.counts, means)
+            means = octave.sums
+            if octave.block > 1:
+                means *= octave.counts
             loops.smoothed(means, *octave.weights, octave.work)
             loops.peaks(means, np.float32(aim.lift), self._pair.weights, octave.peaks)
-            widened(octave.peaks, *octave.places, octave.wide)
+            if octave.block > 1:
+                widened(octave.peaks, *octave.places, octave.wide)
             loops.raised(
                 octave.wide, octave.block, octave is self._octaves[0], near, dark,
                 np.float32(aim.faint), self._veils,
@@ -139,7 +147,7 @@ class _Octave:
         rows, cols = (-(-count // block) for count in size)
         self.block, self.weights = block, _weights((rows, cols), sigma)
         self.counts = 1 / block_sums(np.ones(size, np.float32), block)
-        self.means, self.work = np.empty((2, 12, rows, cols), np.float32)
+        self.sums, self.work = np.empty((2, 12, rows, cols), np.float32)
         self.peaks = np.empty((8, rows, cols), np.float32)
         self.places = places_along(size[1], block, cols)
-        self.wide = np.empty((8, rows, size[1]), np.float32)
+        self.wide = np.empty((8, rows, size[1]), np.float32) if block > 1 else self.peaks

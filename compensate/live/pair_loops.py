@@ -233,27 +233,18 @@ def sweep(
 
 
 @COMPILED
-def halved(planes: Any, block: int, counts: Any, found: Any) -> None:
-    """Means of (plane, row, col) over squares of `block`, the last cut off.
-
-    `counts`: (row, col) one over how many each has.
-    """
+def halved(planes: Any, found: Any) -> None:
+    """Sums of (plane, row, col) over squares of two, the last cut off."""
     rows, cols = planes.shape[1], np.uint64(planes.shape[2])
-    side = np.uint64(block)
     for i in numba.prange(found.shape[1]):
-        last = min((i + 1) * block, rows)
-        line = np.empty(cols, np.float32)
+        line = np.zeros(cols + NEXT, np.float32)
+        upper, lower = NONE + np.uint64(i + i), NONE + np.uint64(min(i + i + 1, rows - 1))
+        part = ONE if i + i + 1 < rows else NO
         for k in range(found.shape[0]):
-            line[:] = NO
-            for y in range(i * block, last):
-                for j in range(cols):
-                    line[j] += planes[k, y, j]
+            for j in range(cols):
+                line[j] = planes[k, upper, j] + part * planes[k, lower, j]
             for j in range(np.uint64(found.shape[2])):
-                end = min((j + NEXT) * side, cols)
-                some = NO
-                for x in range(j * side, end):
-                    some += line[x]
-                found[k, i, j] = some * counts[i, j]
+                found[k, i, j] = line[j + j] + line[j + j + NEXT]
 
 
 @INSIDE
