@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator
+from itertools import count, cycle, islice
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +17,15 @@ import typer
 from compensate.aim import Aim
 from compensate.live.coding import PIXEL_FORMATS, Coding, PixelFormat
 from compensate.live.engines import engine_of
-from compensate.live.process import Told, read_exactly, read_line, stream
+from compensate.live.process import (
+    HELD,
+    Told,
+    read_exactly,
+    read_into,
+    read_line,
+    stream,
+    widen,
+)
 from compensate.live.y4m import FRAME, LONGEST, Y4M, header_of
 from domesim.commands.options import Place, Quiet, grouped
 from domesim.commands.shows import TPDF
@@ -118,6 +127,7 @@ def live(
             "live: frames come by standard input and go by standard output; name both "
             "(ffmpeg ... | domesim live ... | ffplay ...)"
         )
+    widen(_INPUT, _OUTPUT)
     header = None
     if size is None:
         header = header_of(read_line(_INPUT, LONGEST))
@@ -138,7 +148,12 @@ def live(
             file=sys.stderr,
             flush=True,
         )
-    frames = _raw(width, height, pixels) if header is None else _of_y4m(header)
+    room: Iterator[Any] = (
+        np.empty((height, width, pixels.channels), pixels.dtype) for _ in count()
+    )
+    if not drop:  # they come back in turns: who drops frames cannot tell which are still in use
+        room = cycle(list(islice(room, HELD)))
+    frames = _raw(room, pixels) if header is None else _of_y4m(header)
     if header is not None:
         os.write(_OUTPUT, header.line + b"\n")
     told = stream(frames, compensated, _OUTPUT, drop=drop, head=_written(header))
@@ -218,19 +233,19 @@ def _views(theatre: Scene, width: int, height: int, packing: str | None) -> tupl
     return height // down, width // across, beside
 
 
-def _raw(width: int, height: int, pixels: PixelFormat) -> Iterator[Any]:
-    """Raw frames of standard input."""
-    wanted, number = width * height * pixels.channels * pixels.size, 0
-    while data := read_exactly(_INPUT, wanted, _OUTPUT):
-        _require_whole(data, wanted, number, "are --size and --pixel-format right?")
-        frame = np.frombuffer(data, pixels.dtype).reshape(height, width, pixels.channels)
+def _raw(room: Iterator[Any], pixels: PixelFormat) -> Iterator[Any]:
+    """Raw frames of standard input, read into `room`."""
+    for number, frame in enumerate(room):
+        got = read_into(_INPUT, memoryview(frame).cast("B"), _OUTPUT)
+        if not got:
+            return
+        _require_whole(got, frame.nbytes, number, "are --size and --pixel-format right?")
         if pixels.floating and ((frame[..., :3].view("<u2") & 0x7C00) == 0x7C00).any():
             raise InputError(
                 f"standard input, frame {number}: got NaN or infinite samples; mend what renders "
                 f"them"
             )
         yield frame
-        number += 1
 
 
 def _of_y4m(header: Y4M) -> Iterator[Any]:
@@ -243,15 +258,15 @@ def _of_y4m(header: Y4M) -> Iterator[Any]:
                 f"damaged"
             )
         data = read_exactly(_INPUT, header.size, _OUTPUT)
-        _require_whole(data, header.size, number, "was its sender stopped?")
+        _require_whole(len(data), header.size, number, "was its sender stopped?")
         yield header.decoded(data)
         number += 1
 
 
-def _require_whole(data: bytearray, wanted: int, number: int, question: str) -> None:
-    if len(data) < wanted:
+def _require_whole(got: int, wanted: int, number: int, question: str) -> None:
+    if got < wanted:
         raise InputError(
-            f"standard input ended within frame {number}: wanted {wanted} bytes, got {len(data)}; "
+            f"standard input ended within frame {number}: wanted {wanted} bytes, got {got}; "
             f"{question}"
         )
 
@@ -259,7 +274,7 @@ def _require_whole(data: bytearray, wanted: int, number: int, question: str) -> 
 def _written(header: Y4M | None) -> Callable[[Any], list[Any]]:
     """What to write of a frame."""
     if header is None:
-        return lambda frame: [frame.tobytes()]
+        return lambda frame: [frame]
     return lambda frame: [FRAME + b"\n", header.encoded(frame)]
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import cycle
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.live.process import HELD
 from domesim.frames.colour import ColourTag
 from domesim.frames.dithering import dither
 from domesim.light import transfer
@@ -128,6 +130,12 @@ class Coding:
 def views_of(codes: NDArray[Any], count: int, axis: int) -> NDArray[Any]:
     """(view, row, col, channel) of a raw frame whose views lie along an axis."""
     return np.stack(np.split(codes, count, axis)) if count > 1 else codes[None]
+
+
+def room_for(rows: int, cols: int, pixels: PixelFormat) -> Iterator[NDArray[Any]]:
+    """(row, col, channel) frames to write into, `HELD` in turns; of half precision as float32."""
+    kind = np.float32 if pixels.floating else pixels.dtype
+    return cycle([np.empty((rows, cols, pixels.channels), kind) for _ in range(HELD)])
 
 
 def stored(

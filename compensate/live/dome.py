@@ -16,15 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.live import dome_loops as loops
-from compensate.live.coding import Coding, PixelFormat
+from compensate.live.coding import Coding, PixelFormat, room_for
 from compensate.live.constants import DomeConstants
-from compensate.live.noise import noise_of, shifts_of
+from compensate.live.noise import shifts_of
+from compensate.live.tile_loops import code_of, places_along, widened
 from compensate.means import block_sums, box_sum
 
 _SETTLED = 1e-3
 """Change of a floor, of white, after which Newton's step is exact to 1e-5: see `_settled`."""
 _STEPS = 30
-_HALVINGS = 24
+_TANGENTS, _EXACT = 24, 1e-6
+"""How often the darkest share is looked for, and to which part of what is missing most."""
 
 
 @final
@@ -49,29 +51,32 @@ class CompiledDome:
         k = self._k = constants
         rows, cols = k.screen.shape
         self._pixels = pixels
-        self._on = k.screen.astype(np.float32)
-        self._spans = _spans(k.screen)
-        self._code = (
-            coding.table(pixels),
-            coding.mixing.astype(np.float32),
-            coding.mixes,
-        )
-        self._back = np.linalg.inv(coding.mixing).astype(np.float32)
-        self._codes_of = loops.table_of(coding.curve.encode, pixels.largest or 1)
-        self._weights, self._dark = k.weights.astype(np.float32), np.float32(k.dark)
-        self._places, self._parts = along(cols, k.cell, k.gain.shape[1])
-        self._counted = block_sums(self._on, k.block)
+        self._code = code_of(coding, pixels, cols, dithers=dithers)
+        on = k.screen.astype(np.float32)
+        self._counted = block_sums(on, k.block)
         self._around = box_sum(self._counted, k.radius)
-        self._block_places, self._block_parts = along(cols, k.block, self._counted.shape[1])
-        self._found = np.zeros((6, *self._counted.shape), np.float32)
-        self._work = np.zeros((12, *self._counted.shape), np.float32)
-        self._bases = np.empty((4, self._counted.shape[0], self._counted.shape[1] + 1), np.float32)
+        shape = self._counted.shape
+        self._dome = loops.Dome(
+            cols=np.uint64(cols),
+            spans=_spans(k.screen),
+            cell=np.uint64(k.cell),
+            block=np.uint64(k.block),
+            weights=k.weights.astype(np.float32),
+            dark=np.float32(k.dark),
+            fade=np.float32(k.aim.fade),
+            edge=np.float32(k.aim.edge),
+            hue=np.float32(k.aim.hue),
+        )
+        self._cells = places_along(cols, k.cell, k.gain.shape[1])
+        self._blocks = places_along(cols, k.block, shape[1])
+        self._blocks_cells = places_along(shape[1], k.cell // k.block, k.gain.shape[1])
+        self._heap = np.zeros((6, *shape), np.float32)
+        self._work = np.zeros((12, *shape), np.float32)
+        self._coarse = np.empty((4, *shape), np.float32)
+        self._bases = np.empty((4, shape[0], cols), np.float32)
         self._lifts = np.empty((rows, cols), np.float32)
         self._sums = np.zeros((6, *k.gain.shape), np.float32)
-        self._noise = noise_of(cols) * np.float32(dithers)
-        self._out = np.empty(
-            (rows, cols, pixels.channels), np.float32 if pixels.floating else pixels.dtype
-        )
+        self._room = room_for(rows, cols, pixels)
         ranks = range(len(k.spread))
         self._collect = k.collect.reshape(len(k.collect), -1)
         self._overlap = np.stack(
@@ -80,7 +85,7 @@ class CompiledDome:
         self._excited = [np.zeros((3, len(k.spread))) for _ in range(3)]
 
     def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
-        """The frame (row, col, channel) to project; it is overwritten by the next.
+        """The frame (row, col, channel) to project; it is kept until `HELD` - 1 more are made.
 
         Parameters
         ----------
@@ -90,59 +95,38 @@ class CompiledDome:
             Of the frame: noise depends on it.
         """
         k = self._k
-        frame = codes.view("<u2") if self._pixels.floating else codes
-        on, cell, places, parts, sums = self._on, k.cell, self._places, self._parts, self._sums
-        code, spans = self._code, self._spans
+        frame = (codes.view("<u2") if self._pixels.floating else codes).reshape(len(codes), -1)
+        out, missing = next(self._room), np.float32(0)
+        noise, below = shifts_of(number, len(codes)), self._bases[:, :0]
 
-        def of_master(floors: NDArray[np.float32]) -> None:
-            loops.moments(
-                frame, on, spans, *code, self._weights, self._dark, k.block, cell, floors, places,
-                parts, self._found, sums,
+        def sweep(stage: int, floors: NDArray[np.float32]) -> None:
+            loops.sweep(
+                stage, self._code, self._dome, frame, floors, below, self._bases, missing,
+                self._lifts, self._heap, self._sums, noise, out.reshape(frame.shape),
             )  # fmt: skip
 
-        first = self._settled(0, of_master)
-        aim = np.array([self._missing(first), k.aim.fade, k.aim.edge], np.float32)
-        self._find_base()
-
-        def of_aim(floors: NDArray[np.float32]) -> None:
-            loops.gains(
-                frame, on, spans, *code, self._weights, self._dark, aim, k.block, cell, self._bases,
-                floors, self._block_places, self._block_parts, places, parts, self._lifts, sums,
-            )  # fmt: skip
-
-        below = self._settled(1, of_aim)
-        hue = np.float32(k.aim.hue)
-
-        def with_hue(floors: NDArray[np.float32]) -> None:
-            loops.shown(
-                frame, on, spans, *code, self._lifts, hue, cell, below, floors, places, parts, sums
-            )
-
-        floors = self._settled(2, with_hue)
-        loops.written(
-            frame, on, spans, *code, self._lifts, hue, cell, below, floors, places, parts,
-            self._back, self._codes_of, np.float32(self._pixels.largest), self._noise,
-            shifts_of(number, on.shape[0]), self._out,
-        )  # fmt: skip
+        missing = np.float32(self._missing(self._settled(loops.MASTER, sweep)))
+        self._find_bases()
+        below = self._wide(self._settled(loops.LIFTED, sweep))
+        sweep(loops.WRITTEN, self._wide(self._settled(loops.HUED, sweep)))
         if not self._pixels.floating:
-            return self._out
-        out = self._out.astype("<f2")
+            return out
+        out = out.astype("<f2")
         out[~k.screen] = codes[~k.screen]
         out[..., 3:] = codes[..., 3:]
         return out
 
     def _settled(
-        self, which: int, show: Callable[[NDArray[np.float32]], None]
+        self, stage: int, sweep: Callable[[int, NDArray[np.float32]], None]
     ) -> NDArray[np.float32]:
-        """Floors of the light that `show` adds up.
+        """Floors of the light that `sweep` adds up.
 
         The equation is linear but for pixels whose clipping changes on the way. A step of
         1e-3 passes some 5 % of a dark picture's pixels, and half of it: an error of 1e-5.
         """
-        k, excited = self._k, self._excited[which]
+        k, excited = self._k, self._excited[stage]
         for _ in range(_STEPS):
-            floors = self._floors(excited)
-            show(floors)
+            sweep(stage, self._wide(self._floors(excited)))
             light, moving = self._sums.reshape(2, 3, -1).astype(np.float64)
             system = np.eye(len(k.spread)) + k.core @ (self._overlap @ moving.T).transpose(2, 0, 1)
             off = (k.core @ (light @ self._collect.T)[:, :, None])[:, :, 0] - excited
@@ -154,62 +138,64 @@ class CompiledDome:
         return self._floors(excited)
 
     def _floors(self, excited: NDArray[np.float64]) -> NDArray[np.float32]:
-        """(4, cell row, cell col + 1): what there is of light, over the direct gain, and that."""
+        """(4, cell row, cell col): what there is of light, over the direct gain, and that."""
         k = self._k
         floors = k.ambient + np.tensordot(excited, k.spread, 1)
-        planes = np.concatenate([floors, k.gain[None]]).astype(np.float32)
-        return np.concatenate([planes, planes[:, :, -1:]], axis=2)
+        return np.concatenate([floors, k.gain[None]]).astype(np.float32)
 
-    def _find_base(self) -> None:
-        """Fill `_bases` from what `moments` has found."""
-        self._work[:3] = self._found[[0, 1, 3]]
+    def _wide(self, floors: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(4, cell row, col)."""
+        found = np.empty((*floors.shape[:2], self._k.screen.shape[1]), np.float32)
+        widened(floors, *self._cells, found)
+        return found
+
+    def _find_bases(self) -> None:
+        """Fill `_bases` from what the sweep over the master has found."""
+        self._work[:3] = self._heap[[0, 1, 3]]
         edge = np.float32(self._k.aim.edge)
         loops.bases(
-            self._counted, self._around, self._found, self._k.radius, edge, self._work, self._bases
+            self._counted, self._around, self._heap, self._k.radius, edge, self._work, self._coarse
         )
+        widened(self._coarse, *self._blocks, self._bases)
 
     def _missing(self, floors: NDArray[np.float32]) -> float:
         """See `compensate.aim`: `lift` times the mean over the darkest share of the screen.
 
         The mean of the highest share a of values u is the least of t + E[max(u - t, 0)] / a over t,
         at their quantile (R. T. Rockafellar, S. Uryasev, "Optimization of conditional value-at-
-        risk", J. Risk 2(3), 2000): near it t need not be known well.
+        risk", J. Risk 2(3), 2000). It is convex, so that it lies below tangents that cross.
         """
-        k = self._k
-        floor = np.tensordot(k.weights, floors[:3, :, :-1], 1) * floors[3, :, :-1]
-        shape = self._counted.shape
-        there = _at_blocks(floor, k.cell // k.block, shape)
-        lacking = np.maximum(there - self._found[5] / np.maximum(self._counted, 1), 0)
-        lacking = lacking.astype(np.float32)
-        low, high = 0.0, float(lacking.max())
-        for _ in range(_HALVINGS):
-            level = (low + high) / 2
+        k, share = self._k, self._k.aim.darkest
+        floor = np.tensordot(k.weights, floors[:3], 1) * floors[3]
+        wide = np.empty((1, len(floor), self._counted.shape[1]), np.float32)
+        widened(floor[None].astype(np.float32), *self._blocks_cells, wide)
+        lacking = np.empty_like(self._counted)
+        loops.lacking(wide, k.cell // k.block, self._heap[5], self._counted, lacking)
+
+        def tangent(level: float) -> tuple[float, float, float]:
             above, more = loops.excess(self._counted, lacking, np.float32(level))
-            low, high = (level, high) if above > k.aim.darkest else (low, level)
-        return float(k.aim.lift * (level + more / k.aim.darkest))
+            return level, level + more / share, 1 - above / share
 
-
-def along(count: int, side: int, cells: int) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """For each column: the coarse one below it, and how far it is towards the next."""
-    at = np.clip((np.arange(count) + 0.5) / side - 0.5, 0, cells - 1)
-    low = np.floor(at).astype(np.uint32)
-    return low, (at - low).astype(np.float32)
-
-
-def _at_blocks(
-    cells: NDArray[np.floating], side: int, shape: tuple[int, int]
-) -> NDArray[np.floating]:
-    """Cells at the middles of blocks, `side` of them along each."""
-    for axis in (0, 1):
-        low, part = along(shape[axis], side, cells.shape[axis])
-        above = np.minimum(low + 1, cells.shape[axis] - 1).astype(np.intp)
-        parts = part[:, None] if axis == 0 else part
-        cells = cells.take(low, axis) * (1 - parts) + cells.take(above, axis) * parts
-    return cells
+        low, high = tangent(0.0), tangent(float(lacking.max()))
+        least = low[1]
+        for _ in range(_TANGENTS):
+            if low[2] >= 0 or high[1] <= 0:
+                break
+            apart = (high[1] - low[1]) - high[2] * (high[0] - low[0])
+            level = low[0] + apart / (low[2] - high[2])
+            found = tangent(level)
+            least = min(least, found[1])
+            if found[1] - (low[1] + low[2] * (level - low[0])) < _EXACT * high[0]:
+                break
+            low, high = (found, high) if found[2] < 0 else (low, found)
+        return float(k.aim.lift * least)
 
 
 def _spans(screen: NDArray[np.bool_]) -> NDArray[np.uint64]:
-    """(row, 2): columns between which there is any screen."""
-    some = screen.any(axis=1)
-    first, last = screen.argmax(axis=1), screen.shape[1] - screen[:, ::-1].argmax(axis=1)
-    return np.stack([first * some, last * some], axis=1).astype(np.uint64)
+    """(row, piece, 2): columns between which each row has screen; of no piece, none."""
+    edges = np.diff(screen.astype(np.int8), axis=1, prepend=0, append=0)
+    (row, begin), end = np.nonzero(edges > 0), np.nonzero(edges < 0)[1]
+    piece = np.arange(len(row)) - np.searchsorted(row, row)
+    found = np.zeros((len(screen), piece.max(initial=0) + 1, 2), np.uint64)
+    found[row, piece] = np.stack([begin, end], axis=1)
+    return found

@@ -1,561 +1,333 @@
-"""Passes over the pixels of a dome, each fused into one, compiled by Numba.
+"""Passes over the pixels of a dome, compiled by Numba; see `compensate.live.tile_loops`.
 
-Only `compensate.live.dome` and `pair_loops` import this module: Numba is of the extra ``fast``.
-Names are as in `compensate.live.constants`; light is (primary, col) of one row. Rows are done in
-bands as high as a cell, by all threads. Places in arrays are unsigned, or slices: Numba takes
-signed numbers for places from the end, too, and then has no vectors.
+Only `compensate.live.dome` imports this module. Names are as in `compensate.live.constants`. Rows
+are done in bands as high as a cell, by all threads.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numpy.polynomial import Chebyshev, Polynomial
+from numpy.typing import NDArray
 
-from compensate.live.noise import APART
-
-_COMPILED: Any = numba.njit(
-    parallel=True, cache=True, nogil=True, error_model="numpy", fastmath=True
+from compensate.live.tile_loops import (
+    COMPILED,
+    INSIDE,
+    LINE,
+    NEXT,
+    NO,
+    NONE,
+    ONE,
+    TINY,
+    about,
+    between,
+    copied,
+    decoded,
+    encoded,
+    exponential,
+    logarithm,
+    stored,
+    summed,
+    within,
 )
-_INSIDE: Any = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 
-LEAST_LOG = -24
-"""Power of 2 of the light at which tables for encoding begin."""
-_SHIFT = np.uint32(16)  # bits of a float32 that do not choose the place in a table
-_REST = np.uint32((1 << 16) - 1)
-_OF_REST = np.float32(2.0**-16)
-_FIRST = np.uint32((127 + LEAST_LOG) << 7)
-_TINY = np.float32(1e-9)
-_LN2 = np.float32(np.log(2))
+MASTER, LIFTED, HUED, WRITTEN = range(4)
+"""What `sweep` adds up: what subtraction shows of the master, of the aim, and of the aim with its
+hues; or what it writes."""
 
+_WIDE, _PITCH = np.uint64(2048), 2064
+"""Columns of a tile, and of its planes."""
 
-def _fitted(curve: Any, degree: int) -> tuple[np.float32, ...]:
-    """Coefficients of a polynomial over 0..1, from the lowest."""
-    best = Chebyshev.interpolate(curve, degree, domain=[0, 1]).convert(kind=Polynomial)
-    return tuple(np.float32(each) for each in best.coef)
+# Planes of a tile: light; 1 on the screen; sums by cells; sums by blocks
+_HERE, _SUMS, _HEAP, _PLANES = 3, 4, 10, 16
 
 
-_L0, _L1, _L2, _L3, _L4, _L5, _L6, _L7 = _fitted(np.log1p, 7)
-_E0, _E1, _E2, _E3, _E4, _E5 = _fitted(np.exp2, 5)
-_INVERSE_LN2 = np.float32(1 / np.log(2))
+class Dome(NamedTuple):
+    """What passes know of a dome: see `compensate.live.constants.DomeConstants`.
+
+    Parameters
+    ----------
+    cols
+        Of the picture.
+    spans
+        (row, piece, 2) columns between which a row has screen.
+    cell, block
+        As there.
+    weights, dark, fade, edge, hue
+        As there, of float32.
+    """
+
+    cols: np.uint64
+    spans: NDArray[np.uint64]
+    cell: np.uint64
+    block: np.uint64
+    weights: NDArray[np.float32]
+    dark: np.float32
+    fade: np.float32
+    edge: np.float32
+    hue: np.float32
 
 
-def table_of(encode: Any, largest: float) -> Any:
-    """(place,) codes 0..`largest` for `encoded`, of a transfer function's `encode`."""
-    places = np.arange(-LEAST_LOG * (1 << 7) + 2, dtype=np.uint32) + _FIRST
-    light = (places << _SHIFT).view(np.float32).astype(np.float64)
-    codes = encode(np.maximum(light - 2.0**LEAST_LOG, 0))
-    return np.asarray(codes * largest, np.float32)
+@INSIDE
+def _set(w: Any, k: int, a: Any, b: Any, value: Any) -> None:
+    for j in range(a, b):
+        w[k, j] = value
 
 
-@_INSIDE
-def _decoded(
-    codes: Any, i: int, a: int, b: int, on: Any, table: Any, mixing: Any, mixes: bool, light: Any
+@INSIDE
+def _adapting(k: Any, w: Any, j: Any, gain: Any) -> Any:
+    """Luminance that is seen of the light, and what the eye loses."""
+    mean = k.weights[0] * w[0, j] + k.weights[1] * w[1, j] + k.weights[2] * w[2, j]
+    return max(mean * gain, NO) + k.dark
+
+
+@INSIDE
+def _moments(k: Any, floors: Any, at: Any, first: Any, a: Any, b: Any, w: Any) -> None:
+    """Add what the base is made of, by columns."""
+    for j in range(a, b):
+        seen = _adapting(k, w, j, between(floors, 3, at, first + j))
+        log = logarithm(seen)
+        here = w[_HERE, j]
+        importance = here * k.dark / seen
+        w[_HEAP, j] += importance
+        w[_HEAP + 1, j] += here * log
+        w[_HEAP + 2, j] += here * log * log
+        w[_HEAP + 3, j] += importance * log
+        w[_HEAP + 4, j] += importance * log * log
+        w[_HEAP + 5, j] += here * (seen - k.dark)
+
+
+@INSIDE
+def _lifted(
+    k: Any, floors: Any, bases: Any, missing: Any, lifts: Any, i: Any, at: Any, up: Any, first: Any,
+    a: Any, b: Any, w: Any,
+) -> None:  # fmt: skip
+    """The aim in the place of the light, and how much it is lifted: B' / B."""
+    for j in range(a, b):
+        c = first + j
+        log = logarithm(_adapting(k, w, j, between(floors, 3, at, c)))
+        of_all = between(bases, 0, up, c) * log + between(bases, 1, up, c)
+        of_dark = between(bases, 2, up, c) * log + between(bases, 3, up, c)
+        base = exponential(of_dark + (of_all - of_dark) * within((log - of_dark) / k.edge))
+        top = max(w[0, j], w[1, j], w[2, j])
+        gain = ONE + max(missing - base / k.fade, NO) / base
+        gain = max(min(gain, ONE / max(top, TINY)), ONE)
+        lifts[i, c] = gain
+        w[0, j], w[1, j], w[2, j] = w[0, j] * gain, w[1, j] * gain, w[2, j] * gain
+
+
+@INSIDE
+def _hued(
+    k: Any, below: Any, lifts: Any, i: Any, at: Any, first: Any, a: Any, b: Any, w: Any
 ) -> None:
-    """Light of row `i` from column `a` to `b`, within 0..1; 0 off the screen."""
+    """The aim, with hues kept over what is there, in the place of the light."""
     for j in range(a, b):
-        light[0, j] = table[codes[i, j, 0]]
-        light[1, j] = table[codes[i, j, 1]]
-        light[2, j] = table[codes[i, j, 2]]
-    if mixes:
-        for j in range(a, b):
-            red, green, blue = light[0, j], light[1, j], light[2, j]
-            for p in range(3):
-                light[p, j] = mixing[p, 0] * red + mixing[p, 1] * green + mixing[p, 2] * blue
-    for p in range(3):
-        for j in range(a, b):
-            light[p, j] = min(max(light[p, j], np.float32(0)), np.float32(1)) * on[i, j]
-
-
-@_INSIDE
-def _logarithms(values: Any, bits: Any, found: Any, a: int, b: int) -> None:
-    """Natural logarithms of float32 `values`, of which `bits` is an int32 view."""
-    for j in range(a, b):
-        power = (bits[j] >> 23) - 127
-        t = values[j] * np.float32(0)
-        found[j] = np.float32(power) * _LN2 + t
-    for j in range(a, b):
-        bits[j] = (bits[j] & 0x7FFFFF) | 0x3F800000
-    for j in range(a, b):
-        t = values[j] - np.float32(1)
-        high = ((_L7 * t + _L6) * t + _L5) * t + _L4
-        found[j] += (((high * t + _L3) * t + _L2) * t + _L1) * t + _L0
-
-
-@_INSIDE
-def _exponentials(values: Any, found: Any, bits: Any, a: int, b: int) -> None:
-    """Exponentials of float32 `values` into `found`, of which `bits` is an int32 view."""
-    for j in range(a, b):
-        scaled = min(max(values[j] * _INVERSE_LN2, np.float32(-120)), np.float32(120))
-        whole = np.int32(scaled + np.float32(128)) - np.int32(128)  # floor, of what is above -128
-        values[j] = scaled - np.float32(whole)
-        bits[j] = (whole + 127) << 23
-    for j in range(a, b):
-        t = values[j]
-        found[j] *= ((((_E5 * t + _E4) * t + _E3) * t + _E2) * t + _E1) * t + _E0
-
-
-@_INSIDE
-def _along(coarse: Any, places: Any, parts: Any, found: Any) -> None:
-    """A coarse row at all columns: linear between middles."""
-    for j in range(len(found)):
-        low = coarse[places[j]]
-        found[j] = low + (coarse[places[j] + np.uint32(1)] - low) * parts[j]
-
-
-@_INSIDE
-def _expanded(planes: Any, row: int, places: Any, parts: Any, found: Any) -> None:
-    """Row `row` of (plane, row, col) coarse planes, whose last column is there twice."""
-    last = min(row, planes.shape[1] - 1)
-    for k in range(planes.shape[0]):
-        _along(planes[k, last], places, parts, found[k])
-
-
-@_INSIDE
-def _place(i: int, side: int, last: int) -> Any:
-    """Coarse row below row `i`, and how far it is towards the next."""
-    at = min(max((i + 0.5) / side - 0.5, 0.0), float(last))
-    low = int(at)
-    return low, np.float32(at - low)
-
-
-@_INSIDE
-def _between(low: Any, high: Any, part: Any, found: Any, a: int, b: int) -> None:
-    for k in range(found.shape[0]):
-        for j in range(a, b):
-            found[k, j] = low[k, j] + (high[k, j] - low[k, j]) * part
-
-
-@_INSIDE
-def _rows_of(planes: Any, i: int, side: int, held: Any, places: Any, parts: Any, kept: Any) -> Any:
-    """See that `kept` holds the two expanded coarse rows about row `i`; return the part."""
-    low, part = _place(i, side, planes.shape[1] - 1)
-    if held[0] != low:
-        if held[0] == low - 1:
-            for k in range(planes.shape[0]):
-                for j in range(kept.shape[2]):
-                    kept[0, k, j] = kept[1, k, j]
-        else:
-            _expanded(planes, low, places, parts, kept[0])
-        _expanded(planes, low + 1, places, parts, kept[1])
-        held[0] = low
-    return part
-
-
-@_INSIDE
-def _by_cells(lines: Any, side: int, found: Any, cell_row: int) -> None:
-    """Sums over the columns of each cell, of (plane, col) sums over its rows."""
-    for k in range(lines.shape[0]):
-        for c in range(found.shape[2]):
-            some = np.float32(0)
-            for j in range(c * side, min((c + 1) * side, lines.shape[1])):
-                some += lines[k, j]
-            found[k, cell_row, c] = some
-
-
-@_INSIDE
-def _hued(light: Any, gain: Any, floor: Any, hue: Any, a: int, b: int) -> None:
-    """The lifted aim of a row, with hues kept over the floor, in place of the light."""
-    for j in range(a, b):
-        red, green, blue = light[0, j], light[1, j], light[2, j]
+        c = first + j
+        gain = lifts[i, c]
+        red, green, blue = w[0, j], w[1, j], w[2, j]
         top = max(red, green, blue)
-        raised = np.float32(1) - top / max(top * gain[j], _TINY)
-        red, green, blue = red * gain[j], green * gain[j], blue * gain[j]
-        lack_r = max(floor[0, j] - red, np.float32(0))
-        lack_g = max(floor[1, j] - green, np.float32(0))
-        lack_b = max(floor[2, j] - blue, np.float32(0))
-        shared = hue * raised * max(lack_r, lack_g, lack_b)
-        light[0, j] = red + max(lack_r, shared)
-        light[1, j] = green + max(lack_g, shared)
-        light[2, j] = blue + max(lack_b, shared)
+        raised = ONE - top / max(top * gain, TINY)
+        red, green, blue = red * gain, green * gain, blue * gain
+        lack_r = max(between(below, 0, at, c) - red, NO)
+        lack_g = max(between(below, 1, at, c) - green, NO)
+        lack_b = max(between(below, 2, at, c) - blue, NO)
+        shared = k.hue * raised * max(lack_r, lack_g, lack_b)
+        w[0, j] = red + max(lack_r, shared)
+        w[1, j] = green + max(lack_g, shared)
+        w[2, j] = blue + max(lack_b, shared)
 
 
-@_INSIDE
-def _counted(light: Any, floor: Any, on: Any, i: int, lines: Any, a: int, b: int) -> None:
-    """Add a row's subtracted light, and which of it moves with the floor, to (6, col) sums."""
+@INSIDE
+def _counted(
+    floors: Any, at: Any, first: Any, begin: Any, end: Any, a: Any, b: Any, w: Any
+) -> None:
+    """Add subtracted light, and which of it moves with the floor, by columns."""
+    for p in range(3):
+        _set(w, p, a, begin, NO)
+        _set(w, p, end, b, NO)
+        for j in range(a, b):
+            free = w[p, j] - between(floors, p, at, first + j)
+            w[_SUMS + p, j] += within(free)
+            w[_SUMS + 3 + p, j] += ONE if free > NO and free < ONE else NO
+
+
+@INSIDE
+def _subtracted(floors: Any, at: Any, first: Any, a: Any, b: Any, w: Any) -> None:
+    """What to project, in the place of the aim."""
     for p in range(3):
         for j in range(a, b):
-            free = light[p, j] - floor[p, j]
-            shown = min(max(free, np.float32(0)), np.float32(1)) * on[i, j]
-            lines[p, j] += shown
-            lines[3 + p, j] += on[i, j] if shown == free else np.float32(0)
+            w[p, j] = within(w[p, j] - between(floors, p, at, first + j))
 
 
-@_COMPILED
-def moments(
+@INSIDE
+def _begun(sums: Any, planes: int) -> None:
+    """Sums begin anew."""
+    for p in range(planes):
+        sums[p] = NO
+
+
+@COMPILED
+def sweep(
+    stage: int,
+    code: Any,
+    k: Any,
     codes: Any,
-    on: Any,
-    spans: Any,
-    table: Any,
-    mixing: Any,
-    mixes: bool,
-    weights: Any,
-    dark: Any,
-    block: int,
-    cell: int,
     floors: Any,
-    places: Any,
-    parts: Any,
-    found: Any,
-    sums: Any,
-) -> None:
-    """What the base is made of, by blocks; and what subtraction shows of the master, by cells.
-
-    `floors`: (4, cell row, cell col + 1): ambient and reflected light, and the direct gain.
-    `spans`: (row, 2): columns between which there is any screen.
-    `found`: (6, block row, block col): sums of importance, of logarithms and their squares, without
-    and with it, and of luminance.
-    `sums`: (6, cell row, cell col): of light, and of the pixels that move with the floor.
-    """
-    rows, cols = on.shape
-    for band in numba.prange(sums.shape[1]):
-        light = np.empty((3, cols), np.float32)
-        line = np.empty(cols, np.float32)
-        bits = line.view(np.int32)
-        seen = np.empty(cols, np.float32)
-        logs = np.empty(cols, np.float32)
-        kept = np.empty((2, 4, cols), np.float32)
-        floor = np.empty((4, cols), np.float32)
-        held = np.full(1, -9)
-        lines = np.zeros((6, cols), np.float32)
-        for first in range(band * cell, min((band + 1) * cell, rows), block):
-            heap = np.zeros((6, cols), np.float32)
-            for i in range(first, min(first + block, rows)):
-                a, b = spans[i, 0], spans[i, 1]
-                _decoded(codes, i, a, b, on, table, mixing, mixes, light)
-                part = _rows_of(floors, i, cell, held, places, parts, kept)
-                _between(kept[0], kept[1], part, floor, a, b)
-                for j in range(a, b):
-                    mean = weights[0] * light[0, j] + weights[1] * light[1, j]
-                    mean += weights[2] * light[2, j]
-                    line[j] = max(mean * floor[3, j], np.float32(0)) + dark
-                    seen[j] = line[j]
-                _logarithms(line, bits, logs, a, b)
-                for j in range(a, b):
-                    here = on[i, j]
-                    importance = here * dark / seen[j]
-                    heap[0, j] += importance
-                    heap[1, j] += here * logs[j]
-                    heap[2, j] += here * logs[j] * logs[j]
-                    heap[3, j] += importance * logs[j]
-                    heap[4, j] += importance * logs[j] * logs[j]
-                    heap[5, j] += here * (seen[j] - dark)
-                _counted(light, floor, on, i, lines, a, b)
-            _by_cells(heap, block, found, first // block)
-        _by_cells(lines, cell, sums, band)
-
-
-@_COMPILED
-def gains(
-    codes: Any,
-    on: Any,
-    spans: Any,
-    table: Any,
-    mixing: Any,
-    mixes: bool,
-    weights: Any,
-    dark: Any,
-    aim: Any,
-    block: int,
-    cell: int,
+    below: Any,
     bases: Any,
-    floors: Any,
-    block_places: Any,
-    block_parts: Any,
-    places: Any,
-    parts: Any,
-    found: Any,
-    sums: Any,
-) -> None:
-    """How much each pixel is lifted, and what subtraction shows of that.
-
-    `aim`: (missing light, fade, edge).
-    `bases`: (4, block row, block col + 1): slopes and offsets of the base of all, and of the dark.
-    `found`: (row, col): B' / B.
-    """
-    rows, cols = on.shape
-    missing, fade, edge = aim[0], aim[1], aim[2]
-    for band in numba.prange(sums.shape[1]):
-        light = np.empty((3, cols), np.float32)
-        line = np.empty(cols, np.float32)
-        bits = line.view(np.int32)
-        logs = np.empty(cols, np.float32)
-        kept = np.empty((2, 4, cols), np.float32)
-        floor = np.empty((4, cols), np.float32)
-        kept_base = np.empty((2, 4, cols), np.float32)
-        held, held_base = np.full(1, -9), np.full(1, -9)
-        lines = np.zeros((6, cols), np.float32)
-        for i in range(band * cell, min((band + 1) * cell, rows)):
-            a, b = spans[i, 0], spans[i, 1]
-            _decoded(codes, i, a, b, on, table, mixing, mixes, light)
-            part = _rows_of(floors, i, cell, held, places, parts, kept)
-            _between(kept[0], kept[1], part, floor, a, b)
-            for j in range(a, b):
-                mean = weights[0] * light[0, j] + weights[1] * light[1, j]
-                mean += weights[2] * light[2, j]
-                line[j] = max(mean * floor[3, j], np.float32(0)) + dark
-            _logarithms(line, bits, logs, a, b)
-            part = _rows_of(bases, i, block, held_base, block_places, block_parts, kept_base)
-            low, high = kept_base[0], kept_base[1]
-            for j in range(a, b):
-                log = logs[j]
-                slope = low[0, j] + (high[0, j] - low[0, j]) * part
-                of_all = slope * log + low[1, j] + (high[1, j] - low[1, j]) * part
-                slope = low[2, j] + (high[2, j] - low[2, j]) * part
-                of_dark = slope * log + low[3, j] + (high[3, j] - low[3, j]) * part
-                share = min(max((log - of_dark) / edge, np.float32(0)), np.float32(1))
-                logs[j] = of_dark + (of_all - of_dark) * share
-            _exponentials(logs, line, bits, a, b)
-            for j in range(a, b):
-                base = line[j]
-                top = max(light[0, j], light[1, j], light[2, j])
-                gain = np.float32(1) + max(missing - base / fade, np.float32(0)) / base
-                gain = max(min(gain, np.float32(1) / max(top, _TINY)), np.float32(1))
-                found[i, j] = gain
-                for p in range(3):
-                    light[p, j] *= gain
-            _counted(light, floor, on, i, lines, a, b)
-        _by_cells(lines, cell, sums, band)
-
-
-@_COMPILED
-def shown(
-    codes: Any,
-    on: Any,
-    spans: Any,
-    table: Any,
-    mixing: Any,
-    mixes: bool,
+    missing: Any,
     lifts: Any,
-    hue: Any,
-    cell: int,
-    below: Any,
-    floors: Any,
-    places: Any,
-    parts: Any,
+    heap: Any,
     sums: Any,
-) -> None:
-    """What subtraction of `floors` shows of the aim with hues kept over `below`, by cells.
-
-    `lifts` is what `gains` found. A `hue` below 0 leaves hues alone.
-    """
-    rows, cols = on.shape
-    for band in numba.prange(sums.shape[1]):
-        light = np.empty((3, cols), np.float32)
-        kept = np.empty((2, 4, cols), np.float32)
-        kept_below = np.empty((2, 4, cols), np.float32)
-        floor = np.empty((4, cols), np.float32)
-        held, held_below = np.full(1, -9), np.full(1, -9)
-        lines = np.zeros((6, cols), np.float32)
-        for i in range(band * cell, min((band + 1) * cell, rows)):
-            a, b = spans[i, 0], spans[i, 1]
-            _decoded(codes, i, a, b, on, table, mixing, mixes, light)
-            if hue < 0:
-                for p in range(3):
-                    for j in range(a, b):
-                        light[p, j] *= lifts[i, j]
-            else:
-                part = _rows_of(below, i, cell, held_below, places, parts, kept_below)
-                _between(kept_below[0], kept_below[1], part, floor, a, b)
-                _hued(light, lifts[i], floor, hue, a, b)
-            part = _rows_of(floors, i, cell, held, places, parts, kept)
-            _between(kept[0], kept[1], part, floor, a, b)
-            _counted(light, floor, on, i, lines, a, b)
-        _by_cells(lines, cell, sums, band)
-
-
-@_INSIDE
-def _encoded(line: Any, bits: Any, table: Any, a: int, b: int) -> None:
-    """Codes of a row's light, of which `bits` is a uint32 view, in its place."""
-    for j in range(a, b):
-        line[j] = min(max(line[j], np.float32(0)), np.float32(1)) + np.float32(2.0**LEAST_LOG)
-    for j in range(a, b):
-        place = np.uint32((bits[j] >> _SHIFT) - _FIRST)
-        part = np.float32(np.int32(bits[j] & _REST)) * _OF_REST
-        low = table[place]
-        line[j] = low + (table[place + np.uint32(1)] - low) * part
-
-
-@_INSIDE
-def _rounded(line: Any, noise: Any, begin: Any, largest: Any, a: int, b: int) -> None:
-    """Codes with noise, as `domesim.frames.dithering` has it, in their place."""
-    for j in range(a, b):
-        value = line[j]
-        second = noise[1, begin + j]
-        inside = min(value, largest - value) >= np.float32(0.5)
-        some = noise[0, begin + j] + (second if inside else np.float32(0))
-        noisy = max(value + some + np.float32(0.5), np.float32(0))
-        line[j] = np.float32(np.int32(min(noisy, largest)))
-
-
-@_INSIDE
-def mixed(light: Any, matrix: Any) -> None:
-    """Other primaries of a row, in the light's place."""
-    for j in range(light.shape[1]):
-        red, green, blue = light[0, j], light[1, j], light[2, j]
-        for p in range(3):
-            light[p, j] = matrix[p, 0] * red + matrix[p, 1] * green + matrix[p, 2] * blue
-
-
-@_INSIDE
-def _stored(codes: Any, on: Any, i: int, a: int, b: int, light: Any, out: Any) -> None:
-    """A row of codes from column `a` to `b`; what is off the screen as it was, and alpha."""
-    for j in range(a):
-        for p in range(codes.shape[2]):
-            out[i, j, p] = codes[i, j, p]
-    for j in range(b, np.uint64(on.shape[1])):
-        for p in range(codes.shape[2]):
-            out[i, j, p] = codes[i, j, p]
-    for j in range(a, b):
-        for p in range(3, codes.shape[2]):
-            out[i, j, p] = codes[i, j, p]
-        there = on[i, j] > 0
-        out[i, j, 0] = light[0, j] if there else np.float32(codes[i, j, 0])
-        out[i, j, 1] = light[1, j] if there else np.float32(codes[i, j, 1])
-        out[i, j, 2] = light[2, j] if there else np.float32(codes[i, j, 2])
-
-
-@_COMPILED
-def written(
-    codes: Any,
-    on: Any,
-    spans: Any,
-    table: Any,
-    mixing: Any,
-    mixes: bool,
-    lifts: Any,
-    hue: Any,
-    cell: int,
-    below: Any,
-    floors: Any,
-    places: Any,
-    parts: Any,
-    back: Any,
-    codes_of: Any,
-    largest: Any,
     noise: Any,
-    shifts: Any,
     out: Any,
 ) -> None:
-    """The frame to project, in codes; what is off the screen as it was.
+    """One pass over a frame of codes, (row, sample).
 
-    `back`: (3, 3) matrix from light to the codes' primaries.
-    `codes_of`: As of `table_of`.
-    `largest`: The largest code; 0 for formats of floating point, which are not rounded.
-    `noise`: (2, place) of -0.5..0.5, more than columns and shifts; zeros for none.
-    `shifts`: (row,) places at which noise begins.
+    `floors`: (4, cell row, col): ambient and reflected light that is taken off the light of
+    `stage`, and the direct gain.
+    `below`: floors that hues are kept over, of HUED and WRITTEN.
+    `bases`, `missing`: (4, block row, col) slopes and offsets of the base of all, and of the dark;
+    and the missing light: of LIFTED, which writes `lifts`: (row, col) B' / B.
+    `heap`: (6, block row, block col) of MASTER: sums of importance, of logarithms and their
+    squares, without and with it, and of luminance.
+    `sums`: (6, cell row, cell col): of light, and of the pixels that move with the floor.
+    `noise`: (row,) places at which noise begins.
     """
-    rows, cols = on.shape
-    for band in numba.prange(floors.shape[1]):
-        light = np.empty((3, cols), np.float32)
-        bits = light.view(np.uint32)
-        kept = np.empty((2, 4, cols), np.float32)
-        kept_below = np.empty((2, 4, cols), np.float32)
-        floor = np.empty((4, cols), np.float32)
-        held, held_below = np.full(1, -9), np.full(1, -9)
-        for i in range(band * cell, min((band + 1) * cell, rows)):
-            a, b = spans[i, 0], spans[i, 1]
-            _decoded(codes, i, a, b, on, table, mixing, mixes, light)
-            part = _rows_of(below, i, cell, held_below, places, parts, kept_below)
-            _between(kept_below[0], kept_below[1], part, floor, a, b)
-            _hued(light, lifts[i], floor, hue, a, b)
-            part = _rows_of(floors, i, cell, held, places, parts, kept)
-            _between(kept[0], kept[1], part, floor, a, b)
-            for p in range(3):
-                for j in range(a, b):
-                    free = light[p, j] - floor[p, j]
-                    light[p, j] = min(max(free, np.float32(0)), np.float32(1))
-            if mixes:
-                mixed(light, back)
-            for p in range(3):
-                _encoded(light[p], bits[p], codes_of, a, b)
-                if largest > 0:
-                    begin = shifts[i] + np.uint64(p * APART)
-                    _rounded(light[p], noise, begin, largest, a, b)
-            _stored(codes, on, i, a, b, light, out)
+    rows = codes.shape[0]
+    _begun(sums, 6)
+    _begun(heap, 6 if stage == MASTER else 0)
+    for band in numba.prange(sums.shape[1]):
+        w = np.zeros((_PLANES, _PITCH), np.float32)
+        places, found = np.empty(_WIDE, np.uint32), np.empty((3, _WIDE), out.dtype)
+        last = min((band + 1) * k.cell, rows) - 1
+        for first in range(NONE, k.cols, _WIDE):
+            wide = min(_WIDE, k.cols - first)
+            for i in range(band * k.cell, last + 1):
+                at, done = about(i, k.cell, floors), NONE
+                for piece in range(k.spans.shape[1]):
+                    a = max(k.spans[i, piece, 0], first) - first
+                    b = min(max(k.spans[i, piece, 1], first) - first, wide)
+                    if a >= b:
+                        continue
+                    # Whole vectors: what is beyond the piece is left out of all that is kept
+                    begin, end = a, b
+                    a, b = a - a % LINE, min((b + LINE - NEXT) // LINE * LINE, wide)
+                    decoded(code, codes, i, first, a, b, w, 0)
+                    if stage == MASTER:
+                        _set(w, _HERE, a, b, ONE)
+                        _set(w, _HERE, a, begin, NO)
+                        _set(w, _HERE, end, b, NO)
+                        _moments(k, floors, at, first, a, b, w)
+                    elif stage == LIFTED:
+                        up = about(i, k.block, bases)
+                        _lifted(k, floors, bases, missing, lifts, i, at, up, first, a, b, w)
+                    else:
+                        _hued(k, below, lifts, i, at, first, a, b, w)
+                    if stage != WRITTEN:
+                        _counted(floors, at, first, begin, end, a, b, w)
+                        continue
+                    _subtracted(floors, at, first, a, b, w)
+                    encoded(code, w, 0, a, b, noise[i] + first, places, found)
+                    copied(code, codes, i, first + done, first + begin, out)
+                    stored(code, codes, i, first, begin, end, found, out)
+                    done = end
+                if stage == WRITTEN:
+                    copied(code, codes, i, first + done, first + wide, out)
+                elif stage == MASTER and ((i + 1) % k.block == 0 or i == last):
+                    summed(w, _HEAP, first, wide, k.block, i // k.block, heap)
+            if stage != WRITTEN:
+                summed(w, _SUMS, first, wide, k.cell, band, sums)
 
 
-@_COMPILED
+@INSIDE
+def _boxed(planes: Any, i: Any, radius: int, line: Any, found: Any) -> None:
+    """Sums over squares about row `i` of (plane, row, col)."""
+    reach, cols = np.uint64(radius), np.uint64(planes.shape[2])
+    for k in range(planes.shape[0]):
+        line[:] = NO
+        for near in range(max(i - radius, 0), min(i + radius + 1, planes.shape[1])):
+            for j in range(cols):
+                line[reach + j] += planes[k, near, j]
+        found[k] = NO
+        for d in range(reach + reach + NEXT):
+            for j in range(cols):
+                found[k, j] += line[d + j]
+
+
+@COMPILED
+def bases(
+    counted: Any, around: Any, heap: Any, radius: int, edge: Any, work: Any, result: Any
+) -> None:
+    """`compensate.means.coefficients` of all, and by importance, from what `sweep` has found.
+
+    `counted`, `around`: (row, col) of blocks: pixels that count, and their sums over boxes.
+    `work`: (12, row, col), for use in between; the first three are planes 0, 1 and 3 of `heap`.
+    `result`: (4, row, col): slopes and offsets.
+    """
+    rows, cols = counted.shape
+    variance = edge * edge
+    least = np.float32(1e-30)
+    for i in numba.prange(rows):
+        line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((3, cols), np.float32)
+        _boxed(work[:3], i, radius, line, sums)
+        for j in range(cols):
+            count, weight = max(around[i, j], least), max(sums[0, j], least)
+            of_all, of_dark = sums[1, j] / count, sums[2, j] / weight
+            spread = heap[2, i, j] + (of_all * counted[i, j] - 2 * heap[1, i, j]) * of_all
+            work[3, i, j] = max(spread, NO)
+            spread = heap[4, i, j] + (of_dark * heap[0, i, j] - 2 * heap[3, i, j]) * of_dark
+            work[4, i, j] = max(spread, NO)
+            work[5, i, j], work[6, i, j], work[7, i, j] = of_all, of_dark, weight
+    for i in numba.prange(rows):
+        line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((2, cols), np.float32)
+        _boxed(work[3:5], i, radius, line, sums)
+        for j in range(cols):
+            spread = sums[0, j] / max(around[i, j], least)
+            slope = spread / (spread + variance)
+            work[8, i, j] = counted[i, j] * slope
+            work[9, i, j] = counted[i, j] * (ONE - slope) * work[5, i, j]
+            spread = sums[1, j] / work[7, i, j]
+            slope = spread / (spread + variance)
+            work[10, i, j] = counted[i, j] * slope
+            work[11, i, j] = counted[i, j] * (ONE - slope) * work[6, i, j]
+    for i in numba.prange(rows):
+        line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((4, cols), np.float32)
+        _boxed(work[8:12], i, radius, line, sums)
+        for k in range(4):
+            for j in range(cols):
+                result[k, i, j] = sums[k, j] / max(around[i, j], least)
+
+
+@COMPILED
+def lacking(floor: Any, side: int, luminance: Any, counted: Any, found: Any) -> None:
+    """(block row, block col) missing light: of a (1, cell row, block col) floor, what is shown.
+
+    `side`: blocks along a cell.
+    """
+    for i in numba.prange(counted.shape[0]):
+        at = about(i, side, floor)
+        for j in range(np.uint64(counted.shape[1])):
+            shown = luminance[i, j] / max(counted[i, j], ONE)
+            found[i, j] = max(between(floor, 0, at, j) - shown, NO)
+
+
+@COMPILED
 def excess(counted: Any, values: Any, level: Any) -> Any:
     """Share of `counted` whose value is above a level, and the mean excess, of (row, col) each."""
     above: Any = 0.0
     more: Any = 0.0
     total: Any = 0.0
     for i in numba.prange(counted.shape[0]):
-        line_above, line_more, line_total = np.float32(0), np.float32(0), np.float32(0)
+        line_above, line_more, line_total = NO, NO, NO
         for j in range(counted.shape[1]):
             value = values[i, j] - level
             line_total += counted[i, j]
-            line_above += counted[i, j] if value > 0 else np.float32(0)
-            line_more += counted[i, j] * max(value, np.float32(0))
+            line_above += counted[i, j] if value > 0 else NO
+            line_more += counted[i, j] * max(value, NO)
         above += line_above
         more += line_more
         total += line_total
     return above / total, more / total
-
-
-@_INSIDE
-def _added(source: Any, target: Any) -> None:
-    for j in range(len(target)):
-        target[j] += source[j]
-
-
-@_INSIDE
-def _boxed(planes: Any, i: int, radius: int, found: Any) -> None:
-    """Sums over squares about row `i` of (plane, row, col)."""
-    rows, cols = planes.shape[1:]
-    line = np.empty(cols + 2 * radius, np.float32)
-    for k in range(planes.shape[0]):
-        line[:] = 0
-        for near in range(max(i - radius, 0), min(i + radius + 1, rows)):
-            _added(planes[k, near], line[radius : radius + cols])
-        found[k] = 0
-        for reach in range(2 * radius + 1):
-            _added(line[reach : reach + cols], found[k])
-
-
-@_COMPILED
-def bases(
-    counted: Any, around: Any, found: Any, radius: int, edge: Any, work: Any, result: Any
-) -> None:
-    """`compensate.means.coefficients` of all, and by importance, from what `moments` has found.
-
-    `counted`, `around`: (row, col) of blocks: pixels that count, and their sums over boxes.
-    `work`: (12, row, col), for use in between.
-    `result`: (4, row, col + 1): slopes and offsets, their last column twice.
-    """
-    rows, cols = counted.shape
-    variance = edge * edge
-    least = np.float32(1e-30)
-    for i in numba.prange(rows):
-        sums = np.empty((3, cols), np.float32)
-        _boxed(work[:3], i, radius, sums)
-        for j in range(cols):
-            count, weight = max(around[i, j], least), max(sums[0, j], least)
-            of_all, of_dark = sums[1, j] / count, sums[2, j] / weight
-            spread = found[2, i, j] + (of_all * counted[i, j] - 2 * found[1, i, j]) * of_all
-            work[3, i, j] = max(spread, np.float32(0))
-            spread = found[4, i, j] + (of_dark * found[0, i, j] - 2 * found[3, i, j]) * of_dark
-            work[4, i, j] = max(spread, np.float32(0))
-            work[5, i, j], work[6, i, j], work[7, i, j] = of_all, of_dark, weight
-    for i in numba.prange(rows):
-        sums = np.empty((2, cols), np.float32)
-        _boxed(work[3:5], i, radius, sums)
-        for j in range(cols):
-            spread = sums[0, j] / max(around[i, j], least)
-            slope = spread / (spread + variance)
-            work[8, i, j] = counted[i, j] * slope
-            work[9, i, j] = counted[i, j] * (np.float32(1) - slope) * work[5, i, j]
-            spread = sums[1, j] / work[7, i, j]
-            slope = spread / (spread + variance)
-            work[10, i, j] = counted[i, j] * slope
-            work[11, i, j] = counted[i, j] * (np.float32(1) - slope) * work[6, i, j]
-    for i in numba.prange(rows):
-        sums = np.empty((4, cols), np.float32)
-        _boxed(work[8:12], i, radius, sums)
-        for k in range(4):
-            for j in range(cols):
-                result[k, i, j] = sums[k, j] / max(around[i, j], least)
-            result[k, i, cols] = result[k, i, cols - 1]

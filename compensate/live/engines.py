@@ -20,7 +20,7 @@ from domesim.scene import Scene
 from domesim.scene.screening import within_range
 
 Engine: TypeAlias = Callable[[NDArray[Any], int], NDArray[Any]]
-"""Frame (row, col, channel) and its number -> the frame to project, which the next overwrites."""
+"""Frame (row, col, channel) and its number -> the frame to project, kept for `HELD` frames."""
 
 FAST, PLAIN = "numba", "numpy"
 """Names of what computes on the processor."""

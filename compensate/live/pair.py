@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.live import pair_loops as loops
-from compensate.live.coding import Coding, PixelFormat
+from compensate.live.coding import Coding, PixelFormat, room_for
 from compensate.live.constants import PairConstants, turns_of
-from compensate.live.dome import along
-from compensate.live.dome_loops import table_of
-from compensate.live.noise import noise_of, shifts_of
+from compensate.live.noise import shifts_of
 from compensate.live.smoothing import weights_of
+from compensate.live.tile_loops import code_of, places_along, widened
 from compensate.means import block_sums
 
 
@@ -49,88 +48,106 @@ class CompiledPair:
         dithers: bool,
     ) -> None:
         k = self._k = constants
-        self._pixels, self._axis = pixels, 1 if beside else 0
-        self._code = (coding.table(pixels), coding.mixing.astype(np.float32), coding.mixes)
-        self._back = np.linalg.inv(coding.mixing).astype(np.float32)
-        self._codes_of = table_of(coding.curve.encode, pixels.largest or 1)
-        self._on = np.broadcast_to(np.ones((1, k.cols), np.float32), (k.rows, k.cols))
-        self._weights = k.weights.astype(np.float32)
-        share = k.share.astype(np.float32)
-        cell = k.cell or max(k.rows, k.cols)
-        self._shares = np.concatenate([share, share[:, :, -1:]], axis=2)
-        self._linear = (
-            self._shares,
-            cell,
-            *along(k.cols, cell, share.shape[2]),
-            k.matrices.astype(np.float32),
-            k.black.astype(np.float32),
-            turns_of(k),
-        )
+        self._pixels = pixels
+        self._code = code_of(coding, pixels, k.cols, dithers=dithers)
         self._fine = k.blocks[-1]
-        counts = block_sums(np.ones((k.rows, k.cols), np.float32), self._fine)
-        self._counts = 1 / counts
-        rows, cols = counts.shape
-        self._found, self._work = np.empty((2, 12, rows, cols), np.float32)
-        self._near, self._near_work = np.empty((2, 2, rows, cols), np.float32)
-        self._nearby = tuple(
-            weights_of(count, k.nearby / self._fine).astype(np.float32) for count in (cols, rows)
+        cell = k.cell or max(k.rows, k.cols)
+        self._pair = loops.Pair(
+            rows=k.rows,
+            cols=np.uint64(k.cols),
+            down=np.uint64(0 if beside else k.rows),
+            across=np.uint64(k.cols if beside else 0),
+            block=np.uint64(self._fine),
+            cell=cell,
+            rounds=-(-turns_of(k) // 2),
+            weights=k.weights.astype(np.float32),
+            matrices=k.matrices.astype(np.float32),
+            black=k.black.astype(np.float32),
         )
-        self._octaves: list[tuple[Any, ...]] = []
-        for sigma, block in zip(k.sigmas, k.blocks, strict=True):
-            within = block // self._fine
-            size = (-(-rows // within), -(-cols // within))
-            weights = (
-                weights_of(count, sigma / block).astype(np.float32) for count in reversed(size)
-            )
-            self._octaves.append(
-                (within, np.empty((2, 12, *size), np.float32), *weights,
-                 along(cols, within, size[1]))
-            )  # fmt: skip
-        self._veil = np.empty((6, rows, cols), np.float32)
-        self._own = np.empty((2, rows, cols), np.float32)
-        self._veils = np.empty((8, rows, cols + 1), np.float32)
-        self._places = along(k.cols, self._fine, cols)
-        self._noise = noise_of(k.cols) * np.float32(dithers)
-        whole = [k.rows, k.cols, pixels.channels]
-        whole[self._axis] *= 2
-        self._out = np.empty(whole, np.float32 if pixels.floating else pixels.dtype)
+        self._shares = np.empty((*k.share.shape[:2], k.cols), np.float32)
+        places = places_along(k.cols, cell, k.share.shape[2])
+        widened(k.share.astype(np.float32), *places, self._shares)
+        self._counts = 1 / block_sums(np.ones((k.rows, k.cols), np.float32), self._fine)
+        size = self._counts.shape
+        self._places = places_along(k.cols, self._fine, size[1])
+        self._found = np.empty((14, *size), np.float32)
+        self._work = np.empty((14, *size), np.float32)
+        self._veils = np.empty((8, *size), np.float32)
+        self._nearby = _weights(size, k.nearby / self._fine)
+        self._octaves = [
+            _Octave(size, block // self._fine, sigma / block)
+            for sigma, block in zip(k.sigmas, k.blocks, strict=True)
+        ]
+        down, across = (1, 2) if beside else (2, 1)
+        self._room = room_for(down * k.rows, across * k.cols, pixels)
 
     def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
         """The frame (row, col, channel) to project; see `CompiledDome`."""
-        k = self._k
-        frame = codes.view("<u2") if self._pixels.floating else codes
-        views = np.split(frame, 2, self._axis)
-        loops.ghosts(
-            *views, self._on, *self._code, self._weights, *self._linear, self._fine,
-            self._counts, self._found, self._near,
-        )  # fmt: skip
-        self._find_veils()
-        loops.written(
-            *views, self._on, *self._code, *self._linear, self._fine, self._veils, *self._places,
-            self._back, self._codes_of, np.float32(self._pixels.largest), self._noise,
-            shifts_of(number, k.rows), *np.split(self._out, 2, self._axis),
-        )  # fmt: skip
+        frame = (codes.view("<u2") if self._pixels.floating else codes).reshape(len(codes), -1)
+        out, noise = next(self._room), shifts_of(number, self._k.rows)
+        for writes in (False, True):
+            if writes:
+                self._find_veils()
+            loops.sweep(
+                writes, self._code, self._pair, frame, self._shares, self._counts, self._found,
+                self._veils, *self._places, noise, out.reshape(frame.shape),
+            )  # fmt: skip
         if not self._pixels.floating:
-            return self._out
-        out = self._out.astype("<f2")
+            return out
+        out = out.astype("<f2")
         out[..., 3:] = codes[..., 3:]
         return out
 
     def _find_veils(self) -> None:
-        """Fill `_veils` from what `ghosts` has found."""
-        k = self._k
-        lift = np.float32(k.aim.lift)
-        for number, (within, (means, work), across, down, places) in enumerate(self._octaves):
-            if within == 1:
-                np.copyto(means, self._found)
+        """Fill `_veils` from what the first sweep has found."""
+        aim, dark = self._k.aim, np.float32(self._k.dark)
+        ghosts, near = self._found[:12], self._found[12:]
+        loops.smoothed(near, *self._nearby, self._work[12:])
+        sums = self._octaves[-1].sums = ghosts
+        for octave in reversed(self._octaves[:-1]):
+            if octave.sums.shape == sums.shape:
+                np.copyto(octave.sums, sums)
             else:
-                loops.halved(self._found, within, means)
-            loops.smoothed(means, across, down, work)
+                loops.halved(sums, octave.sums)
+            sums = octave.sums
+        for octave in self._octaves:
+            means = octave.sums
+            if octave.block > 1:
+                means *= octave.counts
+            loops.smoothed(means, *octave.weights, octave.work)
+            loops.peaks(means, np.float32(aim.lift), self._pair.weights, octave.peaks)
+            if octave.block > 1:
+                widened(octave.peaks, *octave.places, octave.wide)
             loops.raised(
-                means, lift, self._weights, within, *places, number == 0, self._veil, self._own
-            )
-        loops.smoothed(self._near, *self._nearby, self._near_work)
-        self._veils[:6, :, :-1] = self._veil
-        stands_out = np.maximum(self._own, 0) / (self._near + np.float32(k.dark))
-        self._veils[6:, :, :-1] = 1 / (1 + stands_out / np.float32(k.aim.faint))
-        self._veils[:, :, -1] = self._veils[:, :, -2]
+                octave.wide, octave.block, octave is self._octaves[0], near, dark,
+                np.float32(aim.faint), self._veils,
+            )  # fmt: skip
+
+
+def _weights(size: tuple[int, ...], sigma: float) -> tuple[NDArray[np.float32], ...]:
+    """Weights of means across, and down, of (row, col) `size`."""
+    across, down = (weights_of(count, sigma).astype(np.float32) for count in reversed(size))
+    return across, down
+
+
+class _Octave:
+    """Room for an octave of veils.
+
+    Parameters
+    ----------
+    size
+        (row, col) of the finest blocks.
+    block
+        How many of them along a side of the octave's blocks.
+    sigma
+        Of its means, in its blocks.
+    """
+
+    def __init__(self, size: tuple[int, ...], block: int, sigma: float) -> None:
+        rows, cols = (-(-count // block) for count in size)
+        self.block, self.weights = block, _weights((rows, cols), sigma)
+        self.counts = 1 / block_sums(np.ones(size, np.float32), block)
+        self.sums, self.work = np.empty((2, 12, rows, cols), np.float32)
+        self.peaks = np.empty((8, rows, cols), np.float32)
+        self.places = places_along(size[1], block, cols)
+        self.wide = np.empty((8, rows, size[1]), np.float32) if block > 1 else self.peaks

@@ -1,334 +1,362 @@
-"""Passes over the pixels of a pair, compiled by Numba; see `compensate.live.dome_loops`.
+"""Passes over the pixels of a pair, compiled by Numba; see `compensate.live.tile_loops`.
 
-Light is (6, col) of one row: three primaries of the left view, then of the right.
+Planes of a tile are three primaries of the left view, then of the right.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from compensate.live.dome_loops import (
-    _COMPILED,
-    _INSIDE,
-    _TINY,
-    _added,
-    _along,
-    _between,
-    _by_cells,
-    _decoded,
-    _encoded,
-    _rounded,
-    _rows_of,
-    mixed,
-)
 from compensate.live.noise import APART
+from compensate.live.tile_loops import (
+    COMPILED,
+    INSIDE,
+    NEXT,
+    NO,
+    NONE,
+    ONE,
+    TINY,
+    about,
+    between,
+    decoded,
+    encoded,
+    stored,
+    widened_row,
+    within,
+)
+
+_WIDE, _PITCH = np.uint64(512), 528
+"""Columns of a tile, and of its planes: fewer than of a dome, for it has many."""
+
+# Planes of a tile: light; what is shown of it; the map; rows of veils; sums, and room to add up
+_SHOWN, _SHARE, _VEILS, _SUMS, _ROOM, _PLANES = 6, 12, 14, 30, 44, 46
+_BAND = 32
+"""Rows that a thread does at once: whole blocks."""
+_TAPS = 4
+"""Neighbours that are added at once."""
 
 
-@_INSIDE
-def _leaked(source: Any, factor: Any, target: Any) -> None:
-    if factor != 0:
-        for j in range(len(target)):
-            target[j] += factor * source[j]
+class Pair(NamedTuple):
+    """What passes know of a pair: see `compensate.live.constants.PairConstants`.
+
+    Parameters
+    ----------
+    rows, cols
+        Of a view.
+    down, across
+        Where the right view begins in a frame.
+    block
+        Pixels along a side of the finest blocks: a power of two.
+    cell
+        Pixels along a side of the cells of the map, or of the picture.
+    rounds
+        How often both eyes take their turn.
+    weights, matrices, black
+        As there, of float32.
+    """
+
+    rows: int
+    cols: np.uint64
+    down: np.uint64
+    across: np.uint64
+    block: np.uint64
+    cell: int
+    rounds: int
+    weights: NDArray[np.float32]
+    matrices: NDArray[np.float32]
+    black: NDArray[np.float32]
 
 
-@_INSIDE
-def _leak(source: Any, row: Any, own: int, work: Any) -> Any:
-    """What a primary gets of the other view's (primary, col), over a factor: both."""
-    if row[own - 1] == 0 and row[own - 2] == 0:
-        return source[own], row[own]
-    work[:] = 0
-    for q in range(3):
-        _leaked(source[q], row[q], work)
-    return work, np.float32(1)
+@INSIDE
+def _leak(k: Any, w: Any, view: int, p: int, other: int, j: Any) -> Any:
+    """What a primary gets of the light in planes from `other`, where the map is 1."""
+    m = k.matrices
+    found = m[view, p, 0] * w[other, j] + m[view, p, 1] * w[other + 1, j]
+    return found + m[view, p, 2] * w[other + 2, j]
 
 
-@_INSIDE
-def _clipped(wanted: Any, offset: Any, factor: Any, share: Any, leak: Any, found: Any) -> None:
-    for j in range(len(found)):
-        left = wanted[j] - offset - factor * share[j] * leak[j]
-        found[j] = min(max(left, np.float32(0)), np.float32(1))
-
-
-@_INSIDE
-def _subtracted(light: Any, share: Any, matrices: Any, black: Any, turns: int, found: Any) -> None:
-    """What to project so that light is seen: (6, col), of a row's (2, col) share."""
-    work = np.empty(light.shape[1], np.float32)
-    for k in range(3, 6):
-        _clipped(light[k], black[1, k - 3], np.float32(0), share[1], light[k], found[k])
-    for turn in range(turns):
-        view = turn % 2
+@INSIDE
+def _turned(k: Any, view: int, wide: Any, w: Any) -> None:
+    """An eye's turn: what is wanted less what leaks of what the other is shown."""
+    mine, other = 3 * view, _SHOWN + 3 - 3 * view
+    for j in range(NONE, wide):
         for p in range(3):
-            other = found[3:] if view == 0 else found[:3]
-            leak, factor = _leak(other, matrices[view, p], p, work)
-            k = 3 * view + p
-            _clipped(light[k], black[view, p], factor, share[view], leak, found[k])
+            leaks = w[_SHARE + view, j] * _leak(k, w, view, p, other, j)
+            w[_SHOWN + mine + p, j] = within(w[mine + p, j] - k.black[view, p] - leaks)
 
 
-@_INSIDE
-def _too_bright(
-    shown: Any, offset: Any, factor: Any, share: Any, leak: Any, wanted: Any, found: Any
-) -> None:
-    for j in range(len(found)):
-        seen = shown[j] + factor * share[j] * leak[j] + offset
-        found[j] = max(seen - wanted[j], np.float32(0))
+@INSIDE
+def _subtracted(k: Any, wide: Any, w: Any) -> None:
+    """What to project so that the light is seen."""
+    for p in range(3, 6):
+        for j in range(NONE, wide):
+            w[_SHOWN + p, j] = within(w[p, j] - k.black[1, p - 3])
+    for _ in range(k.rounds):
+        _turned(k, 0, wide, w)
+        _turned(k, 1, wide, w)
 
 
-@_INSIDE
-def _ghosts(light: Any, shown: Any, share: Any, matrices: Any, black: Any, found: Any) -> None:
-    """How much more is seen of `shown` than wanted."""
-    work = np.empty(light.shape[1], np.float32)
-    for k in range(6):
-        view, p = k // 3, k % 3
-        other = shown[3:] if view == 0 else shown[:3]
-        leak, factor = _leak(other, matrices[view, p], p, work)
-        _too_bright(shown[k], black[view, p], factor, share[view], leak, light[k], found[k])
+@INSIDE
+def _ghost(k: Any, w: Any, view: int, p: int, j: Any) -> Any:
+    """How much more is seen of a primary than is wanted."""
+    leaks = w[_SHARE + view, j] * _leak(k, w, view, p, _SHOWN + 3 - 3 * view, j)
+    mine = 3 * view + p
+    return max(w[_SHOWN + mine, j] + k.black[view, p] + leaks - w[mine, j], NO)
 
 
-@_COMPILED
-def ghosts(
-    left: Any,
-    right: Any,
-    on: Any,
-    table: Any,
-    mixing: Any,
-    mixes: bool,
-    weights: Any,
+@INSIDE
+def _counted(k: Any, view: int, wide: Any, w: Any) -> None:
+    """Add ghosts, their squares and the luminance of a view, by columns."""
+    mine = 3 * view
+    for j in range(NONE, wide):
+        for p in range(3):
+            ghost = _ghost(k, w, view, p, j)
+            w[_SUMS + mine + p, j] += ghost
+            w[_SUMS + 6 + mine + p, j] += ghost * ghost
+        mean = k.weights[0] * w[mine, j] + k.weights[1] * w[mine + 1, j]
+        w[_SUMS + 12 + view, j] += max(mean + k.weights[2] * w[mine + 2, j], NO)
+
+
+@INSIDE
+def _veiled(k: Any, up: Any, view: int, wide: Any, w: Any) -> None:
+    """Add a view's veils to its light, where they are brighter than its ghosts."""
+    mine = 3 * view
+    for j in range(NONE, wide):
+        faint = _row_between(w, 6 + view, up, j)
+        w[mine, j] += _rim(k, w, view, 0, up, j) * faint
+        w[mine + 1, j] += _rim(k, w, view, 1, up, j) * faint
+        w[mine + 2, j] += _rim(k, w, view, 2, up, j) * faint
+
+
+@INSIDE
+def _rim(k: Any, w: Any, view: int, p: int, up: Any, j: Any) -> Any:
+    """How much brighter a primary's veil is than its ghost."""
+    return max(_row_between(w, 3 * view + p, up, j) - _ghost(k, w, view, p, j), NO)
+
+
+@INSIDE
+def _row_between(w: Any, plane: int, part: Any, j: Any) -> Any:
+    """Veils between the two rows of them that a tile holds."""
+    low = w[_VEILS + plane, j]
+    return low + (w[_VEILS + 8 + plane, j] - low) * part
+
+
+@INSIDE
+def _added(k: Any, w: Any, first: Any, wide: Any, row: Any, counts: Any, found: Any) -> None:
+    """Means over a row of blocks, of sums by columns, which begin anew."""
+    begin, blocks = first // k.block, (wide + k.block - NEXT) // k.block
+    for p in range(found.shape[0]):
+        source, width = _SUMS + p, _WIDE
+        while width > _WIDE // k.block:
+            width //= np.uint64(2)
+            target = _ROOM + 1 if source == _ROOM else _ROOM
+            for c in range(width):
+                w[target, c] = w[source, c + c] + w[source, c + c + NEXT]
+            source = target
+        for c in range(blocks):
+            found[p, row, begin + c] = w[source, c] * counts[row, begin + c]
+        for j in range(_WIDE):
+            w[_SUMS + p, j] = NO
+
+
+@COMPILED
+def sweep(
+    writes: bool,
+    code: Any,
+    k: Any,
+    codes: Any,
     shares: Any,
-    cell: int,
-    places: Any,
-    parts: Any,
-    matrices: Any,
-    black: Any,
-    turns: int,
-    block: int,
     counts: Any,
     found: Any,
-    near: Any,
+    veils: Any,
+    lows: Any,
+    parts: Any,
+    noise: Any,
+    out: Any,
 ) -> None:
-    """Means over blocks of what subtraction leaves, of its square, and of luminance.
+    """One pass over a frame of codes, (row, sample): it finds ghosts, or `writes` what to project.
 
-    `left`, `right`: (row, col, channel) codes.
-    `shares`: (2, cell row, cell col + 1): the map.
+    `shares`: (2, cell row, col): the map.
     `counts`: (block row, block col): one over the pixels of each block.
-    `found`: (12, block row, block col): of the left view, of the right, and of the squares of both.
-    `near`: (2, block row, block col): luminance.
+    `found`: (14, block row, block col): means of ghosts, of their squares, and of luminance.
+    `veils`: (8, block row, block col): of both views, and how much fainter they are.
+    `lows`, `parts`: (col,) blocks' columns below, see `places_along`.
+    `noise`: (row,) places at which noise begins.
     """
-    rows, cols = on.shape
-    for band in numba.prange(found.shape[1]):
-        light = np.empty((6, cols), np.float32)
-        shown = np.empty((6, cols), np.float32)
-        ghost = np.empty((6, cols), np.float32)
-        kept = np.empty((2, 2, cols), np.float32)
-        share = np.empty((2, cols), np.float32)
-        held = np.full(1, -9)
-        lines = np.zeros((14, cols), np.float32)
-        for i in range(band * block, min((band + 1) * block, rows)):
-            a, b = np.uint64(0), np.uint64(cols)
-            _decoded(left, i, a, b, on, table, mixing, mixes, light[:3])
-            _decoded(right, i, a, b, on, table, mixing, mixes, light[3:])
-            part = _rows_of(shares, i, cell, held, places, parts, kept)
-            _between(kept[0], kept[1], part, share, a, b)
-            _subtracted(light, share, matrices, black, turns, shown)
-            _ghosts(light, shown, share, matrices, black, ghost)
-            for k in range(6):
-                for j in range(cols):
-                    lines[k, j] += ghost[k, j]
-                    lines[6 + k, j] += ghost[k, j] * ghost[k, j]
-            for view in range(2):
-                for j in range(cols):
-                    mean = weights[0] * light[3 * view, j] + weights[1] * light[3 * view + 1, j]
-                    mean += weights[2] * light[3 * view + 2, j]
-                    lines[12 + view, j] += max(mean, np.float32(0))
-        _by_cells(lines[:12], block, found, band)
-        _by_cells(lines[12:], block, near, band)
-        for c in range(counts.shape[1]):
-            for k in range(12):
-                found[k, band, c] *= counts[band, c]
-            for view in range(2):
-                near[view, band, c] *= counts[band, c]
+    block = np.int64(k.block)
+    band = max(_BAND, block)
+    for number in numba.prange((k.rows + band - 1) // band):
+        w = np.zeros((_PLANES, _PITCH), np.float32)
+        places, kept = np.empty(_WIDE, np.uint32), np.empty((3, _WIDE), out.dtype)
+        last = min((number + 1) * band, k.rows) - 1
+        for first in range(NONE, k.cols, _WIDE):
+            wide = min(_WIDE, k.cols - first)
+            held: Any = -9
+            for i in range(number * band, last + 1):
+                right = i + np.int64(k.down)
+                at = about(i, k.cell, shares)
+                decoded(code, codes, i, first, NONE, wide, w, 0)
+                decoded(code, codes, right, first + k.across, NONE, wide, w, 3)
+                for view in range(2):
+                    for j in range(NONE, wide):
+                        w[_SHARE + view, j] = between(shares, view, at, first + j)
+                _subtracted(k, wide, w)
+                if not writes:
+                    _counted(k, 0, wide, w)
+                    _counted(k, 1, wide, w)
+                    if (i + 1) % block == 0 or i == last:
+                        _added(k, w, first, wide, i // block, counts, found)
+                    continue
+                up = about(i, block, veils)
+                low = np.int64(up.low)
+                for p in range(8 if held != low else 0):
+                    if held == low - 1:
+                        for j in range(wide):
+                            w[_VEILS + p, j] = w[_VEILS + 8 + p, j]
+                    else:
+                        widened_row(veils, p, up.low, lows, parts, first, wide, w, _VEILS + p)
+                    widened_row(veils, p, up.high, lows, parts, first, wide, w, _VEILS + 8 + p)
+                held = low
+                _veiled(k, up.part, 0, wide, w)
+                _veiled(k, up.part, 1, wide, w)
+                _subtracted(k, wide, w)
+                begin = noise[i] + first
+                encoded(code, w, _SHOWN, NONE, wide, begin, places, kept)
+                stored(code, codes, i, first, NONE, wide, kept, out)
+                begin += np.uint64(3 * APART)
+                encoded(code, w, _SHOWN + 3, NONE, wide, begin, places, kept)
+                stored(code, codes, right, first + k.across, NONE, wide, kept, out)
 
 
-@_COMPILED
-def halved(planes: Any, block: int, found: Any) -> None:
-    """Means of (plane, row, col) over squares of `block`, the last cut off."""
-    rows, cols = planes.shape[1:]
+@COMPILED
+def halved(planes: Any, found: Any) -> None:
+    """Sums of (plane, row, col) over squares of two, the last cut off."""
+    rows, cols = planes.shape[1], np.uint64(planes.shape[2])
     for i in numba.prange(found.shape[1]):
-        last = min((i + 1) * block, rows)
-        line = np.empty(cols, np.float32)
-        for k in range(planes.shape[0]):
-            line[:] = 0
-            for y in range(i * block, last):
-                _added(planes[k, y], line)
-            for j in range(found.shape[2]):
-                end = min((j + 1) * block, cols)
-                some = np.float32(0)
-                for x in range(j * block, end):
-                    some += line[x]
-                found[k, i, j] = some / np.float32((last - i * block) * (end - j * block))
+        line = np.zeros(cols + NEXT, np.float32)
+        upper, lower = NONE + np.uint64(i + i), NONE + np.uint64(min(i + i + 1, rows - 1))
+        part = ONE if i + i + 1 < rows else NO
+        for k in range(found.shape[0]):
+            for j in range(cols):
+                line[j] = planes[k, upper, j] + part * planes[k, lower, j]
+            for j in range(np.uint64(found.shape[2])):
+                found[k, i, j] = line[j + j] + line[j + j + NEXT]
 
 
-@_INSIDE
+@INSIDE
 def _weighed(line: Any, table: Any, found: Any) -> None:
-    """Local means of a row, by weights of `compensate.live.smoothing`."""
-    count, kept = len(line), table.shape[0]
-    reach = table.shape[1] // 2
-    found[:] = 0
-    if line.max() <= 0:
-        return
-    inner = max(count - 2 * reach, 0)
-    if inner:
-        for d in range(2 * reach + 1):
-            _leaked(line[d : d + inner], table[kept - 1, d], found[reach : reach + inner])
-    for j in range(count):
-        if inner and reach <= j < count - reach:
-            continue
-        far = count - 1 - j
-        row, sign = min(j, far, kept - 1), -1 if far < j else 1
-        some = np.float32(0)
-        for d in range(max(-reach, -j), min(reach, far) + 1):
-            some += table[row, reach + sign * d] * line[j + d]
-        found[j] = some
+    """Local means of a row, by weights of `compensate.live.smoothing`, 0 beyond both its ends.
+
+    `line` begins and ends with as many zeros as a mean reaches, and `_TAPS` more.
+    """
+    count, kept, taps = np.uint64(len(found)), np.uint64(table.shape[0]), np.uint64(table.shape[1])
+    reach = taps // np.uint64(2)
+    found[:] = NO
+    for d in range(NONE, taps, np.uint64(_TAPS)):
+        a, b, c, e = _four(table[kept - NEXT], d, taps)
+        for j in range(count):
+            near = j + d
+            some = a * line[near] + b * line[near + NEXT] + c * line[near + np.uint64(2)]
+            found[j] += some + e * line[near + np.uint64(3)]
+    for j in range(min(reach, count)):
+        for place in (j, count - NEXT - j):
+            row, some = min(place, count - NEXT - place, kept - NEXT), NO
+            for d in range(taps):
+                d_there = d if place <= count - NEXT - place else taps - NEXT - d
+                some += table[row, d_there] * line[place + d]
+            found[place] = some
 
 
-@_COMPILED
+@INSIDE
+def _four(weights: Any, d: Any, taps: Any) -> Any:
+    """Four weights from `d` on; 0 beyond the last."""
+    one, two, three = d + NEXT, d + np.uint64(2), d + np.uint64(3)
+    return (
+        weights[d],
+        weights[one] if one < taps else NO,
+        weights[two] if two < taps else NO,
+        weights[three] if three < taps else NO,
+    )
+
+
+@COMPILED
 def smoothed(planes: Any, across: Any, down: Any, work: Any) -> None:
     """Local means of (plane, row, col), in their place."""
-    rows = planes.shape[1]
+    count, rows, cols = planes.shape
     kept, reach = down.shape[0], down.shape[1] // 2
-    for at in numba.prange(planes.shape[0] * rows):
+    far_across = np.uint64(across.shape[1] // 2)
+    for at in numba.prange(count * rows):
         k, i = at // rows, at % rows
-        _weighed(planes[k, i], across, work[k, i])
-    for at in numba.prange(planes.shape[0] * rows):
+        line = np.zeros(cols + across.shape[1] + _TAPS, np.float32)
+        most = NO
+        for j in range(np.uint64(cols)):
+            value = planes[k, i, j]
+            line[far_across + j] = value
+            most = max(most, value)
+        if most > NO:
+            _weighed(line, across, work[k, i])
+        else:
+            work[k, i] = NO
+    for at in numba.prange(count * rows):
         k, i = at // rows, at % rows
         far = rows - 1 - i
         row, sign = min(i, far, kept - 1), -1 if far < i else 1
-        planes[k, i] = 0
-        for d in range(max(-reach, -i), min(reach, far) + 1):
-            _leaked(work[k, i + d], down[row, reach + sign * d], planes[k, i])
+        begin, end = max(-reach, -i), min(reach, far)
+        for j in range(np.uint64(cols)):
+            planes[k, i, j] = NO
+        for d in range(begin, end + 1, _TAPS):
+            a = down[row, reach + sign * d]
+            b = down[row, reach + sign * (d + 1)] if d + 1 <= end else NO
+            c = down[row, reach + sign * (d + 2)] if d + 2 <= end else NO
+            e = down[row, reach + sign * (d + 3)] if d + 3 <= end else NO
+            second, third, fourth = min(d + 1, end), min(d + 2, end), min(d + 3, end)
+            for j in range(np.uint64(cols)):
+                some = a * work[k, i + d, j] + b * work[k, i + second, j]
+                planes[k, i, j] += some + c * work[k, i + third, j] + e * work[k, i + fourth, j]
 
 
-@_INSIDE
-def _higher(mean: Any, square: Any, lift: Any, veil: Any) -> None:
-    for j in range(len(veil)):
-        found = min(lift * mean[j], square[j] / max(mean[j], _TINY))
-        veil[j] = max(veil[j], found)
+@COMPILED
+def peaks(means: Any, lift: Any, weights: Any, found: Any) -> None:
+    """Veils of an octave, and how bright ghosts are that they hide.
 
-
-@_COMPILED
-def raised(
-    means: Any, lift: Any, weights: Any, block: int, places: Any, parts: Any, first: bool,
-    veil: Any, own: Any,
-) -> None:  # fmt: skip
-    """Raise the veil of blocks to that of an octave; of the `first`, note how bright it may be.
-
-    `means`: (12, row, col) as of `ghosts`, smoothed.
-    `veil`, `own`: (6, block row, block col), and (2, block row, block col) of luminance.
+    `means`: (12, row, col) of ghosts and their squares, smoothed.
+    `found`: (8, row, col): of both views, and luminance of each.
     """
-    rows, cols = means.shape[1:]
-    for i in numba.prange(veil.shape[1]):
-        if block == 1 and not first:
-            for k in range(6):
-                _higher(means[k, i], means[6 + k, i], lift, veil[k, i])
-            continue
-        at = min(max((i + 0.5) / block - 0.5, 0.0), float(rows - 1))
-        low = int(at)
-        part = np.float32(at - low)
-        coarse = np.empty(cols + 1, np.float32)
-        lines = np.empty((2, veil.shape[2]), np.float32)
-        for k in range(6):
-            for peak in range(2 if first else 1):
-                for side in range(2):
-                    row = min(low + side, rows - 1)
-                    for j in range(cols):
-                        mean = means[k, row, j]
-                        value = means[6 + k, row, j] / max(mean, _TINY)
-                        coarse[j] = value if peak else min(lift * mean, value)
-                    coarse[cols] = coarse[cols - 1]
-                    _along(coarse, places, parts, lines[side])
-                if peak:
-                    weight = weights[k % 3]
-                    for j in range(veil.shape[2]):
-                        some = lines[0, j] + (lines[1, j] - lines[0, j]) * part
-                        before = own[k // 3, i, j] if k % 3 else np.float32(0)
-                        own[k // 3, i, j] = before + weight * some
-                else:
-                    for j in range(veil.shape[2]):
-                        some = lines[0, j] + (lines[1, j] - lines[0, j]) * part
-                        veil[k, i, j] = some if first else max(veil[k, i, j], some)
-
-
-@_COMPILED
-def written(
-    left: Any,
-    right: Any,
-    on: Any,
-    table: Any,
-    mixing: Any,
-    mixes: bool,
-    shares: Any,
-    cell: int,
-    places: Any,
-    parts: Any,
-    matrices: Any,
-    black: Any,
-    turns: int,
-    block: int,
-    veils: Any,
-    block_places: Any,
-    block_parts: Any,
-    back: Any,
-    codes_of: Any,
-    largest: Any,
-    noise: Any,
-    shifts: Any,
-    out_left: Any,
-    out_right: Any,
-) -> None:
-    """The frames to project, in codes.
-
-    `veils`: (8, block row, block col + 1): of both views, and how much fainter they are.
-    """
-    rows, cols = on.shape
-    for band in numba.prange(veils.shape[1]):
-        light = np.empty((6, cols), np.float32)
-        shown = np.empty((6, cols), np.float32)
-        bits = shown.view(np.uint32)
-        ghost = np.empty((6, cols), np.float32)
-        veil = np.empty((8, cols), np.float32)
-        kept_veils = np.empty((2, 8, cols), np.float32)
-        kept = np.empty((2, 2, cols), np.float32)
-        share = np.empty((2, cols), np.float32)
-        held, held_veils = np.full(1, -9), np.full(1, -9)
-        for i in range(band * block, min((band + 1) * block, rows)):
-            a, b = np.uint64(0), np.uint64(cols)
-            _decoded(left, i, a, b, on, table, mixing, mixes, light[:3])
-            _decoded(right, i, a, b, on, table, mixing, mixes, light[3:])
-            part = _rows_of(shares, i, cell, held, places, parts, kept)
-            _between(kept[0], kept[1], part, share, a, b)
-            _subtracted(light, share, matrices, black, turns, shown)
-            _ghosts(light, shown, share, matrices, black, ghost)
-            part = _rows_of(veils, i, block, held_veils, block_places, block_parts, kept_veils)
-            _between(kept_veils[0], kept_veils[1], part, veil, a, b)
-            for k in range(6):
-                for j in range(cols):
-                    rim = max(veil[k, j] - ghost[k, j], np.float32(0))
-                    light[k, j] += rim * veil[6 + k // 3, j]
-            _subtracted(light, share, matrices, black, turns, shown)
-            if mixes:
-                mixed(shown[:3], back)
-                mixed(shown[3:], back)
-            for k in range(6):
-                _encoded(shown[k], bits[k], codes_of, a, b)
-                if largest > 0:
-                    begin = shifts[i] + np.uint64(k * APART)
-                    _rounded(shown[k], noise, begin, largest, a, b)
-            for j in range(cols):
+    for i in numba.prange(means.shape[1]):
+        for view in range(2):
+            for j in range(np.uint64(means.shape[2])):
+                own = NO
                 for p in range(3):
-                    out_left[i, j, p] = shown[p, j]
-                    out_right[i, j, p] = shown[3 + p, j]
-                for p in range(3, left.shape[2]):
-                    out_left[i, j, p] = left[i, j, p]
-                    out_right[i, j, p] = right[i, j, p]
+                    mean = means[3 * view + p, i, j]
+                    peak = means[6 + 3 * view + p, i, j] / max(mean, TINY)
+                    found[3 * view + p, i, j] = min(lift * mean, peak)
+                    own += weights[p] * peak
+                found[6 + view, i, j] = own
+
+
+@COMPILED
+def raised(
+    octave: Any, block: int, first: bool, near: Any, dark: Any, faint: Any, veils: Any
+) -> None:
+    """Raise veils to those of an octave; the `first`, of (8, row, col), says how faint they are.
+
+    `octave`: (8, row, block col) as of `peaks`, widened.
+    `near`: (2, block row, block col) luminance around.
+    `veils`: (8, block row, block col).
+    """
+    for i in numba.prange(veils.shape[1]):
+        at = about(i, block, octave)
+        for k in range(6):
+            for j in range(np.uint64(veils.shape[2])):
+                veil = between(octave, k, at, j)
+                veils[k, i, j] = veil if first else max(veils[k, i, j], veil)
+        if first:
+            for view in range(2):
+                for j in range(np.uint64(veils.shape[2])):
+                    own = max(between(octave, 6 + view, at, j), NO)
+                    stands_out = own / (near[view, i, j] + dark)
+                    veils[6 + view, i, j] = ONE / (ONE + stands_out / faint)

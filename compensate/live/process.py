@@ -8,6 +8,7 @@ whoever sends frames waits while all three threads are busy.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import select
 import threading
@@ -27,6 +28,9 @@ Compensate: TypeAlias = Callable[[Any, int], Any]
 
 _WAIT = 0.2  # seconds between looks at whether anybody still listens
 _KEPT = 100_000  # latencies
+_PIPE = 1 << 20  # bytes that a pipe holds, of which 64 kB are usual: what Linux lets anybody have
+HELD = 3
+"""Frames that are under way at once on either side: read or written, waiting, and computed."""
 
 
 @final
@@ -43,8 +47,11 @@ class Told:
     ----------
     frames, dropped
         How many were written, and left out because newer ones had come.
-    seconds
-        From the first frame that was read to the last that was written.
+    seconds, busy
+        Until the last frame was written: by the clock from the first that was read, and of all
+        cores by this process.
+    size
+        Bytes of a frame that was written.
     latencies
         Seconds from a frame read to the same frame written, of the last ones.
     """
@@ -52,15 +59,23 @@ class Told:
     frames: int = 0
     dropped: int = 0
     seconds: float = 0.0
+    busy: float = 0.0
+    size: int = 0
     latencies: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT))
 
     def figures(self, fps: float | None) -> dict[str, Any]:
-        """For a program; latencies in frames if the stream's rate is known."""
+        """For a program; latencies in frames if the stream's rate is known.
+
+        `core_ms` is what a frame took of all cores, and `copies` how often it could be copied.
+        """
         found: dict[str, Any] = {"frames": self.frames, "dropped": self.dropped}
         if not self.frames:
             return found
         latencies = np.array(self.latencies)
         found["fps"] = self.frames / max(self.seconds, 1e-9)
+        each = self.busy / self.frames
+        found["core_ms"] = each * 1e3
+        found["copies"] = each / copying(self.size)
         found["latency_ms"] = {
             "median": float(np.median(latencies) * 1e3),
             "p99": float(np.quantile(latencies, 0.99) * 1e3),
@@ -71,21 +86,31 @@ class Told:
         return found
 
 
-def read_exactly(source: int, wanted: int, sink: int | None = None) -> bytearray:
-    """That many bytes of a file descriptor; fewer only at its end.
+def copying(size: int) -> float:
+    """Seconds to copy that many bytes in memory: the median of some times."""
+    source, place = np.ones(size, np.uint8), np.ones(size, np.uint8)
+    times = []
+    for _ in range(15):
+        begin = time.perf_counter()
+        np.copyto(place, source)
+        times.append(time.perf_counter() - begin)
+    return max(float(np.median(times)), 1e-9)
+
+
+def read_into(source: int, view: memoryview, sink: int | None = None) -> int:
+    """Fill a buffer from a file descriptor; how many bytes came, fewer only at its end.
 
     Raises
     ------
     _GoneError
         If nobody reads `sink` any more.
     """
-    data = bytearray(wanted)
-    view, got = memoryview(data), 0
+    got = 0
     poll = select.poll()
     poll.register(source, select.POLLIN)
     if sink is not None:
         poll.register(sink, 0)  # errors only
-    while got < wanted:
+    while got < len(view):
         ready = dict(poll.poll(_WAIT * 1e3))
         if sink is not None and ready.get(sink, 0) & (select.POLLERR | select.POLLHUP):
             raise _GoneError
@@ -93,9 +118,24 @@ def read_exactly(source: int, wanted: int, sink: int | None = None) -> bytearray
             continue
         count = os.readv(source, [view[got:]])
         if not count:
-            return data[:got]
+            break
         got += count
-    return data
+    return got
+
+
+def read_exactly(source: int, wanted: int, sink: int | None = None) -> bytearray:
+    """That many bytes of a file descriptor; see `read_into`."""
+    data = bytearray(wanted)
+    with memoryview(data) as view:
+        got = read_into(source, view, sink)
+    return data[:got]
+
+
+def widen(*pipes: int) -> None:
+    """Let pipes hold more, so that a frame takes fewer turns; what is no pipe stays as it is."""
+    for pipe in pipes:
+        with contextlib.suppress(OSError):
+            fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, _PIPE)
 
 
 def read_line(source: int, longest: int, sink: int | None = None) -> bytes:
@@ -130,7 +170,7 @@ def stream(
     drop
         Leave out frames that wait while a newer one has come; else whoever sends them waits.
     head
-        The buffers to write of a frame, which nothing changes any more.
+        The buffers to write of a frame, which nothing changes while `HELD` - 1 more are made.
 
     Raises
     ------
@@ -167,6 +207,7 @@ class _Line:
 
     def __init__(self, frames: Iterator[Any], sink: int, drop: bool) -> None:
         self._frames, self._sink, self._drop = frames, sink, drop
+        self._begun = time.process_time()
         self.told = Told()
         self.came: Queue[Any] = Queue(1)
         self.made: Queue[Any] = Queue(1)
@@ -225,6 +266,8 @@ class _Line:
             first = read_at if first is None else first
             self.told.frames += 1
             self.told.seconds = now - first
+            self.told.busy = time.process_time() - self._begun
+            self.told.size = sum(memoryview(buffer).nbytes for buffer in buffers)
             self.told.latencies.append(now - read_at)
 
 

@@ -6,11 +6,11 @@ Rationale
     with a map of crosstalk; and by the share of the default's gain that live pictures of 16 bits
     keep, over the better of nothing and subtraction, on inputs that no setting was chosen on (by
     ColorVideoVDP; in a quick run by the library's own model of differences, on the two inputs
-    that it has). Frames of a moving picture are timed one after the other in one process, as
-    multiples of copying a frame, too. A process that is fed by a pipe tells latency and whether its
-    memory grows. What a shader would take on a GPU is counted from its text: every pass writes its
-    texels, and reads every texture at least once from memory; and it fetches texels, from caches
-    mostly, at no more than a GPU's texture units do.
+    that it has). Frames of a moving picture are timed one after the other in one process, by the
+    clock and of all cores, as multiples of copying a frame, too. A process that is fed by a pipe
+    tells latency and whether its memory grows. What a shader would take on a GPU is counted from
+    its text: every pass writes its texels, and reads every texture at least once from memory; and
+    it fetches texels, from caches mostly, at no more than a GPU's texture units do.
 Expected
     Codes of 8 bits differ by one at most. Live keeps at least 85 % of the gain. Its process grows
     by at most 16 MB, and a frame is written two frames after it was read at the latest, where
@@ -41,6 +41,7 @@ from numpy.typing import NDArray
 from compensate.aim import Aim
 from compensate.live.coding import PIXEL_FORMATS, Coding
 from compensate.live.engines import Engine, engine_of
+from compensate.live.process import copying
 from compensate.live.shader import shader_of
 from compensate.pose import pose
 from compensate.ruler import Ruler
@@ -113,9 +114,10 @@ class Gain:
 @final
 @dataclass(frozen=True)
 class Rate:
-    """Seconds of a frame: the median, and of copying its bytes; and how busy the machine was."""
+    """Seconds of a frame: by the clock, of all cores, of copying it; and the machine's load."""
 
     frame: float
+    cores: float
     copy: float
     load: float
 
@@ -308,15 +310,15 @@ def _rate(name: str, rows: int, cols: int, frames: int = 30) -> Rate:
     film = [np.roll(codes, 3 * k, axis=1) for k in range(6)]
     engine(film[0], 0)
     times = [_seconds(partial(engine, film[k % 6], k)) for k in range(frames)]
-    place = np.empty_like(codes)
-    copies = [_seconds(partial(np.copyto, place, film[k % 6])) for k in range(frames)]
-    return Rate(float(np.median(times)), float(np.median(copies)), os.getloadavg()[0])
+    frame, cores = np.median(times, axis=0)
+    return Rate(float(frame), float(cores), copying(codes.nbytes), os.getloadavg()[0])
 
 
-def _seconds(work: Callable[[], Any]) -> float:
-    begin = time.perf_counter()
+def _seconds(work: Callable[[], Any]) -> tuple[float, float]:
+    """By the clock, and of all cores."""
+    begin, busy = time.perf_counter(), time.process_time()
     work()
-    return time.perf_counter() - begin
+    return time.perf_counter() - begin, time.process_time() - busy
 
 
 def _process(frames: int, size: int = 64) -> Process:
@@ -429,11 +431,12 @@ def _tables(
             Column(name="frames"),
             Column(name="a second"),
             Column(name="ms", digits=".1f"),
+            Column(name="core-ms", digits=".1f"),
             Column(name="copies of the frame"),
             Column(name="load of the machine"),
         ),
         rows=tuple(
-            (name, 1 / r.frame, r.frame * 1e3, r.frame / r.copy, r.load)
+            (name, 1 / r.frame, r.frame * 1e3, r.cores * 1e3, r.cores / r.copy, r.load)
             for name, r in rates.items()
         ),
     )

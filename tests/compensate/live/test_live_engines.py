@@ -121,8 +121,10 @@ def test_each_frame_is_made_alone():
     _, engine = engine_for(scene, size, size, "rgb48le", by="numba")
     alone = np.array(engine(frame, 0)).astype(int)
     for before in (np.zeros_like(frame), np.full_like(frame, 65535), frame[::-1].copy(), frame):
-        engine(before, 1)
+        kept = engine(before, 1)
+        copy = np.array(kept)
         again = np.array(engine(frame, 0)).astype(int)
+        assert (kept == copy).all()
         assert np.abs(again - alone).max() <= 100
         assert np.mean(np.abs(again - alone) > 20) < 1e-3
 

@@ -115,14 +115,22 @@ def test_a_mistake_in_a_frame_ends_it():
 
 
 def test_raw_frames_through_the_command():
-    frames = np.random.default_rng(0).integers(0, 256, (3, 16, 16, 3), np.uint8)
-    done = live(*SCENE, "--size", "16x16", "--fps", "25", "--json", data=frames.tobytes())
+    """In turns: what is read and written in the same places is not mixed up."""
+    frames = np.tile(
+        np.random.default_rng(0).integers(0, 256, (2, 16, 16, 3), np.uint8), (4, 1, 1, 1)
+    )
+    options = ["--size", "16x16", "--fps", "25", "--json", "--dither", "none"]
+    done = live(*SCENE, *options, data=frames.tobytes())
     assert done.returncode == 0, done.stderr
-    assert len(done.stdout) == frames.nbytes
-    assert done.stdout != frames.tobytes()
+    found = np.frombuffer(done.stdout, np.uint8).reshape(frames.shape)
+    assert (found == np.tile(found[:2], (4, 1, 1, 1))).all()
+    assert (found[0] != found[1]).any()
+    assert (found[:2] != frames[:2]).any(axis=(1, 2, 3)).all()
     told = json.loads(done.stderr.decode().split("ready\n")[1])
-    assert told["frames"] == 3
+    assert told["frames"] == 8
     assert told["latency_ms"]["median"] > 0
+    assert told["core_ms"] > 0
+    assert told["copies"] > 1
     assert "latency_frames" in told
 
 
