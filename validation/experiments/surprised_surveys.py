@@ -6,7 +6,7 @@ Rationale
     not show is told by little else. Noise may have heavy tails, as that of few photons, or of a
     rendering, has. A camera may be where it is not said to be, which must not be taken for a turn.
     Random theatres are photographed, by radiosity and pixel by pixel. All that is stated within an
-    error is off by it: the camera's place and direction, its vignetting, the floor's height. Three
+    error is off by it: camera, vignetting, the floor's height, reflected light as modelled. Three
     cases add one surprise each: a wall of any albedo from 0.03 to 0.6 that is described as another;
     log-normal noise of 20 % a pixel; and none, with the ordinary noise of 1 % a pixel, to see where
     the camera is found. Both noises are met without geometry, too, in fewer theatres.
@@ -67,11 +67,20 @@ LOWER, HIGHER = 0.03, 0.6
 @final
 @dataclass(frozen=True)
 class Misplaced:
-    """How a camera differs from its description: place, direction, vignetting, in stated errors."""
+    """How photographs differ from what is described, in stated errors.
+
+    Parameters
+    ----------
+    place, turn, vignetting
+        The camera's.
+    model
+        Reflected light on screen, floor and wall.
+    """
 
     place: Floats
     turn: Floats
     vignetting: Floats
+    model: Floats
 
 
 def even(rng: np.random.Generator, light: Floats) -> Floats:
@@ -93,7 +102,8 @@ def computed(
     rng: np.random.Generator,
     noise: Noise = even,
     moved: Camera | None = None,
-    vignetting: Sequence[float] = (0.0, 0.0),
+    vignetting: Sequence[float] | Floats = (0.0, 0.0),
+    model: Sequence[float] | Floats = (0.0, 0.0, 0.0),
 ) -> Photographs:
     """Photographs of patterns, one each, by radiosity at each pixel.
 
@@ -110,8 +120,10 @@ def computed(
     moved
         The camera as it is, if it is not as described.
     vignetting
-        Light at the rim of the view over that in the middle, less 1: a part that grows with the
-        square of the distance from the middle, and one with its fourth power.
+        Light at the rim of the view over that in the middle, less 1: by what grows with the square
+        of the distance from the middle, and by what grows with its fourth power.
+    model
+        Reflected light on screen, floor and wall over that of the model, less 1.
     """
     moved = camera if moved is None else moved
     u, v = places_in(PHOTOGRAPH)
@@ -126,13 +138,15 @@ def computed(
     row, col = theatre.dome.pixel_of(rays, lit.shape[1])
     direct[:, screen] = lit[:, row, col]
     places = Places(kinds, points[on][:, None], direct)
-    model = Interreflection(theatre, patterns, RESOLUTION)
-    seen, albedos = model.seen_from(places), nominal_albedos(theatre)
+    room = Interreflection(theatre, patterns, RESOLUTION)
+    seen, albedos = room.seen_from(places), nominal_albedos(theatre)
     light = np.zeros((len(patterns), *u.shape, 3))
     for p in range(3):
-        light[:, on, p] = GAIN[p] * (model.shown(p, albedos[:, p], places, seen)[0] + AMBIENT)
+        shown = room.shown(p, albedos[:, p], places, seen)[0]
+        reflected = (shown - direct[..., p]) * (1 + np.asarray(model)[kinds])
+        light[:, on, p] = GAIN[p] * (direct[..., p] + reflected + AMBIENT)
     away = (u**2 + v**2)[..., None]
-    light *= 1 + vignetting[0] * away + vignetting[1] * away**2
+    light *= (1 + vignetting[0] * away) * (1 + vignetting[1] * away**2)
     light += noise(rng, light)
     light[:, ~on] = 0
     return Photographs(camera, light, np.arange(len(patterns)), np.ones(len(patterns)))
@@ -158,7 +172,7 @@ def misplaced(
     theatre: Theatre, camera: Camera, rng: np.random.Generator
 ) -> tuple[Theatre, Camera, Misplaced]:
     """Both as they are if they are described within `STATED`, and by how many of its errors."""
-    off, turn, edge = rng.standard_normal(3), rng.standard_normal(3), rng.standard_normal(2)
+    off, turn, edge, model = (rng.standard_normal(count) for count in (3, 3, 2, 3))
     sunk = float(rng.standard_normal())
     step = STATED.camera_m * off
     moved = replace(
@@ -172,7 +186,7 @@ def misplaced(
     floor = replace(floor, height=floor.height - STATED.floor_m * sunk)
     if wall is not None:
         wall = replace(wall, bottom=floor.height)
-    return replace(theatre, floor=floor, wall=wall), moved, Misplaced(off, turn, edge)
+    return replace(theatre, floor=floor, wall=wall), moved, Misplaced(off, turn, edge, model)
 
 
 def described(real: Theatre, rng: np.random.Generator) -> Theatre:
@@ -214,7 +228,14 @@ def _tried(seed: int, *, wall: bool = False, noise: Noise = even) -> Trial:
     real, moved, off = misplaced(stated, camera, rng)
     patterns = patterns_for(real.dome, PATTERN)
     shots = computed(
-        real, camera, patterns, rng, noise, moved, (STATED.vignetting * off.vignetting).tolist()
+        real,
+        camera,
+        patterns,
+        rng,
+        noise,
+        moved,
+        STATED.vignetting * off.vignetting,
+        np.array([STATED.model_screen, STATED.model_others, STATED.model_others]) * off.model,
     )
     found = _surveyed(described(stated, rng), patterns, shots)
     z = _z(real, found)
