@@ -205,12 +205,14 @@ class _Solution:
     def core(self, modes: Floats, exact: Floats) -> Floats:
         """(primary, mode, mode) core that comes nearest to the solution (Galerkin).
 
-        Pictures are taken apart by the modes as the nodes have them, and answers by what they are.
+        Pictures are taken apart by the modes as the nodes have them. Answers are, too, but where
+        light is stopped and modes end at an edge, which the nodes blur: by what modes are.
         """
         room = self.room
         sampled = sample_nodes(modes, *room.places)
         inverse = np.linalg.inv((sampled * room.share) @ sampled.T)
-        seen = np.linalg.solve((exact * room.share) @ exact.T, exact * room.share)
+        shown = sampled if self._thrown is None else exact
+        seen = np.linalg.solve((shown * room.share) @ shown.T, shown * room.share)
         result = []
         for mix in room.mixes:
             core = seen @ self._deviation(mix, sampled.T) @ inverse
