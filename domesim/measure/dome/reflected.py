@@ -42,10 +42,7 @@ Floats = NDArray[np.float64]
 
 DECAY, MIXING = 0.4, 0.25
 """DECAY and MIXING of the module's docstring: about those of tabulated theatres."""
-CAUTION = 6.0
-"""CAUTION of the module's docstring. With 2, reflected light of white was found too small by 1.7 of
-its standard errors (1 % noise of a pixel), and 0.068 % off for 0.053 % now. With 20, heavy-tailed
-noise costs a third more."""
+CAUTION = 2.0
 TRIED = {
     "size": (0.003, 0.006, 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4),
     "one_way": (0.01, 0.03, 0.1, 0.3, 1.0),
