@@ -14,10 +14,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial import cKDTree
 
 from domesim.errors import InputError
 from domesim.observation.spherical import bare_gain
-from domesim.room.lenses import field_weight
+from domesim.room.lenses import field_weight, lens_gains
 from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
@@ -27,6 +28,8 @@ _GRADING = 2.0
 """Patches shrink towards the ends of their panel like (1 - s)^3."""
 _RIM = 2e-3
 """Share of the screen that may be hidden without a word: what its rim amounts to."""
+_PICTURE = 256
+"""Pixels a side of the picture that tells the projectors' shares."""
 _CLOSE = 1e-9
 _CHUNK = 256
 
@@ -37,7 +40,7 @@ class Enclosure:
 
     def __init__(self, theatre: Theatre, resolution: int) -> None:
         dome = theatre.dome
-        self.theatre, self._unit = theatre, dome.radius
+        self.theatre, self._unit, self._resolution = theatre, dome.radius, resolution
         self._lean = dome.to_room
         self._shape = self._lean @ np.diag([1, 1, dome.height_ratio**-2.0]) @ self._lean.T
         self._axis, self._cap = self._lean[:, 2], float(np.cos(dome.half_angle))
@@ -83,14 +86,65 @@ class Enclosure:
     @cached_property
     def stopped(self) -> float:
         """Share of the screen's area that floor or wall keep a projector's light from."""
-        lenses, unit = self.theatre.lenses, self._unit
-        places = np.array([lens.position for lens in lenses] or [(0.0, 0.0, 0.0)]) / unit
+        lenses, unit, places = self.theatre.lenses, self._unit, self._lens_places
         hidden = np.zeros((len(places), len(self.points)), bool)
         for _, meets in self._occluders[1:]:  # the first is the screen
             hidden |= meets(places[:, None], self.points)
         for number, lens in enumerate(lenses):
             hidden[number] &= field_weight(lens, self.points * unit) > 0
         return float((hidden * self.share).sum(1).max())
+
+    def thrown(self) -> tuple[Floats, Floats]:
+        """How projectors light the elements, by points nine times as dense as the screen's.
+
+        Returns
+        -------
+        lit, landed
+            (screen point,) the share of its light that nothing stops, and (patch, screen point) the
+            irradiance of floor and wall by the rest, 1 = that of the screen point if it were lit.
+
+        Raises
+        ------
+        InputError
+            If projectors leave a part of the screen dark.
+        """
+        dome, unit = self.theatre.dome, self._unit
+        finer, weights = self._screen(6 * self._resolution, 12 * self._resolution)
+        points = np.concatenate([finer, self.points])
+        weights = np.concatenate([weights, 1e-9 * self.weights])  # none is without a point
+        gains = lens_gains(self.theatre, _PICTURE, _PICTURE)
+        row, col = dome.pixel_of(dome.toward(points * unit), _PICTURE)
+        shares = gains[:, row, col] / gains[:, row, col].sum(0)
+        owner = np.asarray(cKDTree(self.points).query(points)[1])
+        whole = np.bincount(owner, weights)
+        lit, landed = np.zeros(len(whole)), np.zeros((len(self.areas) - len(whole), len(whole)))
+        for lens, share in zip(self._lens_places, shares, strict=True):
+            patch, stopped = self._first_patch(lens, points)
+            power = share * weights / whole[owner]
+            lit += np.bincount(owner, np.where(stopped, 0, power), len(whole))
+            here = patch >= 0
+            np.add.at(landed, (patch[here], owner[here]), (power * self.weights[owner])[here])
+        return lit, landed / self.areas[len(whole) :, None]
+
+    @property
+    def _lens_places(self) -> Floats:
+        """(lens, xyz)."""
+        places = [lens.position for lens in self.theatre.lenses] or [(0.0, 0.0, 0.0)]
+        return np.array(places) / self._unit
+
+    def _first_patch(self, lens: Floats, points: Floats) -> tuple[NDArray[np.int64], Flags]:
+        """(point,) the patch that its light meets first, -1 for none, and whether it is stopped."""
+        patch, first = np.full(len(points), -1), np.full(len(points), np.inf)
+        before = 0
+        for sheet in self._sheets:
+            along = (self._floor_at if sheet.name == "floor" else self._wall_at)(lens, points)
+            here = along < first
+            first[here], patch[here] = along[here], -1
+            if sheet.faces(lens[None])[0]:  # backs absorb
+                place = lens + along[here, None] * (points[here] - lens)
+                patch[here] = before + sheet.patch_of(place)
+            before += len(sheet.areas)
+        return patch, np.isfinite(first)
 
     @property
     def lit(self) -> bool:
@@ -319,6 +373,10 @@ class Enclosure:
         return np.asarray(points[..., 2] < self.theatre.floor.height / self._unit - _CLOSE)
 
     def _meets_floor(self, points: Floats, others: Floats) -> Flags:
+        return np.isfinite(self._floor_at(points, others))
+
+    def _floor_at(self, points: Floats, others: Floats) -> Floats:
+        """(...): share of the way from points to others at which the floor is; infinite if not."""
         floor = self.theatre.floor
         assert floor is not None
         start = points[..., 2] - floor.height / self._unit
@@ -326,7 +384,8 @@ class Enclosure:
         crosses = (start * end < 0) & (np.minimum(np.abs(start), np.abs(end)) > _CLOSE)
         at = np.where(crosses, start / np.where(crosses, start - end, 1), 0)[..., None]
         met = points[..., :2] + at * (others[..., :2] - points[..., :2])
-        return np.asarray(crosses & (np.sum(met**2, -1) < (floor.radius / self._unit) ** 2))
+        inside = crosses & (np.sum(met**2, -1) < (floor.radius / self._unit) ** 2)
+        return np.where(inside, at[..., 0], np.inf)
 
     def _outside_wall(self, points: Floats) -> Flags:
         assert self.theatre.wall is not None
@@ -334,17 +393,21 @@ class Enclosure:
         return np.asarray(away > self.theatre.wall.radius / self._unit + _CLOSE)
 
     def _meets_wall(self, points: Floats, others: Floats) -> Flags:
+        return np.isfinite(self._wall_at(points, others))
+
+    def _wall_at(self, points: Floats, others: Floats) -> Floats:
+        """(...): share of the way from points to others at which the wall is first."""
         wall = self.theatre.wall
         assert wall is not None
         apart = others - points
         flat, across = points[..., :2], apart[..., :2]
         start = np.sum(flat**2, -1) - (wall.radius / self._unit) ** 2
         roots = _roots(np.sum(across**2, -1), np.sum(flat * across, -1), start)
-        result = np.zeros(apart.shape[:-1], bool)
-        for at in roots:
+        result = np.full(apart.shape[:-1], np.inf)
+        for at in roots[::-1]:
             height = points[..., 2] + at * apart[..., 2]
             within = (height > wall.bottom / self._unit) & (height < wall.top / self._unit)
-            result |= (at > 1e-7) & (at < 1 - 1e-7) & within
+            result = np.where((at > 1e-7) & (at < 1 - 1e-7) & within, at, result)
         return result
 
     def _floor(self, resolution: int) -> list[Sheet]:

@@ -6,7 +6,8 @@ albedos rho_i
 
     B_i = E_i + rho_i sum_j F_ij B_j,       A_i F_ij = A_j F_ji
 
-and phi = B - E on the screen. Three kinds of element i take part:
+and phi = B - E on the screen. Light that floor or wall stop on its way to the screen is none of E
+there; where it lands they emit rho_i / rho_screen of it. Three kinds of element i take part:
 
 - **Screen: points of a quadrature.** Between two points of a sphere of radius r the form factor is
   dA / (4 pi r²), a constant; between points x, y of the ellipsoid x'Mx = 1 it is
@@ -24,7 +25,9 @@ and phi = B - E on the screen. Three kinds of element i take part:
   screen as the quadrics that they are; backs absorb.
 
 The dense solution is compressed: random probes find the range of E -> phi [2], and its singular
-vectors are evaluated on the nodes of a `Transport` by the equation above (Nyström).
+vectors are evaluated on the nodes of a `Transport` by the equation above (Nyström). Where light is
+stopped it does not go both ways alike, and pictures need modes that what is seen does not have:
+polynomials are added, those of `tabulate`.
 
 [1] E. M. Sparrow, "A new and simpler formulation for radiative angle factors", J. Heat Transfer
 85, 81 (1963). [2] N. Halko, P. G. Martinsson, J. A. Tropp, "Finding structure with randomness",
@@ -39,7 +42,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.observation.basis import disc_quadrature
+from domesim.observation.basis import ScreenBasis, disc_quadrature
 from domesim.observation.enclosure import Enclosure, Solver, chunks
 from domesim.observation.transport import NODES, Transport, node_places, sample_nodes
 from domesim.room.dome import Dome
@@ -56,6 +59,8 @@ _FINEST = 0.1
 """Finest scale of the pictures that modes are made for, in the domemaster's radius: a wavelength
 over 2 pi."""
 _CLOSE = 1e-9
+_DEGREE = 6
+"""Degree of the polynomials where light is stopped."""
 
 
 def radiosity(
@@ -79,7 +84,7 @@ def radiosity(
     tolerance
         Root of the share of the operator's squared singular values that may be dropped.
     all_lit
-        Take all of the screen to be lit, whatever stands before it (`tabulate` adds what is not).
+        Take all of the screen to be lit, whatever stands before it (`tabulate` goes on from there).
 
     Returns
     -------
@@ -95,19 +100,23 @@ def radiosity(
     Raises
     ------
     InputError
-        If there is something in the theatre that this model has no notion of, or floor or wall
-        stop projectors' light on its way to the screen.
+        If there is something in the theatre that this model has no notion of, or the screen, whose
+        white is the unit of all light, is black and projectors light floor or wall.
     """
     if resolution < 6:
         raise InputError(f"radiosity resolution must be at least 6, got {resolution}")
     _guard(theatre)
     room = Enclosure(theatre, resolution)
-    if not all_lit:
-        room.require_lit("use 'domesim tabulate', which traces paths")
-    fine = _Solution(room)
-    coarse = _Solution(Enclosure(theatre, round(resolution / 1.5)))
-    modes = fine.modes(nodes, tolerance)
-    core = fine.core(modes)
+    stopped = not all_lit and not room.lit
+    if stopped and min(theatre.screen_albedo) == 0:
+        raise InputError(
+            "radiosity has white as its unit of light, got a black screen and projectors that "
+            "light floor or wall; give the screen an albedo above 0"
+        )
+    fine = _Solution(room, stopped=stopped)
+    coarse = _Solution(Enclosure(theatre, round(resolution / 1.5)), stopped=stopped)
+    modes, exact = fine.modes(nodes, tolerance)
+    core = fine.core(modes, exact)
     discretisation = fine.off_by(coarse.direct(fine.room.points), fine.direct())
     # Of points that the modes were not made for
     shown, others = _shown(theatre.dome, modes, core, coarse.room.places), coarse.room.points
@@ -155,15 +164,17 @@ def _shown(dome: Dome, modes: Floats, core: Floats, places: tuple[Floats, Floats
 class _Solution:
     """The theatre's light for any emission of the screen's points."""
 
-    def __init__(self, room: Enclosure) -> None:
+    def __init__(self, room: Enclosure, *, stopped: bool) -> None:
         self.room = room
+        self._thrown = room.thrown() if stopped else None
         symmetric = room.exchange()
         self._solvers = {mix: Solver(symmetric, room.albedos(mix)) for mix in set(room.mixes)}
 
-    def modes(self, nodes: int, tolerance: float) -> Floats:
-        """(mode, node, node): 1, then what best spans the deviations from the closed form.
+    def modes(self, nodes: int, tolerance: float) -> tuple[Floats, Floats]:
+        """1, then what best spans the deviations from the closed form.
 
-        The pictures are those that the nodes can tell apart, of all primaries together.
+        They are (mode, node, node), and (mode, screen point) without the nodes' interpolation. The
+        pictures are those that the nodes can tell apart, of all primaries together.
         """
         room, root = self.room, np.sqrt(self.room.share)[:, None]
         # Orthonormal pictures, and their answers less the mean: without what mode 0 has
@@ -178,32 +189,52 @@ class _Solution:
         right = np.split((weights[:rank] / values[:rank, None]).T, len(room.mixes))
         pictures = [inputs @ part for part in right]
         sources = zip(room.mixes, pictures, strict=True)
-        grid = self._on_nodes(nodes, [self.radiosity(*each) for each in sources])
+        grid, exact = self._on_nodes(nodes, [self.radiosity(*each) for each in sources])
         modes = np.concatenate([np.ones((1, nodes, nodes)), grid])
+        exact = np.concatenate([np.ones((1, len(room.share))), exact])
+        if self._thrown is not None:
+            basis, places = ScreenBasis(room.theatre.dome, _DEGREE), node_places(nodes)
+            modes = np.concatenate([modes, basis.at(*np.meshgrid(places, places))[1:]])
+            exact = np.concatenate([exact, basis.at(*room.places)[1:]])
         # Orthonormal as the nodes have them; the first stays 1
         sampled = sample_nodes(modes, *room.places)
         lower = np.linalg.cholesky((sampled * room.share) @ sampled.T)
-        return np.asarray(np.einsum("ij,jab->iab", np.linalg.inv(lower), modes))
+        turn = np.linalg.inv(lower)
+        return np.asarray(np.einsum("ij,jab->iab", turn, modes)), turn @ exact
 
-    def core(self, modes: Floats) -> Floats:
-        """(primary, mode, mode) core that comes nearest to the solution (Galerkin)."""
+    def core(self, modes: Floats, exact: Floats) -> Floats:
+        """(primary, mode, mode) core that comes nearest to the solution (Galerkin).
+
+        Pictures are taken apart by the modes as the nodes have them. Answers are, too, but where
+        light is stopped and modes end at an edge, which the nodes blur: by what modes are.
+        """
         room = self.room
         sampled = sample_nodes(modes, *room.places)
         inverse = np.linalg.inv((sampled * room.share) @ sampled.T)
+        shown = sampled if self._thrown is None else exact
+        seen = np.linalg.solve((shown * room.share) @ shown.T, shown * room.share)
         result = []
         for mix in room.mixes:
-            answers = self._deviation(mix, sampled.T)
-            core = inverse @ (sampled * room.share) @ answers @ inverse
+            core = seen @ self._deviation(mix, sampled.T) @ inverse
             core[0, 0] += room.closed_form(mix[0])
-            result.append((core + core.T) / 2)
+            result.append((core + core.T) / 2 if self._thrown is None else core)
         return np.stack(result)
 
     def radiosity(self, mix: tuple[float, ...], emission: Floats) -> Floats:
         """(element, picture) B of (screen point, picture) E."""
         root = np.sqrt(self.room.areas)[:, None]
-        scaled = np.zeros((len(root), emission.shape[1]))
-        scaled[: len(emission)] = emission
-        return np.asarray(self._solvers[mix].solve(scaled * root) / root)
+        return np.asarray(self._solvers[mix].solve(self._emitted(mix, emission) * root) / root)
+
+    def _emitted(self, mix: tuple[float, ...], emission: Floats) -> Floats:
+        """(element, picture): what projectors make elements emit, for (screen point, picture) E."""
+        result = np.zeros((len(self.room.areas), emission.shape[1]))
+        result[: len(emission)] = emission
+        if self._thrown is not None:
+            lit, landed = self._thrown
+            result[: len(lit)] *= lit[:, None]
+            shares = self.room.albedos(mix)[len(lit) :, None] / mix[0]
+            result[len(lit) :] = shares * (landed @ emission)
+        return result
 
     def direct(self, points: Floats | None = None) -> Floats:
         """(primary, point, picture): phi of the pictures, by default at the screen's own points."""
@@ -221,7 +252,8 @@ class _Solution:
         return float(np.max(error / np.maximum(share @ wanted, _CLOSE)))
 
     def _indirect(self, mix: tuple[float, ...], emission: Floats) -> Floats:
-        return self.radiosity(mix, emission)[: len(emission)] - emission
+        sent = self._emitted(mix, emission)
+        return (self.radiosity(mix, emission) - sent)[: len(emission)]
 
     def _deviation(self, mix: tuple[float, ...], emission: Floats) -> Floats:
         closed = self.room.closed_form(mix[0]) * (self.room.share @ emission)
@@ -230,8 +262,11 @@ class _Solution:
     def _centred(self, values: Floats) -> Floats:
         return values - self.room.share @ values
 
-    def _on_nodes(self, nodes: int, given: list[Floats]) -> Floats:
-        """(mode, node, node): phi of radiosities B, summed over primaries, less its mean."""
+    def _on_nodes(self, nodes: int, given: list[Floats]) -> tuple[Floats, Floats]:
+        """Phi of radiosities B, summed over primaries, less its mean.
+
+        It is (mode, node, node), and (mode, screen point).
+        """
         room = self.room
         sent = sum(mix[0] * radiosity for mix, radiosity in zip(room.mixes, given, strict=True))
 
@@ -246,8 +281,9 @@ class _Solution:
         # Beyond the rim functions go on as their reflection in its value: without a kink.
         mirrored = values(2 * edge_u[beyond] - u[beyond], 2 * edge_v[beyond] - v[beyond])
         grid[beyond] = 2 * grid[beyond] - mirrored
-        mean = room.share @ values(*room.places)
-        return np.ascontiguousarray((grid - mean).T).reshape(-1, nodes, nodes)
+        exact = values(*room.places)
+        mean = room.share @ exact
+        return np.ascontiguousarray((grid - mean).T).reshape(-1, nodes, nodes), (exact - mean).T
 
 
 def _waves(u: Floats, v: Floats) -> Floats:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.observation.enclosure import Enclosure
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import bare_gain
 from domesim.observation.transport import NODES, Transport
@@ -26,13 +25,7 @@ SURFACES = ("screen", "floor", "wall")
 
 
 def whole_transport(theatre: Theatre) -> Transport:
-    """The room's transport by radiosity; the bare screen's if there is more than that knows.
-
-    Raises
-    ------
-    InputError
-        If floor or wall are lit in place of the screen: that light would be missing.
-    """
+    """The room's transport by radiosity; the bare screen's if there is more than that knows."""
     if not theatre.beyond_enclosure:
         return radiosity(theatre, resolution=_RESOLUTION)
     core = np.array([[[bare_gain(rho, theatre.dome)]] for rho in theatre.screen_albedo])
@@ -45,11 +38,10 @@ def albedo_steps(
 ) -> tuple[list[Step], Floats]:
     """What `UncertainDome` takes of albedos that were measured.
 
-    In a room that radiosity does not know, or whose floor or wall are lit in place of the screen,
-    the screen's albedo alone scales what is `stored`.
+    In a room that radiosity does not know the screen's albedo alone scales what is `stored`.
     """
     names = [name for name in SURFACES if name in measured.parameters]
-    if theatre.beyond_enclosure or not Enclosure(theatre, _RESOLUTION).lit:
+    if theatre.beyond_enclosure:
         names = names[:1]
         albedo = np.array(theatre.screen_albedo)
         gains = np.array([bare_gain(rho, theatre.dome) for rho in albedo])

@@ -26,6 +26,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "caution",
         "contrast_sensitivity",
         "stray_light",
+        "saliency_maps",
         "dome_seats",
         "gamma_coded",
         "channels_alone",

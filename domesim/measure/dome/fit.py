@@ -2,7 +2,7 @@
 
 Photograph k of pattern j shows at place b, in each primary,
 
-    y_kb = g f_jb(rho) (1 + sum_s eta_s e_sjb) + a_b + noise
+    y_kb = g f_jb(rho) prod_s (1 + eta_s e_sjb) + a_b + noise
 
 with f the light of `domesim.measure.dome.model` (1 = direct white), g the gain: what white by
 direct light alone is in the photographs' unit. The a_b, ambient light, are free at every place:
@@ -135,6 +135,8 @@ class Evidence:
     names, effects
         Names of nuisances, and their effects: (nuisance, pattern, place, primary) relative changes
         of light by one standard deviation of each.
+    about
+        (nuisance,) values of nuisances that `places` allow for, in standard deviations; 0 if None.
     meter
         If some places were read by a meter that sees all primaries at once.
     """
@@ -146,6 +148,7 @@ class Evidence:
     area: Floats
     names: tuple[str, ...] = ()
     effects: Floats | None = None
+    about: Floats | None = None
     meter: Meter | None = None
 
 
@@ -286,6 +289,7 @@ class _Problem:
         self._known = known
         self._effects = evidence.effects
         self._nuisances = 0 if evidence.effects is None else len(evidence.effects)
+        self._about = np.zeros(self._nuisances) if evidence.about is None else evidence.about
         self._white = evidence.meter is not None and evidence.meter.white
         self._model_error = 0.0
         self._last: tuple[bytes, tuple[Floats, Floats]] | None = None
@@ -446,7 +450,7 @@ class _Problem:
         root = np.sqrt(self._variance(self._modelled(x)[0]))
         left = own * np.where(np.isfinite(root), root, 0.0)
         mine = slice(3 * self._count, 3 * self._count + self._nuisances)
-        eta = x[mine], spread[mine]
+        eta = x[mine] + self._about, spread[mine]
         return Survey(
             names=self._names,
             value=value.T,
@@ -541,8 +545,9 @@ class _Problem:
             gain = np.exp(mine[0])
             bent = np.ones_like(shown)
             if self._effects is not None:
-                bent += np.tensordot(eta, self._effects[..., p], 1)
-                effects = gain * shown * self._effects[..., p]
+                factors = 1 + eta[:, None, None] * self._effects[..., p]
+                bent = factors.prod(0)
+                effects = gain * shown * bent * self._effects[..., p] / factors
                 slopes[3 * count : 3 * count + len(eta), ..., p] = effects[:, evidence.pattern]
             light[..., p] = (gain * shown * bent)[evidence.pattern]
             slopes[p * count, ..., p] = light[..., p]
@@ -615,7 +620,7 @@ class _Problem:
                     value, error = float(np.log(value)), error / value
                 add(p * self._count + at, value, error)
         for s in range(self._nuisances):
-            add(3 * self._count + s, 0.0, 1.0)
+            add(3 * self._count + s, -float(self._about[s]), 1.0)
         for at, held in self._held.items():
             add(at, held, 0.0)
         return np.array(rows), np.array(slopes).reshape(len(rows), len(x))

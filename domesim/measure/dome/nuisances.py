@@ -1,12 +1,13 @@
 """What is known of the theatre and the camera only within an error, as effects on the light.
 
 Each is one number, such as the floor's height; a second model with that number changed by its
-standard deviation tells what it does to the light that places show. Effects are relative.
+standard deviation tells what it does to the light that places show. Effects are relative. What a
+camera sees is not linear in where it is: they are taken anew about where it was found.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -20,6 +21,9 @@ from domesim.room.theatre import Theatre
 from domesim.scene.fields import three
 
 Floats = NDArray[np.float64]
+
+CAMERA = ("camera", "turn about")
+"""How names of the camera's nuisances begin."""
 
 
 @final
@@ -77,7 +81,7 @@ def effects_of(
     if errors.vignetting > 0:
         for power in (1, 2):
             names.append(f"vignetting, radius^{2 * power}")
-            fall = errors.vignetting * cells.eccentricity**power
+            fall = errors.vignetting * ((cells.u**2 + cells.v**2) ** power).mean(1)
             effects.append(np.broadcast_to(fall[None, :, None], nominal.shape))
     reflected = nominal - cells.places.direct
     share = np.divide(reflected, nominal, out=np.zeros_like(nominal), where=nominal > 0)
@@ -88,6 +92,25 @@ def effects_of(
             mine = (cells.places.surface == number)[None, :, None]
             effects.append(size * share * mine)
     return tuple(names), np.array(effects).reshape(len(names), *nominal.shape)
+
+
+def seen_again(
+    theatre: Theatre, camera: Camera, cells: Cells, errors: Errors, found: Mapping[str, float]
+) -> tuple[Camera, Cells]:
+    """The camera where it was found, by nuisances' names, and what its pixels see from there."""
+    step, turn = (
+        size * np.array([found.get(f"{kind} {axis}", 0.0) for axis in "xyz"])
+        for kind, size in zip(
+            CAMERA, (errors.camera_m, np.radians(errors.pointing_deg)), strict=True
+        )
+    )
+    moved = replace(
+        camera,
+        position=three(camera.position + step),
+        look_at=three(camera.look_at + step),
+        turn=three(camera.turn + turn),
+    )
+    return moved, replace(cells, places=_again(cells, theatre, moved))
 
 
 def _changed(
@@ -101,7 +124,7 @@ def _changed(
             moved = replace(camera, position=place, look_at=ahead)
             yield f"camera {name}", theatre, moved
         if errors.pointing_deg > 0:
-            turn = three(np.radians(errors.pointing_deg) * np.eye(3)[axis])
+            turn = three(camera.turn + np.radians(errors.pointing_deg) * np.eye(3)[axis])
             yield f"turn about {name}", theatre, replace(camera, turn=turn)
     floor, wall = theatre.floor, theatre.wall
     if floor is not None and errors.floor_m > 0:

@@ -113,8 +113,6 @@ class Cells:
         The cells, for the model.
     u, v
         (cell, point) of `places.points` in the photographs, -1..1.
-    eccentricity
-        (cell,) mean squared distance from the photograph's centre, 1 at the rim of the view.
     area
         (cell,) share of the screen, of the cells that are on it; else 0.
     value, variance
@@ -130,7 +128,6 @@ class Cells:
     places: Places
     u: Floats
     v: Floats
-    eccentricity: Floats
     area: Floats
     value: Floats
     variance: Floats
@@ -303,12 +300,11 @@ def _averaged(
     numbers = {SURFACES[name]: n for n, name in enumerate(surfaces_of(theatre))}
     kinds = np.array([numbers[int(kind)] for kind in surface[used][chosen[:, 0]]])
     places = Places(kinds, seen, each(direct))
-    away = mean(place[0] ** 2 + place[1] ** 2)
     # Pixels of a fisheye are about equal in solid angle, and on the screen in area; a pinhole's are
     # not, by which only the mean of black is a little off.
     area = np.where(kinds == 0, pixels, 0) / max(1, int(pixels[kinds == 0].sum()))
     noise = _noise(light, label, value, pixels)
-    found = Cells(places, u, v, away, area, value, value, pixels, label, noise)
+    found = Cells(places, u, v, area, value, value, pixels, label, noise)
     return replace(found, variance=found.variance_at(value))
 
 

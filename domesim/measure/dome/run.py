@@ -12,7 +12,7 @@ from domesim.errors import InputError
 from domesim.measure.dome.file import Task
 from domesim.measure.dome.fit import Evidence, Known, Survey, survey
 from domesim.measure.dome.model import RESOLUTION, Interreflection, nominal_albedos, surfaces_of
-from domesim.measure.dome.nuisances import Errors, effects_of
+from domesim.measure.dome.nuisances import CAMERA, Errors, effects_of, seen_again
 from domesim.measure.dome.photographs import Cells, Photographs, cells_of
 from domesim.measure.dome.spots import Metered, Reading, evidence_of, grey, with_readings
 from domesim.room.theatre import Theatre
@@ -108,7 +108,8 @@ def survey_of(
     """The cells of photographs, and what they tell of the theatre.
 
     A first fit, by coarse radiosity and without nuisances, tells how bright each cell should be and
-    roughly what the albedos are; the second takes noise and nuisances' effects at these.
+    roughly what the albedos are. The second takes noise and nuisances' effects at these, and tells
+    roughly where the camera is. The third takes effects about there.
 
     Parameters
     ----------
@@ -152,9 +153,19 @@ def survey_of(
     if first.complete:
         albedos = first.value[1:]
         seen = replace(seen, variance=cells.variance_at(first.modelled[:shots, :places]))
-    names, effects = effects_of(
-        theatre, photographs.camera, cells, patterns, coarse, errors, albedos
-    )
-    seen = replace(seen, names=names, effects=effects if names else None)
-    found = survey(light, whole(seen), albedos, surfaces, known, profile=profile)
+
+    def fitted(model: Interreflection, about: Mapping[str, float], *, tested: bool) -> Survey:
+        camera, moved = seen_again(theatre, photographs.camera, cells, errors, about)
+        names, effects = effects_of(theatre, camera, moved, patterns, coarse, errors, albedos)
+        full = replace(
+            seen,
+            places=moved.places,
+            names=names,
+            effects=effects if names else None,
+            about=np.array([about.get(name, 0.0) * name.startswith(CAMERA) for name in names]),
+        )
+        return survey(model, whole(full), albedos, surfaces, known, profile=tested)
+
+    near = fitted(coarse, {}, tested=False).nuisances
+    found = fitted(light, {name: value for name, (value, _) in near.items()}, tested=profile)
     return cells, replace(found, residual=found.residual[:shots, :places])

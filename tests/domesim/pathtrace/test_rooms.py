@@ -151,6 +151,16 @@ def test_white_is_as_bright_in_pictures_of_any_size():
     assert abs(small - large) < 3.5 * np.hypot(first, second)
 
 
+def test_a_box_in_the_beam_is_lit_as_an_independent_tracer_found() -> None:
+    """Light that the box reflects is 4.2 % of what the screen does; once it was lost: 0.32005."""
+    tracer, size = Tracer(BEFORE["box in the beam"]), 64
+    white = tracer.picture(np.ones((size, size, 3), np.float32))
+    seen = tracer.screen(white, size, size, Settings(error=1e-9, least=64, most=64))
+    found, error = seen.pooled_error(tracer.theatre.dome.screen_areas(size, size))
+    assert error < 6e-4
+    assert abs(found - 0.33413) < 3.5 * np.hypot(error, 0.00034)
+
+
 @pytest.mark.usefixtures("_few_nodes")
 @pytest.mark.parametrize(
     ("name", "explicit"),
