@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -167,15 +168,25 @@ def _sums_of(planes: Array, block: int, axis: int) -> Array:
 def _linear_along(coarse: Array, block: int, axis: int, count: int) -> Array:
     """`enlarged` along an axis: flat beyond the first and the last middle."""
     xp = namespace(coarse)
-    steps = xp.astype(xp.arange(count, device=coarse.device), coarse.dtype)
-    last = coarse.shape[axis] - 1
-    at = xp.clip((steps + 0.5) / block - 0.5, 0, last)
-    low = xp.floor(at)
-    part = at - low if axis == -1 else (at - low)[:, None]
-    first = xp.astype(low, xp.int64)
-    below = xp.take(coarse, first, axis=axis)
-    above = xp.take(coarse, xp.clip(first + 1, 0, last), axis=axis)
-    return below + (above - below) * part
+
+    def along(rows: slice) -> tuple[Any, ...]:
+        return (..., rows, slice(None)) if axis == -2 else (..., rows)
+
+    ends = coarse[along(slice(0, 1))], coarse[along(slice(-1, None))]
+    coarse = xp.concat([ends[0], coarse, ends[1]], axis=axis)
+    # From each middle to the next one there are as many places as in a block
+    steps = xp.astype(xp.arange(block, device=coarse.device), coarse.dtype)
+    part = (steps + (0.5 if block % 2 == 0 else 0.0)) / block
+    below, above = coarse[along(slice(0, -1))], coarse[along(slice(1, None))]
+    shape = list(below.shape)
+    shape[axis] = -1
+    if axis == -2:
+        part, below, above = part[:, None], below[..., None, :], above[..., None, :]
+    else:
+        below, above = below[..., None], above[..., None]
+    found = xp.reshape(below + (above - below) * part, tuple(shape))
+    first = (block + 1) // 2
+    return found[along(slice(first, first + count))]
 
 
 def _mean_over(count: Array, radius: int) -> Callable[[Array], Array]:
