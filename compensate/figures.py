@@ -226,12 +226,18 @@ class Appraisal:
         energy = 2 * result.cost * result.gap / (1 + result.gap)
         return self._in_differences(energy, self.posed.problem.weighting)
 
+    @property
+    def _of_ghosts(self) -> bool:
+        """Whether all pollution is ghosts: of flat pairs."""
+        return self._scene.views > 1 and self.posed.setting.dome is None
+
     def ghost_edges(self, light: Light) -> float | None:
         """Ghost edge energy of a stereo pair at the first seat; None without ghosts that have any.
 
-        A ghost that was rounding from the start gives no figure.
+        A ghost that was rounding from the start gives no figure. Nor does a 3D dome: what is lifted
+        there has edges of its own.
         """
-        if self._scene.views == 1:
+        if not self._of_ghosts:
             return None
         ghost = self._untouched[1]
         if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT:
@@ -248,9 +254,9 @@ class Appraisal:
     def ghost_contour(self, light: Light) -> float | None:
         """Ghost contour of a stereo pair at the first seat, where subtraction clips.
 
-        None without ghosts that have edges there.
+        None without ghosts that have edges there, and for a 3D dome, as of `ghost_edges`.
         """
-        if self._scene.views == 1 or self.posed.exact:
+        if not self._of_ghosts or self.posed.exact:
             return None
         first = slice(self._scene.views)
         too_bright = self.posed.shown[first] - self.posed.wanted[first] > _INVISIBLE_LIGHT
