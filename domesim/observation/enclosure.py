@@ -13,8 +13,8 @@ from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import spatial
 from scipy.linalg import cho_factor, cho_solve
-from scipy.spatial import cKDTree
 
 from domesim.errors import InputError
 from domesim.observation.spherical import bare_gain
@@ -115,7 +115,7 @@ class Enclosure:
         gains = lens_gains(self.theatre, _PICTURE, _PICTURE)
         row, col = dome.pixel_of(dome.toward(points * unit), _PICTURE)
         shares = gains[:, row, col] / gains[:, row, col].sum(0)
-        owner = np.asarray(cKDTree(self.points).query(points)[1])
+        owner = np.asarray(spatial.KDTree(self.points).query(points)[1])
         whole = np.bincount(owner, weights)
         lit, landed = np.zeros(len(whole)), np.zeros((len(self.areas) - len(whole), len(whole)))
         for lens, share in zip(self._lens_places, shares, strict=True):

@@ -32,13 +32,13 @@ def _few(monkeypatch):
 
 def more_depolarising(monkeypatch):
     """The tracer's screen scatters 2 % more than it should."""
-    honest = polarised._silver
+    honest = polarised.silver
 
     def silver(screen):
         described = honest(screen)
         return {**described, "weight": 1.02 * described["weight"]}
 
-    monkeypatch.setattr(polarised, "_silver", silver)
+    monkeypatch.setattr(polarised, "silver", silver)
 
 
 def ours_is_subtraction(monkeypatch):
