@@ -150,7 +150,7 @@ class Appraisal:
         residual = self.posed.observation.observe(self.posed.desired)
         lost = math.nan if self.posed.exact else _mean(self._losses(residual))
         residual -= self.posed.wanted
-        ghost = self._luminance(residual[: self._scene.views if self._scene.views > 1 else 0])
+        ghost = self._luminance(residual[: self._scene.views if self.of_ghosts else 0])
         return mean_luminance(residual, self._scene, self.posed.setting.areas), ghost, lost
 
     def _luminance(self, light: Light) -> NDArray[np.floating]:
@@ -227,7 +227,7 @@ class Appraisal:
         return self._in_differences(energy, self.posed.problem.weighting)
 
     @property
-    def _of_ghosts(self) -> bool:
+    def of_ghosts(self) -> bool:
         """Whether all pollution is ghosts: of flat pairs."""
         return self._scene.views > 1 and self.posed.setting.dome is None
 
@@ -237,7 +237,7 @@ class Appraisal:
         A ghost that was rounding from the start gives no figure. Nor does a 3D dome: what is lifted
         there has edges of its own.
         """
-        if not self._of_ghosts:
+        if not self.of_ghosts:
             return None
         ghost = self._untouched[1]
         if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT:
@@ -256,7 +256,7 @@ class Appraisal:
 
         None without ghosts that have edges there, and for a 3D dome, as of `ghost_edges`.
         """
-        if not self._of_ghosts or self.posed.exact:
+        if not self.of_ghosts or self.posed.exact:
             return None
         first = slice(self._scene.views)
         too_bright = self.posed.shown[first] - self.posed.wanted[first] > _INVISIBLE_LIGHT

@@ -17,12 +17,14 @@ from domesim.observation.spherical import ClosedFormDome
 
 def differing(summed: ClosedFormDome, kept: float) -> LowRankObservation:
     """How the difference of the views is seen, of which each reflection keeps a share."""
-    rows, cols = summed.screen.shape
-    albedo = ALBEDOS[: summed.shape[3]]
-    gain = summed.factors.direct_gain
     primaries = summed.shape[3]
     return ClosedFormDome(
-        dome(), rows, cols, albedo=albedo, lens_gain=gain, kept=kept, primaries=primaries
+        dome(),
+        *summed.screen.shape,
+        albedo=ALBEDOS[:primaries],
+        lens_gain=summed.factors.direct_gain,
+        kept=kept,
+        primaries=primaries,
     )
 
 

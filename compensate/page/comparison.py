@@ -136,7 +136,7 @@ class Comparison:
                 "Luminance below which the darkest hundredth of the screen lies.",
             ),
         ]
-        if self.posed.scene.views == 2 and self.posed.setting.dome is None:
+        if self.appraisal.of_ghosts:
             table += self._ghosts(names)
         by_seat = [
             Figure(

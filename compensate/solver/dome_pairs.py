@@ -12,7 +12,9 @@ What they leave out is crosstalk: each round gains its inverse, a factor of fift
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple, cast, final
 
 import numpy as np
@@ -99,58 +101,51 @@ def clipped_subtraction(
         raise ValueError(
             f"this takes a 3D dome's observation, got {type(problem.observation).__name__}"
         )
-    reflected, crosstalk = found
     wanted = problem.desired
+    k = _constants(found, wanted.dtype)
     tiny = max(_ROUNDING * float(np.finfo(wanted.dtype).eps), _LEAST)
     lower, upper = (np.broadcast_to(each, wanted.shape) for each in (problem.lower, problem.upper))
-    spread, collect, core = reflected.modes()
-    views, primaries, rank = core.shape[:3]
-    core = core.reshape(views * primaries * rank, -1)
-    gain = np.where(reflected.screen, reflected.direct_gain, 1).astype(wanted.dtype)
-    modes = np.asarray(spread / gain, wanted.dtype)
-    collect = np.asarray(collect, wanted.dtype)
-    dark = reflected.ambient(wanted)
-    dark = None if dark is None else crosstalk.linear(dark)
-    mixing = [mixing_by(crosstalk.share[v, 0, 0] * crosstalk.matrices[v], wanted) for v in range(2)]
+    views, primaries, rank = 2, wanted.shape[3], len(k.modes)
     light = np.clip(wanted, lower, upper) if start is None else np.array(start)
 
     def collected(view: int, rows: slice) -> Floats:
         found = np.zeros((views, primaries, rank))
-        for p, k in np.ndindex(primaries, rank):
-            found[view, p, k] = dot(collect[k, rows], light[view, rows, :, p])
+        for p, mode in np.ndindex(primaries, rank):
+            found[view, p, mode] = dot(k.collect[mode, rows], light[view, rows, :, p])
         return found
 
     def show(_: int, rows: slice) -> tuple[float, Floats, Floats]:
         """The light of s in some rows: its largest change, its sums, and their slopes by s."""
         sums = np.empty((views, primaries, rank))
         slopes = np.empty((views, primaries, rank, rank))
-        overlaps = [[each * mode for mode in modes[:, rows]] for each in collect[:, rows]]
+        modes, collect = k.modes[:, rows], k.collect[:, rows]
+        overlaps = [[each * mode for mode in modes] for each in collect]
         change = 0.0
         for v in range(views):
-            leak = mixing[v](light[1 - v, rows])
+            leak = k.mixing[v](light[1 - v, rows])
             for p in range(primaries):
-                part = wanted[v, rows, :, p] - (0 if dark is None else dark[v, rows, :, p])
-                part /= gain[rows]
-                part -= expand(modes[:, rows], leaked[v, p].astype(part.dtype))
+                part = wanted[v, rows, :, p] - (0 if k.dark is None else k.dark[v, rows, :, p])
+                part /= k.gain[rows]
+                part -= expand(modes, leaked[v, p].astype(part.dtype))
                 part -= leak[..., p]
                 low, high = lower[v, rows, :, p], upper[v, rows, :, p]
                 shown = np.minimum(np.maximum(part, low), high)
                 moving = (part > low) & (part < high)
                 change = max(change, float(np.abs(shown - light[v, rows, :, p]).max()))
                 light[v, rows, :, p] = shown
-                sums[v, p] = [dot(each, shown) for each in collect[:, rows]]
+                sums[v, p] = [dot(each, shown) for each in collect]
                 slopes[v, p] = [[np.sum(moving * each) for each in line] for line in overlaps]
         return change, sums, slopes
 
-    s = core @ np.sum(in_strips(collected, wanted.shape), axis=0).ravel()
+    s = k.core @ np.sum(in_strips(collected, wanted.shape), axis=0).ravel()
     s = s.reshape(views, primaries, rank)
     for rounds in range(1, max_rounds + 1):
-        leaked = _seen(crosstalk, s)
+        leaked = (k.leaks @ s.reshape(views * primaries, rank)).reshape(s.shape)
         # Both views of a strip at once
         changes, *parts = zip(*in_strips(show, (1, *wanted.shape[1:3], 2 * primaries)), strict=True)
         sums, slopes = (sum(part) for part in parts)
-        system = np.eye(s.size) + core @ block_diag(*slopes.reshape(-1, rank, rank))
-        change = np.linalg.solve(system, core @ sums.ravel() - s.ravel())
+        system = np.eye(s.size) + k.core @ block_diag(*slopes.reshape(-1, rank, rank))
+        change = np.linalg.solve(system, k.core @ sums.ravel() - s.ravel())
         s += change.reshape(s.shape)
         settled = np.abs(change).max() <= _SETTLED * max(np.abs(s).max(), _SETTLED)
         if settled and max(changes) <= tiny:
@@ -158,7 +153,51 @@ def clipped_subtraction(
     return light, max_rounds
 
 
-def _seen(crosstalk: Crosstalk, s: Floats) -> Floats:
-    """C of (view, primary, rank) strengths."""
-    leaks = crosstalk.share[:, :, 0, None] * crosstalk.matrices
-    return np.stack([s[v] + leaks[v] @ s[1 - v] for v in range(2)])
+class _Constants(NamedTuple):
+    """What all frames of a size share.
+
+    Attributes
+    ----------
+    modes, collect
+        (rank, row, col) S / D and V.
+    core
+        (view primary rank, view primary rank) K.
+    leaks
+        (view primary, view primary) C.
+    gain
+        (row, col) D; 1 off the screen.
+    dark
+        What is seen without a picture; None if nothing is.
+    mixing
+        Of each view: what it gets of the other's light.
+    """
+
+    modes: Floats
+    collect: Floats
+    core: Floats
+    leaks: Floats
+    gain: Floats
+    dark: Light | None
+    mixing: Sequence[Callable[[Floats], Floats]]
+
+
+@lru_cache(maxsize=1)
+def _constants(parts: DomePair, dtype: Any) -> _Constants:
+    reflected, crosstalk = parts
+    spread, collect, core = reflected.modes()
+    size = core.shape[0] * core.shape[1]
+    gain = np.where(reflected.screen, reflected.direct_gain, 1).astype(dtype)
+    like = np.zeros(reflected.shape, dtype)
+    dark = reflected.ambient(like)
+    return _Constants(
+        modes=np.asarray(spread / gain, dtype),
+        collect=np.asarray(collect, dtype),
+        core=core.reshape(size * core.shape[2], -1),
+        leaks=crosstalk.central.reshape(size, size),
+        gain=gain,
+        dark=None if dark is None else crosstalk.linear(dark),
+        mixing=[
+            mixing_by(share * matrix, like)
+            for share, matrix in zip(crosstalk.share, crosstalk.matrices, strict=True)
+        ],
+    )

@@ -10,7 +10,6 @@ import io
 import json
 import os
 import re
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, final
@@ -28,7 +27,7 @@ from domesim.light.transfer import Gamma
 from domesim.observation.projector import PRIMARIES
 from domesim.observation.stereo import VIEWS
 from domesim.scene import DomeScene, StereoScene, load_dome
-from domesim.scene.loading import scene_of_text, scene_text
+from domesim.scene.loading import scene_content, scene_of_text, with_paths
 
 if TYPE_CHECKING:
     from domesim.measure.crosstalk_photographs import CrosstalkMap
@@ -278,15 +277,9 @@ def _in_dome(pair: MeasuredPair, dome: str, readings: Path, out: Path, console: 
     scene = load_dome(dome)
     if scene.stereo is None:
         raise InputError(f"--dome {dome}: wanted a 3D dome, this one has no [stereo]")
-    text, folder = scene_text(dome)
-    if folder != Path() or dome.endswith(".toml"):
-        prepare_file(out, instead_of=Path(dome))
-    content = tomllib.loads(text)
-    units = content["projector"].get("units", [])
-    for holder, key in [(mesh, "file") for mesh in content.get("meshes", [])] + [
-        (unit, "mask") for unit in units if "mask" in unit
-    ]:  # which lie beside the other scene
-        holder[key] = str((folder / holder[key]).resolve())
+    prepare_file(out, instead_of=Path(dome))
+    content = scene_content(dome)
+    with_paths(content, Path(dome).parent)
     measured = pair.common_matrices
     direct = direct_crosstalk(measured, *scene.reflected_by_views(_GRID))
     content["stereo"].pop("share", None)
@@ -300,7 +293,7 @@ def _in_dome(pair: MeasuredPair, dome: str, readings: Path, out: Path, console: 
     content["sources"] = {**kept, "stereo.to_left, stereo.to_right": told}
     written = as_toml(content)
     try:
-        scene_of_text(written, str(out), folder)
+        scene_of_text(written, str(out), out.parent)
     except InputError as error:
         raise InputError(
             f"{readings}: less the light that {scene.name} reflects, no crosstalk is left that can "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib import resources
 from importlib.metadata import version
@@ -175,13 +175,9 @@ def _traced(
 
 def _of_all(facts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Figures of a picture that holds the light of all traced ones."""
-    from domesim.pathtrace.tracer import Status  # noqa: PLC0415
-
-    # The members of Status stand in the order of how well it went
-    order = [status.value for status in Status]
     return {
         **facts[0],
-        "status": max((each["status"] for each in facts), key=order.index),
+        "status": _worst(each["status"] for each in facts),
         "relative_error": max(each["relative_error"] for each in facts),
         "samples": min(each["samples"] for each in facts),
         **{name: sum(each[name] for each in facts) for name in ("segments", "cpu_s")},
@@ -470,23 +466,14 @@ def _cutaway(
 def _domemaster(
     scene: DomeScene, picture: NDArray[np.float32], settings: Settings, console: Console
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    from domesim.pathtrace.layers import layers_of  # noqa: PLC0415
     from domesim.pathtrace.observation import PathTracedDome  # noqa: PLC0415
 
     rows, cols, _ = picture.shape
     with console.share("tracing") as progress:
         dome = PathTracedDome(scene.theatre, rows, cols, settings, progress=progress)
         seen = dome.trace(picture[None])
-    on = dome.screen[..., None]
-    total = np.where(on, seen.mean[0], 0)
-    layers = {
-        "": total,
-        "direct": np.where(on, seen.direct[0], 0),
-        "indirect": seen.indirect.mean,
-        "variance": np.where(on, seen.standard_error[0] ** 2, 0),
-    }
-    if seen.ambient is not None:
-        layers["ambient"] = seen.ambient.mean
-    layers |= _bounces(seen.indirect.bounces, 1)
+    layers = layers_of(seen, dome.screen)
     parts = [part for part in (seen.indirect, seen.ambient) if part is not None]
     return layers, _facts(parts, dome.screen)
 
@@ -499,6 +486,7 @@ def _from_seat(
     settings: Settings,
     console: Console,
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    from domesim.pathtrace.layers import bounces_of  # noqa: PLC0415
     from domesim.pathtrace.observation import in_haste, part_of  # noqa: PLC0415
     from domesim.pathtrace.tracer import Tracer  # noqa: PLC0415
 
@@ -544,15 +532,9 @@ def _from_seat(
         layers[""] = seen.mean + layers["ambient"]
         layers["variance"] = layers["variance"] + lamps.standard_error**2
     if settings.per_bounce:
-        layers |= _bounces(seen.bounces, 1)
+        layers |= bounces_of(seen.bounces)
     traced = [seen] if lamps is None else [seen, lamps]
     return layers, _facts(traced, np.ones((height, width), bool))
-
-
-def _bounces(bounces: NDArray[Any] | None, first: int) -> dict[str, NDArray[Any]]:
-    if bounces is None:
-        return {}
-    return {f"bounce{k}": bounces[k] for k in range(first, len(bounces))}
 
 
 def _facts(parts: Sequence[Traced], on: NDArray[np.bool_]) -> dict[str, Any]:
@@ -562,10 +544,8 @@ def _facts(parts: Sequence[Traced], on: NDArray[np.bool_]) -> dict[str, Any]:
     mean = float(np.sum(picture.mean, where=on[..., None], dtype=np.float64)) / count
     square = np.einsum("ij,ijp->", on, np.square(picture.standard_error), dtype=np.float64)
     error = float(np.sqrt(square / count))
-    # The members of Status stand in the order of how well it went.
-    order = list(type(picture.status))
     return {
-        "status": max((part.status for part in parts), key=order.index).value,
+        "status": _worst(part.status.value for part in parts),
         "samples": picture.samples,
         "seed": picture.seed,
         "bounces": picture.limit,
@@ -573,6 +553,14 @@ def _facts(parts: Sequence[Traced], on: NDArray[np.bool_]) -> dict[str, Any]:
         "cpu_s": sum(part.seconds for part in parts),
         "relative_error": error / mean if mean else 0.0,
     }
+
+
+def _worst(statuses: Iterable[str]) -> str:
+    from domesim.pathtrace.tracer import Status  # noqa: PLC0415
+
+    # Its members stand in the order of how well it went
+    order = [status.value for status in Status]
+    return max(statuses, key=order.index)
 
 
 def _write(

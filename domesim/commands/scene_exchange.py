@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import re
 import tempfile
-import tomllib
 from dataclasses import replace
 from datetime import UTC, datetime
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,11 +17,10 @@ from domesim.commands.options import Json, Quiet
 from domesim.errors import InputError
 from domesim.frames.whole import write_together, write_whole
 from domesim.host.console import Console, prepare_file
-from domesim.host.files import read_plain
-from domesim.host.texts import text_in
 from domesim.room.masks import written_mask
 from domesim.room.theatre import Lens
 from domesim.scene import load_dome
+from domesim.scene.loading import scene_content, with_paths
 from domesim.scene.mpcdi import Region, blend_sums, fitted_sphere, read_mpcdi, written_mpcdi
 from domesim.scene.writing import as_toml
 
@@ -60,7 +57,7 @@ def import_projectors(
         raise InputError(f"--out {out}: a scene is a .toml file, name it so")
     prepare_file(out, instead_of=file)
     base = load_dome(like)
-    content, regions = _content(like), read_mpcdi(file)
+    content, regions = scene_content(like), read_mpcdi(file)
     centre, radius = _screen(regions, file, console)
     radius = base.dome.radius if radius is None else radius
     lenses = [_moved(region.lens, centre) for region in regions]
@@ -71,8 +68,7 @@ def import_projectors(
     }
     content |= {"name": out.stem, "description": f"Projectors of {file.name}, else {base.name}."}
     content["dome"] = {**content["dome"], "radius_m": radius}
-    for mesh in content.get("meshes", []):  # which lie beside the other scene
-        mesh["file"] = str((Path(like).parent / mesh["file"]).resolve())
+    with_paths(content, Path(like).parent)
     content["projector"] = {k: v for k, v in content["projector"].items() if k != "lens"}
     content["projector"]["units"] = [
         _unit(lens, f"{out.stem}.{number}.mask.png", radius)
@@ -157,14 +153,6 @@ def _told_sums(sums: tuple[float, float]) -> list[str]:
     if max(abs(each - 1) for each in sums) <= _SUMS:
         return ["Blends sum to 1 within 0.1 %"]
     return [f"Blends sum to {sums[0]:.4g} to {sums[1]:.4g} where a projector reaches, not to 1"]
-
-
-def _content(name: str) -> dict[str, Any]:
-    """What a scene's file holds."""
-    path = Path(name)
-    if path.suffix != ".toml" and len(path.parts) <= 1:
-        return tomllib.loads(resources.files("scenes").joinpath(f"{name}.toml").read_text("utf-8"))
-    return tomllib.loads(text_in(read_plain(path)))
 
 
 def _screen(

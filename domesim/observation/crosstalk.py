@@ -242,6 +242,11 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
     return np.array(found)
 
 
+def leaks_to_both(to_left: object, to_right: object) -> NDArray[np.float64]:
+    """(view, primary, primary) matrices of what `leak_matrices` takes, for each eye."""
+    return np.stack([leak_matrices(np.asarray(leak))[0] for leak in (to_left, to_right)])
+
+
 def over_pixels(
     coarse: NDArray[np.float64], rows: int, cols: int, *, sloping: bool = True
 ) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
@@ -12,7 +12,33 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 
+if TYPE_CHECKING:
+    from domesim.pathtrace.observation import Observed
+
 _STRIP = 64
+
+
+def layers_of(seen: Observed, screen: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
+    """Layers of a traced domemaster, of light on the (row, col) `screen`, by name.
+
+    "" is all of it but for the projectors' black; there is "ambient" where lamps are, and
+    "bounce1" and so on where bounces were kept.
+    """
+    on = screen[..., None]
+    layers = {
+        "": np.where(on, seen.mean[0], 0),
+        "direct": np.where(on, seen.direct[0], 0),
+        "indirect": seen.indirect.mean,
+        "variance": np.where(on, seen.standard_error[0] ** 2, 0),
+    }
+    if seen.ambient is not None:
+        layers["ambient"] = seen.ambient.mean
+    return layers | bounces_of(seen.indirect.bounces)
+
+
+def bounces_of(bounces: NDArray[Any] | None) -> dict[str, NDArray[Any]]:
+    """Layers of (bounce, row, col, primary), from the first bounce; none of None."""
+    return {} if bounces is None else {f"bounce{k}": bounces[k] for k in range(1, len(bounces))}
 
 
 def write_layers(

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk
-from domesim.observation.dome_pair import dome_pair
+from domesim.observation.dome_pair import ReflectedViews, dome_pair
+from domesim.observation.followed import Followed
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.projector import Projector
 from domesim.observation.spherical import ClosedFormDome, bare_gain
@@ -186,14 +187,13 @@ class DomeScene(Scene):
         InputError
             If it is no 3D dome.
         """
-        if self.stereo is None:
+        pair = self.solvable(size, size)
+        if not isinstance(pair, Followed) or not isinstance(pair.first, ReflectedViews):
             raise InputError(f"{self.name} has one view, so no light of another")
-        exact = self.one_view(size, size)
-        summed = exact.low_rank() if isinstance(exact, TabulatedDome) else exact
         white = self.screen(size, size)[None, :, :, None] * np.ones(3)
         areas = self.pixel_areas(size, size)
         found = []
-        for observation in (summed, self._difference(summed, self.stereo.kept)):
+        for observation in (pair.first.summed, pair.first.differing):
             direct = observation.direct(white)
             reflected = observation.linear(white) - direct
             found.append(

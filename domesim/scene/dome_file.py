@@ -25,7 +25,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from domesim.errors import InputError
-from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from domesim.observation.crosstalk import Crosstalk, leaks_to_both
 from domesim.observation.projector import Projector
 from domesim.room.dome import Dome
 from domesim.scene.fields import (
@@ -308,8 +308,7 @@ class DomeStereoSection(Section):
     def leaks(self) -> NDArray[np.float64]:
         """(view, primary, primary) crosstalk."""
         views = self.to_left, self.to_right
-        given = [self.share if leak is None else leak for leak in views]
-        return np.stack([leak_matrices(np.asarray(leak))[0] for leak in given])
+        return leaks_to_both(*(self.share if leak is None else leak for leak in views))
 
 
 Three = tuple[Number, Number, Number]
@@ -440,7 +439,7 @@ class DomeFile(Section):
     def digest(self) -> str:
         """SHA-256 of all that light transport depends on."""
         parts = {"name", "description", "sources", "viewing", "viewpoints", "ambient", "measured"}
-        parts.add("stereo")  # what one view's light does is stored
+        parts |= {"stereo"}  # what one view's light does is stored
         content = self.model_dump(mode="json", exclude=parts, warnings=False)
         content["projector"].pop("black_cd_m2")
         for unit in content["projector"]["units"]:

@@ -34,11 +34,31 @@ def load_scene(name_or_path: str | Path) -> Scene:
     InputError
         If there is no such scene, or with all mistakes of its file, each with its path.
     """
-    text, folder = scene_text(name_or_path)
+    text, folder = _scene_text(name_or_path)
     return scene_of_text(text, str(name_or_path), folder)
 
 
-def scene_text(name_or_path: str | Path) -> tuple[str, Path]:
+def scene_content(name_or_path: str | Path) -> dict[str, Any]:
+    """What a scene's file holds, for changes; the scene must have been loaded.
+
+    Raises
+    ------
+    InputError
+        If there is no such scene.
+    """
+    return tomllib.loads(_scene_text(name_or_path)[0])
+
+
+def with_paths(content: dict[str, Any], folder: Path) -> None:
+    """Make paths of files beside a scene in `folder` whole, so that it may be written elsewhere."""
+    for mesh in content.get("meshes", []):
+        mesh["file"] = str((folder / mesh["file"]).resolve())
+    for unit in content["projector"].get("units", []):
+        if "mask" in unit:
+            unit["mask"] = str((folder / unit["mask"]).resolve())
+
+
+def _scene_text(name_or_path: str | Path) -> tuple[str, Path]:
     """The text of a scene's file, and the folder that its paths are from.
 
     Raises

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.observation.crosstalk import Crosstalk, leak_matrices, over_pixels
+from domesim.observation.crosstalk import Crosstalk, leak_matrices, leaks_to_both, over_pixels
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.projector import Projector
 from domesim.observation.seats import SeveralSeats
@@ -403,9 +403,9 @@ def _estimated(
 def _figures(told: CrosstalkSection) -> NDArray[np.float64]:
     """(view, primary, primary) crosstalk as the file's figures tell it; 0 for a table."""
     if told.share is not None:
-        return _of_both(told.share, told.share)
+        return leaks_to_both(told.share, told.share)
     if told.to_left is not None and told.to_right is not None:
-        return _of_both(told.to_left, told.to_right)
+        return leaks_to_both(told.to_left, told.to_right)
     return leak_matrices(0.0)
 
 
@@ -434,10 +434,6 @@ def _seats(
         seat.name: Seat(matrices, grids(seat), seat.weight, uncertainty=uncertainty)
         for seat in file.seats
     }
-
-
-def _of_both(to_left: object, to_right: object) -> NDArray[np.float64]:
-    return np.stack([leak_matrices(np.asarray(leak))[0] for leak in (to_left, to_right)])
 
 
 def _theatre(file: StereoFile, hardware: PolarisationSection) -> StereoTheatre:

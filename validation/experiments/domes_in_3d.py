@@ -37,6 +37,7 @@ from compensate.ruler import Ruler
 from domesim.light import Light
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.spherical import closed_form_gain
+from domesim.pathtrace.layers import layers_of
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.polarised_dome import polarised_dome
 from domesim.pathtrace.tracer import Settings
@@ -70,6 +71,7 @@ SILVER: Mapping[str, SilverScreen] = {
     for rough in (0.2, 0.35, 0.5)
     for share in (0.0, 0.025, 0.08)
 }
+_GROUP = 512  # neighbouring places
 DISPARITY = np.radians(0.4)
 """Between the eyes, of what is at infinity, where the screen is 9 m away."""
 
@@ -195,9 +197,6 @@ def silver(screen: SilverScreen, samples: int, seed: int) -> Silver:
     return Silver(float(first), float(later), float(reflected[0] / direct[0]))
 
 
-_GROUP = 512
-
-
 def _grouped(values: Light) -> Light:
     """(group, 2) means over neighbouring places."""
     return np.asarray(values.reshape(-1, _GROUP, values.shape[-1]).mean(axis=1))
@@ -311,17 +310,10 @@ def traced(sent: Light, scene: DomeScene, seed: int) -> Light:
     rows, cols = sent.shape[1:3]
     settings = Settings(error=0.05, seed=seed, per_bounce=True)
     dome = PathTracedDome(scene.theatre, rows, cols, settings)
-    views = []
-    for v in range(2):
-        found = dome.trace(sent[v : v + 1])
-        assert found.indirect.bounces is not None
-        bounces = {f"bounce{k}": each for k, each in enumerate(found.indirect.bounces) if k}
-        layers = {"direct": found.direct[0], "indirect": found.indirect.mean, **bounces}
-        views.append({**layers, "variance": 0 * found.direct[0]})
-    seen = seen_by_eyes((views[0], views[1]), stereo.kept, stereo.leaks)
-    on = scene.screen(rows, cols)[..., None]
-    black = scene.ambient / scene.projector.white
-    return np.stack([np.where(on, each[""] + black, 0) for each in seen])
+    left, right = (layers_of(dome.trace(sent[v : v + 1]), dome.screen) for v in range(2))
+    seen = seen_by_eyes((left, right), stereo.kept, stereo.leaks)
+    black = scene.ambient / scene.projector.white * dome.screen[..., None]
+    return np.stack([each[""] + black for each in seen])
 
 
 def run(work: Work) -> Finding:

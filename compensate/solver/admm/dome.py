@@ -48,7 +48,7 @@ from compensate.solver.admm.hessian import (
     metric_of,
     outer_products,
 )
-from compensate.solver.admm.level import Apart, Level
+from compensate.solver.admm.level import Apart, Level, Mixing
 from compensate.solver.admm.pair import Eyes
 from compensate.solver.admm.planes import Split, planes_of, widths_of
 from compensate.solver.admm.pyramid import halved
@@ -67,19 +67,9 @@ def split_dome(problem: Problem, weighting: CsfWeighting) -> Split:
         If the weighting has support where there is no screen.
     """
     observation: Any = problem.observation
-    if bool(np.any(weighting.support & ~observation.screen)):
-        raise ValueError("the weighting's support reaches outside the observation's screen")
-    base: Any = problem.anchor
-    gain = _gain(observation.factors.direct_gain, base)
-    below = namespace(base).broadcast_to(problem.lower, base.shape) - base
-    level = Level(
-        hessian_of(observation, weighting, base),
-        Apart(),
-        problem.regularisation,
-        planes_of(below if gain is None else below * gain),
-        widths_of(problem, gain),
-    )
-    return Split(problem, level, gain)
+    _require_inside(weighting, observation.screen)
+    hessian = hessian_of(observation, weighting, problem.anchor)
+    return _split(problem, hessian, Apart(), observation.factors.direct_gain)
 
 
 def split_dome_pair(problem: Problem, weighting: CsfWeighting, parts: DomePair) -> Split:
@@ -91,14 +81,25 @@ def split_dome_pair(problem: Problem, weighting: CsfWeighting, parts: DomePair) 
         If the weighting has support where there is no screen.
     """
     base: Any = problem.anchor
-    reflected, crosstalk = parts
-    if bool(np.any(weighting.support & ~reflected.screen)):
+    _require_inside(weighting, parts.reflected.screen)
+    hessian = _pair_hessian(parts, weighting, namespace(base), base.dtype, base.device)
+    eyes = Eyes.of(parts.crosstalk, base)
+    return _split(problem, hessian, eyes, parts.reflected.direct_gain)
+
+
+def _require_inside(weighting: CsfWeighting, screen: Any) -> None:
+    if bool(np.any(weighting.support & ~screen)):
         raise ValueError("the weighting's support reaches outside the observation's screen")
-    gain = _gain(reflected.direct_gain, base)
+
+
+def _split(problem: Problem, hessian: DomeHessian, mixing: Mixing, direct: Any) -> Split:
+    """A problem in what is seen of D (x - x_a), in its own place."""
+    base: Any = problem.anchor
+    gain = _gain(direct, base)
     below = namespace(base).broadcast_to(problem.lower, base.shape) - base
     level = Level(
-        _pair_hessian(parts, weighting, namespace(base), base.dtype, base.device),
-        Eyes.of(crosstalk, base),
+        hessian,
+        mixing,
         problem.regularisation,
         planes_of(below if gain is None else below * gain),
         widths_of(problem, gain),

@@ -65,6 +65,7 @@ from domesim.measure.dome.spots import Reading
 from domesim.measure.patterns.listing import read_patterns
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.fields import Number, Place, Section, three
+from domesim.scene.loading import scene_content
 from domesim.scene.mistakes import all_mistakes
 from domesim.scene.screening import decoded
 
@@ -241,8 +242,8 @@ def read_survey(path: Path) -> Task:
     file = _parsed(path)
     folder = path.parent
     where = folder / file.theatre
-    scene = load_dome(where if where.suffix == ".toml" else file.theatre)
-    content = _content(where, file.theatre)
+    told = where if where.suffix == ".toml" else file.theatre
+    scene, content = load_dome(told), scene_content(told)
     scene = replace(scene, theatre=replace(scene.theatre, lamps=()))
     names = file.pattern_names
     patterns = _patterns([folder / name for name in names], scene)
@@ -287,14 +288,6 @@ def _parsed(path: Path) -> SurveyFile:
         raise InputError(all_mistakes(error, str(path), SurveyFile)) from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not valid TOML: {error}") from None
-
-
-def _content(where: Path, name: str) -> Mapping[str, Any]:
-    if where.suffix != ".toml":
-        from importlib import resources  # noqa: PLC0415
-
-        return tomllib.loads(resources.files("scenes").joinpath(f"{name}.toml").read_text())
-    return tomllib.loads(text_in(where.read_bytes()))
 
 
 def _photographs(
