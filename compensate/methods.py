@@ -8,22 +8,22 @@ from typing import TypeAlias
 
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
-from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
+from compensate.solver.baselines import RaisedBlack, Untouched
 from compensate.solver.deghosting import (
-    ClippedSubtraction,
     LocallyRaisedBlack,
     PerceptualSubtraction,
     PlayerShader,
     RangeCompression,
 )
-from compensate.solver.dome_pairs import PairSubtractive
+from compensate.solver.fitting import Fitted
 from compensate.solver.paper import PaperMethod
 from compensate.solver.relinearised import Relinearised
 from compensate.solver.result import Result
+from compensate.solver.subtraction import Subtractive
 from compensate.solver.worst_seat import WorstSeat
 from domesim.errors import InputError
 from domesim.light import Light
-from domesim.scene import DomeScene, Scene, StereoScene
+from domesim.scene import CinemaScene, DomeScene, Scene, StereoScene
 
 Solver: TypeAlias = Callable[[Problem, Light], Result]
 
@@ -52,6 +52,8 @@ def perceptual(
         As for `ADMM`.
     """
     admm = ADMM(tolerance=tolerance, progress=progress)
+    if isinstance(scene, CinemaScene) or (isinstance(scene, StereoScene) and scene.way is not None):
+        return Fitted(admm)
     if not isinstance(scene, StereoScene):
         return admm
     if scene.table is not None:
@@ -81,7 +83,7 @@ DOME: Mapping[str, Chosen] = {
 STEREO: Mapping[str, Chosen] = {
     "perceptual": _perceptual,
     "paper": lambda scene, problem: PaperMethod(scene.viewing, scene.projector.luminance_weights),
-    "subtractive": lambda scene, problem: ClippedSubtraction(),
+    "subtractive": lambda scene, problem: Subtractive(),
     "lab-subtractive": lambda scene, problem: PerceptualSubtraction(scene.projector.to_xyz),
     "raised-black": lambda scene, problem: RangeCompression(),
     "raised-black-local": _locally_raised,
@@ -89,9 +91,9 @@ STEREO: Mapping[str, Chosen] = {
     "none": lambda scene, problem: Untouched(),
 }
 
-DOME_3D: Mapping[str, Chosen] = {
+REFLECTED: Mapping[str, Chosen] = {
     "perceptual": _perceptual,
-    "subtractive": lambda scene, problem: PairSubtractive(),
+    "subtractive": lambda scene, problem: Subtractive(),
     "raised-black": lambda scene, problem: RaisedBlack(),
     "none": lambda scene, problem: Untouched(),
 }
@@ -103,7 +105,9 @@ METHODS = tuple(dict.fromkeys([*DOME, *STEREO]))
 def methods_of(scene: Scene) -> Mapping[str, Chosen]:
     """The methods that a scene has."""
     if isinstance(scene, DomeScene):
-        return DOME if scene.stereo is None else DOME_3D
+        return DOME if scene.stereo is None else REFLECTED
+    if isinstance(scene, CinemaScene) or (isinstance(scene, StereoScene) and scene.way is not None):
+        return REFLECTED
     if isinstance(scene, StereoScene) and scene.table is not None:
         # These know crosstalk as one matrix
         matrix_only = ("paper", "player-shader")

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from compensate.aim import Aim, Eye, Sight, lifted, veiled, with_hue
 from compensate.problem import Problem
-from compensate.solver import baselines, deghosting, dome_pairs
-from compensate.solver.dome_pairs import parts_of
+from compensate.solver.kinds import reflecting
+from compensate.solver.subtraction import shown_within
 from compensate.solver.worst_seat import seat_importance
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
@@ -27,8 +27,6 @@ from domesim.frames import Master
 from domesim.light import Array, Light, require_light
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.base import AdjointObservation, Observation
-from domesim.observation.crosstalk import Crosstalk
-from domesim.observation.followed import Followed
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.seats import SeveralSeats
@@ -238,7 +236,7 @@ class Setting:
         # Subtraction needs no adjoint, so that it knows a table as it is.
         observation = cast("AdjointObservation", self.single)
         problem = self._problem(observation.direct(desired))
-        light = self._shown(problem)
+        light = shown_within(problem)
         if isinstance(self.single, GreyToGrey):
             problem = problem.observed_by(self.single.linearised(light))
         return problem, light
@@ -276,15 +274,12 @@ class Setting:
 
     @cached_property
     def dome(self) -> LowRankObservation | None:
-        """How a dome shows light (of a 3D one, the sum of both views); None of flat screens."""
-        if isinstance(self.single, LowRankObservation):
-            return self.single
-        parts = parts_of(self.single)
-        return None if parts is None else parts.reflected.summed
+        """How a dome or room reflects light (of two views, their sum); None where none does."""
+        return reflecting(self.single)
 
     def _showing(self, seen: Light, start: Light | None) -> Light:
         """The light that shows `seen`, by exact clipped subtraction; a `start` is near it."""
-        return self._shown(self._problem(seen), start)
+        return shown_within(self._problem(seen), start)
 
     def _problem(self, seen: Light) -> Problem:
         """The problem of showing `seen` at the mean seat: off the screen there is no light."""
@@ -293,16 +288,6 @@ class Setting:
         if self.dome is not None:
             upper = self.dome.screen_like(seen)[None, :, :, None]
         return Problem(observation, self.plain, seen, (0.0, upper))
-
-    def _shown(self, problem: Problem, start: Light | None = None) -> Light:
-        """Exact clipped subtraction of a problem."""
-        if isinstance(self.single, Followed):
-            return dome_pairs.clipped_subtraction(problem, start=start)[0]
-        if self.dome is not None:
-            return baselines.clipped_subtraction(problem)[0]
-        if isinstance(self.single, Crosstalk):
-            return deghosting.subtracted_crosstalk(self.single, problem.desired)
-        return deghosting.clipped_subtraction(problem)[0]
 
 
 def preferred(scene: Scene) -> Eye:

@@ -44,32 +44,6 @@ class Untouched:
 
 @final
 @dataclass(frozen=True)
-class Subtractive:
-    """Clipped subtraction with the pollution of the clipped picture.
-
-    Parameters
-    ----------
-    max_iterations
-        Newton steps; three to six are usual.
-    """
-
-    max_iterations: int = 50
-
-    def __call__(self, problem: Problem, start: Light) -> Result:
-        """The fixed point; the start is not used.
-
-        Raises
-        ------
-        ValueError
-            If the observation is not low-rank.
-        """
-        light, steps = clipped_subtraction(problem, self.max_iterations)
-        status = Status.CLOSED_FORM if steps < self.max_iterations else Status.EXHAUSTED
-        return computed(problem, light, steps, status)
-
-
-@final
-@dataclass(frozen=True)
 class RaisedBlack:
     """Raise the black level until subtraction needs no negative light."""
 

@@ -78,32 +78,6 @@ rounding."""
 
 @final
 @dataclass(frozen=True)
-class ClippedSubtraction:
-    """Clipped subtraction of the ghost of what is shown.
-
-    Parameters
-    ----------
-    max_rounds
-        Most rounds of the iteration; crosstalk of 5 % takes about twelve in float64.
-    """
-
-    max_rounds: int = MAX_ROUNDS
-
-    def __call__(self, problem: Problem, start: Light) -> Result:
-        """The fixed point; the start is not used.
-
-        Raises
-        ------
-        ValueError
-            If the observation is not of two views.
-        """
-        light, rounds = clipped_subtraction(problem, self.max_rounds)
-        status = Status.CLOSED_FORM if rounds < self.max_rounds else Status.EXHAUSTED
-        return computed(problem, light, rounds, status)
-
-
-@final
-@dataclass(frozen=True)
 class RangeCompression:
     """Compress both views to [b, 1], until subtraction needs no negative light."""
 

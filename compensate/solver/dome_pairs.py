@@ -13,23 +13,18 @@ What they leave out is crosstalk: each round gains its inverse, a factor of fift
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple, cast, final
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from compensate.problem import Problem
-from compensate.solver.baselines import computed
-from compensate.solver.result import Result, Status
+from compensate.solver.kinds import DomePair, parts_of
 from domesim.light import Light, dot
 from domesim.light.strips import in_strips
-from domesim.observation.base import Observation
-from domesim.observation.crosstalk import Crosstalk, mixing_by
-from domesim.observation.dome_pair import ReflectedViews
-from domesim.observation.followed import Followed
+from domesim.observation.crosstalk import mixing_by
 from domesim.observation.lowrank import expand
 
 Floats = NDArray[Any]
@@ -38,50 +33,6 @@ _SETTLED = 1e-7  # of the reflected light
 _ROUNDING, _LEAST = 8, 1e-9  # of the last digit, and of white
 MAX_ROUNDS = 400
 """Most rounds: crosstalk of 90 %, the largest possible, takes 200."""
-
-
-class DomePair(NamedTuple):
-    """The parts of a 3D dome's observation."""
-
-    reflected: ReflectedViews
-    crosstalk: Crosstalk
-
-
-@final
-@dataclass(frozen=True)
-class PairSubtractive:
-    """`clipped_subtraction` as a method.
-
-    Parameters
-    ----------
-    max_rounds
-        Rounds; crosstalk of 2 % takes six in float32.
-    """
-
-    max_rounds: int = MAX_ROUNDS
-
-    def __call__(self, problem: Problem, start: Light) -> Result:
-        """The fixed point; the start is not used.
-
-        Raises
-        ------
-        ValueError
-            If the observation is not a 3D dome's.
-        """
-        light, rounds = clipped_subtraction(problem, self.max_rounds)
-        status = Status.CLOSED_FORM if rounds < self.max_rounds else Status.EXHAUSTED
-        return computed(problem, light, rounds, status)
-
-
-def parts_of(observation: Observation) -> DomePair | None:
-    """Its parts if an observation is a 3D dome's, else None."""
-    if not isinstance(observation, Followed):
-        return None
-    first, then = observation.first, observation.then
-    uniform = isinstance(then, Crosstalk) and then.share.shape[1:] == (1, 1)
-    if not (isinstance(first, ReflectedViews) and uniform):
-        return None
-    return DomePair(first, cast("Crosstalk", then))
 
 
 def clipped_subtraction(

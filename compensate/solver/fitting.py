@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple, final
 
 from compensate.problem import Problem
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM, require_certifiable
-from compensate.solver.dome_pairs import parts_of
-from domesim.observation.lowrank import LowRankObservation
-from domesim.observation.stereo import StereoObservation
+from compensate.solver.kinds import Kind, kind_of
+from compensate.solver.result import Result
+from domesim.light import Light
 
 
 class Fitting(NamedTuple):
@@ -23,12 +24,11 @@ def fitting(problem: Problem) -> Fitting:
     """The fastest solver of `problem`: `ADMM`, which certifies its answer, or `Accelerated`.
 
     ADMM takes what Fourier diagonalises: a weighting by spatial frequency, of a dome whose
-    pollution is of low rank, of a pair whose views mix pixelwise, or of both. Accelerated takes any
-    linear observation and weighting, and stops by the KKT residual.
+    pollution is of low rank, of a pair whose views mix pixelwise, or of both (`kinds`).
+    Accelerated takes any linear observation and weighting, and stops by the KKT residual.
     """
     observation = type(problem.observation).__name__
-    known = isinstance(problem.observation, LowRankObservation | StereoObservation)
-    if not known and parts_of(problem.observation) is None:
+    if kind_of(problem.observation) is Kind.OTHER:
         return Fitting(
             Accelerated(),
             f"Accelerated, as ADMM takes domes of low rank and pairs, got {observation}",
@@ -42,3 +42,24 @@ def fitting(problem: Problem) -> Fitting:
         f"ADMM, as Fourier diagonalises {type(problem.weighting).__name__} of what "
         f"{observation} shows",
     )
+
+
+@final
+@dataclass(frozen=True)
+class Fitted:
+    """ADMM where it knows what is observed, else `Accelerated` to the same certified gap.
+
+    Parameters
+    ----------
+    known
+        The solver of what it knows.
+    """
+
+    known: ADMM
+
+    def __call__(self, problem: Problem, start: Light) -> Result:
+        """Minimise `problem` from the light `start` (view, row, col, primary)."""
+        if kind_of(problem.observation) is not Kind.OTHER:
+            return self.known(problem, start)
+        general = Accelerated(1e-6, gap=self.known.tolerance, progress=self.known.progress)
+        return general(problem, start)

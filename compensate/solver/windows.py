@@ -24,7 +24,7 @@ from scipy.ndimage import map_coordinates
 from compensate.fourier import padded_size
 from compensate.problem import Problem
 from compensate.solver.admm import require_certifiable
-from compensate.solver.dome_pairs import parts_of
+from compensate.solver.kinds import Kind, kind_of
 from compensate.solver.result import Result, Status
 from compensate.weighting import CsfWeighting
 from domesim.light import Light
@@ -76,7 +76,8 @@ class Windows:
         weighting = require_certifiable(problem)
         boxes = joined(self.boxes, self.reach, self.overhead)
         work = sum(_pixels(box, self.reach) + self.overhead for box in boxes)
-        whole = parts_of(problem.observation) is not None  # a 3D dome is always solved at once
+        # What is reflected and leaks as well is always solved at once
+        whole = kind_of(problem.observation) not in (Kind.LOW_RANK, Kind.PIXELWISE)
         if whole or work > _WORTH * start[0, ..., 0].size:
             return self.solver(problem, start)
         fourier = weighting.fourier

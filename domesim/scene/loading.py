@@ -21,6 +21,8 @@ from domesim.scene import dome, stereo
 from domesim.scene.base import Scene
 from domesim.scene.dome import DomeScene
 from domesim.scene.dome_file import DomeFile
+from domesim.scene.flat import cinema
+from domesim.scene.flat_file import CinemaFile
 from domesim.scene.mistakes import all_mistakes, suggestion
 from domesim.scene.stereo import StereoScene
 from domesim.scene.stereo_file import StereoFile
@@ -111,7 +113,7 @@ def load_dome(name_or_path: str | Path) -> DomeScene:
     """
     scene = load_scene(name_or_path)
     if not isinstance(scene, DomeScene):
-        raise InputError(f"{name_or_path}: wanted a dome theatre, got a stereo system")
+        raise InputError(f"{name_or_path}: wanted a dome theatre, got a flat screen")
     return scene
 
 
@@ -125,7 +127,7 @@ def load_stereo(name_or_path: str | Path) -> StereoScene:
     """
     scene = load_scene(name_or_path)
     if not isinstance(scene, StereoScene):
-        raise InputError(f"{name_or_path}: wanted a stereo system, got a dome theatre")
+        raise InputError(f"{name_or_path}: wanted a stereo system, got another theatre")
     return scene
 
 
@@ -149,27 +151,34 @@ def _bundled(name: str) -> str:
 
 def _described(content: dict[str, Any], where: str, folder: Path) -> Scene:
     """The scene of a file that says which kind it is."""
-    if _is_stereo(content):
-        try:
-            return replace(stereo.built(StereoFile.model_validate(content), folder), file=where)
-        except ValidationError as error:
-            raise InputError(all_mistakes(error, where, StereoFile)) from None
+    kind = _kind(content)
+    scene: Scene
     try:
-        return replace(dome.built(DomeFile.model_validate(content), folder), file=where)
+        if kind is StereoFile:
+            scene = stereo.built(StereoFile.model_validate(content), folder)
+        elif kind is CinemaFile:
+            scene = cinema(CinemaFile.model_validate(content))
+        else:
+            scene = dome.built(DomeFile.model_validate(content), folder)
     except ValidationError as error:
-        raise InputError(all_mistakes(error, where, DomeFile)) from None
+        raise InputError(all_mistakes(error, where, kind)) from None
+    return replace(scene, file=where)
 
 
-def _is_stereo(content: dict[str, Any]) -> bool:
-    """A stereo system has crosstalk, a dome theatre a dome; or what else only stereo systems have.
+def _kind(content: dict[str, Any]) -> type[DomeFile | StereoFile | CinemaFile]:
+    """A dome theatre has a dome, a stereo system crosstalk, a 2-D cinema its room or lens.
 
-    One misspelt section does not make it the other kind, whose mistakes would be listed then.
+    One misspelt section does not make it another kind, whose mistakes would be listed then. So what
+    else only flat screens have counts, too.
     """
     if "dome" in content:
-        return False
+        return DomeFile
     screen, seen = (_keys(content, name) for name in ("screen", "viewing"))
-    near = difflib.get_close_matches("crosstalk", content, 1)
-    return bool(near) or bool({"width_m", "height_m"} & screen) or "distance_m" in seen
+    if difflib.get_close_matches("crosstalk", content, 1):
+        return StereoFile
+    if not ({"width_m", "height_m"} & screen or "distance_m" in seen):
+        return DomeFile
+    return CinemaFile if {"room", "lens", "port_glass"} & set(content) else StereoFile
 
 
 def _keys(content: dict[str, Any], name: str) -> set[str]:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from domesim.scene.dome_file import DomeFile
 from domesim.scene.fields import Section
+from domesim.scene.flat_file import CinemaFile
 from domesim.scene.loading import scene_names
 from domesim.scene.stereo_file import StereoFile
 
@@ -49,6 +50,8 @@ _EXAMPLES: dict[str, Any] = {
     "measured.standard_errors": {"screen": [0.004, 0.004, 0.005], "floor": [0.02, 0.02, 0.02]},
     "measured.correlations": {"R screen": [1.0, -0.3, 0.0, 0.0, 0.0, 0.0]},
     "measured.sha256": {"white.exr": "9f86d081884c7d65..."},
+    "room.polarised": True,
+    "screen.half_gain_deg": 35.0,
     "stereo.kept_by_reflection": -0.8,
     "crosstalk.share": [0.01, 0.012, 0.015],
     "crosstalk.to_left_error": 0.001,
@@ -65,12 +68,14 @@ _EXAMPLES: dict[str, Any] = {
     "seats.weight": 2.0,
     "seats.factor": 1.5,
 }
+_BEGINS = {DomeFile: "dome", StereoFile: "stereo", CinemaFile: "cinema"}
 _LONG = 60
 _HEAD = """\
 # Keys of scene files
 
 What a scene file may hold, with an example of each key. A key whose default is *none* may be left
-out. [theatres.md](theatres.md) and [stereo.md](stereo.md) explain the keys.
+out. [theatres.md](theatres.md), [stereo.md](stereo.md) and [flat-cinemas.md](flat-cinemas.md) explain
+the keys.
 `domesim scene check` finds mistakes. `make keys` writes this page, by the models that check files.
 """
 
@@ -111,6 +116,7 @@ def page() -> str:
     """The whole page, in Markdown."""
     lines = [_HEAD, "## Dome theatres", "", *_tables(DomeFile)]
     lines += ["## Stereo systems", "", *_tables(StereoFile)]
+    lines += ["## 2-D cinemas", "", *_tables(CinemaFile)]
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -120,7 +126,7 @@ def parts(model: type[Section]) -> Iterator[Part]:
     scenes = [
         tomllib.loads(resources.files("scenes").joinpath(f"{name}.toml").read_text())
         for name in scene_names()
-        if name.startswith("dome") == (model is DomeFile)
+        if name.startswith(_BEGINS[model])
     ]
     yield from _parts(schema, schema["$defs"], "", "At the top of the file", scenes)
 

@@ -12,16 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk, leak_matrices, leaks_to_both, over_pixels
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.projector import Projector
 from domesim.observation.seats import SeveralSeats
-from domesim.observation.stereo import StereoObservation
 from domesim.observation.uncertain import UncertainMap, UncertainPair
 from domesim.room import viewing
 from domesim.room.viewing import Viewing
 from domesim.scene.base import Scene
 from domesim.scene.crosstalk_maps import CrosstalkMaps
+from domesim.scene.flat import LightsWay, way_of
 from domesim.scene.stereo_file import (
     CrosstalkSection,
     MeasuredProjectorSection,
@@ -105,6 +106,8 @@ class StereoScene(Scene):
         Levels and (view, own level, other level) grey-to-grey crosstalk, instead of the seats'.
     theatre
         The hardware, if that is described.
+    way
+        What lens, port glass and room do to light, if that is described.
     digest
         SHA-256 of what its crosstalk depends on.
     model
@@ -125,6 +128,7 @@ class StereoScene(Scene):
     chosen: tuple[str, ...]
     table: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     theatre: StereoTheatre | None = None
+    way: LightsWay | None = None
     digest: str = ""
     model: str = ""
     file: str = field(default="", compare=False)
@@ -137,7 +141,7 @@ class StereoScene(Scene):
     @property
     def pollution(self) -> str:
         """See `Scene`."""
-        return "the other eye's"
+        return "the other eye's" if self.way is None else "scattered, reflected, the other eye's"
 
     @property
     def several_seats(self) -> bool:
@@ -203,14 +207,32 @@ class StereoScene(Scene):
         model = f"measured: {measured}" if measured else "traced through the described hardware"
         return replace(self, seats=seats, model=model)
 
-    def observation(self, rows: int, cols: int) -> StereoObservation | GreyToGrey:
-        """What the chosen seats' eyes see of a pair of that size."""
+    def observation(self, rows: int, cols: int) -> AdjointObservation | GreyToGrey:
+        """What the chosen seats' eyes see of a pair of that size.
+
+        Raises
+        ------
+        InputError
+            If several seats are chosen in a described room.
+        """
         if self.table is not None:
             levels, entries = self.table
             by_primary = np.repeat(entries[:, None], 3, axis=1)
             return GreyToGrey(rows, cols, levels, by_primary, black=self._black)
         seats = self._crosstalks(rows, cols)
+        if self.way is not None:
+            if len(seats) > 1:
+                raise InputError(
+                    f"{self.name}: its [lens] and [room] are known for one seat at a time; name "
+                    f"one of {', '.join(self.chosen)} (--seat)"
+                )
+            return self.way.two_views(seats[0])
         return seats[0] if len(seats) == 1 else SeveralSeats(seats)
+
+    @property
+    def crosstalk_alone(self) -> StereoScene:
+        """The same system with neither lens nor room."""
+        return replace(self, way=None)
 
     def _crosstalks(self, rows: int, cols: int) -> list[Crosstalk]:
         """What each chosen seat's eyes see."""
@@ -229,7 +251,7 @@ class StereoScene(Scene):
         """See `Scene`."""
         seats = [self.seats[name] for name in self.chosen]
         told = [seat.uncertainty is not None or seat.map_uncertainty is not None for seat in seats]
-        if self.table is not None or not any(told):
+        if self.table is not None or self.way is not None or not any(told):
             return None
         each = self._crosstalks(rows, cols)
         best = each[0] if len(each) == 1 else SeveralSeats(each)
@@ -289,6 +311,7 @@ class StereoScene(Scene):
             "Crosstalk": f"{shares} ({self.model})",
             "Projector": f"white {self.projector.white:g} cd/m² through the glasses, black "
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
+            **({} if self.way is None else self.way.facts(self.projector.luminance_weights)),
         }
 
     @property
@@ -313,7 +336,8 @@ def built(file: StereoFile, folder: Path) -> StereoScene:
     """
     scene = _described(file, folder)
     _require_possible(scene)
-    return scene
+    polarised = file.crosstalk.polarisation is not None
+    return replace(scene, way=way_of(file, polarised=polarised))
 
 
 def _described(file: StereoFile, folder: Path) -> StereoScene:

@@ -24,15 +24,14 @@ from domesim.scene.fields import (
     Coordinate,
     Leak,
     LeakOfAView,
-    Length,
     Luminance,
     NoLuminance,
     Number,
     Section,
     Share,
-    ViewingSection,
     leak_form,
 )
+from domesim.scene.flat_file import FlatViewingSection, OnItsWay
 
 _NUMBER, _ROW, _MATRIX, _NAMED, _MEASURED = TAGS
 
@@ -48,13 +47,6 @@ ErrorOfAView: TypeAlias = Annotated[
 
 Grid = tuple[tuple[Annotated[Number, Field(ge=0, le=100)], ...], ...]
 """Rows of numbers over the screen, the first row at the top; all rows are as long."""
-
-
-class FlatScreenSection(Section):
-    """A flat screen."""
-
-    width_m: Length
-    height_m: Length
 
 
 class StereoProjectorSection(Section):
@@ -225,18 +217,11 @@ class CrosstalkSection(Section):
         return self
 
 
-class FlatViewingSection(ViewingSection):
-    """The audience before a flat screen."""
-
-    distance_m: Length
-
-
-class StereoFile(Section):
+class StereoFile(OnItsWay):
     """A whole scene file; ``sources`` says for each figure where it is from."""
 
     name: str
     description: str = ""
-    screen: FlatScreenSection
     projector: ProjectorSection
     ambient: AmbientSection = AmbientSection()
     crosstalk: CrosstalkSection
@@ -270,6 +255,15 @@ class StereoFile(Section):
         return self
 
     @model_validator(mode="after")
+    def _way_fits(self) -> Self:
+        if self.crosstalk.table is not None and (self.lens is not None or self.room is not None):
+            raise ValueError(
+                "crosstalk.table: knows light as it is seen, with all that happens to it; leave "
+                "[lens] and [room] out"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _seats_fit(self) -> Self:
         names = [seat.name for seat in self.seats]
         for name in {"all", "worst"} & set(names):
@@ -296,6 +290,8 @@ class StereoFile(Section):
         """SHA-256 of all that crosstalk depends on, but the readings themselves."""
         parts = {"screen", "crosstalk", "seats"}
         content = self.model_dump(mode="json", include=parts, warnings=False)
+        for name in ("gain", "half_gain_deg"):
+            content["screen"].pop(name)
         for seat in content["seats"]:
             seat.pop("weight")
         for view in ("left", "right"):

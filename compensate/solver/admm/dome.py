@@ -52,7 +52,7 @@ from compensate.solver.admm.level import Apart, Level, Mixing
 from compensate.solver.admm.pair import Eyes
 from compensate.solver.admm.planes import Split, planes_of, widths_of
 from compensate.solver.admm.pyramid import halved
-from compensate.solver.dome_pairs import DomePair
+from compensate.solver.kinds import DomePair
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace, on_host
 from domesim.observation.lowrank import LowRankObservation

@@ -49,13 +49,11 @@ from compensate.solver.admm.level import Level
 from compensate.solver.admm.pair import split_pair
 from compensate.solver.admm.planes import Split, require_certifiable, residual_of
 from compensate.solver.admm.pyramid import padded
-from compensate.solver.dome_pairs import parts_of
+from compensate.solver.kinds import Kind, kind_of, parts_of
 from compensate.solver.result import Result, Status
 from domesim.host.memory import give_back_memory
 from domesim.light import Light, namespace
 from domesim.light.strips import in_parts, is_large
-from domesim.observation.lowrank import LowRankObservation
-from domesim.observation.stereo import StereoObservation
 
 
 @final
@@ -124,9 +122,10 @@ class ADMM:
         if _is_rounding(residual):
             return Result(problem.anchor, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
         observation = problem.observation
-        if isinstance(observation, LowRankObservation):
+        kind = kind_of(observation)
+        if kind is Kind.LOW_RANK:
             split = split_dome(problem, weighting)
-        elif isinstance(observation, StereoObservation):
+        elif kind is Kind.PIXELWISE:
             split = split_pair(problem, weighting)
         elif (parts := parts_of(observation)) is not None:
             split = split_dome_pair(problem, weighting, parts)

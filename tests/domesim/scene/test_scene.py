@@ -120,7 +120,7 @@ def test_all_mistakes_are_listed_in_one_go(tmp_path):
     ("name", "message"),
     [
         ("dome_imx", "did you mean 'dome_imax'"),
-        ("nowhere", "use one of dome_dark, dome_hemisphere"),
+        ("nowhere", "use one of cinema_2d, dome_dark, dome_hemisphere"),
         ("nowhere.toml", "No such file"),
         ("some/folder", "No such file"),
         (".", "Is a directory|not known"),

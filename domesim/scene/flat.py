@@ -1,0 +1,224 @@
+"""Light's way in a flat cinema: lens and port glass, then the room; and a 2-D cinema of these."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.observation.base import AdjointObservation
+from domesim.observation.crosstalk import Crosstalk
+from domesim.observation.dome_pair import ReflectedViews
+from domesim.observation.flat_room import room_observation
+from domesim.observation.followed import Followed
+from domesim.observation.glare import Glare, Scatter
+from domesim.observation.lowrank import LowRankObservation
+from domesim.observation.projector import Projector
+from domesim.observation.uncertain import Uncertain
+from domesim.room import viewing
+from domesim.room.flat_room import FlatRoom
+from domesim.room.viewing import Viewing
+from domesim.scene.base import Scene
+from domesim.scene.flat_file import CinemaFile, OnItsWay
+
+LENS, PORT_GLASS, ROOM = "lens", "port glass", "room"
+"""Names of the parts of light's way."""
+
+
+@final
+@dataclass(frozen=True)
+class LightsWay:
+    """What happens to light between the projector and the eyes, but for crosstalk.
+
+    Parameters
+    ----------
+    size
+        (width, height) of the screen, m.
+    throw
+        Distance from the lens to the screen, m.
+    scatters
+        What scatters, by `LENS` and `PORT_GLASS`.
+    room
+        The auditorium; None for one that reflects nothing.
+    mixed
+        Whether the room's light reaches both eyes in halves: of polarised systems.
+    """
+
+    size: tuple[float, float]
+    throw: float = 1.0
+    scatters: Mapping[str, Scatter] = field(default_factory=dict)
+    room: FlatRoom | None = None
+    mixed: bool = False
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of what pollutes."""
+        return (*self.scatters, *(() if self.room is None else (ROOM,)))
+
+    def only(self, *names: str) -> Self:
+        """The same way with some of its parts."""
+        scatters = {name: each for name, each in self.scatters.items() if name in names}
+        return replace(self, scatters=scatters, room=self.room if ROOM in names else None)
+
+    def one_view(self, rows: int, cols: int, black: float) -> AdjointObservation:
+        """Psi = (I + Phi) H x + black of a 2-D picture."""
+        return self._scattered(1, self._reflected(rows, cols, black))
+
+    def two_views(self, crosstalk: Crosstalk) -> AdjointObservation:
+        """Psi = C (I + Phi) H x + black of a pair: crosstalk with its black comes last."""
+        _, rows, cols, _ = crosstalk.shape
+        summed = self._reflected(rows, cols, 0.0)
+        differing = summed
+        if self.mixed:
+            factors = replace(summed.factors, core=0 * summed.factors.core)
+            differing = LowRankObservation(factors, summed.screen)
+        return self._scattered(2, Followed(ReflectedViews(summed, differing), crosstalk))
+
+    def facts(self, weights: NDArray[np.float64]) -> dict[str, str]:
+        """What a reader should know of it: heading -> text; by weights of luminance."""
+        found = {}
+        if self.scatters:
+            told = ", ".join(f"{name} {each.share:.2%}" for name, each in self.scatters.items())
+            found["Scattered light"] = f"{told} of all light, at a throw of {self.throw:g} m (ABg)"
+        if self.room is not None:
+            view = self._reflected(9, 16, 0.0)
+            white = np.ones(view.shape)
+            back = float(np.mean((view.linear(white) - white) @ weights))
+            width, height, length = self.room.size
+            found["Room"] = (
+                f"{width:g} x {height:g} x {length:g} m, sends {back:.2%} of a white frame's light "
+                f"back to the screen, whose gain is {self.room.gain:g}"
+            )
+        return found
+
+    def _reflected(self, rows: int, cols: int, black: float) -> LowRankObservation:
+        room = self.room or FlatRoom(self.size, 1.0, None, (*self.size, 1.0), 0.0, *_BLACK, 0.5)
+        return room_observation(room, rows, cols, black)
+
+    def _scattered(self, views: int, then: AdjointObservation) -> AdjointObservation:
+        if not self.scatters:
+            return then
+        shape = (views, *then.shape[1:])
+        scatters = list(self.scatters.values())
+        return Followed(Glare(shape, self.size, self.throw, scatters), then)
+
+
+_BLACK = ((0.0, 0.0, 0.0),) * 6
+
+
+def way_of(file: OnItsWay, *, polarised: bool = False) -> LightsWay | None:
+    """Light's way as a file tells it; None if it says nothing of it."""
+    if file.lens is None and file.room is None:
+        return None
+    screen, sections = file.screen, {LENS: file.lens, PORT_GLASS: file.port_glass}
+    return LightsWay(
+        (screen.width_m, screen.height_m),
+        1.0 if file.lens is None else file.lens.throw_m,
+        {name: each.scatter for name, each in sections.items() if each is not None},
+        None if file.room is None else file.room.box(screen),
+        polarised or (file.room is not None and file.room.polarised),
+    )
+
+
+@final
+@dataclass(frozen=True)
+class CinemaScene(Scene):
+    """A 2-D cinema: its projector, its screen and room, its audience.
+
+    Parameters
+    ----------
+    name, description
+        What it is called and is.
+    projector
+        Its projector.
+    viewing
+        Its audience.
+    sources
+        For each figure of the scene file where it is from.
+    way
+        What happens to light on its way.
+    ambient
+        Luminance of the unlit screen (projector black and stray light), cd/m².
+    file
+        What commands call it: its file's path, or the name of a bundled one.
+    """
+
+    name: str
+    description: str
+    projector: Projector
+    viewing: Viewing
+    sources: Mapping[str, str]
+    way: LightsWay
+    ambient: float
+    file: str = field(default="", compare=False)
+
+    @property
+    def views(self) -> int:
+        """One."""
+        return 1
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """(width, height) of the screen, m."""
+        return self.way.size
+
+    @property
+    def pollution(self) -> str:
+        """See `Scene`."""
+        return "scattered and reflected"
+
+    @property
+    def several_seats(self) -> bool:
+        """False: all seats see the same."""
+        return False
+
+    @property
+    def approximation(self) -> str | None:
+        """None: what is described is computed as described."""
+        return None
+
+    def observation(self, rows: int, cols: int) -> AdjointObservation:
+        """What the audience sees of a picture of that size."""
+        return self.way.one_view(rows, cols, self.ambient / self.projector.white)
+
+    def uncertain(self, rows: int, cols: int) -> Uncertain | None:
+        """None: nothing of it was measured."""
+        return None
+
+    def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
+        """(row, col): all of the picture."""
+        return np.ones((rows, cols), np.bool_)
+
+    def pixel_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
+        """(row, col) areas of pixels on the screen, m²."""
+        return np.broadcast_to(self.size[0] * self.size[1] / (rows * cols), (rows, cols))
+
+    def facts(self) -> dict[str, str]:
+        """What a reader of results should know of it: heading -> text."""
+        return {
+            "Cinema": f"{self.name}, screen {self.size[0]:g} x {self.size[1]:g} m, seen from "
+            f"{self.viewing.distance:g} m",
+            "Projector": f"white {self.projector.white:g} cd/m², black "
+            f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
+            **self.way.facts(self.projector.luminance_weights),
+        }
+
+
+def cinema(file: CinemaFile) -> CinemaScene:
+    """The 2-D cinema that a file describes."""
+    lit, way = file.projector, way_of(file)
+    assert way is not None
+    return CinemaScene(
+        name=file.name,
+        description=file.description,
+        projector=Projector(lit.primaries, lit.white_cd_m2, lit.black_cd_m2),
+        viewing=viewing.of_flat_screen(
+            *way.size, file.viewing.distance_m, file.viewing.adaptation_cd_m2
+        ),
+        sources=file.sources,
+        way=way,
+        ambient=lit.black_cd_m2 + file.ambient.luminance_cd_m2,
+    )
