@@ -8,6 +8,9 @@ black or white; L_KW: own black, other white), in the words of Woods [1]:
 Of a *pair*, his viewer crosstalk, leaked over own light at each place, and what two eyes see of it
 (`vision.binocular.pair`): as it is, subtracted, compensated.
 
+Of a *room*, if a scene describes one, its system contrast (`domesim.inspection.contrast`), and what
+the eye's own stray light leaves of that (`vision.glare`).
+
 Limits, with whose they are: a step of 1 % is visible, 5.8 % is perceptible but does not annoy [2];
 5 to 10 % is often acceptable, less with higher contrast or larger disparity [3]. Those of ISO/IEC
 and of DIGSS were not found in text that is public, and are left out.
@@ -31,6 +34,8 @@ from compensate.figures import Appraisal
 from compensate.pose import Posed
 from compensate.solve import solved
 from compensate.vision.binocular.pair import Pair
+from compensate.vision.glare import StrayLight
+from domesim.inspection.contrast import FlatScene, boards, means
 from domesim.light import Light
 from domesim.scene import StereoScene
 
@@ -38,6 +43,8 @@ VISIBLE, ANNOYING, ACCEPTABLE = 0.01, 0.058, 0.1
 """Crosstalk that is a visible step; that does not annoy yet; the most that is often acceptable."""
 EYES = ("left", "right")
 METHODS = {"none": "as it is", "subtractive": "subtracted", "perceptual": "compensated"}
+EYES_AGE = 35.0
+"""Years: chosen, of an audience."""
 GRID = (9, 16)
 """Rows and cols of the plain frames: a map of crosstalk is smooth."""
 
@@ -115,6 +122,20 @@ def crosstalk(scene: StereoScene) -> dict[str, Crosstalk]:
     return found
 
 
+def to_the_eye(scene: FlatScene, age: float = EYES_AGE) -> tuple[float, float]:
+    """White and black fields of the checkerboard with the eye's own stray light, cd/m².
+
+    They are seen from the scene's viewing distance. The eye looks at each field in turn.
+    """
+    both, seen = boards(scene)
+    rows = both.shape[1]
+    height = np.degrees(scene.size[1] / scene.viewing.distance)
+    # Fields are as wide as the screen is: the eye needs square pixels
+    cols = round(rows * scene.size[0] / scene.size[1])
+    at = np.minimum((np.arange(cols) + 0.5) * both.shape[2] / cols, both.shape[2] - 1).astype(int)
+    return means(both[..., at], StrayLight(age).seen(seen[..., at], rows / height))
+
+
 def ways(posed: Posed) -> dict[str, Way]:
     """What two eyes see of a pair, by each of `METHODS`.
 
@@ -139,8 +160,9 @@ def viewer_crosstalk(posed: Posed) -> Mapping[str, float]:
     weights = scene.projector.luminance_weights
     own = posed.desired @ weights
     black = np.zeros_like(posed.desired)
-    leaked = (posed.observation.observe(posed.desired) - posed.desired) @ weights
-    stray = posed.observation.observe(black) @ weights
+    observation = scene.crosstalk_alone.observation(*black.shape[1:3])
+    leaked = (observation.observe(posed.desired) - posed.desired) @ weights
+    stray = observation.observe(black) @ weights
     ratio = np.maximum(leaked - stray, 0) / np.maximum(own + stray, 1e-6)
     return {
         "median": float(np.median(ratio)),

@@ -8,6 +8,7 @@ import typer
 
 from compensate.commands.aiming import Aiming
 from compensate.methods import METHODS
+from compensate.solver.fitting import Fitted
 from domesim.commands.options import Place, Telling, grouped
 from domesim.commands.shows import Doing, Masters, Results
 
@@ -55,7 +56,9 @@ def compensate(
     recipe = aiming.recipe(choice, method, only_visible=only_visible, spatial=spatial)
     recipe.require_sense(scene)
     if doing.scheduler is None:  # whose workers may have a device that this machine has not
-        recipe.solver(scene, console.note)
+        solver = recipe.solver(scene, console.note)
+        if isinstance(solver, Fitted) and (told := solver.general(scene)):
+            console.say(told)
     doing.show(
         masters.find(doing.frames),
         recipe,

@@ -1,4 +1,4 @@
-"""``domesim report-card``: a stereo system's crosstalk, and what two eyes see of a pair in it."""
+"""``domesim report-card``: a flat screen's contrast and crosstalk; what two eyes see of a pair."""
 
 from __future__ import annotations
 
@@ -7,13 +7,23 @@ from typing import Any
 
 from compensate.figures import Appraisal
 from compensate.pose import Stage
-from compensate.report_card import METHODS, Crosstalk, crosstalk, disparity, viewer_crosstalk, ways
+from compensate.report_card import (
+    EYES_AGE,
+    METHODS,
+    Crosstalk,
+    crosstalk,
+    disparity,
+    to_the_eye,
+    viewer_crosstalk,
+    ways,
+)
 from domesim.commands.options import SeatName, Telling, TransportFile, grouped
 from domesim.commands.render import SceneArgument
 from domesim.commands.shows import Masters, require_one_seat
 from domesim.errors import InputError
 from domesim.host.console import Console, about
-from domesim.scene import StereoScene
+from domesim.inspection.contrast import FlatScene, contrast
+from domesim.scene import CinemaScene, StereoScene
 from domesim.scene.choice import SceneChoice
 
 
@@ -25,12 +35,20 @@ def report_card(
     seat: SeatName = None,
     transport: TransportFile = None,
 ) -> None:
-    """Tell a stereo system's crosstalk, and what two eyes see of a pair in it."""
+    """Tell a flat screen's contrast and crosstalk, and what two eyes see of a pair on it."""
     console = telling.console()
     system = SceneChoice(scene, transport, seat).load()
+    if isinstance(system, CinemaScene):
+        if not masters.master is masters.left is masters.right is None:
+            raise InputError(
+                f"{scene}: a 2-D cinema's report card is of the cinema alone; for a master in it "
+                f"use 'domesim compare'"
+            )
+        console.figures({"scene": system.name} | _of_room(system, console))
+        return
     if not isinstance(system, StereoScene):
         raise InputError(
-            f"{scene}: a report card is of a stereo system, got a dome; for that use 'domesim "
+            f"{scene}: a report card is of a flat screen, got a dome; for that use 'domesim "
             f"scene check {scene}'"
         )
     require_one_seat(system, seat, "a report card is of one seat")
@@ -45,9 +63,23 @@ def report_card(
             eye: {**asdict(each), "verdict": each.verdict} for eye, each in found.items()
         },
     }
+    if system.way is not None:
+        figures |= _of_room(system, console)
     if not masters.master is masters.left is masters.right is None:
         figures["pair"] = _of_pair(system, masters, console)
     console.figures(figures)
+
+
+def _of_room(scene: FlatScene, console: Console) -> dict[str, Any]:
+    """Figures of system contrast, which are said, too."""
+    found, (lit, dark) = contrast(scene), to_the_eye(scene)
+    veil, seen = dark - found.dark, lit / dark
+    console.say(
+        *found.lines(),
+        f"To an eye of {EYES_AGE:g} years, whose own stray light adds {veil:.3g} cd/m² to black "
+        f"fields: {seen:.3g} : 1",
+    )
+    return {**found.figures(), "eye_veil_cd_m2": veil, "ansi_contrast_to_the_eye": seen}
 
 
 def _told(eye: str, each: Crosstalk) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from compensate.aim import Eye
 from compensate.figures import Appraisal
 from compensate.master import Outcome, solve_frame
-from compensate.methods import Solver
+from compensate.methods import Solver, methods_of
 from compensate.page.page import Figure, View, write_page
 from compensate.pose import Posed, Stage
 from domesim.frames import Master
@@ -196,7 +196,7 @@ class Comparison:
 
 def shown_methods(scene: Scene) -> Mapping[str, tuple[str, str]]:
     """The methods that a comparison shows: name -> title and note."""
-    return DOME if isinstance(scene, DomeScene) else STEREO
+    return STEREO if "raised-black-local" in methods_of(scene) else DOME
 
 
 def compare_methods(

@@ -11,6 +11,7 @@ from compensate.solver.admm import ADMM, require_certifiable
 from compensate.solver.kinds import Kind, kind_of
 from compensate.solver.result import Result
 from domesim.light import Light
+from domesim.scene import Scene
 
 
 class Fitting(NamedTuple):
@@ -56,6 +57,15 @@ class Fitted:
     """
 
     known: ADMM
+
+    def general(self, scene: Scene) -> str:
+        """What to say where the general solver takes a scene; "" where a fast one does."""
+        if kind_of(scene.solvable(8, 8)) is not Kind.OTHER:
+            return ""
+        return (
+            f"{scene.name}: no fast solver knows this composition of {scene.pollution} light; "
+            f"accelerated gradients solve it, certified, and take longer"
+        )
 
     def __call__(self, problem: Problem, start: Light) -> Result:
         """Minimise `problem` from the light `start` (view, row, col, primary)."""

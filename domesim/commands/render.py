@@ -22,7 +22,7 @@ from domesim.frames import read_master
 from domesim.host.console import Console, about, prepare_file
 from domesim.inspection.coverage import require_covered
 from domesim.observation.stereo import VIEWS
-from domesim.scene import DomeScene, StereoScene, load_dome, load_scene
+from domesim.scene import CinemaScene, DomeScene, StereoScene, load_dome, load_scene
 from domesim.scene.crosstalk_maps import CrosstalkMaps
 from domesim.scene.screening import decoded
 from domesim.scene.stereo import MAP_CELLS
@@ -227,6 +227,10 @@ def tabulate(
     """Trace a dome's reflected light, or a polarised 3D cinema's crosstalk, for --transport."""
     console = Console(quiet=quiet, json=json)
     theatre = load_scene(scene)
+    if isinstance(theatre, CinemaScene):
+        raise InputError(
+            f"{scene}: a 2-D cinema's light is computed from its scene file; nothing is tabulated"
+        )
     if out.suffix != ".npz":
         raise InputError(f"--out {out}: a transport is stored as .npz, name it so")
     if not walks >= 1:

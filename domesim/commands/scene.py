@@ -15,9 +15,10 @@ from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 from domesim.host.console import Console, prepare_file
 from domesim.inspection import lightmaps
+from domesim.inspection.contrast import contrast
 from domesim.inspection.coverage import Coverage, coverage, require_covered
 from domesim.inspection.photometry import Photometry, photometry
-from domesim.scene import DomeScene, load_scene
+from domesim.scene import CinemaScene, DomeScene, StereoScene, load_scene
 
 _HARD = 0.25
 """Least sum of soft edges of a seam that is blended: in its middle each of two is a half."""
@@ -64,7 +65,12 @@ def check(
     figures: dict[str, Any] = {"scene": found.name, "facts": found.facts()}
     if not isinstance(found, DomeScene):
         if out is not None:
-            raise InputError(f"--out {out}: {scene} is a stereo system; leave --out out")
+            raise InputError(f"--out {out}: {scene} has a flat screen; leave --out out")
+        assert isinstance(found, CinemaScene | StereoScene)
+        if found.way is not None:
+            told = contrast(found)
+            console.say(*told.lines())
+            figures |= told.figures()
         console.figures(figures)
         return
     if out is not None:

@@ -7,7 +7,7 @@ import io
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 import typer
@@ -18,20 +18,21 @@ from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 from domesim.host.console import Console, prepare_file
 from domesim.inspection import lightmaps
+from domesim.inspection.contrast import contrast
 from domesim.inspection.coverage import coverage, require_covered
 from domesim.inspection.photometry import Photometry, ghost, photometry
 from domesim.inspection.plans import (
     dome_plan,
     dome_section,
-    stereo_plan,
-    stereo_seats,
-    stereo_section,
+    flat_plan,
+    flat_seats,
+    flat_section,
 )
 from domesim.library import load_master
 from domesim.light import Light, transfer
 from domesim.observation.spherical import bare_gain
 from domesim.room.theatre import Theatre, Viewpoint
-from domesim.scene import DomeScene, Scene, StereoScene
+from domesim.scene import CinemaScene, DomeScene, Scene, StereoScene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import mean_luminance
 
@@ -73,8 +74,8 @@ def show(
         require_covered(found, scene)
         content, figures = _dome(found.one_eye, console, cutaway=cutaway)
     else:
-        assert isinstance(found, StereoScene)
-        content, figures = _stereo(found)
+        assert isinstance(found, CinemaScene | StereoScene)
+        content, figures = _flat(found)
     write_whole(out, _page(found, content).encode())
     console.say(f"  -> {out}")
     console.figures({"scene": found.name, "output": str(out)} | figures)
@@ -267,20 +268,26 @@ def _left_out(scene: DomeScene) -> dict[str, Any]:
 # 3D screens.
 
 
-def _stereo(scene: StereoScene) -> tuple[dict[str, Any], dict[str, Any]]:
+def _flat(scene: CinemaScene | StereoScene) -> tuple[dict[str, Any], dict[str, Any]]:
     lit = scene.projector
     width, height = scene.size
+    glasses = "through the glasses" if scene.views > 1 else ""
     rows = [
         Row("width_m", "Width of the screen", width, "m", ""),
         Row("height_m", "Height", height, "m", ""),
         Row("distance_m", "Viewing distance", scene.viewing.distance, "m", ""),
-        Row("white_cd_m2", "White", lit.white, "cd/m²", "through the glasses"),
-        Row("black_cd_m2", "Black level", lit.black, "cd/m²", "through the glasses"),
+        Row("white_cd_m2", "White", lit.white, "cd/m²", glasses),
+        Row("black_cd_m2", "Black level", lit.black, "cd/m²", glasses),
         Row("sequential_contrast", "Sequential contrast",
             lit.white / lit.black if lit.black > 0 else None, ": 1", ""),
     ]  # fmt: skip
-    seats, figures = [], {row.key: row.value for row in rows}
-    for number, name in enumerate(scene.seats, 1):
+    tables = [("The system", rows)]
+    if scene.way is not None:
+        rows.pop()  # contrast has its own table
+        tables.append(("System contrast", _contrast(scene)))
+    seats, figures = [], {row.key: row.value for _, each in tables for row in each}
+    for number, name in enumerate(scene.seats if isinstance(scene, StereoScene) else (), 1):
+        assert isinstance(scene, StereoScene)
         found = ghost(scene, name)
         mean, most = float(found.shares.mean()), float(found.shares.max())
         seats.append(
@@ -294,19 +301,36 @@ def _stereo(scene: StereoScene) -> tuple[dict[str, Any], dict[str, Any]]:
             }
         )
         figures[f"crosstalk {name}"] = mean
-    drawn = list(stereo_seats(scene))
+    drawn = list(flat_seats(scene))
     content = {
-        "tables": [("The system", rows)],
+        "tables": tables,
         "drawings": [
-            ("Plan, from above", stereo_plan(scene)),
-            ("Section, from the side", stereo_section(scene)),
+            ("Plan, from above", flat_plan(scene)),
+            ("Section, from the side", flat_section(scene)),
         ],
         "seats": seats,
-        "placed": scene.theatre is not None,
+        "placed": isinstance(scene, StereoScene) and scene.theatre is not None,
         "drawn": drawn,
-        "crosstalk": scene.facts()["Crosstalk"],
+        "crosstalk": scene.facts().get("Crosstalk"),
     }
     return content, figures
+
+
+def _contrast(scene: CinemaScene | StereoScene) -> list[Row]:
+    found = contrast(scene)
+    told = found.figures()
+    parts = [
+        Row(f"ansi_black {name}", name, light, "cd/m²", f"{light / found.dark:.0%} of that")
+        for name, light in found.parts.items()
+    ]
+    return [
+        Row("sequential_contrast", "Sequential contrast", found.sequential, ": 1",
+            "a full white frame over a full black one"),
+        Row("ansi_contrast", "ANSI contrast", found.ansi, ": 1", "16 fields, in the room"),
+        *(Row(key, what, cast("float", told[key]), "cd/m²", "") for key, what in (
+            ("ansi_white_cd_m2", "White fields"), ("ansi_black_cd_m2", "Black fields"))),
+        *parts,
+    ]  # fmt: skip
 
 
 def _cells(shares: NDArray[np.float64], most: float) -> list[tuple[int, int, float, float]]:

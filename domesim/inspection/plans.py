@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ from domesim.room.beams import lit_edge
 from domesim.room.dome import Dome
 from domesim.room.furniture import EYE_HEIGHT
 from domesim.room.theatre import Theatre, Viewpoint
-from domesim.scene import DomeScene, StereoScene
+from domesim.scene import CinemaScene, DomeScene, StereoScene
 
 Floats = NDArray[np.float64]
+FlatScene: TypeAlias = CinemaScene | StereoScene
 
 WIDTH = 640
 _SEAT = 0.46  # m, of its square
@@ -258,30 +259,36 @@ def _marks(draw: _Drawing, places: Sequence[Sequence[float]], reach: float) -> N
         draw.text(place, words, "mark", "middle", -0.5)
 
 
-# A 3D screen.
+# A flat screen.
 
 
-def stereo_seats(scene: StereoScene) -> dict[str, Floats]:
+def flat_seats(scene: FlatScene) -> dict[str, Floats]:
     """Places of the seats that have one; the middle one at the viewing distance if none has."""
-    if scene.theatre is not None:
+    if isinstance(scene, StereoScene) and scene.theatre is not None:
         return {name: np.asarray(place, float) for name, place in scene.theatre.seats.items()}
     return {"viewing distance": np.array([0.0, -scene.viewing.distance, 0.0])}
 
 
-def stereo_plan(scene: StereoScene) -> str:
-    """A 3D screen from above, the screen on the right."""
-    return _stereo(scene, 0, f"Plan of {scene.name}")
+def flat_plan(scene: FlatScene) -> str:
+    """A flat screen from above, the screen on the right."""
+    return _flat(scene, 0, f"Plan of {scene.name}")
 
 
-def stereo_section(scene: StereoScene) -> str:
-    """A 3D screen from its side, the screen on the right."""
-    return _stereo(scene, 2, f"Section of {scene.name}")
+def flat_section(scene: FlatScene) -> str:
+    """A flat screen from its side, the screen on the right."""
+    return _flat(scene, 2, f"Section of {scene.name}")
 
 
-def _stereo(scene: StereoScene, axis: int, label: str) -> str:
+def _lenses(scene: FlatScene) -> list[tuple[float, ...]]:
+    if isinstance(scene, StereoScene) and scene.theatre is not None:
+        return [projector.position for projector in scene.theatre.projectors]
+    return [(0.0, -scene.way.throw, 0.0)] if scene.way is not None and scene.way.scatters else []
+
+
+def _flat(scene: FlatScene, axis: int, label: str) -> str:
     """The screen on the right, lenses and seats: depth across; x downwards (plan), or z upwards."""
-    seats = stereo_seats(scene)
-    lenses = [] if scene.theatre is None else [p.position for p in scene.theatre.projectors]
+    seats = flat_seats(scene)
+    lenses = _lenses(scene)
     places = np.array([*seats.values(), *lenses], float)
     far = float(-places[:, 1].min())
     size = scene.size[0] if axis == 0 else scene.size[1]

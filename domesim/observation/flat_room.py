@@ -31,8 +31,8 @@ from domesim.room.flat_room import Face, FlatRoom
 Floats = NDArray[np.float64]
 
 _POINTS = (6, 9)  # Gauss points down and across the screen
-_PATCH = 16  # of the room's longest side; they shrink towards the screen
-_PARTS = 4  # of a patch, either way: what the screen sees of it varies
+_PATCH = 12  # of the room's longest side; they shrink towards the screen
+_PARTS = 6  # of a patch, either way: what the screen sees of it varies
 _KEPT, _MOST = 5e-3, 16  # of the strongest mode: weaker ones are left out; and how many are kept
 
 
@@ -52,19 +52,24 @@ class RoomModes(NamedTuple):
     core: Floats
 
 
-def room_observation(room: FlatRoom, rows: int, cols: int, black: float) -> LowRankObservation:
+_NOTHING = RoomModes(np.ones((1, 1, 1)), np.zeros((3, 1, 1)))
+
+
+def room_observation(
+    room: FlatRoom | None, rows: int, cols: int, black: float
+) -> LowRankObservation:
     """Psi = x + Phi x + black of one view.
 
     Parameters
     ----------
     room
-        The box and its screen.
+        The box and its screen; None for one that reflects nothing.
     rows, cols
         Size of the picture.
     black
         Light that is there without a picture, 1 = projector white.
     """
-    found = room_modes(room)
+    found = _NOTHING if room is None else room_modes(room)
     planes = _over_pixels(found.modes, rows, cols)
     primaries = len(found.core)
     ambient = np.broadcast_to(np.float32(black), (primaries, rows, cols))
@@ -205,7 +210,7 @@ def _over_pixels(modes: Floats, rows: int, cols: int) -> NDArray[np.float32]:
     """(mode, row, col) of polynomials, at the middles of pixels; the first row is at the top."""
     down, across = (
         _orthonormal((2 * np.arange(size) + 1) / size - 1, count)
-        for size, count in zip((rows, cols), _POINTS, strict=True)
+        for size, count in zip((rows, cols), modes.shape[1:], strict=True)
     )
     planes = down @ modes @ across.T
     return planes.astype(np.float32)

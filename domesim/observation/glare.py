@@ -16,7 +16,7 @@ what is seen is a convolution:
 Direct light is D x = (1 - s) x. What is scattered beyond the screen is lost on its masking, so
 that nothing gains light. Scattering twice is left out: it is s² of light.
 
-K is smooth at the size of its shoulder. So light is gathered in cells of a third of that, the
+K is smooth at the size of its shoulder. So light is gathered in cells of a quarter of that, the
 cells are convolved by Fourier transforms with zeros around, and the veil is linear between them.
 What spreads light from cells to pixels also gathers it, so that A' = A.
 """
@@ -39,7 +39,7 @@ from domesim.observation.base import AdjointObservation
 
 Floats = NDArray[np.float64]
 
-_FINE = 3.0  # cells to the narrowest shoulder
+_FINE = 4.0  # cells to the narrowest shoulder
 _MOST = 0.5  # of light may be scattered: beyond, it is no veil
 
 

@@ -118,6 +118,12 @@ class FlatRoom:
         sent = self.relative_gain(angle) * np.sin(2 * angle)
         return float(self.gain * np.trapezoid(sent, angle))
 
+    @property
+    def gap(self) -> float:
+        """Distance from the screen's edges to the nearest surface beside it, m."""
+        (width, height), (wide, high, _) = self.screen, self.size
+        return min((wide - width) / 2, self.bottom, high - height - self.bottom)
+
     def faces(self) -> list[Face]:
         """The surfaces but the screen: of the front wall, what is around it."""
         width, height, length = self.size

@@ -14,7 +14,7 @@ import numpy as np
 from domesim.errors import InputError
 from domesim.host.console import about
 from domesim.observation.transport import load_transport
-from domesim.scene import DomeScene, Scene, StereoScene, load_scene
+from domesim.scene import CinemaScene, DomeScene, Scene, StereoScene, load_scene
 from domesim.scene.crosstalk_maps import load_maps
 
 
@@ -86,6 +86,13 @@ class SceneChoice:
 
     def _loaded(self) -> Scene:
         scene = load_scene(self.name)
+        if isinstance(scene, CinemaScene):
+            for option, value in (("--transport", self.transport), ("--seat", self.seat)):
+                if value is not None:
+                    raise InputError(
+                        f"{option} {value}: {scene.name} is a 2-D cinema, whose room its scene "
+                        f"file describes, the same for all seats; leave it out"
+                    )
         if self.transport is not None:
             with about(self.transport):
                 if isinstance(scene, StereoScene):

@@ -158,9 +158,7 @@ class CinemaFile(OnItsWay):
     sources: dict[str, str] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _polluted(self) -> Self:
-        if self.room is None and self.lens is None:
-            raise ValueError("needs a [room], a [lens] or both: without them nothing is polluted")
+    def _of_one_view(self) -> Self:
         if self.room is not None and self.room.polarised:
             raise ValueError("room.polarised: is of 3D systems; leave it out")
         return self

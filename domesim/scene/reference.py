@@ -74,8 +74,8 @@ _HEAD = """\
 # Keys of scene files
 
 What a scene file may hold, with an example of each key. A key whose default is *none* may be left
-out. [theatres.md](theatres.md), [stereo.md](stereo.md) and [flat-cinemas.md](flat-cinemas.md) explain
-the keys.
+out. [theatres.md](theatres.md), [stereo.md](stereo.md) and [flat-cinemas.md](flat-cinemas.md)
+explain the keys.
 `domesim scene check` finds mistakes. `make keys` writes this page, by the models that check files.
 """
 

@@ -56,7 +56,7 @@ def _require_views(master: Master, scene: Scene) -> None:
         return
     if scene.views == 1:
         raise InputError(
-            f"{master.path}: wanted a domemaster for {scene.name}, got left and right. Do each "
+            f"{master.path}: wanted one picture for {scene.name}, got left and right. Do each "
             f"alone, or choose a stereo scene."
         )
     eyes = master.frames[0].header.eyes

@@ -150,8 +150,8 @@ class StereoScene(Scene):
 
     @property
     def approximation(self) -> str | None:
-        """None: what is described is computed as described."""
-        return None
+        """See `Scene`."""
+        return None if self.way is None else self.way.approximation
 
     @property
     def weights(self) -> NDArray[np.float64]:

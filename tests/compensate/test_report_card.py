@@ -64,5 +64,5 @@ def test_a_pair_is_told_of(run, tmp_path):
 
 
 def test_mistakes_are_one_line(run):
-    run("report-card", "dome_imax").is_refused("a stereo system, got a dome", "scene check")
+    run("report-card", "dome_imax").is_refused("a flat screen, got a dome", "scene check")
     run("report-card", SCENE, "--left", "a.png").is_refused("wanted --left and --right")

@@ -12,7 +12,7 @@ import pytest
 from command_line import exit_code
 
 from domesim.commands.scene_show import marked
-from domesim.inspection.plans import WIDTH, dome_plan, dome_section, stereo_plan
+from domesim.inspection.plans import WIDTH, dome_plan, dome_section, flat_plan
 from domesim.scene import load_dome, load_stereo
 from domesim.scene.drafts import DomeWish, dome_draft
 from domesim.scene.loading import scene_of_text
@@ -193,7 +193,7 @@ def test_the_front_is_up_in_the_plan_and_right_in_the_section():
 
 def test_a_3d_screen_to_scale():
     scene = load_stereo("stereo_cinema_silver")
-    plan = stereo_plan(scene)
+    plan = flat_plan(scene)
     size = _extents(plan, "screen")
     beam = _extents(plan, "beam")
     assert beam[0] / size[1] == pytest.approx(30 / 10, rel=0.02)

@@ -1,0 +1,152 @@
+"""System contrast of a flat cinema, as its engineers state it, and what takes it away.
+
+*Sequential*: a full white frame over a full black one, on the screen. *ANSI*: the mean of the 8
+white fields of a checkerboard of 4 x 4 over the mean of its 8 black ones, read in their middles, of
+the board and its complement (IT7.228; SMPTE RP 431-2 calls it intra-frame contrast). Both are of
+the whole system in its room. Of a pair, both eyes get the same picture.
+
+A part's light is what black fields get more of, where it alone pollutes: parts add up, but for what
+is scattered and then reflected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.errors import InputError
+from domesim.scene import CinemaScene, StereoScene
+from domesim.scene.flat import LightsWay
+
+FlatScene: TypeAlias = CinemaScene | StereoScene
+Floats = NDArray[np.floating]
+
+FIELDS = 4
+"""Fields of the board, either way."""
+PROJECTOR = "projector's black"
+"""Name of the part that is there without a picture, stray light included."""
+_FIELD = 25  # pixels a side of a field
+_MIDDLE = 0.2  # of a field, that is read
+
+
+@final
+@dataclass(frozen=True)
+class Contrast:
+    """What is read off a screen, cd/m².
+
+    Attributes
+    ----------
+    white, black
+        Full frames, mean over the screen.
+    lit, dark
+        White and black fields of the checkerboard.
+    parts
+        Name -> light of it in the black fields.
+    """
+
+    white: float
+    black: float
+    lit: float
+    dark: float
+    parts: Mapping[str, float]
+
+    @property
+    def sequential(self) -> float | None:
+        """White over black; None if black has no light."""
+        return self.white / self.black if self.black > 0 else None
+
+    @property
+    def ansi(self) -> float | None:
+        """Lit over dark; None if dark fields have no light."""
+        return self.lit / self.dark if self.dark > 0 else None
+
+    def figures(self) -> dict[str, float | dict[str, float] | None]:
+        """By their names, for programs."""
+        return {
+            "white_cd_m2": self.white,
+            "black_cd_m2": self.black,
+            "sequential_contrast": self.sequential,
+            "ansi_white_cd_m2": self.lit,
+            "ansi_black_cd_m2": self.dark,
+            "ansi_contrast": self.ansi,
+            "ansi_black_parts_cd_m2": dict(self.parts),
+        }
+
+    def lines(self) -> list[str]:
+        """In words."""
+        parts = ", ".join(
+            f"{name} {light:.3g} ({light / self.dark:.0%})" for name, light in self.parts.items()
+        )
+        return [
+            f"Sequential contrast: {_ratio(self.sequential)} (white {self.white:.3g}, black "
+            f"{self.black:.3g} cd/m²)",
+            f"ANSI contrast: {_ratio(self.ansi)} (white fields {self.lit:.3g}, black fields "
+            f"{self.dark:.3g} cd/m²)",
+            *([f"In black fields, cd/m²: {parts}"] if self.dark > 0 else []),
+        ]
+
+
+def contrast(scene: FlatScene) -> Contrast:
+    """System contrast of a flat cinema.
+
+    Raises
+    ------
+    InputError
+        If its scene file describes neither lens nor room.
+    """
+    way = _way(scene)
+    black, white = (_seen(scene, np.full(_board().shape, level)) for level in (0.0, 1.0))
+    lit, dark = means(*boards(scene))
+    parts = {PROJECTOR: float(black.mean())}
+    for name in way.parts:
+        alone = replace(scene, way=way.only(name))
+        parts[name] = means(*boards(alone))[1] - parts[PROJECTOR]
+    return Contrast(float(white.mean()), float(black.mean()), lit, dark, parts)
+
+
+def boards(scene: FlatScene) -> tuple[Floats, Floats]:
+    """(board, row, col) what the checkerboard and its complement are, and what is seen, cd/m²."""
+    both = np.stack([_board(), 1 - _board()])
+    return both, np.stack([_seen(scene, board) for board in both])
+
+
+def means(boards_: Floats, seen: Floats) -> tuple[float, float]:
+    """(lit, dark): means in the middles of the fields of (board, row, col) `boards`."""
+    inside = np.ones(boards_.shape[1:], bool)
+    for axis in range(2):
+        count: int = inside.shape[axis]
+        place = (np.arange(count) + 0.5) / count * FIELDS % 1
+        middle = np.abs(place - 0.5) < _MIDDLE / 2
+        inside &= middle[:, None] if axis == 0 else middle
+    lit, dark = (float(seen[(boards_ == level) & inside].mean()) for level in (1, 0))
+    return lit, dark
+
+
+def _way(scene: FlatScene) -> LightsWay:
+    if scene.way is None:
+        raise InputError(
+            f"{scene.name}: system contrast needs to know what pollutes it, got neither [lens] "
+            f"nor [room]; describe them in the scene file"
+        )
+    return scene.way
+
+
+def _board() -> Floats:
+    fields = np.add.outer(np.arange(FIELDS), np.arange(FIELDS)) % 2
+    return np.kron(fields, np.ones((_FIELD, _FIELD)))
+
+
+def _seen(scene: FlatScene, picture: Floats) -> Floats:
+    """(row, col) luminance of a grey picture, mean over the eyes, cd/m²."""
+    light = np.broadcast_to(picture[None, :, :, None], (scene.views, *picture.shape, 3)).copy()
+    seen = scene.observation(*picture.shape).observe(light)
+    weights = scene.projector.luminance_weights
+    return np.asarray((seen @ weights).mean(axis=0) * scene.projector.white)
+
+
+def _ratio(contrast: float | None) -> str:
+    return "infinite" if contrast is None else f"{contrast:.4g} : 1"

@@ -1,0 +1,164 @@
+"""Flat cinemas: subtraction by any way is the same, and the optimum is SciPy's, certified."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from dome_pairs import pair_problem
+from dome_pairs import shutter as dome_pair_shutter
+from flat_cinemas import COMPOSITIONS, WAY, cinema, crosstalk, shutter
+from scipy.optimize import lsq_linear
+from theatres import problem as dome_problem
+from theatres import weighting
+
+from compensate.problem import Problem
+from compensate.solver.accelerated import Accelerated, certified, convexity
+from compensate.solver.admm import ADMM
+from compensate.solver.fitting import Fitted
+from compensate.solver.kinds import Kind, kind_of, reflecting
+from compensate.solver.result import Status
+from compensate.solver.subtraction import Subtractive, in_rounds, subtracted
+from domesim.observation.base import AdjointObservation
+from domesim.observation.seats import SeveralSeats
+
+ROWS, COLS = 4, 5
+
+
+def posed(observation: AdjointObservation, seed: int = 0) -> Problem:
+    """A dark picture, much of which cannot be shown."""
+    random = np.random.default_rng(seed)
+    views, rows, cols, primaries = observation.shape
+    master = random.random(observation.shape) ** 8
+    lambda_ = weighting(np.ones((rows, cols), bool), primaries, 0.1)
+    lambda_ = lambda_.with_importance(np.ones(views))
+    plain = Problem(observation, lambda_, observation.direct(master))
+    start, _ = subtracted(plain)
+    return Problem(
+        observation,
+        lambda_,
+        plain.desired,
+        anchor=start,
+        regularisation=random.choice([1e-3, 1e-2]),
+    )
+
+
+def dense(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and right side of the least squares."""
+    observation, lambda_ = problem.observation, problem.weighting
+    units = np.eye(int(np.prod(observation.shape))).reshape(-1, *observation.shape)
+    seen = [lambda_.apply(observation.linear(unit)).ravel() for unit in units]
+    local = [observation.local(unit).ravel() for unit in units]
+    root = np.sqrt(problem.regularisation)
+    dark = observation.observe(np.zeros(observation.shape))
+    right = [
+        lambda_.apply(problem.desired - dark).ravel(),
+        root * observation.local(problem.anchor).ravel(),
+    ]
+    return np.concatenate([np.array(seen).T, root * np.array(local).T]), np.concatenate(right)
+
+
+@pytest.mark.parametrize("name", COMPOSITIONS)
+def test_the_optimum_is_that_of_dense_least_squares(name):
+    problem = posed(COMPOSITIONS[name](ROWS, COLS))
+    matrix, right = dense(problem)
+    best = lsq_linear(matrix, right, (0, 1), method="bvls", tol=1e-14).x
+    found = Accelerated(1e-9, max_iterations=20000)(problem, problem.anchor).light
+    assert np.abs(found.ravel() - best).max() < 1e-6
+    cost = problem.cost(best.reshape(found.shape))
+    assert problem.cost(found) == pytest.approx(cost, rel=1e-9)
+    assert np.count_nonzero(best < 1e-9) > 3  # much is clipped
+
+
+def gaps(seed: int) -> tuple[float, float]:
+    """What is certified of an unfinished solution, and the true gap."""
+    name = list(COMPOSITIONS)[seed % len(COMPOSITIONS)]
+    problem = posed(COMPOSITIONS[name](ROWS, COLS), seed)
+    best = Accelerated(1e-10, max_iterations=20000)(problem, problem.anchor)
+    few = Accelerated(1e-9, max_iterations=5 + seed % 60, gap=1e-9)(problem, problem.anchor)
+    return few.gap, (few.cost - best.cost) / best.cost
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_certified_is_above_the_true_gap(seed):
+    bound, true = gaps(seed)
+    assert true > 0
+    assert bound >= true - 1e-12
+
+
+@pytest.mark.long
+def test_what_is_certified_is_above_the_true_gap_in_200_problems():
+    found = [gaps(seed) for seed in range(5, 205)]
+    assert all(bound >= true - 1e-12 for bound, true in found)
+    assert np.median([bound / true for bound, true in found if np.isfinite(bound)]) < 1e4
+
+
+def test_the_certificate_is_that_of_the_bound_by_hand():
+    problem = posed(cinema(ROWS, COLS))
+    modulus = convexity(problem)
+    matrix, _ = dense(problem)
+    assert 0 < modulus <= np.linalg.eigvalsh(matrix.T @ matrix)[0] * (1 + 1e-9)
+    x = np.full(problem.observation.shape, 0.2)
+    gradient = np.random.default_rng(3).standard_normal(x.shape) * modulus
+    y = np.linspace(0, 1, 2001)
+    by_hand = gradient[..., None] * (0.2 - y) - modulus / 2 * (0.2 - y) ** 2
+    assert certified(problem, x, gradient, modulus) == pytest.approx(
+        by_hand.max(axis=-1).sum(), rel=1e-5
+    )
+
+
+def test_the_general_solver_stops_at_the_certified_gap():
+    problem = posed(shutter(ROWS, COLS))
+    result = Fitted(ADMM(tolerance=1e-2))(problem, problem.anchor)
+    assert result.status in (Status.CONVERGED, Status.INVISIBLE)
+    assert result.gap is not None
+    assert 0 < result.gap <= 1e-2
+    known, start = dome_problem(9)
+    assert Fitted(ADMM())(known, start).light == pytest.approx(ADMM()(known, start).light, abs=0)
+
+
+def test_an_observation_says_what_it_is():
+    assert kind_of(dome_problem(7)[0].observation) is Kind.LOW_RANK
+    assert kind_of(dome_pair_shutter(7)) is Kind.REFLECTED_PAIR
+    assert kind_of(crosstalk(4, 5)) is Kind.PIXELWISE
+    assert kind_of(cinema(4, 5)) is kind_of(shutter(4, 5)) is Kind.OTHER
+    assert kind_of(WAY.only("room").one_view(4, 5, 0.0)) is Kind.LOW_RANK
+    assert reflecting(shutter(4, 5)).shape == (1, 4, 5, 3)
+    assert reflecting(crosstalk(4, 5)) is None
+
+
+@pytest.mark.parametrize("kind", ["dome", "pair", "3D dome"])
+def test_rounds_find_what_the_fast_ways_find(kind):
+    if kind == "dome":
+        problem = dome_problem(9)[0]
+    elif kind == "pair":
+        problem = posed(crosstalk(6, 7))
+    else:
+        problem = pair_problem(dome_pair_shutter(9))[0]
+    by_rounds, rounds = in_rounds(problem)
+    fast, _ = subtracted(problem)
+    assert rounds < 200
+    assert np.abs(by_rounds - fast).max() < 2e-7
+
+
+@pytest.mark.parametrize("name", COMPOSITIONS)
+def test_subtraction_is_exact_where_it_does_not_clip(name):
+    problem = posed(COMPOSITIONS[name](8, 9))
+    result = Subtractive()(problem, problem.anchor)
+    assert result.status is Status.CLOSED_FORM
+    error = problem.observation.observe(result.light) - problem.desired
+    free = (result.light > 0) & (result.light < 1)
+    assert 0.3 < free.mean() < 0.95
+    assert np.abs(error[free]).max() < 1e-8
+    assert error[result.light == 0].min() > 0
+    again, rounds = subtracted(problem, start=result.light)
+    assert np.abs(again - result.light).max() < 1e-7
+    assert name == "pair, room alone" or rounds <= 2
+
+
+def test_what_cannot_be_subtracted_is_refused():
+    several = SeveralSeats([crosstalk(4, 5)] * 2)
+    problem = posed(crosstalk(4, 5))
+    lambda_ = problem.weighting.with_importance(np.ones(4))
+    seats = Problem(several, lambda_, np.concatenate([problem.desired] * 2))
+    with pytest.raises(ValueError, match="one seat"):
+        in_rounds(seats)

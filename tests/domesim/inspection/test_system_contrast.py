@@ -1,0 +1,113 @@
+"""System contrast: what it is made of, and that the bundled cinema's is a cinema's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import Run
+from PIL import Image
+
+from compensate.report_card import to_the_eye
+from domesim.errors import InputError
+from domesim.inspection.contrast import contrast
+from domesim.scene import CinemaScene, load_scene, load_stereo
+from domesim.scene.flat import ROOM
+from domesim.scene.loading import scene_content, scene_of_text
+from domesim.scene.writing import as_toml
+
+
+@pytest.fixture(scope="module")
+def cinema() -> CinemaScene:
+    scene = load_scene("cinema_2d")
+    assert isinstance(scene, CinemaScene)
+    return scene
+
+
+def test_parts_add_up_and_the_room_is_most(cinema):
+    found = contrast(cinema)
+    assert sum(found.parts.values()) == pytest.approx(found.dark, rel=0.03)
+    assert max(found.parts, key=found.parts.__getitem__) == ROOM
+    assert found.black == pytest.approx(cinema.ambient, rel=1e-6)
+    assert found.ansi == pytest.approx(found.lit / found.dark)
+
+
+def test_without_a_room_only_what_is_sent_counts(cinema):
+    bare = replace(cinema, way=cinema.way.only())
+    found = contrast(bare)
+    projector = bare.projector
+    assert found.ansi == pytest.approx(found.sequential, rel=1e-6)
+    assert found.sequential == pytest.approx((projector.white + bare.ambient) / bare.ambient)
+
+
+def test_the_cinema_is_within_what_cinemas_should_have(cinema):
+    # SMPTE RP 431-2 for theatres: 1200 : 1, and 100 : 1 within a frame
+    found = contrast(cinema)
+    assert found.sequential > 1200
+    assert 100 < found.ansi < 500
+    lit, dark = to_the_eye(cinema)
+    assert found.lit / 4 < lit < found.lit
+    assert dark > found.dark
+
+
+def test_a_directed_screen_sees_less_of_the_room():
+    pair = load_stereo("stereo_room")
+    room = replace(pair.way.room, gain=1.0, half_gain=None)
+    matt = replace(pair, way=replace(pair.way, room=room))
+    assert contrast(pair).parts[ROOM] < 0.6 * contrast(matt).parts[ROOM]
+    with pytest.raises(InputError, match=r"neither \[lens\] nor \[room\]"):
+        contrast(pair.crosstalk_alone)
+
+
+def test_commands_take_a_cinema(run: Run, tmp_path):
+    pixels = np.random.default_rng(1).integers(0, 256, (27, 48, 3)) ** 2 // 255
+    Image.fromarray(pixels.astype(np.uint8)).save(tmp_path / "m.png")
+    common = (str(tmp_path / "m.png"), "--scene", "cinema_2d", "--out")
+    for command in ("observe", "compensate"):
+        assert run(command, *common, tmp_path / command).code == 0
+    told = run("compensate", *common, tmp_path / "paper", "--weighting", "paper")
+    assert "no fast solver knows this composition" in told.out
+    assert run("scene", "check", "cinema_2d", "--json").figures()["ansi_contrast"] > 100
+    assert run("report-card", "cinema_2d", "--json").figures()["eye_veil_cd_m2"] > 0
+    page = tmp_path / "a.html"
+    assert run("scene", "show", "cinema_2d", "--out", page).code == 0
+    assert "ANSI contrast" in page.read_text()
+    run("compensate", *common, tmp_path / "x", "--seat", "back").is_refused(
+        "2-D cinema", "leave it"
+    )
+    run("tabulate", "cinema_2d", "--out", tmp_path / "t.npz").is_refused("2-D cinema")
+    run("report-card", "cinema_2d", tmp_path / "m.png").is_refused("domesim compare")
+
+
+def test_a_screen_that_reaches_the_walls_is_said_to_be_approximate(cinema):
+    assert cinema.approximation is None
+    room = replace(cinema.way.room, size=(12.4, 8.0, 24.0))
+    near = replace(cinema, way=replace(cinema.way, room=room))
+    assert "0.2 m of another surface" in near.approximation
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"lens": None}, "needs a [lens], whose throw_m"),
+        ({"room": None}, "screen.gain: counts with a [room] only"),
+        ({"lens": None, "port_glass": None, "room": None}, "crosstalk: is missing"),
+        ({"room.walls": 1.5}, "room.walls"),
+        ({"room.width_m": 10.0}, "must fit the room's front"),
+        ({"room.polarised": True}, "room.polarised: is of 3D systems"),
+        ({"lens.scattered": 0.4}, "lens.scattered"),
+    ],
+)
+def test_files_that_cannot_be_are_refused(changes, message):
+    content = scene_content("cinema_2d")
+    for key, value in changes.items():
+        section, _, name = key.partition(".")
+        if not name:
+            del content[section]
+        else:
+            content[section][name] = value
+    with pytest.raises(InputError) as refusal:
+        scene_of_text(as_toml(content), "mine.toml", Path())
+    assert message in str(refusal.value)
