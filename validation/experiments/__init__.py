@@ -16,6 +16,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "random_theatres",
         "polarised_crosstalk",
         "domes_in_3d",
+        "flat_cinema",
     ),
     "What compensation does": (
         "wrong_model",

@@ -12,7 +12,7 @@ from PIL import Image
 
 from compensate.report_card import to_the_eye
 from domesim.errors import InputError
-from domesim.inspection.contrast import contrast
+from domesim.inspection.contrast import contrast, means
 from domesim.scene import CinemaScene, load_scene, load_stereo
 from domesim.scene.flat import ROOM
 from domesim.scene.loading import scene_content, scene_of_text
@@ -32,6 +32,13 @@ def test_parts_add_up_and_the_room_is_most(cinema):
     assert max(found.parts, key=found.parts.__getitem__) == ROOM
     assert found.black == pytest.approx(cinema.ambient, rel=1e-6)
     assert found.ansi == pytest.approx(found.lit / found.dark)
+
+
+def test_fields_are_read_in_their_middles():
+    board = np.kron(np.add.outer(np.arange(4), np.arange(4)) % 2, np.ones((25, 40)))
+    middle = (np.arange(100) % 25 // 5 == 2)[:, None] & (np.arange(160) % 40 // 8 == 2)
+    seen = np.where(middle, 3 * board + 1, 7.0)
+    assert means(board[None], seen[None]) == (4, 1)
 
 
 def test_without_a_room_only_what_is_sent_counts(cinema):
