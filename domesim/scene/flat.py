@@ -28,7 +28,7 @@ LENS, PORT_GLASS, ROOM = "lens", "port glass", "room"
 """Names of the parts of light's way."""
 
 _NEAR = 0.1
-"""Of the screen's height: reflected light is smooth over the screen if walls are that far away."""
+"""Least distance of walls, in heights of the screen, at which reflected light is smooth over it."""
 
 
 @final

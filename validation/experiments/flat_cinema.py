@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import final
 
 import numpy as np
@@ -183,7 +183,7 @@ def masters(width: int, *, quick: bool) -> dict[str, Callable[[], Light]]:
     found: dict[str, Callable[[], Light]] = {
         "generated night": lambda: np.asarray(generated(width, 1)[:1], np.float32)
     }
-    return found if quick else {**found, "orrery": partial(orrery, width)}
+    return found if quick else {**found, "orrery": cache(partial(orrery, width))}
 
 
 def orrery(width: int) -> Light:
@@ -286,7 +286,7 @@ def run(work: Work) -> Finding:
     off = max(abs(one.off) for one in traced.values())
     gains = {
         name: [
-            one.lost["none"] - one.lost["perceptual"] for key, one in shown.items() if name in key
+            one.lost[NOTHING] - one.lost[AIMED] for key, one in shown.items() if key.endswith(name)
         ]
         for name in cinemas
     }
