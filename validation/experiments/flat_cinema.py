@@ -308,7 +308,10 @@ def run(work: Work) -> Finding:
         figures={
             "flat_cinema.off": off,
             "flat_cinema.ansi": contrasts[CINEMA].ansi,
-            **{f"flat_cinema.{name.split('_')[0]}": float(np.mean(g)) for name, g in gains.items()},
+            **{
+                f"flat_cinema.{name.replace(' ', '_')}": float(np.mean(g))
+                for name, g in gains.items()
+            },
         },
         left_out=("The orrery: with a full run",) if work.quick else (),
     )
