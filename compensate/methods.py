@@ -52,7 +52,7 @@ def perceptual(
         As for `ADMM`.
     """
     admm = ADMM(tolerance=tolerance, progress=progress)
-    if isinstance(scene, CinemaScene) or (isinstance(scene, StereoScene) and scene.way is not None):
+    if _in_a_room(scene):
         return Fitted(admm)
     if not isinstance(scene, StereoScene):
         return admm
@@ -106,7 +106,7 @@ def methods_of(scene: Scene) -> Mapping[str, Chosen]:
     """The methods that a scene has."""
     if isinstance(scene, DomeScene):
         return DOME if scene.stereo is None else REFLECTED
-    if isinstance(scene, CinemaScene) or (isinstance(scene, StereoScene) and scene.way is not None):
+    if _in_a_room(scene):
         return REFLECTED
     if isinstance(scene, StereoScene) and scene.table is not None:
         # These know crosstalk as one matrix
@@ -129,3 +129,8 @@ def require_method(name: str, scene: Scene) -> Chosen:
             f"method {name!r} is not known for {scene.name}; use one of {', '.join(known)}"
         )
     return known[name]
+
+
+def _in_a_room(scene: Scene) -> bool:
+    """Whether lens and room of a flat screen are described."""
+    return isinstance(scene, CinemaScene | StereoScene) and scene.way is not None
