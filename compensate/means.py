@@ -158,6 +158,11 @@ def _sums_of(planes: Array, block: int, axis: int) -> Array:
         nothing = xp.zeros(tuple(shape), dtype=planes.dtype, device=planes.device)
         planes = xp.concat([planes, nothing], axis=axis)
 
+    if not isinstance(planes, np.ndarray):
+        # One kernel on a GPU, where many small ones take longer to begin than to run
+        after = planes.shape[-1:] if axis == -2 else ()
+        return xp.sum(xp.reshape(planes, (*planes.shape[:axis], -1, block, *after)), axis=axis)
+
     def every(first: int) -> Array:
         place = slice(first, None, block)
         return planes[..., place, :] if axis == -2 else planes[..., place]

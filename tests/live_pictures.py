@@ -95,14 +95,15 @@ def engine_for(
     by: str,
     device: str = "cpu",
     colour: str = "srgb",
+    dithers: bool = False,
 ) -> tuple[str, Engine]:
-    """What computes frames without noise, and its name; tests have no compiled loops else."""
+    """What computes frames, and its name; tests have no compiled loops else."""
     coding = Coding(scene.projector, encoding_named(colour))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DOMESIM_FAST", "0" if by == "numpy" else "1")
         return engine_of(
             scene, rows, cols, coding, PIXEL_FORMATS[pixels],
-            beside=beside, aim=Aim(), dithers=False, device=device,
+            beside=beside, aim=Aim(), dithers=dithers, device=device,
         )  # fmt: skip
 
 

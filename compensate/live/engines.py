@@ -61,14 +61,14 @@ def engine_of(
         As for `constants_of`; or if there is no such device.
     """
     constants = constants_of(scene, rows, cols, aim)
-    device = device or ("cuda" if _has_gpu() else CPU)
-    how: Any = {"beside": beside, "aim": aim, "dithers": dithers}
+    device = device or ("cuda" if has_gpu() else CPU)
+    how: Any = {"beside": beside, "dithers": dithers}
     if device != CPU:
         from compensate.live.arrays import ByArrays  # noqa: PLC0415 - not for who has no GPU
 
-        return device, ByArrays(scene, rows, cols, coding, pixels, device=device, **how)
+        return device, ByArrays(scene, constants, coding, pixels, device=device, **how)
     if not compiles():
-        return PLAIN, _plain(scene, coding, pixels, **how)
+        return PLAIN, _plain(scene, coding, pixels, aim=aim, **how)
     if isinstance(constants, DomeConstants):
         from compensate.live.dome import CompiledDome  # noqa: PLC0415 - of an extra
 
@@ -78,7 +78,7 @@ def engine_of(
     return FAST, CompiledPair(constants, coding, pixels, beside=beside, dithers=dithers)
 
 
-def _has_gpu() -> bool:
+def has_gpu() -> bool:
     """Whether PyTorch finds a GPU; it is not imported where there is no sign of one."""
     if not Path("/dev/nvidia0").exists() or importlib.util.find_spec("torch") is None:
         return False
