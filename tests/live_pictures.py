@@ -93,7 +93,7 @@ def engine_for(
     *,
     beside: bool = True,
     by: str,
-    device: str = "cpu",
+    device: str | None = "cpu",
     colour: str = "srgb",
     dithers: bool = False,
 ) -> tuple[str, Engine]:

@@ -9,10 +9,12 @@ import pytest
 from live_pictures import engine_for, expected, frame_of, made, tabulated
 from numpy.typing import NDArray
 
+from compensate.live import engines
 from compensate.live.coding import PIXEL_FORMATS, Coding
 from compensate.live.constants import constants_of, turns_of
 from compensate.live.smoothing import weights_of
 from compensate.means import smooth
+from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
 from domesim.scene import load_scene
 from validation.inputs import stereo_at
@@ -110,6 +112,17 @@ def test_compiled_loops_show_what_the_library_shows():
     found, wanted = made(scene, half, "rgbaf16", by="numba"), expected(scene, half, "rgbaf16")
     np.testing.assert_allclose(found.astype(float), wanted.astype(float), atol=2e-3)
     assert (found[..., 3] == half[..., 3]).all()
+
+
+def test_compiled_loops_go_before_a_gpu(monkeypatch):
+    pytest.importorskip("numba")
+    if engines.has_gpu():
+        pytest.skip("there is a GPU")
+    scene, called = load_scene("dome_imax"), {"by": "numba", "device": None}
+    monkeypatch.setattr(engines, "has_gpu", lambda: True)
+    assert engine_for(scene, 8, 8, **called)[0] == "numba"
+    with pytest.raises(InputError, match="--device cuda"):  # none is here
+        engine_for(scene, 8, 8, **{**called, "by": "numpy"})
 
 
 @pytest.mark.long
