@@ -47,6 +47,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from compensate.compiled import compiles
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, castle
 from domesim.errors import InputError
 from domesim.light.strips import in_strips
@@ -68,6 +69,7 @@ _P = 2.264355182647705
 _Q = (1.302622675895691, 2.8885908126831055, 3.6807713508605957)
 _MASKING = 10**-0.7954971194267273  # c
 _REACH = 3  # of G, pixels of the band
+_SPREAD = 2 * _REACH  # what G sees, pixels to either side
 _MOST = 10**2.5642454624176025  # D_max
 _BASE = (0.0036334486212581396, 1.6627724170684814, 4.11874532699585)
 STILL = 0.577918291091919  # s
@@ -117,10 +119,9 @@ def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -
     """
     levels = _levels(wanted, seen, pixels_per_degree)
     total = _base_band(levels[-1])
+    add_band = _add_band_compiled if compiles() else _add_band
     for number in reversed(range(len(levels) - 1)):
-        band = _band(levels, number, pixels_per_degree)
-        difference = _pooled(mutually_masked(band.wanted, band.seen))
-        total = expanded(total, difference.shape[-2:]) + np.float32(band.gain) * difference
+        total = add_band(total, levels, number, pixels_per_degree)
     return np.asarray(JOD * (STILL * total) ** EXPONENT)
 
 
@@ -143,7 +144,7 @@ def mutually_masked(wanted: Planes, seen: Planes) -> Planes:
     """D_k of T and T', (..., mechanism, row, col): 1 for a difference at threshold on nothing."""
     both = np.minimum(np.abs(wanted), np.abs(seen))
     both = np.float32(_MASKING) * _filtered(
-        both, partial(gaussian_filter, sigma=_REACH, truncate=2)
+        both, partial(gaussian_filter, sigma=_REACH, radius=_SPREAD)
     )
     result = np.abs(seen - wanted) ** np.float32(_P)
     for k, q in enumerate(_Q):
@@ -153,6 +154,8 @@ def mutually_masked(wanted: Planes, seen: Planes) -> Planes:
 
 def reduced(planes: Planes) -> Planes:
     """The next level of the Gaussian pyramid, (..., row, col): every second pixel, smoothed."""
+    if compiles():
+        return _reduced_compiled(planes)
     return _filtered(planes, lambda plane: _halved(_halved(plane, 0), 1))
 
 
@@ -266,6 +269,65 @@ def _band(levels: list[Planes], number: int, pixels_per_degree: float) -> Band:
     return Band(frequency, at_peak, contrast[0], contrast[1])
 
 
+def _add_band(total: Planes, levels: list[Planes], number: int, pixels_per_degree: float) -> Planes:
+    """D of all bands from the base to this one, (view, row, col), from that of those before."""
+    band = _band(levels, number, pixels_per_degree)
+    difference = _pooled(mutually_masked(band.wanted, band.seen))
+    return expanded(total, difference.shape[-2:]) + np.float32(band.gain) * difference
+
+
+def _add_band_compiled(
+    total: Planes, levels: list[Planes], number: int, pixels_per_degree: float
+) -> Planes:
+    """`_add_band` by compiled loops."""
+    from compensate.vision import difference_loops as loops  # noqa: PLC0415
+
+    fine, coarse = levels[number], levels[number + 1]
+    at_peak, frequency = gain(number, _place(number)), _frequency(number, pixels_per_degree)
+    brightest = max(DARKEST, float(coarse[0, :, 0].max()))
+    least, most = _steps(np.array([DARKEST, brightest], np.float32))
+    table = np.stack(list(_tables(frequency, least, most + 1)))
+    expanding, powers = _singles(*(2 * tap for tap in _TAPS[:3])), _singles(*_Q)
+    kernel = np.exp(-((np.arange(_SPREAD + 1) / _REACH) ** 2) / 2)
+    kernel = (kernel / (2 * kernel.sum() - 1)).astype(np.float32)
+    compared = np.empty((fine.shape[1], 2, *fine.shape[2:]), np.float32)
+    result = np.empty((fine.shape[1], *fine.shape[-2:]), np.float32)
+
+    def compare(view: int, rows: slice) -> None:
+        constants = _singles(at_peak, DARKEST, _STEPS, _P)
+        given = fine[:, view], coarse[:, view], constants, expanding, kernel, table, least
+        loops.compare_rows(*given, compared[view], rows.start, rows.stop)
+
+    def mask(view: int, rows: slice) -> None:
+        constants = _singles(_MASKING, _MOST, at_peak)
+        given = compared[view], constants, powers, expanding, kernel, total[view]
+        loops.mask_rows(*given, result[view], rows.start, rows.stop)
+
+    for work in (compare, mask):
+        in_strips(work, (*result.shape, 2 * len(MECHANISMS)))
+    return result
+
+
+def _reduced_compiled(planes: Planes) -> Planes:
+    """`reduced` by compiled loops."""
+    from compensate.vision import difference_loops as loops  # noqa: PLC0415
+
+    each = planes.reshape(-1, *planes.shape[-2:])
+    rows, cols = (-(-side // 2) for side in planes.shape[-2:])
+    result = np.empty((len(each), rows, cols), np.float32)
+    taps = _singles(*_TAPS[:3])
+
+    def work(number: int, lines: slice) -> None:
+        loops.reduce_rows(each[number], taps, result[number], lines.start, lines.stop)
+
+    in_strips(work, (*result.shape, 4))
+    return result.reshape(*planes.shape[:-2], rows, cols)
+
+
+def _singles(*numbers: float) -> tuple[np.float32, ...]:
+    return tuple(map(np.float32, numbers))
+
+
 def _base_band(coarsest: Planes) -> Planes:
     """D of the base band, (view, row, col)."""
     mean = np.maximum(coarsest[:, :, :1], np.float32(DARKEST)).mean((-2, -1), keepdims=True)
@@ -284,10 +346,19 @@ def _pooled(difference: Planes) -> Planes:
 
 def _sensitivities(frequency: float, luminance: Planes) -> Iterator[Planes]:
     """S of each mechanism at each pixel's luminance, cd/m², from tables: 0.1 % accurate."""
-    octaves = np.log2(luminance)
-    low, high = float(octaves.min()), float(octaves.max())
-    count = 1 + int(np.ceil(_STEPS * (high - low)))
-    number = np.rint((octaves - np.float32(low)) * np.float32(_STEPS)).astype(np.intp)
+    number = _steps(luminance)
+    least, most = int(number.min()), int(number.max())
+    for table in _tables(frequency, least, most):
+        yield table[number - least]
+
+
+def _steps(luminance: Planes) -> NDArray[np.intp]:
+    """Places of luminances, cd/m², in a table."""
+    return np.rint(np.log2(luminance) * np.float32(_STEPS)).astype(np.intp)
+
+
+def _tables(frequency: float, least: int, most: int) -> Iterator[Planes]:
+    """S of each mechanism at luminances of `least` to `most` steps."""
+    luminance = 2 ** (np.arange(least, most + 1) / _STEPS)
     for mechanism in MECHANISMS:
-        table = castle(frequency, 2 ** (low + np.arange(count) / _STEPS), mechanism, area=DETAIL)
-        yield table.astype(np.float32)[number]
+        yield castle(frequency, luminance, mechanism, area=DETAIL).astype(np.float32)

@@ -47,12 +47,12 @@ def compressed(samples: NDArray[Any]) -> bytes:
         lines = _filtered(samples, slice(place * step, min((place + 1) * step, rows)), pixel)
         end = isal_zlib.Z_FINISH if place == pieces - 1 else isal_zlib.Z_FULL_FLUSH
         stream = isal_zlib.compressobj(_LEVEL, isal_zlib.DEFLATED, -15)
-        return stream.compress(lines) + stream.flush(end), lines
+        return stream.compress(lines.data) + stream.flush(end), lines
 
     found = [each for strip in in_strips(work, (1, pieces, _PIECE)) for each in strip]
     checksum = 1
     for _, lines in found:
-        checksum = zlib.adler32(lines, checksum)
+        checksum = zlib.adler32(lines.data, checksum)
     return b"".join([_HEADER, *(each for each, _ in found), checksum.to_bytes(4)])
 
 

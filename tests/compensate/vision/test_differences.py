@@ -271,3 +271,23 @@ def test_what_is_no_picture(
 ) -> None:
     with pytest.raises(InputError, match=words):
         visible_difference(np.ones(wanted), np.ones(seen), density)
+
+
+# Compiled loops.
+
+
+@pytest.mark.parametrize("shape", [(1, 64, 97, 3), (2, 33, 5, 3)])
+def test_compiled_loops_find_the_same(
+    shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("numba")
+    rng = np.random.default_rng(35)
+    wanted = (30 * rng.random(shape) ** 4).astype(np.float32)
+    wanted[..., :3, :] = 0
+    seen = (wanted * (1 + 0.1 * rng.random(shape)) + 0.02).astype(np.float32)
+    plain = visible_difference(wanted, seen, PER_DEGREE)
+    monkeypatch.setenv("DOMESIM_FAST", "1")
+    found = visible_difference(wanted, seen, PER_DEGREE)
+    assert found == pytest.approx(plain, rel=2e-3)  # a step of the table of sensitivities
+    assert found.mean() == pytest.approx(plain.mean(), rel=1e-5)
+    assert not visible_difference(wanted, wanted, PER_DEGREE).any()
