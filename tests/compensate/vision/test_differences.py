@@ -10,6 +10,7 @@ import pytest
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, castle
 from compensate.vision.differences import (
     PEAK,
+    Reference,
     bands,
     expanded,
     gain,
@@ -18,6 +19,7 @@ from compensate.vision.differences import (
     visible_difference,
 )
 from domesim.errors import InputError
+from domesim.light import strips
 
 PER_DEGREE, SIZE = 20.0, 256
 WHITE = np.array([0.95, 1.0, 1.09])  # XYZ of D65
@@ -273,21 +275,12 @@ def test_what_is_no_picture(
         visible_difference(np.ones(wanted), np.ones(seen), density)
 
 
-# Compiled loops.
-
-
-@pytest.mark.parametrize("shape", [(1, 64, 97, 3), (2, 33, 5, 3)])
-def test_compiled_loops_find_the_same(
-    shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("numba")
+def test_strips_and_what_comparisons_share_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(35)
-    wanted = (30 * rng.random(shape) ** 4).astype(np.float32)
-    wanted[..., :3, :] = 0
-    seen = (wanted * (1 + 0.1 * rng.random(shape)) + 0.02).astype(np.float32)
-    plain = visible_difference(wanted, seen, PER_DEGREE)
-    monkeypatch.setenv("DOMESIM_FAST", "1")
-    found = visible_difference(wanted, seen, PER_DEGREE)
-    assert found == pytest.approx(plain, rel=2e-3)  # a step of the table of sensitivities
-    assert found.mean() == pytest.approx(plain.mean(), rel=1e-5)
-    assert not visible_difference(wanted, wanted, PER_DEGREE).any()
+    wanted = (30 * rng.random((2, 33, 70, 3)) ** 4).astype(np.float32)
+    seen = [wanted * (1 + size * rng.random(wanted.shape)) for size in (0.1, 0.3)]
+    alone = [visible_difference(wanted, each, PER_DEGREE) for each in seen]
+    monkeypatch.setattr(strips, "SAMPLES", 1000)  # a few rows
+    reference = Reference(wanted, PER_DEGREE)
+    for each, expected in zip(seen, alone, strict=True):
+        np.testing.assert_array_equal(reference.difference(each), expected)
