@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO, Self, final
 
+from isal import isal_zlib
 from numpy.typing import NDArray
 
 from domesim.frames.colour import (
@@ -226,7 +227,7 @@ class _Picture:
     def __init__(self) -> None:
         self.sides = (0, 0)  # cols, rows
         self._missing: list[tuple[int, int]] = []  # of passes: bytes of a line, bytes to come
-        self._pixels: Any = zlib.decompressobj(wbits=0)  # as large a window as the stream says
+        self._pixels: Any = isal_zlib.decompressobj()
 
     def add(self, kind: bytes, content: bytes) -> None:
         """Take the next chunk: not if it is impossible, or too little came before the last one."""
@@ -261,19 +262,17 @@ class _Picture:
                 self._missing.append((line, line * height))
 
     def _inflate(self, content: bytes) -> None:
-        """Look, and forget: libpng will do it again.
-
-        A line at a time, as libpng: else zlib would know what lies behind the window.
-        """
-        while content and not self._pixels.eof:
-            line = self._missing[0][0] if self._missing else _BLOCK
+        """Look, and forget: libpng will do it again, but slower."""
+        inflated = b"."
+        while inflated and not self._pixels.eof:
             try:
-                inflated = self._pixels.decompress(content, line)
-            except zlib.error as error:
+                inflated = self._pixels.decompress(content, _BLOCK)
+            except isal_zlib.error as error:
                 raise DamagedError("pixels that do not decode") from error
-            while inflated and self._missing:
-                inflated = self._follow(inflated)
             content = self._pixels.unconsumed_tail
+            left = inflated
+            while left and self._missing:
+                left = self._follow(left)
 
     def _follow(self, inflated: bytes) -> bytes:
         """Take what is the present pass's, and give the rest."""
