@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Self, final
 
 from isal import isal_zlib
+from isal.igzip_lib import IsalError
 from numpy.typing import NDArray
 
 from domesim.frames.colour import (
@@ -267,7 +268,7 @@ class _Picture:
         while inflated and not self._pixels.eof:
             try:
                 inflated = self._pixels.decompress(content, _BLOCK)
-            except isal_zlib.error as error:
+            except IsalError as error:  # type: ignore[misc]  # as its stub has it
                 raise DamagedError("pixels that do not decode") from error
             content = self._pixels.unconsumed_tail
             left = inflated
