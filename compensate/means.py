@@ -58,48 +58,13 @@ def smooth(planes: Array, sigma: float) -> Array:
     return _boxes(planes, [small + 1] * large + [small] * (_BOXES - large), means=True)
 
 
-def guided(
-    plane: Array,
-    screen: Array,
-    radius: int,
-    edge: float,
-    importance: Array | None = None,
-    *,
-    block: int = 1,
-) -> Array:
-    """Edge-preserving mean: the guided filter of He et al., with itself as guide.
-
-    Parameters
-    ----------
-    plane
-        (row, col).
-    screen
-        (row, col) bool: pixels that count.
-    radius
-        Radius of the boxes, blocks.
-    edge
-        Standard deviation within a box at which half of it is kept: the root of their epsilon.
-    importance
-        (row, col) above 0: how much a pixel counts within a box; all alike if None.
-    block
-        Side of the blocks that have one coefficient each, pixels.
-    """
-    xp = namespace(plane)
-    on = xp.astype(screen, plane.dtype)
-    weights = on if importance is None else on * importance
-    weighted = weights * plane
-    pixels, weight, first, second = (
-        block_sums(each, block) for each in (on, weights, weighted, weighted * plane)
-    )
-    slope, offset = coefficients(pixels, weight, first, second, radius, edge)
-    size = plane.shape
-    return enlarged(slope, block, size) * plane + enlarged(offset, block, size)
-
-
 def coefficients(
     pixels: Array, weight: Array, first: Array, second: Array, radius: int, edge: float
 ) -> tuple[Array, Array]:
-    """Slope and offset by which `guided` makes its mean of a value, (row, col) of blocks each.
+    """Slope and offset of the edge-preserving mean of a value, (row, col) of blocks each.
+
+    It is the guided filter of He et al., with the picture as its own guide: both, `enlarged`, make
+    the mean of each pixel's value.
 
     Parameters
     ----------
@@ -107,8 +72,10 @@ def coefficients(
         Of each block: how many pixels count, and the sum of their importance.
     first, second
         Sums of the value and of its square, by importance.
-    radius, edge
-        As for `guided`.
+    radius
+        Radius of the boxes, blocks.
+    edge
+        Standard deviation within a box at which half of it is kept: the root of their epsilon.
     """
     xp = namespace(pixels)
     within = _mean_over(box_sum(weight, radius), radius)
@@ -141,9 +108,22 @@ def enlarged(coarse: Array, block: int, size: tuple[int, ...]) -> Array:
     """(..., *size) of (..., row, col) `coarse`, of blocks: linear between their middles."""
     if block == 1:
         return coarse
-    for axis, count in ((-2, size[-2]), (-1, size[-1])):
-        coarse = _linear_along(coarse, block, axis, count)
-    return coarse
+    return enlarged_along(_linear_along(coarse, block, -2, size[-2]), block, size[-1])
+
+
+def enlarged_along(coarse: Array, block: int, count: int) -> Array:
+    """`enlarged` to `count` columns, and its rows as they are."""
+    return coarse if block == 1 else _linear_along(coarse, block, -1, count)
+
+
+def enlarged_rows(coarse: Array, block: int, rows: slice) -> Array:
+    """Some rows of `enlarged`, of columns that are enlarged already."""
+    places = (np.arange(rows.start, rows.stop) + 0.5) / block - 0.5
+    places = np.clip(places, 0, coarse.shape[-2] - 1)
+    first, last = int(places[0]), int(np.ceil(places[-1]))
+    weights = np.maximum(1 - np.abs(places[:, None] - np.arange(first, last + 1)), 0)
+    weights = namespace(coarse).asarray(weights, dtype=coarse.dtype, device=coarse.device)
+    return weights @ coarse[..., first : last + 1, :]
 
 
 def _sums_of(planes: Array, block: int, axis: int) -> Array:

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any, final
 
 from compensate.aim import Aim, Eye
+from compensate.compiled import compiles
 from compensate.devices import CPU, on_device
 from compensate.figures import Appraisal, Figures
+from compensate.fourier import transforms
 from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Posed, Stage, preferred
@@ -194,7 +196,12 @@ class Compensating(Recipe):
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
         settings = {name: value for name, value in vars(self).items() if name != "scene"}
-        return {"command": "compensate", **self.scene.settings(), **settings}
+        settings = {"command": "compensate", **self.scene.settings(), **settings}
+        aimed = isinstance(self.weighting(self.scene.load()), Aim)
+        if self.method == "paper" or (self.method == "perceptual" and not aimed):
+            # Solvers round otherwise with it; nothing else uses it
+            settings["fast"] = [transforms().__name__, compiles()]
+        return settings
 
     small = "The master, and what is projected"
 
