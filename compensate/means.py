@@ -11,7 +11,7 @@ and are linear in between: K. He, J. Sun, "Fast Guided Filter", arXiv 1505.00996
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
@@ -184,10 +184,12 @@ def _mean_over(count: Array, radius: int) -> Callable[[Array], Array]:
 def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:
     """Sums over boxes, one after the other; with `means`, means of what lies in the picture."""
     if not isinstance(planes, np.ndarray):
-        for radius in radii:
-            for axis in (-1, -2):
-                planes = _sum_along(planes, radius, axis, means=means)
-        return planes
+        # Two products, which a GPU begins at once; running sums are some hundred kernels
+        down, across = (
+            _weights(namespace(planes), planes.dtype, planes.device, size, tuple(radii), means)
+            for size in planes.shape[-2:]
+        )
+        return down @ planes @ namespace(planes).matrix_transpose(across)
     # First all rows, then all columns, so that each strip stays in a core's cache
     flat = planes.reshape(-1, *planes.shape[-2:])
     for axis in (-1, -2):
@@ -223,16 +225,14 @@ def _along_rows(planes: Array, found: Array, radii: Sequence[int], *, means: boo
     in_strips(work, planes.shape)
 
 
-def _sum_along(planes: Array, radius: int, axis: int, *, means: bool) -> Array:
-    """`_boxes` along an axis, by running sums in double precision."""
-    xp = namespace(planes)
-    size = planes.shape[axis]
-    sums = xp.cumulative_sum(planes, axis=axis, dtype=xp.float64, include_initial=True)
-    steps = xp.arange(size, device=planes.device)
-    above = xp.minimum(steps + radius + 1, xp.full_like(steps, size))
-    below = xp.maximum(steps - radius, xp.zeros_like(steps))
-    found = xp.take(sums, above, axis=axis) - xp.take(sums, below, axis=axis)
-    if means:
-        count = xp.astype(above - below, xp.float64)
-        found = found / (count if axis == -1 else count[:, None])
-    return xp.astype(found, planes.dtype)
+@lru_cache(maxsize=32)
+def _weights(
+    xp: Any, dtype: Any, device: Any, size: int, radii: tuple[int, ...], means: bool
+) -> Array:
+    """(place, of) by which `_boxes` weighs a line of `size` values."""
+    found = np.eye(size)
+    apart = np.abs(np.arange(size)[:, None] - np.arange(size))
+    for radius in radii:
+        box = (apart <= radius).astype(float)
+        found = (box / box.sum(axis=1, keepdims=True) if means else box) @ found
+    return xp.asarray(found, dtype=dtype, device=device)
