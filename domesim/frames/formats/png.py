@@ -219,6 +219,7 @@ _PASSES = (
 _CRITICAL = (b"PLTE", b"IDAT", b"IEND")  # and IHDR
 _LAST_FILTER = 4
 _BLOCK = 1 << 16
+_WHOLE_WINDOW = 7  # in a stream's first byte: 32 kB (RFC 1950, 2.2)
 
 
 @final
@@ -228,7 +229,8 @@ class _Picture:
     def __init__(self) -> None:
         self.sides = (0, 0)  # cols, rows
         self._missing: list[tuple[int, int]] = []  # of passes: bytes of a line, bytes to come
-        self._pixels: Any = isal_zlib.decompressobj()
+        self._pixels: Any = None
+        self._step = _BLOCK
 
     def add(self, kind: bytes, content: bytes) -> None:
         """Take the next chunk: not if it is impossible, or too little came before the last one."""
@@ -264,14 +266,19 @@ class _Picture:
 
     def _inflate(self, content: bytes) -> None:
         """Look, and forget: libpng will do it again, but slower."""
+        if self._pixels is None:
+            self._pixels = isal_zlib.decompressobj()
+            if content[0] >> 4 < _WHOLE_WINDOW:
+                # ISA-L would not mind what reaches back too far. Nor would zlib, if it were not
+                # given a line at a time, as by libpng
+                self._pixels, self._step = zlib.decompressobj(wbits=0), self._missing[0][0]
         inflated = b"."
         while inflated and not self._pixels.eof:
             try:
-                inflated = self._pixels.decompress(content, _BLOCK)
-            except IsalError as error:  # type: ignore[misc]  # as its stub has it
+                inflated = self._pixels.decompress(content, self._step)
+            except (zlib.error, IsalError) as error:  # type: ignore[misc]  # as its stub has it
                 raise DamagedError("pixels that do not decode") from error
-            content = self._pixels.unconsumed_tail
-            left = inflated
+            content, left = self._pixels.unconsumed_tail, inflated
             while left and self._missing:
                 left = self._follow(left)
 
