@@ -21,9 +21,10 @@ what is bright by nothing:
 
     B' = B + max(v - B / fade, 0)
 
-Where nothing is missing v is 0, and the aim is the master. B keeps edges (`means.guided`). Dark
-places take the mean in which a pixel counts by its darkness, so that nothing bright nearby raises
-their base and leaves a dark rim; what stands out from that by `edge` takes the plain one. Some
+Where nothing is missing v is 0, and the aim is the master. B keeps edges: it is a guided mean
+(`means.coefficients`). Dark places take the mean in which a pixel counts by its darkness, so that
+nothing bright nearby raises their base and leaves a dark rim; what stands out from that by `edge`
+takes the plain one. Some
 saturated colours still need less light of one primary than is there. Exact clipping would turn a
 blue sky purple. So a share of what is missing in the worst primary is added to the others, in
 places that are lifted anyhow. B and v are known by blocks of half a degree, and linear in between:
@@ -48,15 +49,23 @@ chosen, and what lost: ``validation/notes/0007``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import reduce
 from typing import TypeAlias, final
 
-from compensate.means import block_means, block_sums, enlarged, guided, smooth
+from compensate.means import (
+    block_means,
+    block_sums,
+    coefficients,
+    enlarged,
+    enlarged_along,
+    enlarged_rows,
+    smooth,
+)
 from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError, require_not_negative, require_positive
 from domesim.light import Array, Light, namespace, total
+from domesim.light.strips import in_parts
 
 OCTAVES = 4
 """Scales of veils."""
@@ -174,8 +183,23 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
     brightest
         What is seen of white in its own place; nothing is aimed at above.
     """
-    gain = _gain(aim, sight, wanted, floor)
-    return wanted * _within(gain, wanted, brightest)[..., None]
+    lifting = _Lifting(aim, sight, wanted, floor)
+    lifting.look()
+    xp, primaries = namespace(wanted), range(wanted.shape[-1])
+    found = xp.empty_like(wanted)
+
+    def work(view: int, rows: slice) -> None:
+        gain = lifting.gain(view, rows)
+        master, most = ([each[view, rows, :, p] for p in primaries] for each in (wanted, brightest))
+        # Limited to what brings the brightest primary to white, so that hues stay
+        tiny = xp.full_like(gain, _TINY)
+        rooms = (each / xp.maximum(own, tiny) for own, each in zip(master, most, strict=True))
+        limited = xp.maximum(xp.minimum(gain, reduce(xp.minimum, rooms)), xp.ones_like(gain))
+        for p, own in enumerate(master):
+            found[view, rows, :, p] = own * limited
+
+    in_parts(work, wanted.shape, wanted)
+    return found
 
 
 def with_hue(aim: Aim, wanted: Light, aimed: Light, floor: Light) -> Light:
@@ -190,13 +214,24 @@ def with_hue(aim: Aim, wanted: Light, aimed: Light, floor: Light) -> Light:
     floor
         Light that is there without any of its own, of what shows the aim.
     """
-    xp = namespace(wanted)
-    missing = xp.maximum(floor - aimed, xp.zeros_like(aimed))
-    bright = _of_primaries(xp.maximum, aimed)
-    # Only as far as a place is lifted anyhow: elsewhere, what is exact stays exact
-    raised = 1 - _of_primaries(xp.maximum, wanted) / xp.maximum(bright, xp.full_like(bright, _TINY))
-    shared = aim.hue * raised * _of_primaries(xp.maximum, missing)
-    return aimed + xp.maximum(missing, shared[..., None])
+    xp, primaries = namespace(wanted), range(wanted.shape[-1])
+    found = xp.empty_like(aimed)
+
+    def work(view: int, rows: slice) -> None:
+        master, own, least = (
+            [each[view, rows, :, p] for p in primaries] for each in (wanted, aimed, floor)
+        )
+        none = xp.zeros_like(own[0])
+        missing = [xp.maximum(low - one, none) for low, one in zip(least, own, strict=True)]
+        bright = xp.maximum(reduce(xp.maximum, own), xp.full_like(none, _TINY))
+        # Only as far as a place is lifted anyhow: elsewhere, what is exact stays exact
+        raised = 1 - reduce(xp.maximum, master) / bright
+        shared = aim.hue * raised * reduce(xp.maximum, missing)
+        for p, one in enumerate(own):
+            found[view, rows, :, p] = one + xp.maximum(missing[p], shared)
+
+    in_parts(work, wanted.shape, wanted)
+    return found
 
 
 def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
@@ -254,53 +289,81 @@ def veil_block(sigma: float) -> int:
     return block
 
 
-def _of_primaries(pick: Callable[[Array, Array], Array], light: Light) -> Array:
-    """(view, row, col): `pick` over all primaries, far faster than a reduction over so few."""
-    return reduce(pick, (light[..., p] for p in range(light.shape[-1])))
+@final
+class _Lifting:
+    """How much a dome is lifted, B' / B, in two passes over strips of all views.
+
+    Eyes that are lifted differently would see two blacks.
+
+    Parameters
+    ----------
+    aim, sight, wanted, floor
+        As for `lifted`.
+    """
+
+    def __init__(self, aim: Aim, sight: Sight, wanted: Light, floor: Light) -> None:
+        self._aim, self._sight, self._wanted, self._floor = aim, sight, wanted, floor
+        self._block = dome_block(sight.density)
+        self._missing = 0.0
+        self._grids: list[Array] = []  # (slope and offset of all, and of what is dark; row, col)
+
+    def look(self) -> None:
+        """The first pass: what is missing, and the bases by blocks."""
+        aim, block = self._aim, self._block
+        views, rows, cols, primaries = self._wanted.shape
+        xp = namespace(self._wanted)
+        shape = views, -(-rows // block), block * cols * primaries
+        parts = in_parts(self._sums, shape, self._wanted)
+        radius = max(1, round(aim.reach * self._sight.density / block))
+        for view in range(views):
+            each = parts[view * len(parts) // views : (view + 1) * len(parts) // views]
+            pixels, lacking, *sums = xp.unstack(xp.concat(each, axis=1), axis=0)
+            self._missing = max(self._missing, aim.lift * _missing(aim, pixels, lacking))
+            first, second, weight, dark_first, dark_second = sums
+            of_all = coefficients(pixels, pixels, first, second, radius, aim.edge)
+            of_dark = coefficients(pixels, weight, dark_first, dark_second, radius, aim.edge)
+            self._grids.append(enlarged_along(xp.stack([*of_all, *of_dark]), block, cols))
+
+    def gain(self, view: int, rows: slice) -> Array:
+        """The second pass: the gain of some rows, (row, col)."""
+        xp, aim = namespace(self._wanted), self._aim
+        logs = xp.log(self._luminance(view, rows) + aim.dark / self._sight.white)
+        grids = xp.unstack(enlarged_rows(self._grids[view], self._block, rows), axis=0)
+        of_all, of_dark = (slope * logs + offset for slope, offset in (grids[:2], grids[2:]))
+        none, one = xp.zeros_like(logs), xp.ones_like(logs)
+        share = xp.minimum(xp.maximum((logs - of_dark) / aim.edge, none), one)
+        base = xp.exp(of_dark + (of_all - of_dark) * share)
+        return 1 + xp.maximum(self._missing - base / aim.fade, none) / base
+
+    def _luminance(self, view: int, rows: slice) -> Array:
+        return self._sight.luminance(self._wanted[view, rows, ...])
+
+    def _sums(self, view: int, blocks: slice) -> Array:
+        """(7, row, col) of some rows of blocks: pixels, missing light, and what bases are made of.
+
+        That is the logarithm of luminance and its square, and both by importance, which comes
+        first.
+        """
+        xp, sight = namespace(self._wanted), self._sight
+        end = min(blocks.stop * self._block, self._wanted.shape[1])
+        rows = slice(blocks.start * self._block, end)
+        luminance, dark = self._luminance(view, rows), self._aim.dark / sight.white
+        on = xp.astype(sight.screen[rows, :], luminance.dtype)
+        lacking = on * (sight.luminance(self._floor[view, rows, ...]) - luminance)
+        logs = xp.log(luminance + dark)
+        weights = on * (dark / (luminance + dark))
+        first, of_dark = on * logs, weights * logs
+        planes = on, lacking, first, first * logs, weights, of_dark, of_dark * logs
+        return block_sums(xp.stack(planes), self._block)
 
 
-def _gain(aim: Aim, sight: Sight, wanted: Light, floor: Light) -> Array:
-    """(view, row, col) B' / B; eyes that are lifted differently would see two blacks."""
-    xp = namespace(wanted)
-    luminance, dark = sight.luminance(wanted), aim.dark / sight.white
-    lacking = sight.luminance(floor) - luminance
-    views = range(wanted.shape[0])
-    missing = aim.lift * max(_missing(aim, sight, lacking[view, ...]) for view in views)
-    gains = []
-    for view in views:
-        base = _base(luminance[view, ...] + dark, sight, aim)
-        gains.append(1 + xp.maximum(missing - base / aim.fade, xp.zeros_like(base)) / base)
-    return xp.stack(gains)
-
-
-def _base(plane: Array, sight: Sight, aim: Aim) -> Array:
-    """(row, col) luminance that the eye is adapted to, from (row, col) luminance above 0."""
-    xp = namespace(plane)
-    logs = xp.log(plane)
-    block = dome_block(sight.density)
-    filtered = partial(
-        guided,
-        logs,
-        sight.screen,
-        max(1, round(aim.reach * sight.density / block)),
-        aim.edge,
-        block=block,
-    )
-    of_all, of_dark = filtered(), filtered(xp.min(plane) / plane)
-    beyond = (logs - of_dark) / aim.edge
-    share = xp.minimum(xp.maximum(beyond, xp.zeros_like(beyond)), xp.ones_like(beyond))
-    return xp.exp(of_dark + (of_all - of_dark) * share)
-
-
-def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:
+def _missing(aim: Aim, pixels: Array, sums: Array) -> float:
     """Mean of the missing light over the `darkest` share of the screen, where most is missing.
 
-    Places are blocks, as of the base: no single pixel decides, however many there are.
+    Places are blocks, as of the base: no single pixel decides, however many there are. A block has
+    so many `pixels` on the screen, in which so much is missing in all.
     """
-    xp = namespace(lacking)
-    block = dome_block(sight.density)
-    on = xp.astype(sight.screen, lacking.dtype)
-    pixels, sums = block_sums(on, block), block_sums(on * lacking, block)
+    xp = namespace(pixels)
     counted, sums = pixels[pixels > 0], sums[pixels > 0]
     means = xp.maximum(sums, xp.zeros_like(sums)) / counted
     order = xp.argsort(means, descending=True)
@@ -309,10 +372,3 @@ def _missing(aim: Aim, sight: Sight, lacking: Array) -> float:
     before = xp.cumulative_sum(counted) - counted
     share = xp.clip(most - before, 0 * counted, counted)
     return float(total(share * means) / most)
-
-
-def _within(gain: Array, wanted: Light, brightest: Light) -> Array:
-    """The gain, limited to what brings the brightest primary to white, so that hues stay."""
-    xp = namespace(wanted)
-    room = _of_primaries(xp.minimum, brightest / xp.maximum(wanted, xp.full_like(wanted, _TINY)))
-    return xp.maximum(xp.minimum(gain, room), xp.ones_like(gain))

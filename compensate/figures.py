@@ -20,13 +20,12 @@ from compensate.pose import Posed, differences, is_rounding
 from compensate.ruler import Ruler
 from compensate.solver.result import Result
 from compensate.weighting import Weighting
-from domesim.frames import Master
 from domesim.light import Light
 from domesim.light.strips import in_strips
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.seats import SeveralSeats
 from domesim.scene import Scene, StereoScene
-from domesim.scene.screening import decoded, mean_luminance
+from domesim.scene.screening import mean_luminance
 
 _INVISIBLE_LIGHT = 1e-5  # of white: far below a 16 bit code of any transfer function's shadows
 
@@ -187,10 +186,6 @@ class Appraisal:
     def loss(self, light: Light) -> float:
         """How much worse it looks than the master, JOD (`compensate.ruler`); of all seats."""
         return _mean(self._losses(self._seen(light)))
-
-    def stored_loss(self, stored: Master) -> float:
-        """`loss` of a frame as a file holds it, with its rounding."""
-        return self.loss(decoded(stored, self._scene))
 
     def _in_differences(self, energy: float, weighting: Weighting) -> float:
         """Just-noticeable differences, rms, of a weighted residual's energy."""

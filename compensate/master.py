@@ -120,24 +120,33 @@ class Solution:
     result: Result
     seconds: float
 
-    def outcome(self, appraisal: Appraisal | None = None, *, brief: bool = False) -> Outcome:
+    def outcome(self, appraisal: Appraisal | None = None) -> Outcome:
         """The frame to project, in the master's own encoding, and the figures.
 
         Other methods' outcomes of the same posed master may share an `appraisal`.
+        """
+        found = appraisal or Appraisal(self.posed)
+        frame, clipped = self.encoded()
+        return Outcome(frame, self.result.light, self.figures(found, clipped), found)
+
+    def encoded(self) -> tuple[Master, float]:
+        """The frame to project, and `Figures.file_clipped`."""
+        if self.method == "none" and self.frame.fits:
+            return self.frame, 0.0
+        return encoded(self.frame, self.result.light, self.posed.scene, self.posed.screen)
+
+    def figures(self, found: Appraisal, file_clipped: float, *, brief: bool = False) -> Figures:
+        """The figures of what `encoded` gives.
 
         If `brief`, `loss_before` is left out where subtraction shows what is desired: in a
         sequence, its transforms would take longer than all the rest.
         """
         posed, result = self.posed, self.result
-        found = appraisal or Appraisal(posed)
-        stored, file_clipped = self.frame, 0.0
-        if self.method != "none" or not self.frame.fits:
-            stored, file_clipped = encoded(self.frame, result.light, posed.scene, posed.screen)
         loss_after = found.loss_subtractive
         if result.light is not posed.subtractive:
             brief, loss_after = False, found.loss(result.light)
         left = found.foreseen(result.light)
-        figures = Figures(
+        return Figures(
             method=self.method,
             clipped=found.clipped,
             out_of_range=self.out_of_range,
@@ -157,4 +166,3 @@ class Solution:
             light_left=None if left is None else left.light.told,
             error_left=None if left is None else left.weighted.told,
         )
-        return Outcome(stored, result.light, figures, found)

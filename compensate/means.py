@@ -11,7 +11,7 @@ and are linear in between: K. He, J. Sun, "Fast Guided Filter", arXiv 1505.00996
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
@@ -58,48 +58,13 @@ def smooth(planes: Array, sigma: float) -> Array:
     return _boxes(planes, [small + 1] * large + [small] * (_BOXES - large), means=True)
 
 
-def guided(
-    plane: Array,
-    screen: Array,
-    radius: int,
-    edge: float,
-    importance: Array | None = None,
-    *,
-    block: int = 1,
-) -> Array:
-    """Edge-preserving mean: the guided filter of He et al., with itself as guide.
-
-    Parameters
-    ----------
-    plane
-        (row, col).
-    screen
-        (row, col) bool: pixels that count.
-    radius
-        Radius of the boxes, blocks.
-    edge
-        Standard deviation within a box at which half of it is kept: the root of their epsilon.
-    importance
-        (row, col) above 0: how much a pixel counts within a box; all alike if None.
-    block
-        Side of the blocks that have one coefficient each, pixels.
-    """
-    xp = namespace(plane)
-    on = xp.astype(screen, plane.dtype)
-    weights = on if importance is None else on * importance
-    weighted = weights * plane
-    pixels, weight, first, second = (
-        block_sums(each, block) for each in (on, weights, weighted, weighted * plane)
-    )
-    slope, offset = coefficients(pixels, weight, first, second, radius, edge)
-    size = plane.shape
-    return enlarged(slope, block, size) * plane + enlarged(offset, block, size)
-
-
 def coefficients(
     pixels: Array, weight: Array, first: Array, second: Array, radius: int, edge: float
 ) -> tuple[Array, Array]:
-    """Slope and offset by which `guided` makes its mean of a value, (row, col) of blocks each.
+    """Slope and offset of the edge-preserving mean of a value, (row, col) of blocks each.
+
+    It is the guided filter of He et al., with the picture as its own guide: both, `enlarged`, make
+    the mean of each pixel's value.
 
     Parameters
     ----------
@@ -107,8 +72,10 @@ def coefficients(
         Of each block: how many pixels count, and the sum of their importance.
     first, second
         Sums of the value and of its square, by importance.
-    radius, edge
-        As for `guided`.
+    radius
+        Radius of the boxes, blocks.
+    edge
+        Standard deviation within a box at which half of it is kept: the root of their epsilon.
     """
     xp = namespace(pixels)
     within = _mean_over(box_sum(weight, radius), radius)
@@ -141,9 +108,22 @@ def enlarged(coarse: Array, block: int, size: tuple[int, ...]) -> Array:
     """(..., *size) of (..., row, col) `coarse`, of blocks: linear between their middles."""
     if block == 1:
         return coarse
-    for axis, count in ((-2, size[-2]), (-1, size[-1])):
-        coarse = _linear_along(coarse, block, axis, count)
-    return coarse
+    return enlarged_along(_linear_along(coarse, block, -2, size[-2]), block, size[-1])
+
+
+def enlarged_along(coarse: Array, block: int, count: int) -> Array:
+    """`enlarged` to `count` columns, and its rows as they are."""
+    return coarse if block == 1 else _linear_along(coarse, block, -1, count)
+
+
+def enlarged_rows(coarse: Array, block: int, rows: slice) -> Array:
+    """Some rows of `enlarged`, of columns that are enlarged already."""
+    places = (np.arange(rows.start, rows.stop) + 0.5) / block - 0.5
+    places = np.clip(places, 0, coarse.shape[-2] - 1)
+    first, last = int(places[0]), int(np.ceil(places[-1]))
+    weights = np.maximum(1 - np.abs(places[:, None] - np.arange(first, last + 1)), 0)
+    weights = namespace(coarse).asarray(weights, dtype=coarse.dtype, device=coarse.device)
+    return weights @ coarse[..., first : last + 1, :]
 
 
 def _sums_of(planes: Array, block: int, axis: int) -> Array:
@@ -157,6 +137,11 @@ def _sums_of(planes: Array, block: int, axis: int) -> Array:
         shape[axis] = lacking
         nothing = xp.zeros(tuple(shape), dtype=planes.dtype, device=planes.device)
         planes = xp.concat([planes, nothing], axis=axis)
+
+    if not isinstance(planes, np.ndarray):
+        # One kernel on a GPU, where many small ones take longer to begin than to run
+        after = planes.shape[-1:] if axis == -2 else ()
+        return xp.sum(xp.reshape(planes, (*planes.shape[:axis], -1, block, *after)), axis=axis)
 
     def every(first: int) -> Array:
         place = slice(first, None, block)
@@ -199,10 +184,12 @@ def _mean_over(count: Array, radius: int) -> Callable[[Array], Array]:
 def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:
     """Sums over boxes, one after the other; with `means`, means of what lies in the picture."""
     if not isinstance(planes, np.ndarray):
-        for radius in radii:
-            for axis in (-1, -2):
-                planes = _sum_along(planes, radius, axis, means=means)
-        return planes
+        # Two products, which a GPU begins at once; running sums are some hundred kernels
+        down, across = (
+            _weights(namespace(planes), planes.dtype, planes.device, size, tuple(radii), means)
+            for size in planes.shape[-2:]
+        )
+        return down @ planes @ namespace(planes).matrix_transpose(across)
     # First all rows, then all columns, so that each strip stays in a core's cache
     flat = planes.reshape(-1, *planes.shape[-2:])
     for axis in (-1, -2):
@@ -238,16 +225,14 @@ def _along_rows(planes: Array, found: Array, radii: Sequence[int], *, means: boo
     in_strips(work, planes.shape)
 
 
-def _sum_along(planes: Array, radius: int, axis: int, *, means: bool) -> Array:
-    """`_boxes` along an axis, by running sums in double precision."""
-    xp = namespace(planes)
-    size = planes.shape[axis]
-    sums = xp.cumulative_sum(planes, axis=axis, dtype=xp.float64, include_initial=True)
-    steps = xp.arange(size, device=planes.device)
-    above = xp.minimum(steps + radius + 1, xp.full_like(steps, size))
-    below = xp.maximum(steps - radius, xp.zeros_like(steps))
-    found = xp.take(sums, above, axis=axis) - xp.take(sums, below, axis=axis)
-    if means:
-        count = xp.astype(above - below, xp.float64)
-        found = found / (count if axis == -1 else count[:, None])
-    return xp.astype(found, planes.dtype)
+@lru_cache(maxsize=32)
+def _weights(
+    xp: Any, dtype: Any, device: Any, size: int, radii: tuple[int, ...], means: bool
+) -> Array:
+    """(place, of) by which `_boxes` weighs a line of `size` values."""
+    found = np.eye(size)
+    apart = np.abs(np.arange(size)[:, None] - np.arange(size))
+    for radius in radii:
+        box = (apart <= radius).astype(float)
+        found = (box / box.sum(axis=1, keepdims=True) if means else box) @ found
+    return xp.asarray(found, dtype=dtype, device=device)

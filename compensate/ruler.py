@@ -14,7 +14,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.vision.differences import visible_difference
+from compensate.vision.differences import Reference, visible_difference
 from compensate.vision.resolution import by_resolution
 from domesim.light import Light
 from domesim.light.strips import in_strips
@@ -58,17 +58,22 @@ class Ruler:
 
         It is computed from the averaged picture.
         """
-        wanted, found = self._averaged_master, self._averaged(seen)
-        viewing = self._scene.viewing
-        per_degree = viewing.pixels_per_degree(*wanted.shape[1:3])
+        found, viewing = self._averaged(seen), self._scene.viewing
         if viewing.seat is None:
-            return visible_difference(wanted, found, per_degree)
+            return self._reference.difference(found)
+        wanted = self._averaged_master
+        per_degree = viewing.pixels_per_degree(*wanted.shape[1:3])
         (lost,) = by_resolution(
             viewing.seat.scale(*wanted.shape[1:3]),
             self._share[0] > 0,
             lambda factor: (visible_difference(wanted, found, factor * per_degree),),
         )
         return lost
+
+    @cached_property
+    def _reference(self) -> Reference:
+        wanted = self._averaged_master
+        return Reference(wanted, self._scene.viewing.pixels_per_degree(*wanted.shape[1:3]))
 
     @cached_property
     def _share(self) -> NDArray[np.float32]:

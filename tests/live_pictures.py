@@ -93,16 +93,17 @@ def engine_for(
     *,
     beside: bool = True,
     by: str,
-    device: str = "cpu",
+    device: str | None = "cpu",
     colour: str = "srgb",
+    dithers: bool = False,
 ) -> tuple[str, Engine]:
-    """What computes frames without noise, and its name; tests have no compiled loops else."""
+    """What computes frames, and its name; tests have no compiled loops else."""
     coding = Coding(scene.projector, encoding_named(colour))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DOMESIM_FAST", "0" if by == "numpy" else "1")
         return engine_of(
             scene, rows, cols, coding, PIXEL_FORMATS[pixels],
-            beside=beside, aim=Aim(), dithers=False, device=device,
+            beside=beside, aim=Aim(), dithers=dithers, device=device,
         )  # fmt: skip
 
 

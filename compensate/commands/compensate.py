@@ -42,13 +42,15 @@ def compensate(
         ),
     ] = False,
     pages: Annotated[
-        int,
+        int | None,
         typer.Option(
             help="Sequences: for how many of the worst frames to write a page that compares "
-            "methods.",
+            "methods; one takes as long as a few frames. By default one for each 40 frames, 3 at "
+            "most.",
             min=0,
+            show_default=False,
         ),
-    ] = 3,
+    ] = None,
 ) -> None:
     """Compute the frames to project, so that the audience sees the master as closely as can be."""
     console = telling.console()

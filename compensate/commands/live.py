@@ -98,8 +98,8 @@ def live(
         typer.Option(
             "--device",
             help="What computes: cpu, by compiled loops with the extra fast; cuda or cuda:1, a GPU "
-            "by PyTorch (extra gpu), which is the default where there is one; cupy; torch, the "
-            "processor by PyTorch.",
+            "by PyTorch (extra gpu), which is the default without fast; cupy; torch, the processor "
+            "by PyTorch.",
             show_default=False,
         ),
     ] = None,

@@ -25,6 +25,10 @@ from domesim.scene import Scene
 
 CELLS = 64
 """Most cells across a picture."""
+SETTLED = 1e-3
+"""Change of a dome's floor, of white, after which Newton's step is exact to 1e-5."""
+STEPS = 30
+"""Newton steps at most; of a moving picture one or two are usual."""
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -77,9 +81,10 @@ class DomeConstants:
     core: Floats
 
     @property
-    def views(self) -> int:
-        """One."""
-        return 1
+    def shape(self) -> tuple[int, int]:
+        """(row, col) of a view."""
+        rows, cols = self.screen.shape
+        return rows, cols
 
 
 @final
@@ -127,9 +132,9 @@ class PairConstants:
     black: Floats
 
     @property
-    def views(self) -> int:
-        """Two."""
-        return 2
+    def shape(self) -> tuple[int, int]:
+        """(row, col) of a view."""
+        return self.rows, self.cols
 
 
 Constants: TypeAlias = DomeConstants | PairConstants

@@ -17,14 +17,11 @@ from numpy.typing import NDArray
 
 from compensate.live import dome_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
-from compensate.live.constants import DomeConstants
+from compensate.live.constants import SETTLED, STEPS, DomeConstants
 from compensate.live.noise import shifts_of
 from compensate.live.tile_loops import code_of, places_along, widened
 from compensate.means import block_sums, box_sum
 
-_SETTLED = 1e-3
-"""Change of a floor, of white, after which Newton's step is exact to 1e-5: see `_settled`."""
-_STEPS = 30
 _TANGENTS, _EXACT = 24, 1e-6
 """How often the darkest share is looked for, and to which part of what is missing most."""
 
@@ -125,7 +122,7 @@ class CompiledDome:
         1e-3 passes some 5 % of a dark picture's pixels, and half of it: an error of 1e-5.
         """
         k, excited = self._k, self._excited[stage]
-        for _ in range(_STEPS):
+        for _ in range(STEPS):
             sweep(stage, self._wide(self._floors(excited)))
             light, moving = self._sums.reshape(2, 3, -1).astype(np.float64)
             system = np.eye(len(k.spread)) + k.core @ (self._overlap @ moving.T).transpose(2, 0, 1)
@@ -133,7 +130,7 @@ class CompiledDome:
             step = np.linalg.solve(system, off[:, :, None])[:, :, 0]
             excited += step
             change = np.abs(np.tensordot(step, k.spread, 1)).max()
-            if change < _SETTLED:
+            if change < SETTLED:
                 break
         return self._floors(excited)
 

@@ -53,7 +53,8 @@ def engine_of(
     aim, dithers
         Settings of the aim; whether codes are rounded with noise.
     device
-        As for `compensate.devices.on_device`; a GPU where PyTorch finds one if None.
+        As for `compensate.devices.on_device`. If None: compiled loops, which are as fast on some
+        cores as PyTorch on a GPU; without the extra ``fast``, a GPU where PyTorch finds one.
 
     Raises
     ------
@@ -61,14 +62,14 @@ def engine_of(
         As for `constants_of`; or if there is no such device.
     """
     constants = constants_of(scene, rows, cols, aim)
-    device = device or ("cuda" if _has_gpu() else CPU)
-    how: Any = {"beside": beside, "aim": aim, "dithers": dithers}
+    device = device or (CPU if compiles() or not has_gpu() else "cuda")
+    how: Any = {"beside": beside, "dithers": dithers}
     if device != CPU:
         from compensate.live.arrays import ByArrays  # noqa: PLC0415 - not for who has no GPU
 
-        return device, ByArrays(scene, rows, cols, coding, pixels, device=device, **how)
+        return device, ByArrays(scene, constants, coding, pixels, device=device, **how)
     if not compiles():
-        return PLAIN, _plain(scene, coding, pixels, **how)
+        return PLAIN, _plain(scene, coding, pixels, aim=aim, **how)
     if isinstance(constants, DomeConstants):
         from compensate.live.dome import CompiledDome  # noqa: PLC0415 - of an extra
 
@@ -78,7 +79,7 @@ def engine_of(
     return FAST, CompiledPair(constants, coding, pixels, beside=beside, dithers=dithers)
 
 
-def _has_gpu() -> bool:
+def has_gpu() -> bool:
     """Whether PyTorch finds a GPU; it is not imported where there is no sign of one."""
     if not Path("/dev/nvidia0").exists() or importlib.util.find_spec("torch") is None:
         return False

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any, final
 
 from compensate.aim import Aim, Eye
+from compensate.compiled import compiles
 from compensate.devices import CPU, on_device
 from compensate.figures import Appraisal, Figures
+from compensate.fourier import transforms
 from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Posed, Stage, preferred
@@ -22,6 +24,7 @@ from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.scene import Scene, StereoScene
 from domesim.scene.choice import SceneChoice
+from domesim.scene.screening import decoded
 from domesim.shows.small import thinned
 from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
 
@@ -194,7 +197,12 @@ class Compensating(Recipe):
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
         settings = {name: value for name, value in vars(self).items() if name != "scene"}
-        return {"command": "compensate", **self.scene.settings(), **settings}
+        settings = {"command": "compensate", **self.scene.settings(), **settings}
+        aimed = isinstance(self.weighting(self.scene.load()), Aim)
+        if self.method == "paper" or (self.method == "perceptual" and not aimed):
+            # Solvers round otherwise with it; nothing else uses it
+            settings["fast"] = [transforms().__name__, compiles()]
+        return settings
 
     small = "The master, and what is projected"
 
@@ -280,23 +288,30 @@ class Compensating(Recipe):
 
 
 def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
-    """Write it; of what subtraction shows, only figures that take no longer than that."""
-    appraisal = Appraisal(solution.posed)
-    outcome = solution.outcome(appraisal, brief=True)
-    write(outcome.frame)
-    show = solution.posed.scene.projector.to_display
-    write.small(*(show(thinned(each))[0] for each in (solution.posed.desired, outcome.light)))
-    found = outcome.figures
-    del outcome  # its frame is as large as what is read below
-    figures, line = asdict(found), line_of(found)
-    if found.loss_before is None:
-        return {**figures, "loss_stored": None}, line
+    """Write it; of what subtraction shows, only figures that take no longer than that.
+
+    What is written is looked at first: its pictures are as large as all others, and then gone.
+    """
+    posed, light = solution.posed, solution.result.light
+    appraisal = Appraisal(posed)
+    frame, clipped = solution.encoded()
+    write(frame)
+    del frame
+    show = posed.scene.projector.to_display
+    write.small(*(show(thinned(each))[0] for each in (posed.desired, light)))
+    if posed.exact and light is posed.subtractive:
+        found = solution.figures(appraisal, clipped, brief=True)
+        return {**asdict(found), "loss_stored": None}, line_of(found)
     stored = write.stored()
-    lost = appraisal.stored_loss(stored)
-    line += f" As stored: {lost:.3g} JOD"
+    bits, suffix, stored_light = stored.bits, stored.path.suffix, decoded(stored, posed.scene)
+    del stored
+    lost = appraisal.loss(stored_light)
+    del stored_light
+    found = solution.figures(appraisal, clipped)
+    line = f"{line_of(found)} As stored: {lost:.3g} JOD"
     if _rounding_shows(found.loss_after, lost):
-        line += f" (rounding to {stored.bits} bit {stored.path.suffix} shows: --format, --bits)"
-    return {**figures, "loss_stored": lost}, line
+        line += f" (rounding to {bits} bit {suffix} shows: --format, --bits)"
+    return {**asdict(found), "loss_stored": lost}, line
 
 
 def _rounding_shows(computed: float, stored: float) -> bool:

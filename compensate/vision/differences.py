@@ -38,14 +38,12 @@ Trans. Commun. 31(4), 532-540, a = 0.4.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, castle
 from domesim.errors import InputError
@@ -68,6 +66,7 @@ _P = 2.264355182647705
 _Q = (1.302622675895691, 2.8885908126831055, 3.6807713508605957)
 _MASKING = 10**-0.7954971194267273  # c
 _REACH = 3  # of G, pixels of the band
+_SPREAD = 2 * _REACH  # what G sees, pixels to either side
 _MOST = 10**2.5642454624176025  # D_max
 _BASE = (0.0036334486212581396, 1.6627724170684814, 4.11874532699585)
 STILL = 0.577918291091919  # s
@@ -115,13 +114,7 @@ def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -
     InputError
         If the shapes do not fit, or the resolution is not above 0.
     """
-    levels = _levels(wanted, seen, pixels_per_degree)
-    total = _base_band(levels[-1])
-    for number in reversed(range(len(levels) - 1)):
-        band = _band(levels, number, pixels_per_degree)
-        difference = _pooled(mutually_masked(band.wanted, band.seen))
-        total = expanded(total, difference.shape[-2:]) + np.float32(band.gain) * difference
-    return np.asarray(JOD * (STILL * total) ** EXPONENT)
+    return Reference(wanted, pixels_per_degree).difference(seen)
 
 
 def in_thresholds(lost: Floats) -> Planes:
@@ -135,46 +128,124 @@ def in_thresholds(lost: Floats) -> Planes:
 
 def bands(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Band]:
     """The bands, from fine to coarse; parameters and errors as of `visible_difference`."""
-    levels = _levels(wanted, seen, pixels_per_degree)
-    return [_band(levels, number, pixels_per_degree) for number in range(len(levels) - 1)]
+    return Reference(wanted, pixels_per_degree).bands(seen)
+
+
+@final
+class Reference:
+    """A picture that others are compared with: what of it all comparisons share.
+
+    Parameters
+    ----------
+    wanted, pixels_per_degree
+        As for `visible_difference`.
+
+    Raises
+    ------
+    InputError
+        If the picture's shape does not fit, or the resolution is not above 0.
+    """
+
+    def __init__(self, wanted: Floats, pixels_per_degree: float) -> None:
+        if not (np.isfinite(pixels_per_degree) and pixels_per_degree > 0):
+            raise InputError(
+                f"visible differences take pixels per degree above 0, got {pixels_per_degree:g}"
+            )
+        self._shape, self._per_degree = np.shape(wanted), pixels_per_degree
+        self._levels = _levels(wanted, pixels_per_degree)
+        # Of each band S and T, (view, mechanism, row, col)
+        self._sensitive = [np.empty_like(level) for level in self._levels[:-1]]
+        self._contrasts = [np.empty_like(level) for level in self._levels[:-1]]
+        for number in range(len(self._contrasts)):
+            self._look(number)
+
+    def difference(self, seen: Floats) -> Planes:
+        """`visible_difference` of the picture and another of its shape; raises what that does."""
+        levels = self._levels_of(seen)
+        total = _base_band(self._levels[-1], levels[-1])
+        for number in reversed(range(len(levels) - 1)):
+            total = self._added(total, levels, number)
+        return np.asarray(JOD * (STILL * total) ** EXPONENT)
+
+    def bands(self, seen: Floats) -> list[Band]:
+        """`bands` of the picture and another of its shape; raises what that does."""
+        levels = self._levels_of(seen)
+        found = []
+        for number, wanted in enumerate(self._contrasts):
+            views, every = range(len(wanted)), slice(0, wanted.shape[-2])
+            contrasts = np.stack([self._seen(levels, number, view, every) for view in views])
+            frequency = _frequency(number, self._per_degree)
+            found.append(Band(frequency, gain(number, _place(number)), wanted, contrasts))
+        return found
+
+    def _levels_of(self, seen: Floats) -> list[Planes]:
+        if np.shape(seen) != self._shape:
+            raise InputError(
+                f"visible differences are of two pictures of one shape, got {self._shape} and "
+                f"{np.shape(seen)}"
+            )
+        return _levels(seen, self._per_degree)
+
+    def _look(self, number: int) -> None:
+        """Find S and T of a band."""
+        sensitive, contrasts = self._sensitive[number], self._contrasts[number]
+        frequency = _frequency(number, self._per_degree)
+
+        def work(view: int, rows: slice) -> None:
+            relative, light = _relative(self._levels, number, view, rows)
+            for k, found in enumerate(_sensitivities(frequency, light)):
+                sensitive[view, k, rows] = found
+            np.multiply(relative, sensitive[view, :, rows], out=contrasts[view, :, rows])
+
+        in_strips(work, _strips_of(contrasts))
+
+    def _seen(self, levels: list[Planes], number: int, view: int, rows: slice) -> Planes:
+        """T' of a band in some rows of a view, (mechanism, row, col)."""
+        contrast, _ = _relative(levels, number, view, rows)
+        contrast *= self._sensitive[number][view, :, rows]
+        return contrast
+
+    def _added(self, total: Planes, levels: list[Planes], number: int) -> Planes:
+        """D of all bands from the base to this one, (view, row, col), from that of those before."""
+        wanted = self._contrasts[number]
+        views, _, rows, cols = wanted.shape
+        both, apart = np.empty_like(wanted), np.empty_like(wanted)
+        result = np.empty((views, rows, cols), np.float32)
+        at_peak = np.float32(gain(number, _place(number)))
+        # What lies so many rows beyond the strip's, mirrored at the edges
+        beyond = np.pad(np.arange(rows), _SPREAD, "symmetric")
+
+        def compare(view: int, some: slice) -> None:
+            seen = self._seen(levels, number, view, some)
+            both[view, :, some], apart[view, :, some] = _compared(wanted[view, :, some], seen)
+
+        def add(view: int, some: slice) -> None:
+            around = both[view][:, beyond[some.start : some.stop + 2 * _SPREAD]]
+            masked = _masked(_weighted(around, -2), apart[view, :, some])
+            result[view, some] = at_peak * _pooled(masked[None])[0]
+            result[view, some] += _expanded_rows(total[view], some, cols)
+
+        for work in (compare, add):
+            in_strips(work, _strips_of(wanted))
+        return result
 
 
 def mutually_masked(wanted: Planes, seen: Planes) -> Planes:
     """D_k of T and T', (..., mechanism, row, col): 1 for a difference at threshold on nothing."""
-    both = np.minimum(np.abs(wanted), np.abs(seen))
-    both = np.float32(_MASKING) * _filtered(
-        both, partial(gaussian_filter, sigma=_REACH, truncate=2)
-    )
-    result = np.abs(seen - wanted) ** np.float32(_P)
-    for k, q in enumerate(_Q):
-        result[..., k, :, :] /= 1 + both[..., k, :, :] ** np.float32(q)
-    return np.asarray(_MOST * result / (_MOST + result))
+    both, apart = _compared(wanted, seen)
+    return _masked(_smoothed(both, -2), apart)
 
 
 def reduced(planes: Planes) -> Planes:
     """The next level of the Gaussian pyramid, (..., row, col): every second pixel, smoothed."""
-    return _filtered(planes, lambda plane: _halved(_halved(plane, 0), 1))
+    each = planes.reshape(-1, *planes.shape[-2:])
+    results = in_strips(lambda number, _: _halved(_halved(each[number], 0), 1), (len(each), 1))
+    return np.stack(results).reshape(*planes.shape[:-2], *results[0].shape)
 
 
 def expanded(planes: Planes, size: tuple[int, ...]) -> Planes:
     """The level below, of `size` (row, col), that has as much light."""
-    outer, between, middle = (np.float32(2 * tap) for tap in _TAPS[:3])
-    for axis, count in zip((-2, -1), size, strict=True):
-        shape = list(planes.shape)
-        shape[axis] = count
-        result = np.empty(shape, planes.dtype)
-        lines, finer = np.moveaxis(planes, axis, 0), np.moveaxis(result, axis, 0)
-        before, after = lines[:-1], lines[1:]
-        even, odd = finer[::2], finer[1::2]
-        np.multiply(middle, lines, out=even)
-        even[1:] += outer * before
-        even[:-1] += outer * after
-        even[0] += outer * lines[0]
-        even[-1] += outer * lines[-1]
-        odd[: len(after)] = between * (before + after)
-        odd[len(after) :] = 2 * between * lines[-1]
-        planes = result
-    return planes
+    return _expanded_rows(planes, slice(0, size[-2]), size[-1])
 
 
 def gain(number: int, frequency: float) -> float:
@@ -192,11 +263,26 @@ def gain(number: int, frequency: float) -> float:
     return float(np.prod([*passed, 1 - _low_pass(frequency) ** 2]))
 
 
-def _filtered(planes: Planes, filtering: Callable[[Planes], Planes]) -> Planes:
-    """Each (row, col) of (..., row, col) filtered, by all threads."""
-    each = planes.reshape(-1, *planes.shape[-2:])
-    results = in_strips(lambda number, _: filtering(each[number]), (len(each), 1))
-    return np.stack(results).reshape(*planes.shape[:-2], *results[0].shape)
+def _expanded_rows(planes: Planes, rows: slice, cols: int) -> Planes:
+    """Some rows of `expanded`, (..., row, col)."""
+    first, last = rows.start // 2, -(-rows.stop // 2)
+    around = np.clip(np.arange(first - 1, last + 1), 0, planes.shape[-2] - 1)
+    lines = _doubled(planes[..., around, :], -2)
+    lines = lines[..., rows.start - 2 * first : rows.stop - 2 * first, :]
+    return _doubled(np.concatenate([lines[..., :1], lines, lines[..., -1:]], -1), -1)[..., :cols]
+
+
+def _doubled(planes: Planes, axis: int) -> Planes:
+    """Twice as many rows or columns, but of the first and the last, which lie beyond the edge."""
+    outer, between, middle = (np.float32(2 * tap) for tap in _TAPS[:3])
+    shape = list(planes.shape)
+    shape[axis] = 2 * (shape[axis] - 2)
+    result = np.empty(shape, planes.dtype)
+    lines, finer = planes.swapaxes(axis, -2), result.swapaxes(axis, -2)
+    before, here, after = lines[..., :-2, :], lines[..., 1:-1, :], lines[..., 2:, :]
+    finer[..., ::2, :] = middle * here + outer * (before + after)
+    finer[..., 1::2, :] = between * (here + after)
+    return result
 
 
 def _halved(plane: Planes, axis: int) -> Planes:
@@ -230,24 +316,20 @@ def _place(number: int) -> float:
     return PEAK if number else 1.0
 
 
-def _levels(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Planes]:
-    """Gaussian pyramid of the responses, (picture, view, mechanism, row, col)."""
-    shape = np.shape(wanted)
+def _levels(picture: Floats, pixels_per_degree: float) -> list[Planes]:
+    """Gaussian pyramid of the responses, (view, mechanism, row, col)."""
+    shape = np.shape(picture)
     if len(shape) != 4 or 0 in shape or shape[3] != len(DKL_FROM_XYZ):
         raise InputError(f"visible differences are of XYZ, (view, row, col, 3), got {shape}")
-    if np.shape(seen) != shape:
-        raise InputError(
-            f"visible differences are of two pictures of one shape, got {shape} and "
-            f"{np.shape(seen)}"
-        )
-    if not (np.isfinite(pixels_per_degree) and pixels_per_degree > 0):
-        raise InputError(
-            f"visible differences take pixels per degree above 0, got {pixels_per_degree:g}"
-        )
-    responses = np.stack([wanted, seen]).astype(np.float32, copy=False) @ DKL_FROM_XYZ.T.astype(
-        np.float32
-    )
-    levels = [np.ascontiguousarray(np.moveaxis(responses, -1, 2))]
+    responses = np.empty((shape[0], shape[3], *shape[1:3]), np.float32)
+    to_responses = DKL_FROM_XYZ.T.astype(np.float32)
+
+    def respond(view: int, rows: slice) -> None:
+        found = picture[view, rows].astype(np.float32, copy=False) @ to_responses
+        responses[view, :, rows] = np.moveaxis(found, -1, 0)
+
+    in_strips(respond, shape)
+    levels = [responses]
     while _frequency(len(levels) - 1, pixels_per_degree) > LOWEST and min(
         levels[-1].shape[-2:]
     ) >= len(_TAPS):
@@ -255,22 +337,79 @@ def _levels(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Plan
     return levels
 
 
-def _band(levels: list[Planes], number: int, pixels_per_degree: float) -> Band:
-    fine, coarse = levels[number], levels[number + 1]
-    around = expanded(coarse, fine.shape[-2:])
-    light = np.maximum(around[:, :, :1], np.float32(DARKEST))
-    at_peak, frequency = gain(number, _place(number)), _frequency(number, pixels_per_degree)
-    contrast = (fine - around) / (light * np.float32(at_peak))
-    for k, sensitivity in enumerate(_sensitivities(frequency, light[0, :, 0])):
-        contrast[:, :, k] *= sensitivity
-    return Band(frequency, at_peak, contrast[0], contrast[1])
+def _strips_of(planes: Planes) -> tuple[int, ...]:
+    """Shape for `in_strips` of (view, mechanism, row, col), of two pictures."""
+    views, mechanisms, rows, cols = planes.shape
+    return views, rows, 2 * mechanisms * cols
 
 
-def _base_band(coarsest: Planes) -> Planes:
-    """D of the base band, (view, row, col)."""
-    mean = np.maximum(coarsest[:, :, :1], np.float32(DARKEST)).mean((-2, -1), keepdims=True)
-    difference = np.abs(np.diff(coarsest / mean, axis=0))[0]
-    found = _sensitivities(BASE_FREQUENCY, mean[0, :, 0])
+def _relative(levels: list[Planes], number: int, view: int, rows: slice) -> tuple[Planes, Planes]:
+    """C over g_b, (mechanism, row, col), and the light that it is relative to, (row, col)."""
+    fine, coarse = levels[number][view, :, rows], levels[number + 1][view]
+    around = _expanded_rows(coarse, rows, fine.shape[-1])
+    light = np.maximum(around[0], np.float32(DARKEST))
+    contrast = np.subtract(fine, around, out=around)
+    contrast /= light * np.float32(gain(number, _place(number)))
+    return contrast, light
+
+
+def _compared(wanted: Planes, seen: Planes) -> tuple[Planes, Planes]:
+    """What T and T' have in common, smoothed along rows, and |T - T'|^p of what they have not."""
+    both = np.minimum(np.abs(wanted), np.abs(seen))
+    return _smoothed(both, -1), _power(np.abs(seen - wanted), _P)
+
+
+def _masked(both: Planes, apart: Planes) -> Planes:
+    """D_k of what `_compared` finds, smoothed along columns, too."""
+    result = np.empty_like(apart)
+    for k, q in enumerate(_Q):
+        mask = _power(np.float32(_MASKING) * both[..., k, :, :], q)
+        mask += 1
+        np.divide(apart[..., k, :, :], mask, out=result[..., k, :, :])
+    return np.asarray(_MOST * result / (_MOST + result))
+
+
+def _power(values: Planes, exponent: float) -> Planes:
+    """Values of at least 0 to a power: far faster by logarithms, which NumPy has in vectors."""
+    with np.errstate(divide="ignore"):  # of 0: its power is 0
+        result = np.log(values)
+    result *= np.float32(exponent)
+    return np.exp(result, out=result)
+
+
+def _smoothed(planes: Planes, axis: int) -> Planes:
+    """G along an axis; beyond its edges planes are mirrored."""
+    width = [(0, 0)] * planes.ndim
+    width[axis] = (_SPREAD, _SPREAD)
+    return _weighted(np.pad(planes, width, "symmetric"), axis)
+
+
+def _weighted(padded: Planes, axis: int) -> Planes:
+    """G along an axis, -2 or -1, of planes that have what lies beyond."""
+    size = padded.shape[axis] - 2 * _SPREAD
+
+    def moved(by: int) -> Planes:
+        place = slice(_SPREAD + by, _SPREAD + by + size)
+        return padded[..., place] if axis == -1 else padded[..., place, :]
+
+    weights = np.exp(-((np.arange(_SPREAD + 1) / _REACH) ** 2) / 2)
+    weights = (weights / (2 * weights.sum() - 1)).astype(np.float32)
+    result: Planes = weights[0] * moved(0)
+    for by, weight in enumerate(weights[1:], 1):
+        pair = moved(by) + moved(-by)
+        pair *= weight
+        result += pair
+    return result
+
+
+def _base_band(wanted: Planes, seen: Planes) -> Planes:
+    """D of the base band, (view, row, col), of both pictures' coarsest levels."""
+    means = [
+        np.maximum(each[:, :1], np.float32(DARKEST)).mean((-2, -1), keepdims=True)
+        for each in (wanted, seen)
+    ]
+    difference = np.abs(seen / means[1] - wanted / means[0])
+    found = _sensitivities(BASE_FREQUENCY, means[0][:, 0])
     for k, (weight, sensitivity) in enumerate(zip(_BASE, found, strict=True)):
         difference[:, k] *= np.float32(weight) * sensitivity
     return _pooled(difference)
@@ -284,10 +423,19 @@ def _pooled(difference: Planes) -> Planes:
 
 def _sensitivities(frequency: float, luminance: Planes) -> Iterator[Planes]:
     """S of each mechanism at each pixel's luminance, cd/m², from tables: 0.1 % accurate."""
-    octaves = np.log2(luminance)
-    low, high = float(octaves.min()), float(octaves.max())
-    count = 1 + int(np.ceil(_STEPS * (high - low)))
-    number = np.rint((octaves - np.float32(low)) * np.float32(_STEPS)).astype(np.intp)
+    number = _steps(luminance)
+    least, most = int(number.min()), int(number.max())
+    for table in _tables(frequency, least, most):
+        yield table[number - least]
+
+
+def _steps(luminance: Planes) -> NDArray[np.intp]:
+    """Places of luminances, cd/m², in a table."""
+    return np.rint(np.log2(luminance) * np.float32(_STEPS)).astype(np.intp)
+
+
+def _tables(frequency: float, least: int, most: int) -> Iterator[Planes]:
+    """S of each mechanism at luminances of `least` to `most` steps."""
+    luminance = 2 ** (np.arange(least, most + 1) / _STEPS)
     for mechanism in MECHANISMS:
-        table = castle(frequency, 2 ** (low + np.arange(count) / _STEPS), mechanism, area=DETAIL)
-        yield table.astype(np.float32)[number]
+        yield castle(frequency, luminance, mechanism, area=DETAIL).astype(np.float32)

@@ -27,7 +27,7 @@ from domesim.light.transfer import Gamma
 from domesim.observation.projector import PRIMARIES
 from domesim.observation.stereo import VIEWS
 from domesim.scene import DomeScene, StereoScene, load_dome
-from domesim.scene.loading import scene_content, scene_of_text, with_paths
+from domesim.scene.loading import scene_content, scene_of_text
 
 if TYPE_CHECKING:
     from domesim.measure.crosstalk_photographs import CrosstalkMap
@@ -279,7 +279,6 @@ def _in_dome(pair: MeasuredPair, dome: str, readings: Path, out: Path, console: 
         raise InputError(f"--dome {dome}: wanted a 3D dome, this one has no [stereo]")
     prepare_file(out, instead_of=Path(dome))
     content = scene_content(dome)
-    with_paths(content, Path(dome).parent)
     measured = pair.common_matrices
     direct = direct_crosstalk(measured, *scene.reflected_by_views(_GRID))
     content["stereo"].pop("share", None)

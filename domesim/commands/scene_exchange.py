@@ -20,7 +20,7 @@ from domesim.host.console import Console, prepare_file
 from domesim.room.masks import written_mask
 from domesim.room.theatre import Lens
 from domesim.scene import load_dome
-from domesim.scene.loading import scene_content, with_paths
+from domesim.scene.loading import scene_content
 from domesim.scene.mpcdi import Region, blend_sums, fitted_sphere, read_mpcdi, written_mpcdi
 from domesim.scene.writing import as_toml
 
@@ -68,7 +68,6 @@ def import_projectors(
     }
     content |= {"name": out.stem, "description": f"Projectors of {file.name}, else {base.name}."}
     content["dome"] = {**content["dome"], "radius_m": radius}
-    with_paths(content, Path(like).parent)
     content["projector"] = {k: v for k, v in content["projector"].items() if k != "lens"}
     content["projector"]["units"] = [
         _unit(lens, f"{out.stem}.{number}.mask.png", radius)

@@ -231,7 +231,7 @@ class Doing:
         writing: Writing,
         facts: dict[str, Any],
         summary: Callable[[Done], dict[str, Any]] | None = None,
-        pages: int = 3,
+        pages: int | None = None,
     ) -> None:
         """Do each frame of a show, or only estimate it, print the figures, and end.
 
@@ -244,7 +244,7 @@ class Doing:
         summary
             Called with what became of all frames; what the figures say of them together.
         pages
-            For how many of the worst frames a page is written.
+            For how many of the worst frames a page is written, as for `Running`.
         """
         running = Running(
             self.workers,

@@ -574,7 +574,8 @@ def _without_impossible_samples(
     """`pixels` without NaN, Inf and negative samples, and how many of them were replaced."""
     least = -np.inf if signed else 0.0
     # NaN makes a minimum NaN, and so fails the first comparison.
-    if pixels.min() >= least and abs(pixels).max() < np.inf:
+    lowest, highest = float(pixels.min()), float(pixels.max())
+    if lowest >= least and lowest > -np.inf and highest < np.inf:
         return pixels, 0
     nan, infinite, negative = np.isnan(pixels), np.isposinf(pixels), pixels < least
     bad = nan | infinite | negative

@@ -342,16 +342,17 @@ def _keeps_colour(frame: Frame) -> bool:
 
 def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> bytes:
     """A file's bytes; several `parts` (specification, samples) only of a format of parts."""
-    form = FORMATS[name]
+    form, whole = FORMATS[name], parts[0][1]
+    parts = [form.headed(*part) for part in parts]
     with os.fdopen(os.memfd_create("frame"), "rb+") as memory, ExitStack() as stack:
         place = f"/proc/self/fd/{memory.fileno()}"
         if suffix := form.encoder_suffix(path):
             place = stack.enter_context(_named(place, path, suffix))
         writer: Any = oiio.ImageOutput.create(name)
         # The first header tells of all parts.
-        whole = parts[0][0] if len(parts) == 1 else tuple(spec for spec, _ in parts)
+        header = parts[0][0] if len(parts) == 1 else tuple(spec for spec, _ in parts)
         written = all(
-            (writer.open(place, spec, "AppendSubimage") if k else writer.open(place, whole))
+            (writer.open(place, spec, "AppendSubimage") if k else writer.open(place, header))
             and writer.write_image(np.ascontiguousarray(samples))
             # A close that succeeds may still leave an error here: TIFF complains of empty Exif.
             and not writer.has_error
@@ -365,7 +366,7 @@ def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> 
                 f"{path}: wanted to encode a {form.label}, got '{problem}'. Write another format."
             )
         memory.seek(0)
-        return memory.read()
+        return form.filled(memory.read(), whole)
 
 
 @contextmanager

@@ -11,7 +11,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import final
+from functools import lru_cache
+from typing import ClassVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,10 @@ Floats = NDArray[np.floating]
 
 
 class Transfer(ABC):
-    """An EOTF and its inverse, elementwise on arrays of any shape."""
+    """An EOTF and its inverse, on arrays of any shape."""
+
+    elementwise: ClassVar[bool] = True
+    """Whether all samples have one curve."""
 
     @abstractmethod
     def _decode(self, code: Floats) -> Floats: ...
@@ -38,11 +42,33 @@ class Transfer(ABC):
         curves go on, so that nothing is clamped behind the caller's back; ST 2084 and measured
         tables end there, at 10 000 cd/m² and at what was measured.
         """
+        if self.elementwise:
+            code = np.asarray(code)
+            places = _places(code)
+            if places is not None:
+                return np.take(_decoded_codes(self), places)
         return _odd(self._decode, code)
 
     def encode(self, light: Floats) -> Floats:
         """Code values of linear light (1.0 = white), in the type of `light`."""
         return _odd(self._encode, light)
+
+
+_LARGEST = (1 << 16) - 1
+
+
+def _places(code: Floats) -> NDArray[np.intp] | None:
+    """Codes of 16 bits, or of 8; None if some are none, or there are few: then no table pays."""
+    if code.dtype != np.float32 or code.size < _LARGEST or not 0 <= code.min() <= code.max() <= 1:
+        return None
+    codes = np.rint(code * np.float32(_LARGEST))
+    return codes.astype(np.intp) if np.array_equal(codes / np.float32(_LARGEST), code) else None
+
+
+@lru_cache(maxsize=8)
+def _decoded_codes(transfer: Transfer) -> Floats:
+    """Light of all codes of 16 bits."""
+    return _odd(transfer._decode, np.arange(_LARGEST + 1, dtype=np.float32) / np.float32(_LARGEST))
 
 
 def _odd(curve: Callable[[Floats], Floats], values: Floats) -> Floats:
@@ -171,6 +197,8 @@ class MeasuredTable(Transfer):
     InputError
         If a curve is not strictly increasing, or does not span 0 to 1.
     """
+
+    elementwise = False
 
     codes: Floats
     light: Floats

@@ -155,7 +155,9 @@ class Dome:
     def inside(self, rows: int, cols: int) -> NDArray[np.bool_]:
         """(row, col): whether the centre of the domemaster pixel lies on the screen."""
         u, v = _pixel_centres(rows, cols)
-        inside = np.asarray(u**2 + v**2 <= 1)
+        inside = np.empty((rows, cols), bool)
+        for strip in strips(rows, cols):  # which have no planes of distances
+            np.less_equal(u**2 + v[strip] ** 2, 1, out=inside[strip])
         if self.truncated_below is None:
             return inside
         return inside & (self._room_height(u, v) >= self.truncated_below)
@@ -306,7 +308,8 @@ class Dome:
         solid_angle[:half, :half], solid_angle[:half, -half:] = quadrant, quadrant[:, ::-1]
         solid_angle[-half:] = solid_angle[:half][::-1]
         if self.height_ratio == 1 and self.truncated_below is None:
-            return solid_angle * self.radius**2
+            solid_angle *= self.radius**2
+            return solid_angle
         u, v = _pixel_centres(rows, cols)
         theta = np.minimum(np.hypot(u, v), 1.0) * self.half_angle
         areas = solid_angle * self.area_density(theta)
@@ -348,11 +351,12 @@ class Dome:
         areas, inside = self.pixel_areas(rows, cols), self.inside(rows, cols)
         if not inside.any():
             raise InputError(f"no pixel of {cols} x {rows} is on the screen; use more of them")
-        result = np.where(inside, areas, 0.0)
         row, col = np.nonzero((areas > 0) & ~inside)
+        cut, result = areas[row, col], areas
+        result[~inside] = 0
         if self.truncated_below is not None:
             nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
-            np.add.at(result, (nearest[0][row, col], nearest[1][row, col]), areas[row, col])
+            np.add.at(result, (nearest[0][row, col], nearest[1][row, col]), cut)
             return result
         down, right = 2 * row + 1 - rows, 2 * col + 1 - cols  # signed distances from the centre
         straight = np.where(np.abs(down) > np.abs(right), np.sign(down), 0)
@@ -360,7 +364,7 @@ class Dome:
         blocked = (straight == 0) & (across == 0) | ~inside[row - straight, col - across]
         straight = np.where(blocked, np.sign(down), straight)
         across = np.where(blocked, np.sign(right), across)
-        np.add.at(result, (row - straight, col - across), areas[row, col])
+        np.add.at(result, (row - straight, col - across), cut)
         return result
 
     def kept_areas(self, rows: int, cols: int) -> NDArray[np.floating]:

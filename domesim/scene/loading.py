@@ -41,23 +41,23 @@ def load_scene(name_or_path: str | Path) -> Scene:
 
 
 def scene_content(name_or_path: str | Path) -> dict[str, Any]:
-    """What a scene's file holds, for changes; the scene must have been loaded.
+    """What a scene's file holds, to be changed and written anywhere; the scene has been loaded.
+
+    Paths of files beside it are whole.
 
     Raises
     ------
     InputError
         If there is no such scene.
     """
-    return tomllib.loads(_scene_text(name_or_path)[0])
-
-
-def with_paths(content: dict[str, Any], folder: Path) -> None:
-    """Make paths of files beside a scene in `folder` whole, so that it may be written elsewhere."""
+    text, folder = _scene_text(name_or_path)
+    content = tomllib.loads(text)
     for mesh in content.get("meshes", []):
         mesh["file"] = str((folder / mesh["file"]).resolve())
-    for unit in content["projector"].get("units", []):
+    for unit in content.get("projector", {}).get("units", []):
         if "mask" in unit:
             unit["mask"] = str((folder / unit["mask"]).resolve())
+    return content
 
 
 def _scene_text(name_or_path: str | Path) -> tuple[str, Path]:

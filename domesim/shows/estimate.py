@@ -29,6 +29,7 @@ from domesim.shows.run import (
     free_memory,
     needed_memory,
     orders_of,
+    pages_of,
     write_page,
 )
 from domesim.shows.show import Show
@@ -171,7 +172,7 @@ def _pages(
     tried: _Tried, show: Show, recipe: Recipe, running: Running, scratch: Path, console: Console
 ) -> _Cost:
     """Cost of the pages of the worst frames, estimated by one of the worst that was tried."""
-    count = min(running.pages, len(show.moments))
+    count = min(pages_of(running, len(show.moments)), len(show.moments))
     if not (recipe.compares and show.numbered and count):
         return _Cost()
     key = recipe.columns()[0].key

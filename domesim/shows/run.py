@@ -48,6 +48,9 @@ STEPS = ("reading", "solving", "writing")
 FRAME_TIMEOUT = 3600.0
 """Seconds: a hundred times what a frame of 4096² takes one core."""
 
+_PAGES, _FRAMES_A_PAGE = 3, 40
+"""Pages that are written, at most, if nobody says how many; a page takes as long as 4 frames."""
+
 _SPARE = 0.8  # of the memory that is free: what workers may need together
 
 
@@ -70,7 +73,8 @@ class Running:
     mixed
         Take frames that are done already with other settings.
     pages
-        Number of the worst frames of a sequence for which a page that compares methods is written.
+        Number of the worst frames of a sequence for which a page that compares methods is written;
+        None for a few, which take less than a tenth of the time (`pages_of`).
     frame_timeout
         Seconds after which a worker that is not done with a frame ends; 0 for never.
     """
@@ -80,7 +84,7 @@ class Running:
     scheduler: str | None = None
     anew: bool = False
     mixed: bool = False
-    pages: int = 3
+    pages: int | None = None
     frame_timeout: float = FRAME_TIMEOUT
 
 
@@ -221,7 +225,7 @@ def _each(
             films.make(orders, job, console)
             done.films = films.paths
     if recipe.compares and done.report is not None:
-        done.failed += _compare(report.worst(running.pages), recipe, console)
+        done.failed += _compare(report.worst(pages_of(running, len(orders))), recipe, console)
         done.add_report(report)
     kept = f", {done.kept} of them before" if done.kept else ""
     others = sum(frame["settings"] != job.settings for frame in done.frames)
@@ -299,6 +303,13 @@ def _changed(
     finally:
         pool.shutdown(cancel_futures=True)
     return changed
+
+
+def pages_of(running: Running, count: int) -> int:
+    """How many pages are written for a sequence of `count` frames, at most."""
+    if running.pages is not None:
+        return running.pages
+    return min(_PAGES, count // _FRAMES_A_PAGE)
 
 
 def _compare(orders: list[Order], recipe: Recipe, console: Console) -> list[str]:

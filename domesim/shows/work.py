@@ -56,7 +56,7 @@ class Write(Protocol):
         """Write it."""
 
     def stored(self) -> Master:
-        """What was written, as others read it who know its encoding."""
+        """What was written, as others read it who know its encoding; once, for it is large."""
 
     def beside(self, files: Sequence[Path]) -> None:
         """Other files that belong to the result have been written."""
@@ -396,7 +396,11 @@ class Steps:
             if order.job is not None:
                 order.job.require_settings()
             with _timed(solved.seconds, "writing"):
-                figures, line = self._work.finish(solved.prepared, write)
+                try:
+                    figures, line = self._work.finish(solved.prepared, write)
+                except BaseException:
+                    write.discard()
+                    raise
             named = {"input": _named(order.moment), "output": _named(order.output)}
             figures = {**named, **solved.facts, **figures}
             if solved.repaired:
@@ -428,6 +432,7 @@ class _Writer:
         self._order = order
         self.unsaid = ""
         self._stored: Master | None = None
+        self._written = False
         self.others: tuple[Path, ...] = ()
 
     @property
@@ -446,6 +451,7 @@ class _Writer:
     def __call__(self, result: Master, /) -> None:
         output, writing = self._order.output, self._order.writing
         write_master(result, output, bits=writing.bits, dither=writing.dither)
+        self._written = True
         packing = None if result.packing in ("single", "files") else result.packing
         try:
             self._stored = read_master(
@@ -453,14 +459,18 @@ class _Writer:
             )
             self.unsaid = unsaid(self._stored.frames[0])
         except InputError:
-            # An encoder that reports success is no proof.
-            for path in output:
-                path.unlink(missing_ok=True)
+            self.discard()  # an encoder that reports success is no proof
             raise
 
     def stored(self) -> Master:
-        assert self._stored is not None  # written before
-        return self._stored
+        stored, self._stored = self._stored, None
+        assert stored is not None  # written before
+        return stored
+
+    def discard(self) -> None:
+        """Leave nothing behind of what was written."""
+        for path in self._order.output if self._written else ():
+            path.unlink(missing_ok=True)
 
 
 def _maker() -> dict[str, Any]:

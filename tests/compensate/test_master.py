@@ -203,7 +203,7 @@ def test_what_a_file_cannot_hold_is_told(scene):
     wide = replace(scene, projector=Projector("P3-D65", 13.7, 0.007))
     outcome = compensate_frame(frame(64), wide)
     assert outcome.figures.file_clipped > 0.05
-    stored = outcome.appraisal.stored_loss(outcome.frame)
+    stored = outcome.appraisal.loss(decoded(outcome.frame, wide))
     assert stored != pytest.approx(outcome.figures.loss_after, rel=0.02)
     assert compensate_frame(frame(64), scene).figures.file_clipped == 0
 
@@ -213,7 +213,7 @@ def test_the_loss_of_the_stored_file_is_told(scene, tmp_path, bits, worse):
     outcome = compensate_frame(frame(96, bits), scene)
     path = tmp_path / "out.png"
     write_master(outcome.frame, [path], bits=bits)
-    stored = outcome.appraisal.stored_loss(read_master([path]))
+    stored = outcome.appraisal.loss(decoded(read_master([path]), scene))
     assert (abs(stored / outcome.figures.loss_after - 1) > 3e-4) == worse
 
 

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import array_api_compat
 import array_api_strict
 import numpy as np
 import pytest
 
-from compensate.means import block_means, block_sums, box_mean, enlarged, guided, smooth
+from compensate.means import (
+    block_means,
+    block_sums,
+    box_mean,
+    coefficients,
+    enlarged,
+    enlarged_along,
+    enlarged_rows,
+    smooth,
+)
 
 RNG = np.random.default_rng(4)
 PICTURE = RNG.random((5, 7))
@@ -15,6 +25,17 @@ PICTURE = RNG.random((5, 7))
 def mean_around(plane: np.ndarray, row: int, col: int, radius: int) -> float:
     rows = slice(max(0, row - radius), row + radius + 1)
     return float(plane[rows, max(0, col - radius) : col + radius + 1].mean())
+
+
+def guided(plane, screen, radius, edge, importance=None, *, block=1):
+    """The edge-preserving mean of a plane, by its coefficients."""
+    xp = array_api_compat.array_namespace(plane)
+    on = xp.astype(screen, plane.dtype)
+    weights = on if importance is None else on * importance
+    weighted = weights * plane
+    sums = [block_sums(each, block) for each in (on, weights, weighted, weighted * plane)]
+    slope, offset = coefficients(*sums, radius, edge)
+    return enlarged(slope, block, plane.shape) * plane + enlarged(offset, block, plane.shape)
 
 
 @pytest.mark.parametrize("radius", [1, 2, 9])
@@ -73,6 +94,15 @@ def test_a_slope_is_enlarged_to_itself_between_the_middles_of_blocks():
     found = enlarged(block_means(slope, 4), 4, (8, 20))
     np.testing.assert_allclose(found[:, 2:18], slope[:, 2:18])
     assert (found[:, 0] == found[:, 1]).all()  # flat beyond the first middle
+
+
+@pytest.mark.parametrize("block", [1, 2, 3, 4])
+def test_rows_are_enlarged_alone_as_together(block):
+    coarse = RNG.random((2, 5, 7)).astype(np.float32)
+    size = 5 * block - block // 2, 7 * block - block // 2
+    rows = slice(block, size[0] - 1)
+    found = enlarged_rows(enlarged_along(coarse, block, size[1]), block, rows)
+    np.testing.assert_allclose(found, enlarged(coarse, block, size)[:, rows], rtol=1e-5)
 
 
 def test_a_guided_mean_of_blocks_is_nearly_that_of_pixels():

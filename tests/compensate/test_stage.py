@@ -183,7 +183,9 @@ def test_a_frame_in_which_nothing_clips_costs_no_transform(monkeypatch: pytest.M
     for place, seen in ((posing, "veiled"), (Ruler, "lost")):
         monkeypatch.setattr(place, seen, lambda *_: pytest.fail("looked at"))
     posed, _ = stage.pose_frame(frame(lit()))
-    figures = solve_frame(frame(lit()), posed, 0.0, "perceptual").outcome(brief=True).figures
+    figures = solve_frame(frame(lit()), posed, 0.0, "perceptual").figures(
+        Appraisal(posed), 0, brief=True
+    )
     assert figures.loss_before is None
     assert (figures.loss_after, figures.distance, figures.ghost_edges) == (0, 0, 0)
     assert figures.pollution > 0
@@ -191,7 +193,9 @@ def test_a_frame_in_which_nothing_clips_costs_no_transform(monkeypatch: pytest.M
     assert Appraisal(posed).loss_before == pytest.approx(
         Appraisal(pose(posed.desired, stereo())).loss_before
     )
-    untouched = solve_frame(frame(lit()), posed, 0.0, "none").outcome(brief=True).figures
+    untouched = solve_frame(frame(lit()), posed, 0.0, "none").figures(
+        Appraisal(posed), 0, brief=True
+    )
     assert untouched.loss_before == untouched.loss_after > 0
 
 

@@ -161,6 +161,14 @@ class Format:
         if self.exif and is_srgb(colour) and not colour.assumed:
             spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
 
+    def headed(self, spec: Any, samples: NDArray[Any]) -> tuple[Any, NDArray[Any]]:
+        """What OpenImageIO is to encode: all, or so little that the header comes of it."""
+        return spec, samples
+
+    def filled(self, content: bytes, samples: NDArray[Any]) -> bytes:
+        """What OpenImageIO made of `headed`, with all samples."""
+        return content
+
     def encoder_suffix(self, path: Path) -> str:
         """What its encoder must see at the end of the file's name, if it looks."""
         return ""

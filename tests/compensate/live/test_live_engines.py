@@ -9,10 +9,12 @@ import pytest
 from live_pictures import engine_for, expected, frame_of, made, tabulated
 from numpy.typing import NDArray
 
+from compensate.live import engines
 from compensate.live.coding import PIXEL_FORMATS, Coding
 from compensate.live.constants import constants_of, turns_of
 from compensate.live.smoothing import weights_of
 from compensate.means import smooth
+from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
 from domesim.scene import load_scene
 from validation.inputs import stereo_at
@@ -112,6 +114,17 @@ def test_compiled_loops_show_what_the_library_shows():
     assert (found[..., 3] == half[..., 3]).all()
 
 
+def test_compiled_loops_go_before_a_gpu(monkeypatch):
+    pytest.importorskip("numba")
+    if engines.has_gpu():
+        pytest.skip("there is a GPU")
+    scene, called = load_scene("dome_imax"), {"by": "numba", "device": None}
+    monkeypatch.setattr(engines, "has_gpu", lambda: True)
+    assert engine_for(scene, 8, 8, **called)[0] == "numba"
+    with pytest.raises(InputError, match="--device cuda"):  # none is here
+        engine_for(scene, 8, 8, **{**called, "by": "numpy"})
+
+
 @pytest.mark.long
 def test_each_frame_is_made_alone():
     """After whatever film, a frame is what it is alone: nothing pumps, and nothing lags behind."""
@@ -131,9 +144,31 @@ def test_each_frame_is_made_alone():
 
 @pytest.mark.long
 @pytest.mark.skipif(importlib.util.find_spec("torch") is None, reason="needs PyTorch")
+@pytest.mark.parametrize("pixels", ["rgb24", "rgba64le", "rgbaf16"])
+@pytest.mark.parametrize("name", ["dome_imax", "tabulated", "stereo_spectral"])
+def test_arrays_on_a_device(name, pixels):
+    """PyTorch's, here on the processor, are the library's; domes begin where they last ended."""
+    scene = tabulated() if name == "tabulated" else load_scene(name)
+    frame = frame_of(scene, 160, pixels)
+    wanted = expected(scene, frame, pixels).astype(float)
+    rows, cols = frame.shape[0], frame.shape[1] // scene.views
+    _, engine = engine_for(scene, rows, cols, pixels, by="torch", device="torch")
+    for before in (frame[::-1].copy(), frame):
+        engine(before, 0)
+        apart = np.abs(engine(frame, 0).astype(float) - wanted)
+        assert apart.max() <= {"rgb24": 1, "rgba64le": 300, "rgbaf16": 2e-3}[pixels]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(importlib.util.find_spec("torch") is None, reason="needs PyTorch")
 @pytest.mark.parametrize("name", ["dome_imax", "stereo_spectral"])
-def test_arrays_on_a_device(name):
+def test_noise_on_a_device_is_that_of_compiled_loops(name):
     scene = load_scene(name)
     frame = frame_of(scene, 160)
-    found = made(scene, frame, by="torch", device="torch").astype(int)
-    assert np.abs(found - expected(scene, frame)).max() <= 1
+    size = frame.shape[0], frame.shape[1] // scene.views
+    found = []
+    for by, device in (("numba", "cpu"), ("torch", "torch")):
+        _, engine = engine_for(scene, *size, by=by, device=device, dithers=True)
+        found.append(engine(frame, 7).astype(int))
+    assert np.abs(found[0] - found[1]).max() <= 1
+    assert np.mean(found[0] != found[1]) < 0.02

@@ -21,7 +21,7 @@ from domesim.host.console import Console
 from domesim.scene import load_scene
 from domesim.scene.choice import SceneChoice
 from domesim.shows.estimate import estimate
-from domesim.shows.run import Done, Running, each_frame
+from domesim.shows.run import Done, Running, each_frame, pages_of
 from domesim.shows.show import Show, find_show
 from domesim.shows.work import Recipe, Writing
 from validation.benchmarks.schedulers import scheduler
@@ -129,6 +129,40 @@ def test_the_same_bytes_whoever_does_them(
     assert all(each == found["alone"] for each in found.values())
     figures = [frame["loss_after"] for frame in outcome.frames]
     assert len(set(figures)) == COUNT  # different work, not one frame again and again
+
+
+@pytest.mark.parametrize("scene", ["dome_planetarium", "stereo_polarised_paper"])
+def test_the_same_bytes_and_figures_with_fast_and_without(
+    scene: str, shows: dict[str, Show], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("numba")
+    show = replace(shows[scene], moments=shows[scene].moments[:2])
+    found, figures, settings = [], [], []
+    for fast in "01":
+        monkeypatch.setenv("DOMESIM_FAST", fast)
+        settings.append(
+            [Compensating(SceneChoice(scene), eye=eye).settings() for eye in (CONTRAST, PAPER)]
+        )
+        outcome = done(show, tmp_path / fast, recipe_of(scene), Running(0))
+        found.append(content(tmp_path / fast))
+        others = ("output", "seconds", "settings")
+        figures.append(
+            [
+                {name: value for name, value in frame.items() if name not in others}
+                for frame in outcome.frames
+            ]
+        )
+    assert len(found[0]) == 2 * len(show.moments[0])
+    assert found[0] == found[1]
+    assert figures[0] == figures[1]
+    # Solvers round otherwise: a job of theirs knows which it is
+    assert [alike == other for alike, other in zip(*settings, strict=True)] == [True, False]
+
+
+@pytest.mark.parametrize(("count", "pages"), [(24, 0), (40, 1), (1000, 3)])
+def test_pages_take_a_tenth_of_the_time_at_most(count: int, pages: int) -> None:
+    assert pages_of(Running(), count) == pages
+    assert pages_of(Running(pages=2), count) == 2
 
 
 def test_a_page_for_the_worst_frames(shows: dict[str, Show], tmp_path: Path) -> None:

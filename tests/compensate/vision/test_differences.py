@@ -10,6 +10,7 @@ import pytest
 from compensate.vision.castle import DETAIL, DKL_FROM_XYZ, MECHANISMS, castle
 from compensate.vision.differences import (
     PEAK,
+    Reference,
     bands,
     expanded,
     gain,
@@ -18,6 +19,7 @@ from compensate.vision.differences import (
     visible_difference,
 )
 from domesim.errors import InputError
+from domesim.light import strips
 
 PER_DEGREE, SIZE = 20.0, 256
 WHITE = np.array([0.95, 1.0, 1.09])  # XYZ of D65
@@ -271,3 +273,14 @@ def test_what_is_no_picture(
 ) -> None:
     with pytest.raises(InputError, match=words):
         visible_difference(np.ones(wanted), np.ones(seen), density)
+
+
+def test_strips_and_what_comparisons_share_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(35)
+    wanted = (30 * rng.random((2, 33, 70, 3)) ** 4).astype(np.float32)
+    seen = [wanted * (1 + size * rng.random(wanted.shape)) for size in (0.1, 0.3)]
+    alone = [visible_difference(wanted, each, PER_DEGREE) for each in seen]
+    monkeypatch.setattr(strips, "SAMPLES", 1000)  # a few rows
+    reference = Reference(wanted, PER_DEGREE)
+    for each, expected in zip(seen, alone, strict=True):
+        np.testing.assert_array_equal(reference.difference(each), expected)

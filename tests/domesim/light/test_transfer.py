@@ -9,7 +9,7 @@ import pytest
 from theatres import DATA, needs_data
 
 from domesim.errors import InputError
-from domesim.light.transfer import DCDM, SRGB, ST2084, Gamma, Linear, MeasuredTable, named
+from domesim.light.transfer import DCDM, SRGB, ST2084, Gamma, Linear, MeasuredTable, Transfer, named
 
 LEVELS = np.linspace(0, 1, 30)
 TABLE = MeasuredTable(LEVELS, np.stack([LEVELS**2.1, LEVELS**2.4, LEVELS**2.7], -1))
@@ -112,3 +112,12 @@ def test_curves_are_found_by_name(name):
 def test_an_unknown_name_is_refused(name):
     with pytest.raises(InputError, match="use one of"):
         named(name, white=48)
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+@pytest.mark.parametrize("curve", [SRGB(), ST2084(108.0), DCDM()])
+def test_many_codes_are_decoded_as_few_are(curve: Transfer, bits: int) -> None:
+    codes = np.arange(1 << bits, dtype=np.float32) / np.float32((1 << bits) - 1)
+    many = np.random.default_rng(35).choice(codes, 1 << 17)
+    few = np.concatenate([curve.decode(part) for part in np.split(many, 64)])
+    np.testing.assert_array_equal(curve.decode(many), few)

@@ -21,6 +21,8 @@ from domesim.room.furniture import EYE_HEIGHT, box
 from domesim.room.lenses import lens_gains, seen_gain
 from domesim.room.theatre import Cavity, Floor, Lamp, Lobe, Theatre, Wall
 from domesim.scene import DomeFile, Scene, load_scene, scene_names
+from domesim.scene.loading import scene_content
+from domesim.scene.writing import as_toml
 
 BARE = """
 name = "bare"
@@ -553,6 +555,15 @@ def test_all_mistakes_are_listed_in_one_go(tmp_path: Path) -> None:
             "viewing.adaptation_cd_m2",
         ]
     )
+
+
+def test_a_changed_scene_finds_its_meshes_from_anywhere(tmp_path: Path) -> None:
+    wanted = load(tmp_path, with_sections("mesh"))
+    content = scene_content(tmp_path / "mine.toml")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "ours.toml").write_text(as_toml(content))
+    found = load_scene(tmp_path / "elsewhere" / "ours.toml")
+    assert len(found.theatre.solids) == len(wanted.theatre.solids) == 1
 
 
 def test_all_that_can_not_be_built_is_listed_in_one_go(tmp_path: Path) -> None:

@@ -253,3 +253,12 @@ def test_a_mistake_in_a_strip_is_raised() -> None:
 
     with pytest.raises(InputError, match="here"):
         in_strips(fail, (1, 3000, 500, 3))
+
+
+def test_what_fails_after_it_was_written_leaves_nothing_behind(show: Show, tmp_path: Path) -> None:
+    done = do(show, tmp_path / "out", work(written=raising(InputError("too late"))))
+    assert [Path(reason.split(":")[0]).name for reason in done.failed] == ["in.2.exr"]
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.exr")) == [
+        "in.1.exr",
+        "in.3.exr",
+    ]
