@@ -16,9 +16,10 @@ what is seen is a convolution:
 Direct light is D x = (1 - s) x. What is scattered beyond the screen is lost on its masking, so
 that nothing gains light. Scattering twice is left out: it is s² of light.
 
-K is smooth at the size of its shoulder. So light is gathered in cells of a quarter of that, the
-cells are convolved by Fourier transforms with zeros around, and the veil is linear between them.
-What spreads light from cells to pixels also gathers it, so that A' = A.
+K is smooth at the size of its shoulder. So light is gathered in cells of a quarter of that, but of
+a pixel at least. The cells are convolved by Fourier transforms with zeros around, and the veil is
+linear between them. What spreads light from cells to pixels also gathers it, so that A' = A. Near
+its middle, K is integrated over cells, as its shoulder may be narrower than they are.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ from typing import final
 
 import numpy as np
 import scipy.fft
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from domesim.errors import InputError
 from domesim.light import Array, Light, kind, namespace
@@ -40,6 +43,7 @@ from domesim.observation.base import AdjointObservation
 Floats = NDArray[np.float64]
 
 _FINE = 4.0  # cells to the narrowest shoulder
+_NEAR = 8  # of a cell's longer side: so near the middle the kernel is integrated over each cell
 _MOST = 0.5  # of light may be scattered: beyond, it is no veil
 
 
@@ -78,9 +82,33 @@ class Scatter:
 
     def density(self, sine: Floats) -> Floats:
         """Share of light per unit of sines squared, at a distance of sines; any shape."""
+        _, inside = self._discs
+        return np.asarray(np.where(sine <= 1, self.share / inside[-1] * self._shape(sine), 0))
+
+    def in_corners(self, down: Floats, across: Floats) -> Floats:
+        """Share of light in rectangles whose corner is the middle.
+
+        Parameters
+        ----------
+        down, across
+            Their sides, in sines; they broadcast.
+        """
+        radii, inside = self._discs
+        nodes, weights = legendre.leggauss(32)
+        found = np.zeros(np.broadcast_shapes(down.shape, across.shape))
+        # Sectors, on either side of the diagonal
+        for side, other in ((across, down), (down, across)):
+            widest = np.arctan2(other, side)[..., None]
+            edge = side[..., None] / np.cos(widest * (nodes + 1) / 2)
+            found += np.sum(weights * widest / 2 * np.interp(edge, radii, inside), axis=-1)
+        return np.asarray(self.share / inside[-1] * found / (2 * np.pi))
+
+    @property
+    def _discs(self) -> tuple[Floats, Floats]:
+        """Radii in sines up to 1, and the integrals of the shape over their discs."""
         radii = np.concatenate([[0.0], np.geomspace(1e-3 * self.shoulder, 1, 4096)])
-        whole = np.trapezoid(2 * np.pi * radii * self._shape(radii), radii)
-        return np.asarray(self.share / whole * self._shape(sine))
+        rings = 2 * np.pi * radii * self._shape(radii)
+        return radii, cumulative_trapezoid(rings, radii, initial=0)
 
     def _shape(self, sine: Floats) -> Floats:
         return np.asarray(1 / (self.shoulder**self.slope + sine**self.slope))
@@ -125,14 +153,13 @@ class Glare(AdjointObservation):
         ]
         self._spread = [_linear(*each) for each in zip(pixels, cells, strict=True)]
         self._padded = [int(scipy.fft.next_fast_len(2 * count - 1)) for count in cells]
-        down, across = (
-            np.fft.fftfreq(wide, 1 / wide) * side / count / throw
-            for wide, side, count in zip(self._padded, sides, cells, strict=True)
+        steps = [side / count / throw for side, count in zip(sides, cells, strict=True)]
+        kernel = sum(
+            (_by_cells(each, steps, cells, self._padded) for each in scatters),
+            np.zeros(self._padded),
         )
-        away = np.hypot(down[:, None], across)
-        pixel = size[0] * size[1] / (pixels[0] * pixels[1]) / throw**2
-        density = sum((each.density(away) for each in scatters), np.zeros_like(away))
-        self._kernel = np.fft.rfft2(density * pixel).real
+        # Pixels of a cell add up when they are gathered
+        self._kernel = np.fft.rfft2(kernel * math.prod(cells) / math.prod(pixels)).real
         self._converted: dict[tuple[str, ...], tuple[Array, Array, Array]] = {}
 
     @property
@@ -198,7 +225,49 @@ class Glare(AdjointObservation):
         return self._converted[key]
 
 
+def _by_cells(
+    scatter: Scatter, steps: Sequence[float], cells: Sequence[int], padded: Sequence[int]
+) -> Floats:
+    """(row, col) share of light that goes from one cell to another, by how far it is off.
+
+    Parameters
+    ----------
+    scatter
+        What scatters.
+    steps
+        Height and width of a cell, in sines.
+    cells, padded
+        Rows and columns of cells, and of the result: distances below 0 are at its end.
+    """
+    down, across = (
+        np.fft.fftfreq(wide, 1 / wide) * step for wide, step in zip(padded, steps, strict=True)
+    )
+    found = scatter.density(np.hypot(down[:, None], across)) * math.prod(steps)
+    reach = [math.ceil(_NEAR * max(steps) / step) for step in steps]
+    near = [np.arange(min(each, count - 1) + 1) for each, count in zip(reach, cells, strict=True)]
+    sides = [(each + 0.5) * step for each, step in zip(near, steps, strict=True)]
+    exact = scatter.in_corners(sides[0][:, None], sides[1])
+    for axis in range(2):
+        exact = np.diff(exact, axis=axis, prepend=0)
+    exact[0] *= 2  # the other half of the cells on the axes
+    exact[:, 0] *= 2
+    for rows, cols in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        found[np.ix_(rows * near[0], cols * near[1])] = np.maximum(exact, 0)
+    # Cells on the rim of the disc of sines count wholly or not at all
+    return np.asarray(found * min(1.0, scatter.share / max(found.sum(), 1e-300)))
+
+
 def _linear(pixels: int, cells: int) -> Floats:
-    """(pixel, cell) weights that interpolate between the middles of cells, flat beyond the last."""
-    at = np.clip((np.arange(pixels) + 0.5) / pixels * cells - 0.5, 0, cells - 1)
-    return np.asarray(np.maximum(1 - np.abs(at[:, None] - np.arange(cells)), 0))
+    """(pixel, cell) weights that interpolate between the middles of cells, flat beyond the last.
+
+    They are means over pixels, so that every cell gathers the same.
+    """
+    if cells == pixels:
+        return np.eye(pixels)
+    edges = np.arange(pixels + 1) / pixels * cells - 0.5
+    at = np.clip(edges[:, None] - np.arange(-1, cells + 1), -1, 1)
+    area = np.where(at < 0, (1 + at) ** 2, 2 - (1 - at) ** 2) / 2
+    weights = np.diff(area, axis=0) * pixels / cells
+    weights[:, 1] += weights[:, 0]
+    weights[:, -2] += weights[:, -1]
+    return np.asarray(weights[:, 1:-1])

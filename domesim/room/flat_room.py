@@ -17,6 +17,8 @@ from domesim.errors import InputError
 Floats = NDArray[np.float64]
 Albedo = tuple[float, float, float]
 
+_MOST = 0.98  # of light that surfaces may reflect in the mean: what remains must be spent
+
 
 class Face(NamedTuple):
     """A rectangle that looks into the room.
@@ -69,7 +71,8 @@ class FlatRoom:
     Raises
     ------
     InputError
-        If the screen does not fit, reflects more than it gets, or seats begin beyond the room.
+        If the screen does not fit or reflects more than it gets, seats begin beyond the room, or
+        the room absorbs next to nothing.
     """
 
     screen: tuple[float, float]
@@ -103,6 +106,11 @@ class FlatRoom:
                 f"{np.degrees(self.half_gain or np.pi / 2):.3g} degrees would reflect "
                 f"{self.screen_albedo:.0%} of its light; lower one of the two"
             )
+        if self.mean_albedo > _MOST:
+            raise InputError(
+                f"the room and its screen must absorb at least {1 - _MOST:.0%} of light, got "
+                f"{max(0, 1 - self.mean_albedo):.1%}; lower its albedos"
+            )
 
     def relative_gain(self, angle: ArrayLike) -> Floats:
         """Gain at an angle from the normal, radians, over that along it."""
@@ -117,6 +125,15 @@ class FlatRoom:
         angle = np.linspace(0, np.pi / 2, 2049)
         sent = self.relative_gain(angle) * np.sin(2 * angle)
         return float(self.gain * np.trapezoid(sent, angle))
+
+    @property
+    def mean_albedo(self) -> float:
+        """Mean over all surfaces, the screen among them; of the primary that has most."""
+        faces = self.faces()
+        areas = [float(np.linalg.norm(np.cross(face.first, face.second))) for face in faces]
+        screen = self.screen[0] * self.screen[1]
+        reflected = np.array(areas) @ np.array([face.albedo for face in faces])
+        return float(np.max(reflected + screen * self.screen_albedo) / (sum(areas) + screen))
 
     @property
     def gap(self) -> float:

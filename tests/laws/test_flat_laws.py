@@ -15,6 +15,7 @@ from domesim.observation.flat_room import form_factors, room_modes, room_observa
 from domesim.observation.glare import Glare, Scatter
 from domesim.room.flat_room import FlatRoom
 
+SURFACES = ("floor", "ceiling", "walls", "back", "front", "audience")
 SIZES = [(5, 7), (8, 9), (11, 6)]
 
 
@@ -43,6 +44,27 @@ def test_scattered_light_is_only_moved(size):
         seen = glare.observe(cell[None, :, :, None] * np.ones(3))
         assert seen.min() >= -1e-15
         assert 1 - glare.share < seen[..., 0].sum() < 1
+
+
+@pytest.mark.parametrize("pixels", [(20, 48), (64, 61), (5, 150)])
+@pytest.mark.parametrize(
+    ("size", "throw", "scatter"),
+    [
+        ((20.0, 8.4), 15.0, Scatter(0.005, 4.0, 0.0017)),  # narrower than a pixel
+        ((20.0, 8.4), 15.0, Scatter(0.1, 2.0, 0.02)),
+        ((12.0, 5.02), 2.0, Scatter(0.1, 0.5, 0.02)),  # a short throw: sines beyond 1
+    ],
+)
+def test_no_more_is_scattered_than_the_share(pixels, size, throw, scatter):
+    glare = Glare((1, *pixels, 1), size, throw, [scatter])
+    point = np.zeros(glare.shape)
+    point[0, pixels[0] // 2, pixels[1] // 2] = 1
+    found = glare.veil(point).sum()
+    # What falls on the screen, by a quarter of it
+    edges = np.array(size) / 2 / throw
+    whole = 4 * float(scatter.in_corners(edges[1:], edges[:1])[0])
+    assert found <= scatter.share * (1 + 1e-9)
+    assert found == pytest.approx(whole, rel=0.04)  # the pixel is not in the very middle
 
 
 def test_all_that_is_scattered_is_found_on_a_huge_screen():
@@ -79,9 +101,8 @@ def test_a_point_of_the_screen_sees_the_room_and_nothing_else():
 def test_a_white_room_gives_all_light_back():
     # What the screen does not absorb comes back until it does: (1 - g)(x + phi) = x
     white = (1.0, 1.0, 1.0)
-    names = ("floor", "ceiling", "walls", "back", "front", "audience")
     gain = 0.5
-    room = replace(ROOM, gain=gain, **dict.fromkeys(names, white))
+    room = replace(ROOM, gain=gain, **dict.fromkeys(SURFACES, white))
     light = np.ones((1, 40, 80, 3))
     returned = room_observation(room, 40, 80, 0.0).linear(light) - light
     assert returned.mean() == pytest.approx(gain / (1 - gain), rel=0.02)
@@ -116,6 +137,7 @@ def test_a_room_is_brightest_near_what_is_bright_and_reflects_by_its_albedo():
         ({"screen": (15.0, 5.0)}, "must fit the room's front"),
         ({"audience_from": 30.0}, "within the room's 20 m"),
         ({"gain": 3.0}, "would reflect 300%"),
+        ({"gain": 1.0} | dict.fromkeys(SURFACES, (0.5, 1.0, 0.5)), "must absorb at least 2%"),
     ],
 )
 def test_impossible_rooms_are_refused(changed, message):

@@ -12,9 +12,11 @@ from PIL import Image
 
 from compensate.report_card import to_the_eye
 from domesim.errors import InputError
+from domesim.inspection import contrast as module
 from domesim.inspection.contrast import contrast, means
+from domesim.observation.glare import Scatter
 from domesim.scene import CinemaScene, load_scene, load_stereo
-from domesim.scene.flat import ROOM
+from domesim.scene.flat import LENS, ROOM
 from domesim.scene.loading import scene_content, scene_of_text
 from domesim.scene.writing import as_toml
 
@@ -66,6 +68,16 @@ def test_a_directed_screen_sees_less_of_the_room():
     assert contrast(pair).parts[ROOM] < 0.6 * contrast(matt).parts[ROOM]
     with pytest.raises(InputError, match=r"neither \[lens\] nor \[room\]"):
         contrast(pair.crosstalk_alone)
+
+
+def test_contrast_does_not_depend_on_the_board_s_pixels(cinema, monkeypatch):
+    narrow = replace(cinema, way=replace(cinema.way, scatters={LENS: Scatter(0.05, 4.0, 2e-3)}))
+    lens = replace(narrow, way=narrow.way.only(LENS))
+    found = []
+    for pixels in (5, 25):
+        monkeypatch.setattr(module, "_FIELD", pixels)
+        found.append([contrast(lens).ansi, contrast(narrow).dark, contrast(narrow).lit])
+    assert found[0] == pytest.approx(found[1], rel=0.01)
 
 
 def test_commands_take_a_cinema(run: Run, tmp_path):
