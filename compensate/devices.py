@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import replace
+from functools import update_wrapper
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ def on_device(solver: Solver, device: str) -> Solver:
         found = solver(there, there.anchor if at_anchor else send(start))
         return replace(found, light=on_host(found.light))
 
-    return solve
+    return update_wrapper(solve, solver, assigned=(), updated=())  # for `inspect.unwrap`
 
 
 def sender_to(device: str) -> Callable[[Array], Array]:

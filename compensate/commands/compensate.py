@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import Annotated
 
 import typer
@@ -59,8 +60,9 @@ def compensate(
     recipe.require_sense(scene)
     if doing.scheduler is None:  # whose workers may have a device that this machine has not
         solver = recipe.solver(scene, console.note)
-        if isinstance(solver, Fitted) and (told := solver.general(scene)):
-            console.say(told)
+        if solver is not None and isinstance(known := inspect.unwrap(solver), Fitted):
+            if told := known.general(scene):
+                console.say(told)
     doing.show(
         masters.find(doing.frames),
         recipe,

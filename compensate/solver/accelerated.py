@@ -85,7 +85,7 @@ class Accelerated:
         iteration = 0
         while status is Status.EXHAUSTED and iteration < self.max_iterations:
             iteration += 1
-            new = problem.project(y - at_y / x.dtype.type(largest))
+            new = problem.project(y - at_y / float(largest))
             new_cost, new_gradient = problem.quadratic(new)
             step = new - y
             length, curvature = dot(step, step), dot(step, new_gradient - at_y)
@@ -97,8 +97,8 @@ class Accelerated:
                     status = Status.STALLED
                 y, at_y, momentum = x, gradient, 1.0
                 continue
-            following = (1 + np.sqrt(1 + 4 * momentum**2)) / 2
-            beyond = x.dtype.type((momentum - 1) / following)
+            following = (1 + math.sqrt(1 + 4 * momentum**2)) / 2
+            beyond = (momentum - 1) / following
             y = new + beyond * (new - x)
             at_y = new_gradient + beyond * (new_gradient - gradient)
             x, cost, gradient, momentum = new, new_cost, new_gradient, following

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 from dome_pairs import pair_problem
@@ -11,6 +13,7 @@ from scipy.optimize import lsq_linear
 from theatres import problem as dome_problem
 from theatres import weighting
 
+from compensate.devices import on_device
 from compensate.problem import Problem
 from compensate.solver.accelerated import Accelerated, certified, convexity
 from compensate.solver.admm import ADMM
@@ -74,7 +77,11 @@ def gaps(seed: int) -> tuple[float, float]:
     name = list(COMPOSITIONS)[seed % len(COMPOSITIONS)]
     problem = posed(COMPOSITIONS[name](3, 4), seed)
     best = Accelerated(1e-7)(problem, problem.anchor)  # a hair above the least cost
-    few = Accelerated(1e-9, max_iterations=5 + seed % 60, gap=1e-9)(problem, problem.anchor)
+    for doublings in range(8):  # far from the optimum it bounds nothing
+        steps = (5 + seed % 60) << doublings
+        few = Accelerated(1e-9, max_iterations=steps, gap=1e-9)(problem, problem.anchor)
+        if np.isfinite(few.gap):
+            break
     return few.gap, (few.cost - best.cost) / best.cost
 
 
@@ -82,14 +89,14 @@ def gaps(seed: int) -> tuple[float, float]:
 def test_what_is_certified_is_above_the_true_gap(seed):
     bound, true = gaps(seed)
     assert true > 0
-    assert bound >= true - 1e-12
+    assert true - 1e-12 <= bound < np.inf
 
 
 @pytest.mark.long
 def test_what_is_certified_is_above_the_true_gap_in_200_problems():
     found = [gaps(seed) for seed in range(200)]
-    assert all(bound >= true - 1e-12 for bound, true in found)
-    assert np.median([bound / true for bound, true in found if np.isfinite(bound)]) < 1e4
+    assert all(true - 1e-12 <= bound < np.inf for bound, true in found)
+    assert np.median([bound / true for bound, true in found]) < 1e3
 
 
 def test_the_certificate_is_that_of_the_bound_by_hand():
@@ -114,6 +121,15 @@ def test_the_general_solver_stops_at_the_certified_gap():
     assert 0 < result.gap <= 1e-2
     known, start = dome_problem(9)
     assert Fitted(ADMM())(known, start).light == pytest.approx(ADMM()(known, start).light, abs=0)
+
+
+def test_another_library_finds_the_same_light():
+    problem = posed(shutter(ROWS, COLS))
+    solver = Fitted(ADMM(tolerance=1e-3))
+    there = on_device(solver, "torch")
+    assert inspect.unwrap(there) is solver
+    found = there(problem, problem.anchor)
+    assert found.light == pytest.approx(solver(problem, problem.anchor).light, abs=1e-9)
 
 
 def test_an_observation_says_what_it_is():
