@@ -320,7 +320,7 @@ def _contrast(scene: CinemaScene | StereoScene) -> list[Row]:
     found = contrast(scene)
     told = found.figures()
     parts = [
-        Row(f"ansi_black {name}", name, light, "cd/m²", f"{light / found.dark:.0%} of that")
+        Row(f"ansi_black {name}", name, light, "cd/m²", f"{found.share(name):.0%} of that")
         for name, light in found.parts.items()
     ]
     return [

@@ -3,7 +3,7 @@
 *Sequential*: a full white frame over a full black one, on the screen. *ANSI*: the mean of the 8
 white fields of a checkerboard of 4 x 4 over the mean of its 8 black ones, read in their middles, of
 the board and its complement (IT7.228; SMPTE RP 431-2 calls it intra-frame contrast). Both are of
-the whole system in its room. Of a pair, both eyes get the same picture.
+the whole system in its room. Both eyes of a pair get the same picture.
 
 A part's light is what black fields get more of, where it alone pollutes: parts add up, but for what
 is scattered and then reflected.
@@ -26,7 +26,7 @@ FlatScene: TypeAlias = CinemaScene | StereoScene
 Floats = NDArray[np.floating]
 
 FIELDS = 4
-"""Fields of the board, either way."""
+"""The board has so many fields either way."""
 PROJECTOR = "projector's black"
 """Name of the part that is there without a picture, stray light included."""
 _FIELD = 25  # pixels a side of a field
@@ -64,6 +64,10 @@ class Contrast:
         """Lit over dark; None if dark fields have no light."""
         return self.lit / self.dark if self.dark > 0 else None
 
+    def share(self, name: str) -> float:
+        """Share of a part in the light of black fields; 0 if these have none."""
+        return self.parts[name] / self.dark if self.dark > 0 else 0.0
+
     def figures(self) -> dict[str, float | dict[str, float] | None]:
         """By their names, for programs."""
         return {
@@ -77,9 +81,9 @@ class Contrast:
         }
 
     def lines(self) -> list[str]:
-        """In words."""
+        """Returns the lines that commands say."""
         parts = ", ".join(
-            f"{name} {light:.3g} ({light / self.dark:.0%})" for name, light in self.parts.items()
+            f"{name} {light:.3g} ({self.share(name):.0%})" for name, light in self.parts.items()
         )
         return [
             f"Sequential contrast: {_ratio(self.sequential)} (white {self.white:.3g}, black "

@@ -20,6 +20,8 @@ from domesim.scene.flat import LENS, ROOM
 from domesim.scene.loading import scene_content, scene_of_text
 from domesim.scene.writing import as_toml
 
+SURFACES = ("floor", "ceiling", "walls", "back", "front", "audience")
+
 
 @pytest.fixture(scope="module")
 def cinema() -> CinemaScene:
@@ -100,6 +102,20 @@ def test_commands_take_a_cinema(run: Run, tmp_path):
     )
     run("tabulate", "cinema_2d", "--out", tmp_path / "t.npz").is_refused("2-D cinema")
     run("report-card", "cinema_2d", tmp_path / "m.png").is_refused("domesim compare")
+
+
+def test_a_cinema_without_black_has_infinite_contrast(run: Run, tmp_path):
+    content = scene_content("cinema_2d")
+    del content["lens"], content["port_glass"]
+    content["projector"]["black_cd_m2"] = 0.0
+    content["room"] |= dict.fromkeys(SURFACES, 0.0)
+    scene = tmp_path / "black.toml"
+    scene.write_text(as_toml(content))
+    for command in (("scene", "check"), ("report-card",)):
+        told = run(*command, scene)
+        assert told.code == 0
+        assert "ANSI contrast: infinite" in told.out
+    assert run("scene", "show", scene, "--out", tmp_path / "black.html").code == 0
 
 
 def test_a_screen_that_reaches_the_walls_is_said_to_be_approximate(cinema):
