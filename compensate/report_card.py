@@ -1,15 +1,15 @@
 """The report card: crosstalk of a stereo system, and of a pair in it, in others' words.
 
-Of the *system*, by what each eye sees of four plain frames (own picture black or white, the other's
-black or white; L_KW: own black, other white), in the words of Woods [1]:
+A *system* is judged by what each eye sees of four plain frames (own picture black or white, the
+other's black or white; L_KW: own black, other white), in the words of Woods [1]:
 
     system crosstalk = (L_KW - L_KK) / (L_WK - L_KK)        extinction ratio = 1 / system crosstalk
 
-Of a *pair*, his viewer crosstalk, leaked over own light at each place, and what two eyes see of it
-(`vision.binocular.pair`): as it is, subtracted, compensated.
+A *pair* has his viewer crosstalk, leaked over own light at each place, and what two eyes see of it
+(`vision.binocular.pair`): as it is, subtracted, compensated. Neither counts light of lens and room.
 
-Of a *room*, if a scene describes one, its system contrast (`domesim.inspection.contrast`), and what
-the eye's own stray light leaves of that (`vision.glare`).
+A *room*, if a scene describes one, has its system contrast (`domesim.inspection.contrast`), and
+what the eye's own stray light leaves of that (`vision.glare`).
 
 Limits, with whose they are: a step of 1 % is visible, 5.8 % is perceptible but does not annoy [2];
 5 to 10 % is often acceptable, less with higher contrast or larger disparity [3]. Those of ISO/IEC
@@ -35,9 +35,9 @@ from compensate.pose import Posed
 from compensate.solve import solved
 from compensate.vision.binocular.pair import Pair
 from compensate.vision.glare import StrayLight
-from domesim.inspection.contrast import FlatScene, boards, means
+from domesim.inspection.contrast import boards, means
 from domesim.light import Light
-from domesim.scene import StereoScene
+from domesim.scene import FlatScene, StereoScene
 
 VISIBLE, ANNOYING, ACCEPTABLE = 0.01, 0.058, 0.1
 """Crosstalk that is a visible step; that does not annoy yet; the most that is often acceptable."""
@@ -98,14 +98,14 @@ class Way:
 
 
 def crosstalk(scene: StereoScene) -> dict[str, Crosstalk]:
-    """Crosstalk of each eye at the scene's seat.
+    """Crosstalk of each eye at the scene's seat, without light of lens and room.
 
     Parameters
     ----------
     scene
         Scene of one chosen seat.
     """
-    observation = scene.observation(*GRID)
+    observation = scene.crosstalk_alone.observation(*GRID)
     weights = scene.projector.luminance_weights
 
     def seen(left: float, right: float) -> NDArray[Any]:

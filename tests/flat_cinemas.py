@@ -57,10 +57,16 @@ def room_and_pair(rows: int, cols: int) -> AdjointObservation:
     return WAY.only("room").two_views(crosstalk(rows, cols))
 
 
+def room_and_flat_crosstalk(rows: int, cols: int) -> AdjointObservation:
+    plain = Crosstalk(rows, cols, COLOURED, black=[[0.001, 0.002, 0.003], [0.002, 0.0, 0.001]])
+    return WAY.only("room").two_views(plain)
+
+
 COMPOSITIONS = {
     "cinema": cinema,
     "lens alone": lens_alone,
     "pair, shutter": shutter,
     "pair, polarised": polarised,
     "pair, room alone": room_and_pair,
+    "pair, room, flat crosstalk": room_and_flat_crosstalk,
 }

@@ -60,9 +60,9 @@ def compensate(
     recipe.require_sense(scene)
     if doing.scheduler is None:  # whose workers may have a device that this machine has not
         solver = recipe.solver(scene, console.note)
-        if solver is not None and isinstance(known := inspect.unwrap(solver), Fitted):
-            if told := known.general(scene):
-                console.say(told)
+        known = solver if solver is None else inspect.unwrap(solver)
+        if isinstance(known, Fitted) and (told := known.general(scene)):
+            console.say(told)
     doing.show(
         masters.find(doing.frames),
         recipe,

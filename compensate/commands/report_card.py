@@ -22,8 +22,8 @@ from domesim.commands.render import SceneArgument
 from domesim.commands.shows import Masters, require_one_seat
 from domesim.errors import InputError
 from domesim.host.console import Console, about
-from domesim.inspection.contrast import FlatScene, contrast
-from domesim.scene import CinemaScene, StereoScene
+from domesim.inspection.contrast import contrast
+from domesim.scene import CinemaScene, FlatScene, StereoScene
 from domesim.scene.choice import SceneChoice
 
 

@@ -147,7 +147,7 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
     ------
     InputError
         If the scene is of several seats or a 3D dome, its crosstalk is a table from grey to grey,
-        or it cannot show such a picture.
+        a lens scatters light, a room reflects a pair, or it cannot show such a picture.
     """
     aim = aim or Aim()
     if scene.several_seats:
@@ -164,8 +164,9 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
     if isinstance(observation, Crosstalk):
         return _of_pair(observation, sight, aim)
     raise InputError(
-        f"{scene.name}: live pictures are of domes with one view, or of linear crosstalk, not of "
-        f"3D domes or tables from grey to grey; compensate such shows as files (domesim compensate)"
+        f"{scene.name}: live pictures are of domes and rooms with one view, or of linear "
+        f"crosstalk, not of 3D domes, tables from grey to grey, scattered light ([lens]), or 3D "
+        f"screens with a [room]; compensate such shows as files (domesim compensate)"
     )
 
 

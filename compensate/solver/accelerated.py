@@ -60,7 +60,8 @@ class Accelerated:
     growth
         By how much L exceeds the curvature that was found to be above it.
     gap
-        It also stops at this certified relative gap; None to certify nothing.
+        It also stops at this certified relative gap; None to certify nothing. Far from the optimum,
+        and where L has no inverse, nothing is certified either.
     progress
         Told the iteration and the gap, now and then.
     """
@@ -111,7 +112,8 @@ class Accelerated:
                     self.progress(iteration, found)
         gap = None
         if modulus is not None:
-            gap = relative(cost, certified(problem, x, gradient, modulus))
+            found = relative(cost, certified(problem, x, gradient, modulus))
+            gap = found if math.isfinite(found) else None
         return Result(x, cost, optimality, status, iteration, problem.ffts - before, gap)
 
     def _checked(

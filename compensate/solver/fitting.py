@@ -48,7 +48,7 @@ def fitting(problem: Problem) -> Fitting:
 @final
 @dataclass(frozen=True)
 class Fitted:
-    """ADMM where it knows what is observed, else `Accelerated` to the same certified gap.
+    """Solves by ADMM what it knows, and else by `Accelerated`, to the same gap if it has one.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Fitted:
             return ""
         return (
             f"{scene.name}: no fast solver knows this composition of {scene.pollution} light; "
-            f"accelerated gradients solve it, certified, and take longer"
+            f"accelerated gradients solve it, and take longer"
         )
 
     def __call__(self, problem: Problem, start: Light) -> Result:

@@ -6,7 +6,7 @@
 | `PIXELWISE` | a pair on a flat screen | `deghosting`, rounds | `ADMM`, certified |
 | `REFLECTED_PAIR` | both, one after the other | `dome_pairs`, both | `ADMM`, certified |
 | `TABLE` | a pair by a grey-to-grey table | `deghosting`, along the table | linearised first |
-| `OTHER` | any other: glare, a map of yours | `subtraction`, rounds | `Accelerated`, certified |
+| `OTHER` | any other: glare, a map of yours | `subtraction`, rounds | `Accelerated` |
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ from domesim.library import load_master
 from domesim.light import Light, transfer
 from domesim.observation.spherical import bare_gain
 from domesim.room.theatre import Theatre, Viewpoint
-from domesim.scene import CinemaScene, DomeScene, Scene, StereoScene
+from domesim.scene import CinemaScene, DomeScene, FlatScene, Scene, StereoScene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import mean_luminance
 
@@ -268,7 +268,7 @@ def _left_out(scene: DomeScene) -> dict[str, Any]:
 # 3D screens.
 
 
-def _flat(scene: CinemaScene | StereoScene) -> tuple[dict[str, Any], dict[str, Any]]:
+def _flat(scene: FlatScene) -> tuple[dict[str, Any], dict[str, Any]]:
     lit = scene.projector
     width, height = scene.size
     glasses = "through the glasses" if scene.views > 1 else ""
@@ -278,29 +278,16 @@ def _flat(scene: CinemaScene | StereoScene) -> tuple[dict[str, Any], dict[str, A
         Row("distance_m", "Viewing distance", scene.viewing.distance, "m", ""),
         Row("white_cd_m2", "White", lit.white, "cd/m²", glasses),
         Row("black_cd_m2", "Black level", lit.black, "cd/m²", glasses),
-        Row("sequential_contrast", "Sequential contrast",
-            lit.white / lit.black if lit.black > 0 else None, ": 1", ""),
     ]  # fmt: skip
     tables = [("The system", rows)]
     if scene.way is not None:
-        rows.pop()  # contrast has its own table
         tables.append(("System contrast", _contrast(scene)))
-    seats, figures = [], {row.key: row.value for _, each in tables for row in each}
-    for number, name in enumerate(scene.seats if isinstance(scene, StereoScene) else (), 1):
-        assert isinstance(scene, StereoScene)
-        found = ghost(scene, name)
-        mean, most = float(found.shares.mean()), float(found.shares.max())
-        seats.append(
-            {
-                "number": number,
-                "name": name,
-                "mean": mean,
-                "most": most,
-                "matrices": found.matrices.tolist(),
-                "maps": [_cells(eye, most) for eye in found.shares],
-            }
-        )
-        figures[f"crosstalk {name}"] = mean
+    else:
+        sequential = lit.white / lit.black if lit.black > 0 else None
+        rows.append(Row("sequential_contrast", "Sequential contrast", sequential, ": 1", ""))
+    seats = _seats(scene) if isinstance(scene, StereoScene) else []
+    figures = {row.key: row.value for _, each in tables for row in each}
+    figures |= {f"crosstalk {seat['name']}": seat["mean"] for seat in seats}
     drawn = list(flat_seats(scene))
     content = {
         "tables": tables,
@@ -316,7 +303,26 @@ def _flat(scene: CinemaScene | StereoScene) -> tuple[dict[str, Any], dict[str, A
     return content, figures
 
 
-def _contrast(scene: CinemaScene | StereoScene) -> list[Row]:
+def _seats(scene: StereoScene) -> list[dict[str, Any]]:
+    """Crosstalk at each seat, for the page."""
+    seats = []
+    for number, name in enumerate(scene.seats, 1):
+        found = ghost(scene, name)
+        mean, most = float(found.shares.mean()), float(found.shares.max())
+        seats.append(
+            {
+                "number": number,
+                "name": name,
+                "mean": mean,
+                "most": most,
+                "matrices": found.matrices.tolist(),
+                "maps": [_cells(eye, most) for eye in found.shares],
+            }
+        )
+    return seats
+
+
+def _contrast(scene: FlatScene) -> list[Row]:
     found = contrast(scene)
     told = found.figures()
     parts = [

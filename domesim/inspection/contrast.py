@@ -13,16 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TypeAlias, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.scene import CinemaScene, StereoScene
+from domesim.scene import FlatScene
 from domesim.scene.flat import LightsWay
 
-FlatScene: TypeAlias = CinemaScene | StereoScene
 Floats = NDArray[np.floating]
 
 FIELDS = 4

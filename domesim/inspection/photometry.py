@@ -179,7 +179,7 @@ class Ghost(NamedTuple):
 
 
 def ghost(scene: StereoScene, seat: str, size: tuple[int, int] = (9, 16)) -> Ghost:
-    """Crosstalk at a seat, as the observation says.
+    """Crosstalk at a seat, as the observation without lens and room says.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def ghost(scene: StereoScene, seat: str, size: tuple[int, int] = (9, 16)) -> Gho
     size
         Rows and cols of the screen.
     """
-    observation = scene.seen_from(seat).observation(*size)
+    observation = scene.seen_from(seat).crosstalk_alone.observation(*size)
     weights = scene.projector.luminance_weights
 
     def seen(left: Floats, right: Floats) -> Floats:

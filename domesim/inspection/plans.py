@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any, TypeAlias, final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,9 @@ from domesim.room.beams import lit_edge
 from domesim.room.dome import Dome
 from domesim.room.furniture import EYE_HEIGHT
 from domesim.room.theatre import Theatre, Viewpoint
-from domesim.scene import CinemaScene, DomeScene, StereoScene
+from domesim.scene import DomeScene, FlatScene, StereoScene
 
 Floats = NDArray[np.float64]
-FlatScene: TypeAlias = CinemaScene | StereoScene
 
 WIDTH = 640
 _SEAT = 0.46  # m, of its square

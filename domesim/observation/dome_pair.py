@@ -144,9 +144,10 @@ class ReflectedViews(AdjointObservation):
 def dome_pair(
     summed: LowRankObservation, differing: LowRankObservation, crosstalk: Crosstalk
 ) -> Followed:
-    """Returns psi = C R of a 3D dome.
+    """Returns psi = C R of a 3D dome, or of a pair in a room.
 
-    Ambient light of `summed` is as either eye sees it, through the glasses.
+    Ambient light of `summed` is as either eye sees it, through the glasses; black of `crosstalk`
+    adds to that. Both become ambient light of R.
 
     Parameters
     ----------
@@ -155,7 +156,7 @@ def dome_pair(
     differing
         R_d. It may be `summed` itself; its ambient light does not count.
     crosstalk
-        C, the same all over the screen and without black.
+        C, the same all over the screen.
 
     Raises
     ------
@@ -167,14 +168,19 @@ def dome_pair(
             "crosstalk of a 3D dome must be one share for all of the screen, got a map"
         )
     s, d = summed.factors, differing.factors
-    if np.any(s.ambient):
-        # What is seen is C of it, and the same for both eyes
+    black = crosstalk.black
+    if np.any(s.ambient) or black.any():
+        # What is seen is C of it; ambient light is the same for both eyes
         primaries = len(s.ambient)
         inverse = np.linalg.inv(crosstalk.central.reshape(2 * primaries, -1))
         left, right = inverse.reshape(2, primaries, 2, primaries).sum(axis=2)
+        dark = (inverse @ black.ravel()).reshape(2, primaries, 1, 1)
         sums, differences = (
             _mixed((left + sign * right) / 2, np.asarray(s.ambient)) for sign in (1, -1)
         )
+        if black.any():
+            sums, differences = sums + dark.mean(axis=0), differences + (dark[0] - dark[1]) / 2
+            crosstalk = Crosstalk(*crosstalk.shape[1:3], crosstalk.share * crosstalk.matrices)
         summed = LowRankObservation(replace(s, ambient=sums), summed.screen)
         differing = LowRankObservation(replace(d, ambient=differences), differing.screen)
     return Followed(ReflectedViews(summed, differing), crosstalk)

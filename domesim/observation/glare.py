@@ -245,7 +245,9 @@ def _by_cells(
     found = scatter.density(np.hypot(down[:, None], across)) * math.prod(steps)
     reach = [math.ceil(_NEAR * max(steps) / step) for step in steps]
     near = [np.arange(min(each, count - 1) + 1) for each, count in zip(reach, cells, strict=True)]
-    sides = [(each + 0.5) * step for each, step in zip(near, steps, strict=True)]
+    sides = [
+        np.asarray((each + 0.5) * step, np.float64) for each, step in zip(near, steps, strict=True)
+    ]
     exact = scatter.in_corners(sides[0][:, None], sides[1])
     for axis in range(2):
         exact = np.diff(exact, axis=axis, prepend=0)

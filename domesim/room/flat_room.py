@@ -101,10 +101,14 @@ class FlatRoom:
                 f"{self.audience_from:g} m"
             )
         if self.screen_albedo > 1:
+            if self.half_gain is None:
+                kind, way = "matt screen", "say at which angle it is half (half_gain_deg)"
+            else:
+                half = np.degrees(self.half_gain)
+                kind, way = f"screen with half of it at {half:.3g} degrees", "lower one of the two"
             raise InputError(
-                f"a screen of gain {self.gain:g} with half of it at "
-                f"{np.degrees(self.half_gain or np.pi / 2):.3g} degrees would reflect "
-                f"{self.screen_albedo:.0%} of its light; lower one of the two"
+                f"gain {self.gain:g}: a {kind} would reflect {self.screen_albedo:.0%} of its "
+                f"light; {way}"
             )
         if self.mean_albedo > _MOST:
             raise InputError(

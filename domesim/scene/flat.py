@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk
-from domesim.observation.dome_pair import ReflectedViews
+from domesim.observation.dome_pair import ReflectedViews, dome_pair
 from domesim.observation.flat_room import room_observation
 from domesim.observation.followed import Followed
 from domesim.observation.glare import Glare, Scatter
@@ -34,7 +34,7 @@ _NEAR = 0.1
 @final
 @dataclass(frozen=True)
 class LightsWay:
-    """What happens to light between the projector and the eyes, but for crosstalk.
+    """Holds what happens to light between the projector and the eyes, but for crosstalk.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class LightsWay:
     room
         The auditorium; None for one that reflects nothing.
     mixed
-        Whether the room's light reaches both eyes in halves: of polarised systems.
+        Whether the room's light reaches both eyes in halves, as in polarised systems.
     """
 
     size: tuple[float, float]
@@ -88,6 +88,8 @@ class LightsWay:
         if self.mixed:
             factors = replace(summed.factors, core=0 * summed.factors.core)
             differing = LowRankObservation(factors, summed.screen)
+        if crosstalk.share.shape[1:] == (1, 1):  # as solvers know it
+            return self._scattered(2, dome_pair(summed, differing, crosstalk))
         return self._scattered(2, Followed(ReflectedViews(summed, differing), crosstalk))
 
     def facts(self, weights: NDArray[np.float64]) -> dict[str, str]:
@@ -128,7 +130,7 @@ def way_of(file: OnItsWay, *, polarised: bool = False) -> LightsWay | None:
         1.0 if file.lens is None else file.lens.throw_m,
         {name: each.scatter for name, each in sections.items() if each is not None},
         None if file.room is None else file.room.box(screen),
-        polarised or (file.room is not None and file.room.polarised),
+        polarised or (file.room is not None and bool(file.room.polarised)),
     )
 
 
@@ -194,7 +196,7 @@ class CinemaScene(Scene):
         return self.way.one_view(rows, cols, self.ambient / self.projector.white)
 
     def uncertain(self, rows: int, cols: int) -> Uncertain | None:
-        """None: nothing of it was measured."""
+        """Returns None, as nothing is known of how sure its figures are."""
         return None
 
     def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:

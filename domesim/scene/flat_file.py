@@ -68,7 +68,7 @@ class RoomSection(Section):
 
     ``audience`` is of the floor from ``audience_from_m`` on, with seats and people. A
     ``polarised`` 3D system's filters pass half of what the room reflects to either eye; others keep
-    the views apart.
+    the views apart. [crosstalk.polarisation] says that by itself.
     """
 
     width_m: Length
@@ -82,7 +82,7 @@ class RoomSection(Section):
     front: PerPrimary
     audience: PerPrimary
     audience_from_m: Length
-    polarised: StrictBool = False
+    polarised: StrictBool | None = None
 
     def box(self, screen: FlatScreenSection) -> FlatRoom:
         """The room that this describes, with that screen."""
@@ -159,6 +159,6 @@ class CinemaFile(OnItsWay):
 
     @model_validator(mode="after")
     def _of_one_view(self) -> Self:
-        if self.room is not None and self.room.polarised:
+        if self.room is not None and self.room.polarised is not None:
             raise ValueError("room.polarised: is of 3D systems; leave it out")
         return self

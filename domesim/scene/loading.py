@@ -170,6 +170,11 @@ def _kind(content: dict[str, Any]) -> type[DomeFile | StereoFile | CinemaFile]:
 
     One misspelt section does not make it another kind, whose mistakes would be listed then. So what
     else only flat screens have counts, too.
+
+    Raises
+    ------
+    InputError
+        If it has a flat screen, and none of these.
     """
     if "dome" in content:
         return DomeFile
@@ -178,7 +183,11 @@ def _kind(content: dict[str, Any]) -> type[DomeFile | StereoFile | CinemaFile]:
         return StereoFile
     if not ({"width_m", "height_m"} & screen or "distance_m" in seen):
         return DomeFile
-    return CinemaFile if {"room", "lens", "port_glass"} & set(content) else StereoFile
+    if any(difflib.get_close_matches(name, content, 1) for name in ("room", "lens", "port_glass")):
+        return CinemaFile
+    raise InputError(
+        "a flat screen needs [crosstalk] (3D), or [room] or [lens] (2-D), got none of them"
+    )
 
 
 def _keys(content: dict[str, Any], name: str) -> set[str]:

@@ -37,6 +37,8 @@ from domesim.stereo.system import CircularFilter, PolarisedProjector, SilverScre
 MAP_CELLS = (9, 15)
 """Rows and cols of a crosstalk map that is computed: it is smooth."""
 
+_UNKNOWN = "not computed, as it is known for crosstalk, but not for lens and room"
+
 SWEET_SPOT = "sweet spot"
 """Name of the seat of a system that names none."""
 
@@ -165,13 +167,18 @@ class StereoScene(Scene):
         Raises
         ------
         InputError
-            If there is no such seat.
+            If there is no such seat, or several are named in a described room.
         """
         for name in names:
             if name not in self.seats:
                 raise InputError(
                     f"{self.name} has no seat {name!r}; use one of {', '.join(self.seats)}"
                 )
+        if self.way is not None and len(names) > 1:
+            raise InputError(
+                f"{self.name}: its [lens] and [room] are known for one seat at a time; name one of "
+                f"{', '.join(names)} (--seat)"
+            )
         return replace(self, chosen=names)
 
     def with_maps(self, maps: CrosstalkMaps) -> StereoScene:
@@ -208,24 +215,13 @@ class StereoScene(Scene):
         return replace(self, seats=seats, model=model)
 
     def observation(self, rows: int, cols: int) -> AdjointObservation | GreyToGrey:
-        """What the chosen seats' eyes see of a pair of that size.
-
-        Raises
-        ------
-        InputError
-            If several seats are chosen in a described room.
-        """
+        """What the chosen seats' eyes see of a pair of that size."""
         if self.table is not None:
             levels, entries = self.table
             by_primary = np.repeat(entries[:, None], 3, axis=1)
             return GreyToGrey(rows, cols, levels, by_primary, black=self._black)
         seats = self._crosstalks(rows, cols)
         if self.way is not None:
-            if len(seats) > 1:
-                raise InputError(
-                    f"{self.name}: its [lens] and [room] are known for one seat at a time; name "
-                    f"one of {', '.join(self.chosen)} (--seat)"
-                )
             return self.way.two_views(seats[0])
         return seats[0] if len(seats) == 1 else SeveralSeats(seats)
 
@@ -248,10 +244,9 @@ class StereoScene(Scene):
         ]
 
     def uncertain(self, rows: int, cols: int) -> UncertainPair | None:
-        """See `Scene`."""
+        """See `Scene`; None also where lens and room are described, of which nobody knows."""
         seats = [self.seats[name] for name in self.chosen]
-        told = [seat.uncertainty is not None or seat.map_uncertainty is not None for seat in seats]
-        if self.table is not None or self.way is not None or not any(told):
+        if self.table is not None or self.way is not None or not self._measured:
             return None
         each = self._crosstalks(rows, cols)
         best = each[0] if len(each) == 1 else SeveralSeats(each)
@@ -312,7 +307,16 @@ class StereoScene(Scene):
             "Projector": f"white {self.projector.white:g} cd/m² through the glasses, black "
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
             **({} if self.way is None else self.way.facts(self.projector.luminance_weights)),
+            **({} if self.way is None or not self._measured else {"Uncertainty": _UNKNOWN}),
         }
+
+    @property
+    def _measured(self) -> bool:
+        """Whether crosstalk at a chosen seat has an uncertainty."""
+        return any(
+            seat.uncertainty is not None or seat.map_uncertainty is not None
+            for seat in (self.seats[name] for name in self.chosen)
+        )
 
     @property
     def _black(self) -> NDArray[np.float64]:

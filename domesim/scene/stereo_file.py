@@ -264,6 +264,20 @@ class StereoFile(OnItsWay):
         return self
 
     @model_validator(mode="after")
+    def _room_fits_filters(self) -> Self:
+        if self.room is None or self.crosstalk.polarisation is None:
+            return self
+        if self.room.polarised is False:
+            raise ValueError(
+                "room.polarised: [crosstalk.polarisation] says that it is; leave it out"
+            )
+        if self.screen.gain is None:
+            raise ValueError(
+                "screen.gain: is missing; a silver screen has one, and sends its [room] less light"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _seats_fit(self) -> Self:
         names = [seat.name for seat in self.seats]
         for name in {"all", "worst"} & set(names):

@@ -35,12 +35,12 @@ from compensate.pose import pose
 from compensate.report_card import EYES_AGE, to_the_eye
 from compensate.ruler import Ruler
 from compensate.solve import solved
-from domesim.inspection.contrast import FIELDS, Contrast, FlatScene, contrast
+from domesim.inspection.contrast import FIELDS, Contrast, contrast
 from domesim.light import Light
 from domesim.observation.flat_room import room_observation
-from domesim.pathtrace.flat_room import returning
+from domesim.pathtrace.flat_room import Returning, returning
 from domesim.room.flat_room import FlatRoom
-from domesim.scene import CinemaScene, load_scene, load_stereo
+from domesim.scene import CinemaScene, FlatScene, load_scene, load_stereo
 from domesim.scene.flat import ROOM
 from validation.drawing import panel
 from validation.experiment import (
@@ -137,14 +137,28 @@ def came_back(room: FlatRoom, picture: str, *, apart: int, samples: int, seed: i
     shown = np.ones(_SIZE) if picture == PICTURES[0] else board(rows, cols)
     at = np.meshgrid(np.arange(2, rows, apart), np.arange(2, cols, apart), indexing="ij")
     row, col = (each.ravel() for each in at)
+    found, reflected = both_ways(room, shown, row, col, samples=samples, seed=seed)
+    error = np.sqrt(np.mean(found.error**2) / found.error.size)
+    rms = np.sqrt(np.mean((found.light - reflected) ** 2)) / reflected.mean()
+    return Back(float(found.light.mean()), float(error), float(reflected.mean()), float(rms))
+
+
+def both_ways(
+    room: FlatRoom,
+    shown: NDArray[np.float64],
+    row: NDArray[np.intp],
+    col: NDArray[np.intp],
+    *,
+    samples: int,
+    seed: int,
+) -> tuple[Returning, Light]:
+    """(place, primary) what comes back of a picture to some of its pixels: traced, and computed."""
+    rows, cols = shown.shape
     width, height = room.screen
     across, up = ((col + 0.5) / cols - 0.5) * width, (0.5 - (row + 0.5) / rows) * height
     found = returning(room, shown, np.stack([across, up], 1), samples=samples, seed=seed)
     light = np.repeat(shown[None, :, :, None], 3, axis=3)
-    reflected = (room_observation(room, rows, cols, 0.0).linear(light) - light)[0, row, col]
-    error = np.sqrt(np.mean(found.error**2) / found.error.size)
-    rms = np.sqrt(np.mean((found.light - reflected) ** 2)) / reflected.mean()
-    return Back(float(found.light.mean()), float(error), float(reflected.mean()), float(rms))
+    return found, (room_observation(room, rows, cols, 0.0).linear(light) - light)[0, row, col]
 
 
 def home_contrast(which: str, surfaces: str) -> float:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from live_pictures import engine_for, expected, frame_of, made, tabulated
+from live_pictures import SRGB, engine_for, expected, frame_of, made, tabulated
 from numpy.typing import NDArray
 
 from compensate.live import engines
 from compensate.live.coding import PIXEL_FORMATS, Coding
-from compensate.live.constants import constants_of, turns_of
+from compensate.live.constants import DomeConstants, constants_of, turns_of
+from compensate.live.shader import shader_of
 from compensate.live.smoothing import weights_of
 from compensate.means import smooth
 from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
-from domesim.scene import load_scene
+from domesim.scene import CinemaScene, load_scene
+from domesim.scene.flat import ROOM
 from validation.inputs import stereo_at
 
 
@@ -67,6 +70,24 @@ def test_turns_of_both_eyes_are_enough(crosstalk):
     assert crosstalk == 0 or crosstalk ** (turns_of(k) - 3) > 1e-5
 
 
+def cinema() -> CinemaScene:
+    """A 2-D cinema with a room alone."""
+    scene = load_scene("cinema_2d")
+    assert isinstance(scene, CinemaScene)
+    return replace(scene, way=scene.way.only(ROOM))
+
+
+def test_a_2d_cinema_with_a_room_alone_is_live():
+    k = constants_of(cinema(), 27, 64)
+    assert isinstance(k, DomeConstants)
+    assert "cinema_2d" in shader_of(cinema(), 27, 64, SRGB)
+    frame = frame_of(cinema(), 64, "rgb48le")[:27]
+    assert (expected(cinema(), frame, "rgb48le") != frame).mean() > 0.1
+    for other in (load_scene("cinema_2d"), load_scene("stereo_room")):
+        with pytest.raises(InputError, match=r"scattered light .* 3D screens with a \[room\]"):
+            constants_of(other, 27, 64)
+
+
 def test_half_precision_by_its_bits():
     coding = Coding(load_scene("dome_imax").projector, encoding_named("linear"))
     table = coding.table(PIXEL_FORMATS["rgbaf16"])
@@ -95,6 +116,7 @@ def test_compiled_loops_show_what_the_library_shows():
         (load_scene("dome_imax"), 300, True),
         (load_scene("dome_led"), 600, True),
         (tabulated(), 250, True),
+        (cinema(), 300, True),
         (load_scene("stereo_cinema_silver"), 401, True),
         (load_scene("stereo_spectral"), 640, False),
         (stereo_at(0.1, 15.0), 96, True),

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from dome_pairs import pair_problem
 from dome_pairs import shutter as dome_pair_shutter
-from flat_cinemas import COMPOSITIONS, WAY, cinema, crosstalk, shutter
+from flat_cinemas import (
+    COMPOSITIONS,
+    WAY,
+    cinema,
+    crosstalk,
+    room_and_flat_crosstalk,
+    shutter,
+)
 from scipy.optimize import lsq_linear
 from theatres import problem as dome_problem
 from theatres import weighting
@@ -72,6 +79,17 @@ def test_the_optimum_is_that_of_dense_least_squares(name):
     assert np.count_nonzero(best < 1e-9) > 3  # much is clipped
 
 
+def test_a_pair_in_a_room_is_solved_fast():
+    problem = posed(room_and_flat_crosstalk(ROWS, COLS))
+    assert kind_of(problem.observation) is Kind.REFLECTED_PAIR
+    matrix, right = dense(problem)
+    best = lsq_linear(matrix, right, (0, 1), method="bvls", tol=1e-14).x
+    cost = problem.cost(best.reshape(problem.observation.shape))
+    found = Fitted(ADMM(tolerance=1e-4))(problem, problem.anchor)
+    assert found.gap is not None
+    assert (found.cost - cost) / cost <= found.gap <= 1e-4
+
+
 def gaps(seed: int) -> tuple[float, float]:
     """What is certified of an unfinished solution, and the true gap."""
     name = list(COMPOSITIONS)[seed % len(COMPOSITIONS)]
@@ -80,7 +98,7 @@ def gaps(seed: int) -> tuple[float, float]:
     for doublings in range(8):  # far from the optimum it bounds nothing
         steps = (5 + seed % 60) << doublings
         few = Accelerated(1e-9, max_iterations=steps, gap=1e-9)(problem, problem.anchor)
-        if np.isfinite(few.gap):
+        if few.gap is not None:
             break
     return few.gap, (few.cost - best.cost) / best.cost
 
@@ -89,13 +107,13 @@ def gaps(seed: int) -> tuple[float, float]:
 def test_what_is_certified_is_above_the_true_gap(seed):
     bound, true = gaps(seed)
     assert true > 0
-    assert true - 1e-12 <= bound < np.inf
+    assert true - 1e-12 <= bound
 
 
 @pytest.mark.long
 def test_what_is_certified_is_above_the_true_gap_in_200_problems():
     found = [gaps(seed) for seed in range(200)]
-    assert all(true - 1e-12 <= bound < np.inf for bound, true in found)
+    assert all(true - 1e-12 <= bound for bound, true in found)
     assert np.median([bound / true for bound, true in found]) < 1e3
 
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from command_line import Run
 from PIL import Image
 
-from compensate.report_card import to_the_eye
+from compensate.report_card import crosstalk, to_the_eye
 from domesim.errors import InputError
 from domesim.inspection import contrast as module
 from domesim.inspection.contrast import contrast, means
+from domesim.inspection.photometry import ghost
 from domesim.observation.glare import Scatter
-from domesim.scene import CinemaScene, load_scene, load_stereo
+from domesim.scene import CinemaScene, StereoScene, load_scene, load_stereo
+from domesim.scene.choice import SceneChoice
 from domesim.scene.flat import LENS, ROOM
 from domesim.scene.loading import scene_content, scene_of_text
 from domesim.scene.writing import as_toml
@@ -130,7 +133,14 @@ def test_a_screen_that_reaches_the_walls_is_said_to_be_approximate(cinema):
     [
         ({"lens": None}, "needs a [lens], whose throw_m"),
         ({"room": None}, "screen.gain: counts with a [room] only"),
-        ({"lens": None, "port_glass": None, "room": None}, "crosstalk: is missing"),
+        (
+            {"lens": None, "port_glass": None, "room": None, "screen.gain": None},
+            "needs [crosstalk] (3D), or [room] or [lens] (2-D)",
+        ),
+        (
+            {"lens": None, "port_glass": None, "room": None, "lense": {"throw_m": 22.0}},
+            "mine.toml: lense: is not a key of a scene (did you mean 'lens'?)",
+        ),
         ({"room.walls": 1.5}, "room.walls"),
         ({"room.width_m": 10.0}, "must fit the room's front"),
         ({"room.polarised": True}, "room.polarised: is of 3D systems"),
@@ -141,10 +151,69 @@ def test_files_that_cannot_be_are_refused(changes, message):
     content = scene_content("cinema_2d")
     for key, value in changes.items():
         section, _, name = key.partition(".")
-        if not name:
-            del content[section]
+        where, last = (content[section], name) if name else (content, section)
+        if value is None:
+            del where[last]
         else:
-            content[section][name] = value
+            where[last] = value
     with pytest.raises(InputError) as refusal:
         scene_of_text(as_toml(content), "mine.toml", Path())
     assert message in str(refusal.value)
+
+
+def silver(**room: object) -> dict[str, Any]:
+    """A file of the polarised cinema with the room of another, and a gain."""
+    content = scene_content("stereo_cinema_silver")
+    content["room"] = scene_content("stereo_room")["room"] | {"width_m": 30.0, "height_m": 20.0}
+    content["room"] |= room
+    content["screen"] |= {"gain": 1.8, "half_gain_deg": 35.0}
+    return content
+
+
+def built(content: dict[str, Any]) -> StereoScene:
+    scene = scene_of_text(as_toml(content), "mine.toml", Path())
+    assert isinstance(scene, StereoScene)
+    return scene
+
+
+def test_a_polarised_system_has_a_screen_with_gain_and_mixes_what_the_room_reflects():
+    assert built(silver()).way.mixed
+    with pytest.raises(InputError, match=r"room.polarised: \[crosstalk.polarisation\] says"):
+        built(silver(polarised=False))
+    matt = silver()
+    del matt["screen"]["gain"], matt["screen"]["half_gain_deg"]
+    with pytest.raises(InputError, match=r"screen\.gain: is missing"):
+        built(matt)
+
+
+def test_crosstalk_is_that_of_the_filters_alone():
+    pair = load_stereo("stereo_room")
+    alone = pair.crosstalk_alone
+    assert crosstalk(pair) == crosstalk(alone)
+    found, bare = ghost(pair, "sweet spot"), ghost(alone, "sweet spot")
+    assert found.shares == pytest.approx(bare.shares, abs=0)
+    assert crosstalk(pair)["left"].system == pytest.approx(0.005, abs=2e-4)
+
+
+def test_several_seats_in_a_room_are_refused_when_they_are_named(tmp_path):
+    scene = tmp_path / "mine.toml"
+    scene.write_text(as_toml(silver()))
+    for seats in ("all", "worst"):
+        with pytest.raises(InputError, match=r"known for one seat at a time; name one of"):
+            SceneChoice(str(scene), seat=seats).load()
+
+
+def test_a_room_says_that_uncertainty_is_not_computed():
+    content = scene_content("stereo_room")
+    content["crosstalk"] |= {"to_left_error": 0.001, "to_right_error": 0.001}
+    scene = built(content)
+    assert scene.uncertain(4, 5) is None
+    assert "not for lens and room" in scene.facts()["Uncertainty"]
+    assert "Uncertainty" not in scene.crosstalk_alone.facts()
+
+
+def test_pages_of_2d_cinemas_do_not_speak_of_polarisation(run: Run, tmp_path):
+    for name in ("cinema_2d", "stereo_room"):
+        page = tmp_path / f"{name}.html"
+        assert run("scene", "show", name, "--out", page).code == 0
+        assert ("crosstalk.polarisation" in page.read_text()) == (name == "stereo_room")
