@@ -68,7 +68,7 @@ class Crosstalk:
 
     @property
     def verdict(self) -> str:
-        """In words."""
+        """What it means for an audience, in words."""
         if self.worst < VISIBLE:
             return "below a visible step (1 %)"
         if self.worst <= ANNOYING:

@@ -5,7 +5,7 @@ white fields of a checkerboard of 4 x 4 over the mean of its 8 black ones, read 
 the board and its complement (IT7.228; SMPTE RP 431-2 calls it intra-frame contrast). Both are of
 the whole system in its room. Both eyes of a pair get the same picture.
 
-A part's light is what black fields get more of, where it alone pollutes: parts add up, but for what
+A part's light is what black fields get more of where it alone pollutes. Parts add up, but for what
 is scattered and then reflected.
 """
 

@@ -91,9 +91,9 @@ def room_modes(room: FlatRoom) -> RoomModes:
     phi = np.sqrt(share)[:, None] * _phi(room, nodes, share) * np.sqrt(share)
     values, vectors = np.linalg.eigh(np.einsum("pij,pkj->ik", phi, phi))
     kept = values > (_KEPT**2) * values[-1]
-    kept[:-_MOST], kept[-1] = False, True  # of a black room, one that does nothing
+    kept[:-_MOST], kept[-1] = False, True  # a black room keeps one that does nothing
     vectors = vectors[:, kept]
-    # Of nodal values to coefficients: the polynomials are orthonormal at the Gauss points
+    # Nodal values become coefficients: the polynomials are orthonormal at the Gauss points
     basis = [_orthonormal(node, count) for node, count in zip(nodes, _POINTS, strict=True)]
     grids = (vectors / np.sqrt(share)[:, None]).T.reshape(-1, *_POINTS)
     weighted = grids * share.reshape(_POINTS)

@@ -54,7 +54,7 @@ def returning(
     samples
         Paths to the place, about.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     """
     mi = load_mitsuba()
     dr = import_module("drjit")

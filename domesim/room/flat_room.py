@@ -53,8 +53,8 @@ class FlatRoom:
     screen
         (width, height) of the screen, m.
     gain
-        Luminance of the screen along its normal over that of a perfect diffuser: of a matt one its
-        albedo.
+        Luminance of the screen along its normal over that of a perfect diffuser. A matt screen's
+        is its albedo.
     half_gain
         Angle from the normal at which its gain is half, radians; None for a matt screen. Between
         them the gain is 2^-(angle / half_gain)².
@@ -132,7 +132,7 @@ class FlatRoom:
 
     @property
     def mean_albedo(self) -> float:
-        """Mean over all surfaces, the screen among them; of the primary that has most."""
+        """Mean over all surfaces, the screen among them, for the primary that has most."""
         faces = self.faces()
         areas = [float(np.linalg.norm(np.cross(face.first, face.second))) for face in faces]
         screen = self.screen[0] * self.screen[1]
@@ -146,7 +146,7 @@ class FlatRoom:
         return min((wide - width) / 2, self.bottom, high - height - self.bottom)
 
     def faces(self) -> list[Face]:
-        """The surfaces but the screen: of the front wall, what is around it."""
+        """All surfaces but the screen; the front wall is what is around it."""
         width, height, length = self.size
         w, h = self.screen
         x, low, high = width / 2, -h / 2 - self.bottom, height - h / 2 - self.bottom

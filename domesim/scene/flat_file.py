@@ -66,7 +66,7 @@ class FlatLensSection(ScatterSection):
 class RoomSection(Section):
     """The auditorium as a box, by its albedos; the screen is in the middle of its front.
 
-    ``audience`` is of the floor from ``audience_from_m`` on, with seats and people. A
+    ``audience`` covers the floor from ``audience_from_m`` on, with seats and people. A
     ``polarised`` 3D system's filters pass half of what the room reflects to either eye; others keep
     the views apart. [crosstalk.polarisation] says that by itself.
     """
@@ -160,5 +160,5 @@ class CinemaFile(OnItsWay):
     @model_validator(mode="after")
     def _of_one_view(self) -> Self:
         if self.room is not None and self.room.polarised is not None:
-            raise ValueError("room.polarised: is of 3D systems; leave it out")
+            raise ValueError("room.polarised: only 3D systems have it; leave it out")
         return self

@@ -96,7 +96,7 @@ class Back:
     traced, error, tabulated
         Mean over places and primaries, and the standard error of the first.
     rms
-        Of single places, over the mean.
+        Root mean square difference of single places, over the mean.
     """
 
     traced: float

@@ -143,7 +143,7 @@ def test_a_screen_that_reaches_the_walls_is_said_to_be_approximate(cinema):
         ),
         ({"room.walls": 1.5}, "room.walls"),
         ({"room.width_m": 10.0}, "must fit the room's front"),
-        ({"room.polarised": True}, "room.polarised: is of 3D systems"),
+        ({"room.polarised": True}, "room.polarised: only 3D systems have it"),
         ({"lens.scattered": 0.4}, "lens.scattered"),
     ],
 )
