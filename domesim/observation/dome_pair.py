@@ -175,12 +175,15 @@ def dome_pair(
         inverse = np.linalg.inv(crosstalk.central.reshape(2 * primaries, -1))
         left, right = inverse.reshape(2, primaries, 2, primaries).sum(axis=2)
         dark = (inverse @ black.ravel()).reshape(2, primaries, 1, 1)
+        # Black alone is one number a primary
+        planes = s.ambient if np.any(s.ambient) else np.zeros((primaries, 1, 1), s.ambient.dtype)
         sums, differences = (
-            _mixed((left + sign * right) / 2, np.asarray(s.ambient)) for sign in (1, -1)
+            _mixed((left + sign * right) / 2, np.asarray(planes)) for sign in (1, -1)
         )
         if black.any():
             sums, differences = sums + dark.mean(axis=0), differences + (dark[0] - dark[1]) / 2
             crosstalk = Crosstalk(*crosstalk.shape[1:3], crosstalk.share * crosstalk.matrices)
+        sums, differences = (np.broadcast_to(each, s.ambient.shape) for each in (sums, differences))
         summed = LowRankObservation(replace(s, ambient=sums), summed.screen)
         differing = LowRankObservation(replace(d, ambient=differences), differing.screen)
     return Followed(ReflectedViews(summed, differing), crosstalk)

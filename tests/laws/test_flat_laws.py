@@ -24,7 +24,7 @@ from domesim.observation.glare import Glare, Scatter
 from domesim.room.flat_room import FlatRoom
 
 SURFACES = ("floor", "ceiling", "walls", "back", "front", "audience")
-SIZES = [(5, 7), (8, 9), (11, 6)]
+SIZES = [(5, 7), (11, 6)]
 
 
 @pytest.mark.parametrize("convert", LIBRARIES)
@@ -134,11 +134,11 @@ def test_black_of_a_pair_is_seen_as_it_is():
 
 
 def test_a_room_is_brightest_near_what_is_bright_and_reflects_by_its_albedo():
-    dark, light = (replace(ROOM, walls=(a, a, a)) for a in (0.1, 0.2))
+    light = replace(ROOM, walls=(0.6, 0.4, 0.8))
     picture = np.zeros((1, 20, 40, 3))
     picture[:, :, :10] = 1
     found = [
-        room_observation(room, 20, 40, 0.0).linear(picture) - picture for room in (dark, light)
+        room_observation(room, 20, 40, 0.0).linear(picture) - picture for room in (ROOM, light)
     ]
     assert found[1].mean() > 1.1 * found[0].mean()
     assert found[0][0, :, 0].mean() > found[0][0, :, -1].mean()

@@ -14,7 +14,7 @@ from PIL import Image
 from compensate.report_card import crosstalk, to_the_eye
 from domesim.errors import InputError
 from domesim.inspection import contrast as module
-from domesim.inspection.contrast import contrast, means
+from domesim.inspection.contrast import Contrast, contrast, means
 from domesim.inspection.photometry import ghost
 from domesim.observation.glare import Scatter
 from domesim.scene import CinemaScene, StereoScene, load_scene, load_stereo
@@ -66,6 +66,7 @@ def test_the_cinema_is_within_what_cinemas_should_have(cinema):
     assert dark > found.dark
 
 
+@pytest.mark.long
 def test_a_directed_screen_sees_less_of_the_room():
     pair = load_stereo("stereo_room")
     room = replace(pair.way.room, gain=1.0, half_gain=None)
@@ -107,7 +108,14 @@ def test_commands_take_a_cinema(run: Run, tmp_path):
     run("report-card", "cinema_2d", tmp_path / "m.png").is_refused("domesim compare")
 
 
-def test_a_cinema_without_black_has_infinite_contrast(run: Run, tmp_path):
+def test_without_black_contrast_is_infinite():
+    found = Contrast(48.0, 0.0, 48.0, 0.0, {ROOM: 0.0})
+    assert found.share(ROOM) == 0
+    assert found.lines()[1].startswith("ANSI contrast: infinite")
+
+
+@pytest.mark.long
+def test_commands_take_a_cinema_without_black(run: Run, tmp_path):
     content = scene_content("cinema_2d")
     del content["lens"], content["port_glass"]
     content["projector"]["black_cd_m2"] = 0.0
