@@ -28,8 +28,7 @@ SIZES = [(5, 7), (11, 6)]
 
 
 @pytest.mark.parametrize("convert", LIBRARIES)
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(("size", "dtype"), [(SIZES[0], np.float32), (SIZES[1], np.float64)])
 @pytest.mark.parametrize("name", COMPOSITIONS)
 def test_compositions(name, size, dtype, convert):
     observation = COMPOSITIONS[name](*size)
@@ -106,6 +105,7 @@ def test_a_point_of_the_screen_sees_the_room_and_nothing_else():
     assert found == pytest.approx(1, abs=1e-12)
 
 
+@pytest.mark.long
 def test_a_white_room_gives_all_light_back():
     # What the screen does not absorb comes back until it does: (1 - g)(x + phi) = x
     white = (1.0, 1.0, 1.0)

@@ -67,7 +67,13 @@ def dense(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([np.array(seen).T, root * np.array(local).T]), np.concatenate(right)
 
 
-@pytest.mark.parametrize("name", COMPOSITIONS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name == "pair, polarised" else pytest.mark.long)
+        for name in COMPOSITIONS
+    ],
+)
 def test_the_optimum_is_that_of_dense_least_squares(name):
     problem = posed(COMPOSITIONS[name](ROWS, COLS))
     matrix, right = dense(problem)

@@ -101,6 +101,7 @@ def test_commands_take_a_cinema(run: Run, tmp_path):
     page = tmp_path / "a.html"
     assert run("scene", "show", "cinema_2d", "--out", page).code == 0
     assert "ANSI contrast" in page.read_text()
+    assert "crosstalk.polarisation" not in page.read_text()
     run("compensate", *common, tmp_path / "x", "--seat", "back").is_refused(
         "2-D cinema", "leave it"
     )
@@ -211,17 +212,11 @@ def test_several_seats_in_a_room_are_refused_when_they_are_named(tmp_path):
             SceneChoice(str(scene), seat=seats).load()
 
 
-def test_a_room_says_that_uncertainty_is_not_computed():
+def test_a_scene_with_a_lens_says_that_uncertainty_is_not_computed():
     content = scene_content("stereo_room")
     content["crosstalk"] |= {"to_left_error": 0.001, "to_right_error": 0.001}
+    del content["room"], content["screen"]["gain"], content["screen"]["half_gain_deg"]
     scene = built(content)
     assert scene.uncertain(4, 5) is None
     assert "not for lens and room" in scene.facts()["Uncertainty"]
     assert "Uncertainty" not in scene.crosstalk_alone.facts()
-
-
-def test_pages_of_2d_cinemas_do_not_speak_of_polarisation(run: Run, tmp_path):
-    for name in ("cinema_2d", "stereo_room"):
-        page = tmp_path / f"{name}.html"
-        assert run("scene", "show", name, "--out", page).code == 0
-        assert ("crosstalk.polarisation" in page.read_text()) == (name == "stereo_room")
