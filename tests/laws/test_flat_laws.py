@@ -133,6 +133,7 @@ def test_black_of_a_pair_is_seen_as_it_is():
     assert dark == pytest.approx(np.broadcast_to(np.reshape(black, (2, 1, 1, 3)), (2, 5, 7, 3)))
 
 
+@pytest.mark.long
 def test_a_room_is_brightest_near_what_is_bright_and_reflects_by_its_albedo():
     light = replace(ROOM, walls=(0.6, 0.4, 0.8))
     picture = np.zeros((1, 20, 40, 3))
