@@ -284,21 +284,35 @@ def _lenses(scene: FlatScene) -> list[tuple[float, ...]]:
     return [(0.0, -scene.way.throw, 0.0)] if scene.way is not None and scene.way.scatters else []
 
 
+def _room(scene: FlatScene, axis: int) -> Floats:
+    """(corner, 2) of its room in the drawing, from above or from the side; none if none is told."""
+    room = None if scene.way is None else scene.way.room
+    if room is None:
+        return np.zeros((0, 2))
+    width, height, length = room.size
+    floor = -room.screen[1] / 2 - room.bottom
+    low, high = (-width / 2, width / 2) if axis == 0 else (floor, floor + height)
+    return np.array([(0, low), (-length, low), (-length, high), (0, high)])
+
+
 def _flat(scene: FlatScene, axis: int, label: str) -> str:
     """The screen on the right, lenses and seats: depth across; x downwards (plan), or z upwards."""
     seats = flat_seats(scene)
     lenses = _lenses(scene)
     places = np.array([*seats.values(), *lenses], float)
-    far = float(-places[:, 1].min())
+    room = _room(scene, axis)
+    far = float(-min(*places[:, 1], *room[:, 0], 0.0))
     size = scene.size[0] if axis == 0 else scene.size[1]
 
     def flat(point: Any) -> tuple[float, float]:
         return float(point[1]), -float(point[0]) if axis == 0 else float(point[2])
 
-    across = np.array([*(flat(place)[1] for place in places), -size / 2, size / 2])
+    across = np.array([*(flat(place)[1] for place in places), -size / 2, size / 2, *room[:, 1]])
     draw = _Drawing(
         (-1.12 * far, across.min() - 0.16 * far), (0.34 * far, across.max() + 0.1 * far), label
     )
+    if len(room):
+        draw.line(room, "wall", closed=True)
     ends = np.zeros((2, 3))
     ends[:, axis] = -size / 2, size / 2
     for lens in lenses:

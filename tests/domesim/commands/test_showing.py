@@ -12,8 +12,8 @@ import pytest
 from command_line import exit_code
 
 from domesim.commands.scene_show import marked
-from domesim.inspection.plans import WIDTH, dome_plan, dome_section, flat_plan
-from domesim.scene import load_dome, load_stereo
+from domesim.inspection.plans import WIDTH, dome_plan, dome_section, flat_plan, flat_section
+from domesim.scene import load_dome, load_scene, load_stereo
 from domesim.scene.drafts import DomeWish, dome_draft
 from domesim.scene.loading import scene_of_text
 from domesim.scene.measured_dome import whole_transport
@@ -198,6 +198,14 @@ def test_a_3d_screen_to_scale():
     beam = _extents(plan, "beam")
     assert beam[0] / size[1] == pytest.approx(30 / 10, rel=0.02)
     assert "20 m" in plan
+
+
+def test_a_flat_cinema_s_room_to_scale():
+    scene = load_scene("cinema_2d")
+    for drawing, wanted in ((flat_plan(scene), 24 / 12), (flat_section(scene), 24 / 5.02)):
+        room, screen = _extents(drawing, "wall"), _extents(drawing, "screen")
+        assert room[0] / screen[1] == pytest.approx(wanted, rel=0.01)
+    assert "wall" not in flat_plan(load_scene("stereo_cinema_silver"))
 
 
 def test_corners_of_the_seats_are_shown():
