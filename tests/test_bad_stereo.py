@@ -377,7 +377,7 @@ SCENE_FILES: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
         {"viewing =": "ambiant = {}\nviewing ="},
         ("ambiant: ", "did you mean 'ambient'"),
     ),
-    "no crosstalk": ({SHARE: ""}, ("crosstalk: is missing",)),
+    "no crosstalk": ({SHARE: ""}, ("needs [crosstalk] (3D)",)),
     "NaN": ({"share = 0.02": "share = nan"}, ("crosstalk.share: ", "finite", "got nan")),
     "text": ({"share = 0.02": 'share = "much"'}, ("crosstalk.share: ", "got 'much'")),
     "percent": ({"share = 0.02": "share = 2"}, ("crosstalk.share: ", "0.9", "got 2")),

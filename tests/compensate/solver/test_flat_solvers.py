@@ -148,6 +148,7 @@ def test_the_general_solver_stops_at_the_certified_gap():
 
 
 def test_another_library_finds_the_same_light():
+    pytest.importorskip("torch")
     problem = posed(shutter(ROWS, COLS))
     solver = Fitted(ADMM(tolerance=1e-3))
     there = on_device(solver, "torch")
