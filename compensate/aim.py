@@ -184,7 +184,6 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
         What is seen of white in its own place; nothing is aimed at above.
     """
     lifting = _Lifting(aim, sight, wanted, floor)
-    lifting.look()
     xp, primaries = namespace(wanted), range(wanted.shape[-1])
     found = xp.empty_like(wanted)
 
@@ -303,18 +302,14 @@ class _Lifting:
 
     def __init__(self, aim: Aim, sight: Sight, wanted: Light, floor: Light) -> None:
         self._aim, self._sight, self._wanted, self._floor = aim, sight, wanted, floor
-        self._block = dome_block(sight.density)
+        block = self._block = dome_block(sight.density)
         self._missing = 0.0
         self._grids: list[Array] = []  # (slope and offset of all, and of what is dark; row, col)
-
-    def look(self) -> None:
-        """The first pass: what is missing, and the bases by blocks."""
-        aim, block = self._aim, self._block
-        views, rows, cols, primaries = self._wanted.shape
-        xp = namespace(self._wanted)
-        shape = views, -(-rows // block), block * cols * primaries
-        parts = in_parts(self._sums, shape, self._wanted)
-        radius = max(1, round(aim.reach * self._sight.density / block))
+        # The first pass: what is missing, and the bases by blocks
+        views, rows, cols, primaries = wanted.shape
+        xp, shape = namespace(wanted), (views, -(-rows // block), block * cols * primaries)
+        parts = in_parts(self._sums, shape, wanted)
+        radius = max(1, round(aim.reach * sight.density / block))
         for view in range(views):
             each = parts[view * len(parts) // views : (view + 1) * len(parts) // views]
             pixels, lacking, *sums = xp.unstack(xp.concat(each, axis=1), axis=0)

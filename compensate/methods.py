@@ -23,7 +23,7 @@ from compensate.solver.subtraction import Subtractive
 from compensate.solver.worst_seat import WorstSeat
 from domesim.errors import InputError
 from domesim.light import Light
-from domesim.scene import CinemaScene, DomeScene, Scene, StereoScene
+from domesim.scene import DomeScene, FlatScene, Scene, StereoScene
 
 Solver: TypeAlias = Callable[[Problem, Light], Result]
 
@@ -73,7 +73,7 @@ def _locally_raised(scene: Scene, problem: Problem) -> Solver:
     return LocallyRaisedBlack(scene.viewing.pixels_per_degree(rows, cols))
 
 
-DOME: Mapping[str, Chosen] = {
+REFLECTED: Mapping[str, Chosen] = {
     "perceptual": _perceptual,
     "subtractive": lambda scene, problem: Subtractive(),
     "raised-black": lambda scene, problem: RaisedBlack(),
@@ -91,22 +91,13 @@ STEREO: Mapping[str, Chosen] = {
     "none": lambda scene, problem: Untouched(),
 }
 
-REFLECTED: Mapping[str, Chosen] = {
-    "perceptual": _perceptual,
-    "subtractive": lambda scene, problem: Subtractive(),
-    "raised-black": lambda scene, problem: RaisedBlack(),
-    "none": lambda scene, problem: Untouched(),
-}
-
-METHODS = tuple(dict.fromkeys([*DOME, *STEREO]))
+METHODS = tuple(dict.fromkeys([*REFLECTED, *STEREO]))
 """The names of all methods."""
 
 
 def methods_of(scene: Scene) -> Mapping[str, Chosen]:
     """The methods that a scene has."""
-    if isinstance(scene, DomeScene):
-        return DOME if scene.stereo is None else REFLECTED
-    if _in_a_room(scene):
+    if isinstance(scene, DomeScene) or _in_a_room(scene):
         return REFLECTED
     if isinstance(scene, StereoScene) and scene.table is not None:
         # These know crosstalk as one matrix
@@ -133,4 +124,4 @@ def require_method(name: str, scene: Scene) -> Chosen:
 
 def _in_a_room(scene: Scene) -> bool:
     """Whether lens and room of a flat screen are described."""
-    return isinstance(scene, CinemaScene | StereoScene) and scene.way is not None
+    return isinstance(scene, FlatScene) and scene.way is not None

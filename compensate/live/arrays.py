@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 from compensate.aim import Sight, lifted, veiled, with_hue
 from compensate.devices import fetched, sender_to
 from compensate.live.coding import Coding, PixelFormat, stored, views_of
-from compensate.live.constants import SETTLED, STEPS, Constants, PairConstants, turns_of
+from compensate.live.constants import (
+    SETTLED,
+    STEPS,
+    Constants,
+    PairConstants,
+    newton_step,
+    turns_of,
+)
 from compensate.live.noise import APART, noise_of, shifts_of
 from domesim.light import Array, Light, namespace, on_host, total
 from domesim.observation.crosstalk import Crosstalk
@@ -218,9 +225,7 @@ class _Subtraction:
         for _ in range(STEPS):
             found = [self._sums(self._shown(seen, p)[0]) for p in range(len(excited))]
             sums, slopes = np.split(on_host(xp.stack(found)), [1], axis=1)
-            system = np.eye(excited.shape[1]) + self._core @ slopes
-            off = (self._core @ np.swapaxes(sums, 1, 2))[..., 0] - excited
-            step = np.linalg.solve(system, off[..., None])[..., 0]
+            step = newton_step(self._core, sums[:, 0], slopes, excited)
             excited += step
             if (np.abs(step) @ self._strongest).max() < SETTLED:
                 break

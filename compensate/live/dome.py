@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from compensate.live import dome_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
-from compensate.live.constants import SETTLED, STEPS, DomeConstants
+from compensate.live.constants import SETTLED, STEPS, DomeConstants, newton_step
 from compensate.live.noise import shifts_of
 from compensate.live.tile_loops import code_of, places_along, widened
 from compensate.means import block_sums, box_sum
@@ -125,9 +125,8 @@ class CompiledDome:
         for _ in range(STEPS):
             sweep(stage, self._wide(self._floors(excited)))
             light, moving = self._sums.reshape(2, 3, -1).astype(np.float64)
-            system = np.eye(len(k.spread)) + k.core @ (self._overlap @ moving.T).transpose(2, 0, 1)
-            off = (k.core @ (light @ self._collect.T)[:, :, None])[:, :, 0] - excited
-            step = np.linalg.solve(system, off[:, :, None])[:, :, 0]
+            slopes = (self._overlap @ moving.T).transpose(2, 0, 1)
+            step = newton_step(k.core, light @ self._collect.T, slopes, excited)
             excited += step
             change = np.abs(np.tensordot(step, k.spread, 1)).max()
             if change < SETTLED:

@@ -25,11 +25,13 @@ from numpy.typing import NDArray
 
 from compensate.problem import Problem
 from compensate.solver.result import Result, Status
-from domesim.light import Light, dot
+from domesim.light import Light, dot, namespace
 from domesim.light.strips import in_strips
 from domesim.observation.lowrank import LowRankObservation, expand
 
 Floats = NDArray[np.float64]
+
+_ROUNDING, _LEAST = 8, 1e-9  # of the last digit, and of white
 
 
 @final
@@ -124,6 +126,11 @@ def _low_rank(problem: Problem) -> LowRankObservation:
             f"this baseline takes a low-rank observation, got {type(problem.observation).__name__}"
         )
     return problem.observation
+
+
+def rounding(light: Light) -> float:
+    """Change of light, of white, that is no more than its rounding: rounds end there."""
+    return max(_ROUNDING * float(namespace(light).finfo(light.dtype).eps), _LEAST)
 
 
 def computed(

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from compensate.problem import Problem
+from compensate.solver.baselines import rounding
 from compensate.solver.kinds import DomePair, parts_of
 from domesim.light import Light, dot
 from domesim.light.strips import in_strips
@@ -30,7 +31,6 @@ from domesim.observation.lowrank import expand
 Floats = NDArray[Any]
 
 _SETTLED = 1e-7  # of the reflected light
-_ROUNDING, _LEAST = 8, 1e-9  # of the last digit, and of white
 MAX_ROUNDS = 400
 """Most rounds: crosstalk of 90 %, the largest possible, takes 200."""
 
@@ -54,7 +54,7 @@ def clipped_subtraction(
         )
     wanted = problem.desired
     k = _constants(found, wanted.dtype)
-    tiny = max(_ROUNDING * float(np.finfo(wanted.dtype).eps), _LEAST)
+    tiny = rounding(wanted)
     lower, upper = (np.broadcast_to(each, wanted.shape) for each in (problem.lower, problem.upper))
     views, primaries, rank = 2, wanted.shape[3], len(k.modes)
     light = np.clip(wanted, lower, upper) if start is None else np.array(start)

@@ -26,8 +26,6 @@ from domesim.observation.crosstalk import Crosstalk
 MAX_ROUNDS = 400
 """Most rounds: pollution of 90 % takes 200."""
 
-_ROUNDING, _LEAST = 8, 1e-9  # of the last digit, and of white
-
 
 @final
 @dataclass(frozen=True)
@@ -91,7 +89,7 @@ def in_rounds(
     if not float(xp.min(gain)) > 0:
         raise ValueError("subtraction takes a direct gain above 0 everywhere")
     light = problem.project(wanted / gain if start is None else start)
-    tiny = max(_ROUNDING * float(xp.finfo(wanted.dtype).eps), _LEAST)
+    tiny = baselines.rounding(wanted)
     for rounds in range(1, max_rounds + 1):
         new = problem.project(light + (wanted - observation.observe(light)) / gain)
         change = float(xp.max(xp.abs(new - light)))

@@ -18,7 +18,7 @@ from domesim.inspection import lightmaps
 from domesim.inspection.contrast import contrast
 from domesim.inspection.coverage import Coverage, coverage, require_covered
 from domesim.inspection.photometry import Photometry, photometry
-from domesim.scene import CinemaScene, DomeScene, StereoScene, load_scene
+from domesim.scene import DomeScene, FlatScene, load_scene
 
 _HARD = 0.25
 """Least sum of soft edges of a seam that is blended: in its middle each of two is a half."""
@@ -66,7 +66,7 @@ def check(
     if not isinstance(found, DomeScene):
         if out is not None:
             raise InputError(f"--out {out}: {scene} has a flat screen; leave --out out")
-        assert isinstance(found, CinemaScene | StereoScene)
+        assert isinstance(found, FlatScene)
         if found.way is not None:
             told = contrast(found)
             console.say(*told.lines())

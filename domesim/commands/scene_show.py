@@ -32,7 +32,7 @@ from domesim.library import load_master
 from domesim.light import Light, transfer
 from domesim.observation.spherical import bare_gain
 from domesim.room.theatre import Theatre, Viewpoint
-from domesim.scene import CinemaScene, DomeScene, FlatScene, Scene, StereoScene
+from domesim.scene import DomeScene, FlatScene, Scene, StereoScene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import mean_luminance
 
@@ -74,7 +74,7 @@ def show(
         require_covered(found, scene)
         content, figures = _dome(found.one_eye, console, cutaway=cutaway)
     else:
-        assert isinstance(found, CinemaScene | StereoScene)
+        assert isinstance(found, FlatScene)
         content, figures = _flat(found)
     write_whole(out, _page(found, content).encode())
     console.say(f"  -> {out}")

@@ -102,8 +102,9 @@ def contrast(scene: FlatScene) -> Contrast:
         If its scene file describes neither lens nor room.
     """
     way = _way(scene)
-    black, white = (_seen(scene, np.full(_board().shape, level)) for level in (0.0, 1.0))
-    lit, dark = means(*boards(scene))
+    both = _boards()
+    black, white, *seen = _seen(scene, np.stack([0 * both[0], 0 * both[0] + 1, *both]))
+    lit, dark = means(both, np.stack(seen))
     parts = {PROJECTOR: float(black.mean())}
     for name in way.parts:
         alone = replace(scene, way=way.only(name))
@@ -113,8 +114,8 @@ def contrast(scene: FlatScene) -> Contrast:
 
 def boards(scene: FlatScene) -> tuple[Floats, Floats]:
     """(board, row, col) what the checkerboard and its complement are, and what is seen, cd/m²."""
-    both = np.stack([_board(), 1 - _board()])
-    return both, np.stack([_seen(scene, board) for board in both])
+    both = _boards()
+    return both, _seen(scene, both)
 
 
 def means(boards_: Floats, seen: Floats) -> tuple[float, float]:
@@ -138,17 +139,21 @@ def _way(scene: FlatScene) -> LightsWay:
     return scene.way
 
 
-def _board() -> Floats:
+def _boards() -> Floats:
+    """(board, row, col): the checkerboard and its complement."""
     fields = np.add.outer(np.arange(FIELDS), np.arange(FIELDS)) % 2
-    return np.kron(fields, np.ones((_FIELD, _FIELD)))
+    board = np.kron(fields, np.ones((_FIELD, _FIELD)))
+    return np.stack([board, 1 - board])
 
 
-def _seen(scene: FlatScene, picture: Floats) -> Floats:
-    """(row, col) luminance of a grey picture, mean over the eyes, cd/m²."""
-    light = np.broadcast_to(picture[None, :, :, None], (scene.views, *picture.shape, 3)).copy()
-    seen = scene.observation(*picture.shape).observe(light)
-    weights = scene.projector.luminance_weights
-    return np.asarray((seen @ weights).mean(axis=0) * scene.projector.white)
+def _seen(scene: FlatScene, pictures: Floats) -> Floats:
+    """(picture, row, col) luminance of grey pictures, mean over the eyes, cd/m²."""
+    observation, weights = scene.observation(*pictures.shape[1:]), scene.projector.luminance_weights
+    found = []
+    for picture in pictures:
+        light = np.broadcast_to(picture[None, :, :, None], observation.shape).copy()
+        found.append((observation.observe(light) @ weights).mean(axis=0) * scene.projector.white)
+    return np.stack(found)
 
 
 def _ratio(contrast: float | None) -> str:

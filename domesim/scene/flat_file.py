@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, StrictBool, model_validator
@@ -133,6 +133,9 @@ class FlatProjectorSection(Section):
     Black is a full black frame, as it is seen.
     """
 
+    also: ClassVar[str] = ""
+    """What else `primaries` may be, for whoever names none that are known."""
+
     primaries: str = "P3-D65"
     white_cd_m2: Luminance
     black_cd_m2: NoLuminance = 0.0
@@ -143,6 +146,7 @@ class FlatProjectorSection(Section):
         if self.primaries not in names:
             raise ValueError(
                 f"primaries {self.primaries!r} are not known; use one of {', '.join(names)}"
+                f"{self.also}"
             )
         return self
 

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from domesim.observation.projector import MEASURED, PRIMARIES
+from domesim.observation.projector import MEASURED
 from domesim.scene.fields import (
     TAGS,
     AmbientSection,
@@ -31,7 +31,7 @@ from domesim.scene.fields import (
     Share,
     leak_form,
 )
-from domesim.scene.flat_file import FlatViewingSection, OnItsWay
+from domesim.scene.flat_file import FlatProjectorSection, FlatViewingSection, OnItsWay
 
 _NUMBER, _ROW, _MATRIX, _NAMED, _MEASURED = TAGS
 
@@ -49,22 +49,10 @@ Grid = tuple[tuple[Annotated[Number, Field(ge=0, le=100)], ...], ...]
 """Rows of numbers over the screen, the first row at the top; all rows are as long."""
 
 
-class StereoProjectorSection(Section):
+class StereoProjectorSection(FlatProjectorSection):
     """What an eye sees of its own projector, through its filter."""
 
-    primaries: str = "P3-D65"
-    white_cd_m2: Luminance
-    black_cd_m2: NoLuminance = 0.0
-
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        names = [name for name in PRIMARIES if name != "XYZ"]
-        if self.primaries not in names:
-            raise ValueError(
-                f"primaries {self.primaries!r} are not known; use one of {', '.join(names)}, or "
-                f"{MEASURED} with [crosstalk] readings"
-            )
-        return self
+    also: ClassVar[str] = f", or {MEASURED} with [crosstalk] readings"
 
 
 class MeasuredProjectorSection(Section):
