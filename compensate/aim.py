@@ -202,19 +202,18 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
 
 
 def with_hue(aim: Aim, wanted: Light, aimed: Light, floor: Light) -> Light:
-    """An aim of a dome that keeps hues where a primary's floor is above it.
+    """An aim of a dome that keeps hues where a primary's floor is above it, in the aim's place.
 
     Parameters
     ----------
     aim
         Settings.
     wanted, aimed
-        (view, row, col, primary) the master and its aim.
+        (view, row, col, primary) the master and its aim, which is used up.
     floor
-        Light that is there without any of its own, of what shows the aim.
+        Light that is there without any of its own, of subtraction.
     """
     xp, primaries = namespace(wanted), range(wanted.shape[-1])
-    found = xp.empty_like(aimed)
 
     def work(view: int, rows: slice) -> None:
         master, own, least = (
@@ -227,10 +226,10 @@ def with_hue(aim: Aim, wanted: Light, aimed: Light, floor: Light) -> Light:
         raised = 1 - reduce(xp.maximum, master) / bright
         shared = aim.hue * raised * reduce(xp.maximum, missing)
         for p, one in enumerate(own):
-            found[view, rows, :, p] = one + xp.maximum(missing[p], shared)
+            aimed[view, rows, :, p] = one + xp.maximum(missing[p], shared)
 
     in_parts(work, wanted.shape, wanted)
-    return found
+    return aimed
 
 
 def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:

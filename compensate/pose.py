@@ -255,15 +255,12 @@ class Setting:
         wanted = raised = direct(desired)
         if self.dome is not None:
             white = direct(np.broadcast_to(np.ones((), desired.dtype), desired.shape))
-            raised = lifted(aim, self.sight, wanted, seen - direct(subtractive), white)
-            light = self._showing(raised, subtractive)
-            floor = self.single.observe(light)
-            floor -= direct(light)
-            start = light if len(desired) > 1 else None
-            del light  # it takes memory
+            floor = seen - direct(subtractive)
+            raised = lifted(aim, self.sight, wanted, floor, white)
             raised = with_hue(aim, wanted, raised, floor)
-            light = self._showing(raised, start)
-            if start is None:
+            del floor  # it takes memory
+            light = self._showing(raised, subtractive)
+            if len(desired) == 1:
                 return light
             seen = self.single.observe(light)
             if is_rounding(seen, raised):

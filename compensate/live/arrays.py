@@ -90,8 +90,8 @@ class ByArrays:
         if isinstance(constants, PairConstants):
             self._turns = turns_of(constants)
         elif isinstance(observation, LowRankObservation):
-            self._master, self._lifted, self._hued = (
-                _Subtraction(observation, self._on) for _ in range(3)
+            self._of_master, self._of_aim = (
+                _Subtraction(observation, self._on) for _ in range(2)
             )
 
     def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
@@ -176,9 +176,9 @@ class ByArrays:
             return self._of_pair(observation, veiled(aim, sight, desired, left))
         wanted = observation.direct(desired)
         white = observation.direct(xp.ones_like(desired))
-        raised = lifted(aim, sight, wanted, self._master(wanted).floor, white)
-        hued = with_hue(aim, wanted, raised, self._lifted(raised).floor)
-        return self._hued(hued).light
+        floor = self._of_master(wanted).floor
+        raised = lifted(aim, sight, wanted, floor, white)
+        return self._of_aim(with_hue(aim, wanted, raised, floor)).light
 
     def _of_pair(self, observation: Crosstalk, seen: Light) -> Light:
         """The light within 0..1 that shows `seen`: see `deghosting`."""

@@ -2,8 +2,7 @@
 
 The master is decoded anew in every pass, which is cheaper than to fetch its light from memory. What
 the whole screen adds up to is a few numbers: the light in each mode of reflection of what
-subtraction shows of the master, of the aim, and of the aim with its hues. Each is the root of a
-piecewise linear equation (`compensate.solver.baselines`), found by Newton's method from where the
+subtraction shows of the master, and of the aim. Each is the root of a piecewise linear equation (`compensate.solver.baselines`), found by Newton's method from where the
 last frame had it.
 """
 
@@ -60,9 +59,9 @@ class CompiledDome:
             block=np.uint64(k.block),
             weights=k.weights.astype(np.float32),
             dark=np.float32(k.dark),
-            fade=np.float32(k.aim.fade),
-            edge=np.float32(k.aim.edge),
             hue=np.float32(k.aim.hue),
+            over_fade=np.float32(1 / k.aim.fade),
+            over_edge=np.float32(1 / k.aim.edge),
         )
         self._cells = places_along(cols, k.cell, k.gain.shape[1])
         self._blocks = places_along(cols, k.block, shape[1])
@@ -79,7 +78,7 @@ class CompiledDome:
         self._overlap = np.stack(
             [[(k.collect[j] * k.spread[i]).ravel() for i in ranks] for j in ranks]
         )
-        self._excited = [np.zeros((3, len(k.spread))) for _ in range(3)]
+        self._excited = [np.zeros((3, len(k.spread))) for _ in range(2)]
 
     def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
         """The frame (row, col, channel) to project; it is kept until `HELD` - 1 more are made.
@@ -102,10 +101,10 @@ class CompiledDome:
                 self._lifts, self._heap, self._sums, noise, out.reshape(frame.shape),
             )  # fmt: skip
 
-        missing = np.float32(self._missing(self._settled(loops.MASTER, sweep)))
+        floors = self._settled(loops.MASTER, sweep)
+        missing, below = np.float32(self._missing(floors)), self._wide(floors)
         self._find_bases()
-        below = self._wide(self._settled(loops.LIFTED, sweep))
-        sweep(loops.WRITTEN, self._wide(self._settled(loops.HUED, sweep)))
+        sweep(loops.WRITTEN, self._wide(self._settled(loops.AIMED, sweep)))
         if not self._pixels.floating:
             return out
         out = out.astype("<f2")

@@ -33,9 +33,8 @@ from compensate.live.tile_loops import (
     within,
 )
 
-MASTER, LIFTED, HUED, WRITTEN = range(4)
-"""What `sweep` adds up: what subtraction shows of the master, of the aim, and of the aim with its
-hues; or what it writes."""
+MASTER, AIMED, WRITTEN = range(3)
+"""What `sweep` adds up: what subtraction shows of the master, and of the aim; or what it writes."""
 
 _WIDE, _PITCH = np.uint64(2048), 2064
 """Columns of a tile, and of its planes."""
@@ -55,8 +54,10 @@ class Dome(NamedTuple):
         (row, piece, 2) columns between which a row has screen.
     cell, block
         As there.
-    weights, dark, fade, edge, hue
+    weights, dark, hue
         As there, of float32.
+    over_fade, over_edge
+        One over the aim's.
     """
 
     cols: np.uint64
@@ -65,9 +66,9 @@ class Dome(NamedTuple):
     block: np.uint64
     weights: NDArray[np.float32]
     dark: np.float32
-    fade: np.float32
-    edge: np.float32
     hue: np.float32
+    over_fade: np.float32
+    over_edge: np.float32
 
 
 @INSIDE
@@ -101,28 +102,30 @@ def _moments(k: Any, floors: Any, at: Any, first: Any, a: Any, b: Any, w: Any) -
 
 @INSIDE
 def _lifted(
-    k: Any, floors: Any, bases: Any, missing: Any, lifts: Any, i: Any, at: Any, up: Any, first: Any,
+    k: Any, below: Any, bases: Any, missing: Any, lifts: Any, i: Any, at: Any, up: Any, first: Any,
     a: Any, b: Any, w: Any,
 ) -> None:  # fmt: skip
-    """The aim in the place of the light, and how much it is lifted: B' / B."""
+    """How much the light is lifted: B' / B."""
     for j in range(a, b):
         c = first + j
-        log = logarithm(_adapting(k, w, j, between(floors, 3, at, c)))
+        log = logarithm(_adapting(k, w, j, between(below, 3, at, c)))
         of_all = between(bases, 0, up, c) * log + between(bases, 1, up, c)
         of_dark = between(bases, 2, up, c) * log + between(bases, 3, up, c)
-        base = exponential(of_dark + (of_all - of_dark) * within((log - of_dark) / k.edge))
+        base = of_dark + (of_all - of_dark) * within((log - of_dark) * k.over_edge)
+        gain = ONE + max(missing * exponential(-base) - k.over_fade, NO)
         top = max(w[0, j], w[1, j], w[2, j])
-        gain = ONE + max(missing - base / k.fade, NO) / base
-        gain = max(min(gain, ONE / max(top, TINY)), ONE)
-        lifts[i, c] = gain
-        w[0, j], w[1, j], w[2, j] = w[0, j] * gain, w[1, j] * gain, w[2, j] * gain
+        lifts[i, c] = max(min(gain, ONE / max(top, TINY)), ONE)
 
 
 @INSIDE
-def _hued(
+def _aimed(
     k: Any, below: Any, lifts: Any, i: Any, at: Any, first: Any, a: Any, b: Any, w: Any
 ) -> None:
-    """The aim, with hues kept over what is there, in the place of the light."""
+    """The aim in the place of the light, with hues kept over what is there.
+
+    Where a primary lacks more than its share of what the others get, its aim is below the floor:
+    none of it is projected, whatever it is.
+    """
     for j in range(a, b):
         c = first + j
         gain = lifts[i, c]
@@ -130,13 +133,10 @@ def _hued(
         top = max(red, green, blue)
         raised = ONE - top / max(top * gain, TINY)
         red, green, blue = red * gain, green * gain, blue * gain
-        lack_r = max(between(below, 0, at, c) - red, NO)
-        lack_g = max(between(below, 1, at, c) - green, NO)
-        lack_b = max(between(below, 2, at, c) - blue, NO)
-        shared = k.hue * raised * max(lack_r, lack_g, lack_b)
-        w[0, j] = red + max(lack_r, shared)
-        w[1, j] = green + max(lack_g, shared)
-        w[2, j] = blue + max(lack_b, shared)
+        lack = max(between(below, 0, at, c) - red, between(below, 1, at, c) - green)
+        lack = max(lack, between(below, 2, at, c) - blue, NO)
+        shared = k.hue * raised * lack
+        w[0, j], w[1, j], w[2, j] = red + shared, green + shared, blue + shared
 
 
 @INSIDE
@@ -188,9 +188,9 @@ def sweep(
 
     `floors`: (4, cell row, col): ambient and reflected light that is taken off the light of
     `stage`, and the direct gain.
-    `below`: floors that hues are kept over, of HUED and WRITTEN.
+    `below`: those of MASTER, over which the aim keeps hues.
     `bases`, `missing`: (4, block row, col) slopes and offsets of the base of all, and of the dark;
-    and the missing light: of LIFTED, which writes `lifts`: (row, col) B' / B.
+    and the missing light: of AIMED, which writes `lifts`: (row, col) B' / B.
     `heap`: (6, block row, block col) of MASTER: sums of importance, of logarithms and their
     squares, without and with it, and of luminance.
     `sums`: (6, cell row, cell col): of light, and of the pixels that move with the floor.
@@ -221,11 +221,11 @@ def sweep(
                         _set(w, _HERE, a, begin, NO)
                         _set(w, _HERE, end, b, NO)
                         _moments(k, floors, at, first, a, b, w)
-                    elif stage == LIFTED:
-                        up = about(i, k.block, bases)
-                        _lifted(k, floors, bases, missing, lifts, i, at, up, first, a, b, w)
                     else:
-                        _hued(k, below, lifts, i, at, first, a, b, w)
+                        if stage == AIMED:
+                            up = about(i, k.block, bases)
+                            _lifted(k, below, bases, missing, lifts, i, at, up, first, a, b, w)
+                        _aimed(k, below, lifts, i, at, first, a, b, w)
                     if stage != WRITTEN:
                         _counted(floors, at, first, begin, end, a, b, w)
                         continue

@@ -124,7 +124,7 @@ def within(value: Any) -> Any:
 def logarithm(value: Any) -> Any:
     """Natural logarithm of a float32 above 0."""
     bits = np.float32(value).view(np.int32)
-    power = np.float32((bits >> np.int32(23)) - np.int32(127))
+    power = np.float32(np.int32(bits >> np.int32(23))) - np.float32(127)
     t = np.int32((bits & np.int32(0x7FFFFF)) | np.int32(0x3F800000)).view(np.float32) - ONE
     high = ((_L7 * t + _L6) * t + _L5) * t + _L4
     return power * _LN2 + ((((high * t + _L3) * t + _L2) * t + _L1) * t + _L0)
@@ -134,9 +134,10 @@ def logarithm(value: Any) -> Any:
 def exponential(value: Any) -> Any:
     """Exponential of a float32."""
     scaled = min(max(value * _INVERSE_LN2, np.float32(-120)), np.float32(120))
-    whole = np.int32(scaled + np.float32(128)) - np.int32(128)  # floor, of what is above -128
-    t = scaled - np.float32(whole)
-    power = np.int32((whole + np.int32(127)) << np.int32(23)).view(np.float32)
+    # Numba would count whole numbers in 64 bits
+    whole = np.int32(scaled + np.float32(128))  # floor, of what is above -128
+    t = scaled - (np.float32(whole) - np.float32(128))
+    power = np.int32(np.int32(whole - np.int32(1)) << np.int32(23)).view(np.float32)
     return power * (((((_E5 * t + _E4) * t + _E3) * t + _E2) * t + _E1) * t + _E0)
 
 

@@ -164,9 +164,7 @@ def aimed(posed: Posed, eye: StrayLight | None) -> Light:
     base = posed.wanted + veil
     gain = lifted(settings, sight, base, floor + veil, white + veil) / np.maximum(base, 1e-9)
     raised = np.minimum(posed.wanted * gain, white)
-    light = _showing(posed, raised)
-    left = observation.observe(light) - observation.direct(light)
-    return _showing(posed, with_hue(settings, posed.wanted, raised, left))
+    return _showing(posed, with_hue(settings, posed.wanted, raised, floor))
 
 
 def _showing(posed: Posed, seen: Light) -> Light:
