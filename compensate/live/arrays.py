@@ -90,9 +90,7 @@ class ByArrays:
         if isinstance(constants, PairConstants):
             self._turns = turns_of(constants)
         elif isinstance(observation, LowRankObservation):
-            self._of_master, self._of_aim = (
-                _Subtraction(observation, self._on) for _ in range(2)
-            )
+            self._of_master, self._of_aim = (_Subtraction(observation, self._on) for _ in range(2))
 
     def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
         """The frame (row, col, channel) to project; see `compensate.live.dome`."""

@@ -2,8 +2,8 @@
 
 The master is decoded anew in every pass, which is cheaper than to fetch its light from memory. What
 the whole screen adds up to is a few numbers: the light in each mode of reflection of what
-subtraction shows of the master, and of the aim. Each is the root of a piecewise linear equation (`compensate.solver.baselines`), found by Newton's method from where the
-last frame had it.
+subtraction shows of the master, and of the aim. Each is the root of a piecewise linear equation
+(`compensate.solver.baselines`), found by Newton's method from where the last frame had it.
 """
 
 from __future__ import annotations

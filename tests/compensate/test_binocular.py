@@ -59,8 +59,10 @@ def test_two_eyes_need_less_contrast_than_one():
     one = brentq(lambda c: two_stage(c, 0) / two_stage(tiny, tiny) - 1, tiny, 10 * tiny)
     assert one / tiny == pytest.approx(2 ** (1 / M), rel=1e-4)
     assert one / tiny == pytest.approx(1.7, abs=0.05)
-    # At threshold the suppression of one eye by the other takes some of it
-    assert 1.5 < MONOCULAR / BINOCULAR < 1.7
+    # At threshold the suppression of one eye by the other takes some of it. Baker, Meese and
+    # Georgeson 2005 (ECVP): above the root of 2 in model and data. Legge 1984: about 1.5
+    assert MONOCULAR / BINOCULAR > np.sqrt(2)
+    assert pytest.approx(1.5, abs=0.05) == MONOCULAR / BINOCULAR
 
 
 @pytest.mark.parametrize("pedestal", [5, 10, 20])
@@ -69,8 +71,35 @@ def test_psychometric_functions_are_as_steep_as_published(pedestal):
     same = weibull_slope(lambda c: two_stage(pedestal + c, 0))
     both = weibull_slope(lambda c: two_stage(pedestal + c, pedestal + c))
     assert (same, both) == (pytest.approx(1.2, abs=0.05), pytest.approx(1.2, abs=0.05))
-    if pedestal == 20:
+    if pedestal >= 10:
         assert weibull_slope(lambda c: two_stage(c, pedestal)) > 5.5
+
+
+def test_psychometric_functions_over_faint_masks_are_as_steep_as_published():
+    """The same: beta of 3 to 4 at very low mask contrasts, whichever eye has the mask."""
+    mask = 0.15  # % : a seventh of a threshold
+    slopes = [
+        weibull_slope(lambda c: two_stage(mask + c, 0)),
+        weibull_slope(lambda c: two_stage(mask + c, mask + c)),
+        weibull_slope(lambda c: two_stage(c, mask)),
+    ]
+    assert all(3 <= slope <= 4 for slope in slopes)
+
+
+def test_a_mask_in_the_other_eye_first_helps():
+    """Baker, Meese and Georgeson 2005 (ECVP): beta ~4 at threshold, low where the mask helps.
+
+    The model's authors print ~1.2 there; these constants give 1.7.
+    """
+    assert weibull_slope(lambda c: two_stage(c, 0)) == pytest.approx(4, abs=0.5)
+    assert threshold(lambda c: two_stage(c, 0.7)) < 0.8 * MONOCULAR
+    assert min(weibull_slope(lambda c, m=m: two_stage(c, m)) for m in (0.7, 1, 1.5)) < 1.8
+
+
+def test_what_a_strong_mask_in_the_other_eye_hides_is_in_proportion():
+    """Baker and Meese 2007, abstract: a log-log slope of approximately 1."""
+    low, high = (threshold(lambda c, m=m: two_stage(c, m)) for m in (10, 32))
+    assert np.log(high / low) / np.log(3.2) == pytest.approx(1, abs=0.1)
 
 
 def test_a_mask_in_the_other_eye_is_the_strongest():

@@ -208,13 +208,15 @@ def test_what_a_file_cannot_hold_is_told(scene):
     assert compensate_frame(frame(64), scene).figures.file_clipped == 0
 
 
-@pytest.mark.parametrize(("bits", "worse"), [(8, True), (16, False)])
-def test_the_loss_of_the_stored_file_is_told(scene, tmp_path, bits, worse):
-    outcome = compensate_frame(frame(96, bits), scene)
-    path = tmp_path / "out.png"
-    write_master(outcome.frame, [path], bits=bits)
-    stored = outcome.appraisal.loss(decoded(read_master([path]), scene))
-    assert (abs(stored / outcome.figures.loss_after - 1) > 3e-4) == worse
+def test_the_loss_of_the_stored_file_is_told(scene, tmp_path):
+    """Of its codes: with fewer bits it is further off what it would be without any rounding."""
+    path, off = tmp_path / "out.png", {}
+    for bits in (8, 16):
+        outcome = compensate_frame(frame(96, bits), scene)
+        write_master(outcome.frame, [path], bits=bits)
+        stored = outcome.appraisal.loss(decoded(read_master([path]), scene))
+        off[bits] = abs(stored / outcome.figures.loss_after - 1)
+    assert off[16] < 1e-5 < off[8]
 
 
 def test_a_jpeg_changes_off_the_screen_by_its_own_rounding_only(scene, tmp_path):
