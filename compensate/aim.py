@@ -26,8 +26,8 @@ Where nothing is missing v is 0, and the aim is the master. B keeps edges: it is
 nothing bright nearby raises their base and leaves a dark rim; what stands out from that by `edge`
 takes the plain one. Some saturated colours still need less light of one primary than subtraction
 leaves. Exact clipping would turn a blue sky purple. So a share of what is missing in the worst
-primary is added to the others, in places that are lifted anyhow. B and v are known by blocks of half a degree, and linear in between:
-what they cost does not grow with the picture.
+primary is added to the others, in places that are lifted anyhow. B and v are known by blocks of
+half a degree, and linear in between: what they cost does not grow with the picture.
 
 A 3D dome's views are lifted by the same v, the larger of both; what is left then is of pairs.
 

@@ -26,6 +26,10 @@ FAINT = 0.8
 """Share of the screen, the darker one, in which structure is looked for."""
 VISIBLE_CHROMA = 0.01
 """Distance in CIE 1976 u'v' beyond which a colour counts as shifted."""
+EXACT = 1e-5
+"""Difference from the master that counts as none, of white."""
+LIT = 0.02
+"""Luminance above which light that is exact must be kept, cd/m²."""
 GREY = 1e-4
 """Mean relative distance from grey below which a picture has no hue and no saturation."""
 
@@ -248,6 +252,21 @@ def black_level(seen: Light, scene: Scene) -> float:
     require_light(seen, who="black_level")
     on_screen = luminance(seen, scene)[:, scene.screen(*seen.shape[1:3])]
     return float(np.percentile(on_screen, 1) * scene.projector.white)
+
+
+def exact(master: Light, seen: Light, scene: Scene) -> Mask:
+    """(view, row, col) pixels of the screen that are seen as in the master, and are not black.
+
+    Parameters
+    ----------
+    master, seen
+        (view, row, col, primary), 1 = projector white.
+    scene
+        Where they are seen.
+    """
+    near = np.all(np.abs(seen - master) <= EXACT, axis=-1)
+    bright = luminance(master, scene) * scene.projector.white > LIT
+    return _on_screen(near & bright, master, scene)
 
 
 def _require_pair(who: str, master: Light, seen: Light) -> None:

@@ -68,7 +68,7 @@ class Code(NamedTuple):
     channels
         Of a pixel.
     table
-        (code,) light of each code.
+        (code,) light of each code; within 0..1 if nothing is mixed.
     mixes, mixing, back
         Whether codes have primaries of their own; (3, 3) matrices from them to light, and back.
     codes_of
@@ -94,9 +94,10 @@ def code_of(coding: Coding, pixels: PixelFormat, cols: int, *, dithers: bool) ->
     places = np.arange(-LEAST_LOG * (1 << 7) + 2, dtype=np.uint32) + _FIRST
     light = (places << _SHIFT).view(np.float32).astype(np.float64)
     codes = coding.curve.encode(np.maximum(light - 2.0**LEAST_LOG, 0))
+    table = coding.table(pixels)
     return Code(
         channels=np.uint64(pixels.channels),
-        table=coding.table(pixels),
+        table=table if coding.mixes else np.clip(table, 0, 1),
         mixes=coding.mixes,
         mixing=coding.mixing.astype(np.float32),
         back=np.linalg.inv(coding.mixing).astype(np.float32),
@@ -164,9 +165,9 @@ def decoded(code: Any, codes: Any, i: Any, first: Any, a: Any, b: Any, w: Any, k
         w[k + 2, j] = code.table[codes[i, at + _TWO]]
     if code.mixes:
         mixed(w, k, code.mixing, a, b)
-    for p in range(3):
-        for j in range(a, b):
-            w[k + p, j] = within(w[k + p, j])
+        for p in range(3):
+            for j in range(a, b):
+                w[k + p, j] = within(w[k + p, j])
 
 
 @INSIDE

@@ -10,7 +10,7 @@ from compensate.pose import pose
 from validation.content import DOMES
 from validation.experiment import Missing
 from validation.experiments import headroom
-from validation.experiments.headroom import _difference, _seen
+from validation.experiments.headroom import _difference, _kept, _seen
 from validation.inputs import dome_at
 from validation.judges import climbable
 from validation.panel import delta_e_itp
@@ -68,3 +68,19 @@ def test_it_climbs_and_obeys(torch, limb, monkeypatch):
     # The screen alone is lit
     dark = headroom.climbed(limb, limb.subtractive, 1.2 * limit, 2)[:, ~limb.screen]
     np.testing.assert_array_equal(dark, limb.subtractive[:, ~limb.screen])
+
+
+def test_it_keeps_the_light_of_what_is_exact(torch, limb, monkeypatch):
+    """A judge that likes the dark dims the picture, but where light must be kept."""
+    screen = torch.from_numpy(limb.screen)
+    judge = torch, lambda light: -light[0][screen].mean()
+    monkeypatch.setattr(headroom, "climbable", lambda *_: judge)
+    kept = _kept(torch, limb)
+
+    def shares(**how):
+        light = headroom.climbed(limb, limb.subtractive, 1000.0, 40, **how)
+        return kept(torch.from_numpy(limb.seen(light)))
+
+    assert kept(torch.from_numpy(limb.shown)).numpy() == pytest.approx(1, abs=1e-3)
+    assert shares().median() < 0.9
+    assert shares(keeps=True).median() >= headroom.KEPT

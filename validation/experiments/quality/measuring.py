@@ -42,10 +42,6 @@ KNOB: Mapping[str, tuple[str, Eye]] = {
 }
 """Other settings of the default's one knob."""
 
-EXACT = 1e-5
-"""Difference from the master that counts as none, of white."""
-DARKEST = 0.02
-"""Luminance above which light that is exact must be kept, cd/m²."""
 LIFTED, BASE = 1.05, 2.0
 """Ratio of bases from which on a place counts as lifted; sigma of the base, degrees."""
 LIT = 0.3
@@ -132,15 +128,12 @@ class Case:
     @cached_property
     def exact(self) -> NDArray[np.bool_]:
         """(view, row, col) pixels that subtraction shows exactly, and that are not black."""
-        master = self.plain.wanted
-        near = np.all(np.abs(self.subtracted - master) <= EXACT, axis=-1)
-        bright = luminance(master, self.scene) * self.scene.projector.white > DARKEST
-        return np.asarray(near & bright & self.plain.screen)
+        return seen.exact(self.plain.wanted, self.subtracted, self.scene)
 
     @cached_property
     def clipped(self) -> NDArray[np.bool_]:
         """(view, row, col) pixels at which subtraction shows too much."""
-        above = np.any(self.subtracted - self.plain.wanted > EXACT, axis=-1)
+        above = np.any(self.subtracted - self.plain.wanted > seen.EXACT, axis=-1)
         return np.asarray(above & self.plain.screen)
 
 
@@ -186,7 +179,7 @@ def measure(
 def _base_ratio(master: Light, shown: Light, scene: Scene) -> NDArray[Any]:
     """(view, row, col) how many times brighter the local mean of the logarithm is."""
     sigma = BASE * scene.viewing.pixels_per_degree(*master.shape[1:3])
-    dark = DARKEST / scene.projector.white
+    dark = seen.LIT / scene.projector.white
     logs = [np.log(np.maximum(luminance(light, scene), 0) + dark) for light in (master, shown)]
     rise = gaussian_filter(logs[1] - logs[0], (0, sigma, sigma), mode="nearest")
     return np.asarray(np.exp(rise))
