@@ -48,6 +48,7 @@ chosen, and what lost: ``validation/notes/0007``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import TypeAlias, final
@@ -178,9 +179,10 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
     wanted
         (view, row, col, primary) what should be seen.
     floor
-        Light that is there without any of its own, of subtraction, of the same shape.
+        Light that is there without any of its own, of subtraction, of the same shape. Hues are kept
+        over it.
     brightest
-        What is seen of white in its own place; nothing is aimed at above.
+        What is seen of white in its own place; nothing is lifted above.
     """
     lifting = _Lifting(aim, sight, wanted, floor)
     xp, primaries = namespace(wanted), range(wanted.shape[-1])
@@ -188,47 +190,45 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
 
     def work(view: int, rows: slice) -> None:
         gain = lifting.gain(view, rows)
-        master, most = ([each[view, rows, :, p] for p in primaries] for each in (wanted, brightest))
+        master, least, most = (
+            [each[view, rows, :, p] for p in primaries] for each in (wanted, floor, brightest)
+        )
         # Limited to what brings the brightest primary to white, so that hues stay
         tiny = xp.full_like(gain, _TINY)
         rooms = (each / xp.maximum(own, tiny) for own, each in zip(master, most, strict=True))
         limited = xp.maximum(xp.minimum(gain, reduce(xp.minimum, rooms)), xp.ones_like(gain))
-        for p, own in enumerate(master):
-            found[view, rows, :, p] = own * limited
+        own = with_hue(aim, master, [each * limited for each in master], least)
+        for p, plane in enumerate(own):
+            found[view, rows, :, p] = plane
 
     in_parts(work, wanted.shape, wanted)
     return found
 
 
-def with_hue(aim: Aim, wanted: Light, aimed: Light, floor: Light) -> Light:
-    """An aim of a dome that keeps hues where a primary's floor is above it, in the aim's place.
+def with_hue(
+    aim: Aim, wanted: Sequence[Array], aimed: Sequence[Array], floor: Sequence[Array]
+) -> list[Array]:
+    """An aim of a dome that keeps hues where a primary's floor is above it.
+
+    A primary that lacks more than it gets stays below its floor: none of it is projected.
 
     Parameters
     ----------
     aim
         Settings.
     wanted, aimed
-        (view, row, col, primary) the master and its aim, which is used up.
+        Planes of each primary, of any shape: the master, and its aim.
     floor
-        Light that is there without any of its own, of subtraction.
+        Light that is there without any of its own.
     """
-    xp, primaries = namespace(wanted), range(wanted.shape[-1])
-
-    def work(view: int, rows: slice) -> None:
-        master, own, least = (
-            [each[view, rows, :, p] for p in primaries] for each in (wanted, aimed, floor)
-        )
-        none = xp.zeros_like(own[0])
-        missing = [xp.maximum(low - one, none) for low, one in zip(least, own, strict=True)]
-        bright = xp.maximum(reduce(xp.maximum, own), xp.full_like(none, _TINY))
-        # Only as far as a place is lifted anyhow: elsewhere, what is exact stays exact
-        raised = 1 - reduce(xp.maximum, master) / bright
-        shared = aim.hue * raised * reduce(xp.maximum, missing)
-        for p, one in enumerate(own):
-            aimed[view, rows, :, p] = one + xp.maximum(missing[p], shared)
-
-    in_parts(work, wanted.shape, wanted)
-    return aimed
+    xp = namespace(wanted[0])
+    none = xp.zeros_like(wanted[0])
+    most = reduce(xp.maximum, (low - own for low, own in zip(floor, aimed, strict=True)))
+    bright = xp.maximum(reduce(xp.maximum, aimed), xp.full_like(none, _TINY))
+    # Only as far as a place is lifted anyhow: elsewhere, what is exact stays exact
+    raised = 1 - reduce(xp.maximum, wanted) / bright
+    shared = aim.hue * raised * xp.maximum(most, none)
+    return [own + shared for own in aimed]
 
 
 def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:

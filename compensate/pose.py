@@ -16,7 +16,7 @@ from typing import cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim import Aim, Eye, Sight, lifted, veiled, with_hue
+from compensate.aim import Aim, Eye, Sight, lifted, veiled
 from compensate.problem import Problem
 from compensate.solver.kinds import reflecting
 from compensate.solver.subtraction import shown_within
@@ -257,11 +257,11 @@ class Setting:
             white = direct(np.broadcast_to(np.ones((), desired.dtype), desired.shape))
             floor = seen - direct(subtractive)
             raised = lifted(aim, self.sight, wanted, floor, white)
-            raised = with_hue(aim, wanted, raised, floor)
-            del floor  # it takes memory
-            light = self._showing(raised, subtractive)
             if len(desired) == 1:
-                return light
+                del floor  # it takes memory
+                return self._showing(raised, None)
+            light = self._showing(raised, subtractive)
+            np.maximum(raised, floor, out=raised)  # what no subtraction takes away is no ghost
             seen = self.single.observe(light)
             if is_rounding(seen, raised):
                 return light

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim import Sight, lifted, veiled, with_hue
+from compensate.aim import Sight, lifted, veiled
 from compensate.devices import fetched, sender_to
 from compensate.live.coding import Coding, PixelFormat, stored, views_of
 from compensate.live.constants import (
@@ -175,8 +175,7 @@ class ByArrays:
         wanted = observation.direct(desired)
         white = observation.direct(xp.ones_like(desired))
         floor = self._of_master(wanted).floor
-        raised = lifted(aim, sight, wanted, floor, white)
-        return self._of_aim(with_hue(aim, wanted, raised, floor)).light
+        return self._of_aim(lifted(aim, sight, wanted, floor, white)).light
 
     def _of_pair(self, observation: Crosstalk, seen: Light) -> Light:
         """The light within 0..1 that shows `seen`: see `deghosting`."""

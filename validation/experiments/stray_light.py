@@ -20,7 +20,7 @@ Expected
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeAlias, final
 
@@ -161,10 +161,11 @@ def aimed(posed: Posed, eye: StrayLight | None) -> Light:
     white = observation.direct(np.ones_like(posed.desired))
     floor = posed.shown - observation.direct(posed.subtractive)
     # The veil is in the base alone: what is missing, floor less wanted, stays as it is
-    base = posed.wanted + veil
-    gain = lifted(settings, sight, base, floor + veil, white + veil) / np.maximum(base, 1e-9)
+    base, plain = posed.wanted + veil, replace(settings, hue=0.0)
+    gain = lifted(plain, sight, base, floor + veil, white + veil) / np.maximum(base, 1e-9)
     raised = np.minimum(posed.wanted * gain, white)
-    return _showing(posed, with_hue(settings, posed.wanted, raised, floor))
+    planes = (np.moveaxis(light, -1, 0) for light in (posed.wanted, raised, floor))
+    return _showing(posed, np.stack(with_hue(settings, *planes), axis=-1))
 
 
 def _showing(posed: Posed, seen: Light) -> Light:
