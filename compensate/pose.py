@@ -259,7 +259,7 @@ class Setting:
             raised = lifted(aim, self.sight, wanted, floor, white)
             if len(desired) == 1:
                 del floor  # it takes memory
-                return self._showing(raised, None)
+                return self._showing(raised, subtractive)
             light = self._showing(raised, subtractive)
             np.maximum(raised, floor, out=raised)  # what no subtraction takes away is no ghost
             seen = self.single.observe(light)

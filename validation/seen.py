@@ -28,7 +28,7 @@ VISIBLE_CHROMA = 0.01
 """Distance in CIE 1976 u'v' beyond which a colour counts as shifted."""
 EXACT = 1e-5
 """Difference from the master that counts as none, of white."""
-LIT = 0.02
+NOT_BLACK = 0.02
 """Luminance above which light that is exact must be kept, cd/m²."""
 GREY = 1e-4
 """Mean relative distance from grey below which a picture has no hue and no saturation."""
@@ -265,7 +265,7 @@ def exact(master: Light, seen: Light, scene: Scene) -> Mask:
         Where they are seen.
     """
     near = np.all(np.abs(seen - master) <= EXACT, axis=-1)
-    bright = luminance(master, scene) * scene.projector.white > LIT
+    bright = luminance(master, scene) * scene.projector.white > NOT_BLACK
     return _on_screen(near & bright, master, scene)
 
 

@@ -16,15 +16,9 @@ from numpy.typing import NDArray
 from compensate.aim import Sight, lifted, veiled
 from compensate.devices import fetched, sender_to
 from compensate.live.coding import Coding, PixelFormat, stored, views_of
-from compensate.live.constants import (
-    SETTLED,
-    STEPS,
-    Constants,
-    PairConstants,
-    newton_step,
-    turns_of,
-)
+from compensate.live.constants import SETTLED, STEPS, Constants, PairConstants, turns_of
 from compensate.live.noise import APART, noise_of, shifts_of
+from compensate.solver.baselines import newton_step
 from domesim.light import Array, Light, namespace, on_host, total
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.lowrank import LowRankObservation, expand

@@ -170,25 +170,6 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
     )
 
 
-def newton_step(core: Floats, sums: Floats, slopes: Floats, excited: Floats) -> Floats:
-    """(primary, rank) Newton's step to the floor that its own light excites.
-
-    Parameters
-    ----------
-    core
-        (primary, rank, rank): how the modes excite each other.
-    sums
-        (primary, rank): what the light excites that is left over the floor.
-    slopes
-        (primary, rank, rank): how that falls as the floor rises.
-    excited
-        (primary, rank): the floor.
-    """
-    system = np.eye(excited.shape[1]) + core @ slopes
-    off = (core @ sums[..., None])[..., 0] - excited
-    return np.asarray(np.linalg.solve(system, off[..., None])[..., 0])
-
-
 def turns_of(k: PairConstants) -> int:
     """How often the eyes take turns until subtraction is exact to 1e-5.
 

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from compensate.live import dome_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
-from compensate.live.constants import SETTLED, STEPS, DomeConstants, newton_step
+from compensate.live.constants import SETTLED, STEPS, DomeConstants
 from compensate.live.noise import shifts_of
 from compensate.live.tile_loops import code_of, places_along, widened
 from compensate.means import block_sums, box_sum
+from compensate.solver.baselines import newton_step
 
 _TANGENTS, _EXACT = 24, 1e-6
 """How often the darkest share is looked for, and to which part of what is missing most."""

@@ -111,8 +111,8 @@ def _lifted(
         log = logarithm(_adapting(k, w, j, between(below, 3, at, c)))
         of_all = between(bases, 0, up, c) * log + between(bases, 1, up, c)
         of_dark = between(bases, 2, up, c) * log + between(bases, 3, up, c)
-        base = of_dark + (of_all - of_dark) * within((log - of_dark) * k.over_edge)
-        gain = ONE + max(missing * exponential(-base) - k.over_fade, NO)
+        of_both = of_dark + (of_all - of_dark) * within((log - of_dark) * k.over_edge)
+        gain = ONE + max(missing * exponential(-of_both) - k.over_fade, NO)
         top = max(w[0, j], w[1, j], w[2, j])
         lifts[i, c] = max(min(gain, ONE / max(top, TINY)), ONE)
 
@@ -123,8 +123,7 @@ def _aimed(
 ) -> None:
     """The aim in the place of the light, with hues kept over what is there.
 
-    Where a primary lacks more than its share of what the others get, its aim is below the floor:
-    none of it is projected, whatever it is.
+    A primary that lacks more than it gets stays below its floor: none of it is projected.
     """
     for j in range(a, b):
         c = first + j

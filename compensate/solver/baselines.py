@@ -111,13 +111,31 @@ def clipped_subtraction(problem: Problem, max_iterations: int = 50) -> tuple[Lig
     while unsettled and steps < max_iterations:
         steps += 1
         sums, slopes = (sum(parts) for parts in zip(*in_strips(show, desired.shape), strict=True))
+        changes = newton_step(f.core, sums, slopes, s)
         for p in tuple(unsettled):
-            system = np.eye(ranks) + f.core[p] @ slopes[p]
-            change = np.linalg.solve(system, f.core[p] @ sums[p] - s[p])
-            s[p] += change
-            if np.abs(change).max() <= 1e-7 * max(np.abs(s[p]).max(), 1e-7):
+            s[p] += changes[p]
+            if np.abs(changes[p]).max() <= 1e-7 * max(np.abs(s[p]).max(), 1e-7):
                 unsettled.remove(p)
     return light, steps
+
+
+def newton_step(core: Floats, sums: Floats, slopes: Floats, excited: Floats) -> Floats:
+    """(primary, rank) Newton's step to the floor that its own light excites.
+
+    Parameters
+    ----------
+    core
+        (primary, rank, rank): how the modes excite each other.
+    sums
+        (primary, rank): what the light excites that is left over the floor.
+    slopes
+        (primary, rank, rank): how that falls as the floor rises.
+    excited
+        (primary, rank): the floor.
+    """
+    system = np.eye(excited.shape[1]) + core @ slopes
+    off = (core @ sums[..., None])[..., 0] - excited
+    return np.asarray(np.linalg.solve(system, off[..., None])[..., 0])
 
 
 def _low_rank(problem: Problem) -> LowRankObservation:

@@ -150,7 +150,7 @@ def climbed(posed: Posed, start: Light, limit: float, steps: int, *, keeps: bool
     assert isinstance(posed.observation, AdjointObservation)
     seen = _seen(torch, posed.observation)
     upper = float(np.sqrt(np.max(posed.single.upper)))
-    kept = _kept(torch, posed)
+    kept = _kept(torch, posed) if keeps else lambda _: torch.ones(1)
     root = torch.tensor(np.sqrt(np.maximum(start, _DARKEST)), requires_grad=True)
     adam = torch.optim.Adam([root], lr=RATE)
     best, light = -np.inf, start
@@ -159,7 +159,7 @@ def climbed(posed: Posed, start: Light, limit: float, steps: int, *, keeps: bool
             group["lr"] = RATE * 0.1 ** (step / steps)
         shown = seen(root**2)
         jod, off = judge(shown), differ(shown)
-        share = kept(shown) if keeps else torch.ones(1)
+        share = kept(shown)
         obeys = share.median() >= KEPT and share.quantile(0.05) >= KEPT_FIFTH
         if off.item() <= limit * (1 + _NEAR) and obeys and jod.item() > best:
             best, light = jod.item(), (root.detach() ** 2).numpy().copy()

@@ -179,7 +179,7 @@ def measure(
 def _base_ratio(master: Light, shown: Light, scene: Scene) -> NDArray[Any]:
     """(view, row, col) how many times brighter the local mean of the logarithm is."""
     sigma = BASE * scene.viewing.pixels_per_degree(*master.shape[1:3])
-    dark = seen.LIT / scene.projector.white
+    dark = seen.NOT_BLACK / scene.projector.white
     logs = [np.log(np.maximum(luminance(light, scene), 0) + dark) for light in (master, shown)]
     rise = gaussian_filter(logs[1] - logs[0], (0, sigma, sigma), mode="nearest")
     return np.asarray(np.exp(rise))
