@@ -48,7 +48,7 @@ chosen, and what lost: ``validation/notes/0007``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import TypeAlias, final
@@ -58,7 +58,6 @@ from compensate.means import (
     block_sums,
     coefficients,
     enlarged,
-    enlarged_along,
     enlarged_rows,
     smooth,
 )
@@ -244,10 +243,18 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
         What subtraction shows too much, at least 0, of the same shape.
     """
     xp = namespace(wanted)
-    sigmas = scales(aim, sight)
-    fine, size = veil_block(sigmas[-1]), wanted.shape[1:3]
-    ghosts = xp.moveaxis(left, -1, 1)  # (view, primary, row, col)
-    ghosts, squares = block_means(ghosts, fine), block_means(ghosts**2, fine)
+    sigmas, cols, primaries = scales(aim, sight), wanted.shape[2], wanted.shape[3]
+    fine = veil_block(sigmas[-1])
+
+    def sums(view: int, rows: slice) -> Array:
+        """(plane, row, col) of some rows by blocks: ghosts, their squares, luminance."""
+        ghosts = xp.moveaxis(left[view, rows, ...], -1, 0)
+        luminance = sight.luminance(wanted[view, rows, ...])[None, ...]
+        return block_sums(xp.concat([ghosts, ghosts**2, luminance]), fine)
+
+    pixels = block_sums(xp.ones_like(wanted[0, :, :, 0]), fine)
+    found = _by_blocks(sums, wanted, fine) / pixels
+    ghosts, squares = found[:, :primaries, ...], found[:, primaries:-1, ...]
     veil = own = xp.zeros_like(ghosts)
     for octave, sigma in enumerate(sigmas):
         # An octave's means are known as finely as it is smooth
@@ -260,12 +267,21 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
             veil, enlarged(xp.minimum(aim.lift * mean, peak), block, ghosts.shape[-2:])
         )
         own = enlarged(peak, block, ghosts.shape[-2:]) if octave == 0 else own
-    luminance = block_means(sight.luminance(wanted), fine)
-    around = smooth(luminance, NEARBY * sight.density / fine) + aim.dark / sight.white
+    around = smooth(found[:, -1, ...], NEARBY * sight.density / fine) + aim.dark / sight.white
     stands_out = sight.luminance(xp.moveaxis(own, 1, -1)) / around
-    faint = enlarged(1 / (1 + stands_out / aim.faint), fine, size)
-    rim = xp.moveaxis(enlarged(veil, fine, size), 1, -1) - left
-    return wanted + xp.maximum(rim, xp.zeros_like(rim)) * faint[..., None]
+    faint = 1 / (1 + stands_out / aim.faint)
+    grids = xp.concat([veil, faint[:, None, ...]], axis=1)
+    result = xp.empty_like(wanted)
+
+    def work(view: int, rows: slice) -> None:
+        *veils, share = xp.unstack(enlarged_rows(grids[view, ...], fine, rows, cols), axis=0)
+        for p, each in enumerate(veils):
+            rim = each - left[view, rows, :, p]
+            rim = xp.maximum(rim, xp.zeros_like(rim)) * share
+            result[view, rows, :, p] = wanted[view, rows, :, p] + rim
+
+    in_parts(work, wanted.shape, wanted)
+    return result
 
 
 def dome_block(density: float) -> int:
@@ -304,24 +320,22 @@ class _Lifting:
         self._missing = 0.0
         self._grids: list[Array] = []  # (slope and offset of all, and of what is dark; row, col)
         # The first pass: what is missing, and the bases by blocks
-        views, rows, cols, primaries = wanted.shape
-        xp, shape = namespace(wanted), (views, -(-rows // block), block * cols * primaries)
-        parts = in_parts(self._sums, shape, wanted)
+        xp = namespace(wanted)
         radius = max(1, round(aim.reach * sight.density / block))
-        for view in range(views):
-            each = parts[view * len(parts) // views : (view + 1) * len(parts) // views]
-            pixels, lacking, *sums = xp.unstack(xp.concat(each, axis=1), axis=0)
+        for found in xp.unstack(_by_blocks(self._sums, wanted, block), axis=0):
+            pixels, lacking, *sums = xp.unstack(found, axis=0)
             self._missing = max(self._missing, aim.lift * _missing(aim, pixels, lacking))
             first, second, weight, dark_first, dark_second = sums
             of_all = coefficients(pixels, pixels, first, second, radius, aim.edge)
             of_dark = coefficients(pixels, weight, dark_first, dark_second, radius, aim.edge)
-            self._grids.append(enlarged_along(xp.stack([*of_all, *of_dark]), block, cols))
+            self._grids.append(xp.stack([*of_all, *of_dark]))
 
     def gain(self, view: int, rows: slice) -> Array:
         """The second pass: the gain of some rows, (row, col)."""
         xp, aim = namespace(self._wanted), self._aim
         logs = xp.log(self._luminance(view, rows) + aim.dark / self._sight.white)
-        grids = xp.unstack(enlarged_rows(self._grids[view], self._block, rows), axis=0)
+        grids = enlarged_rows(self._grids[view], self._block, rows, logs.shape[-1])
+        grids = xp.unstack(grids, axis=0)
         of_all, of_dark = (slope * logs + offset for slope, offset in (grids[:2], grids[2:]))
         none, one = xp.zeros_like(logs), xp.ones_like(logs)
         share = xp.minimum(xp.maximum((logs - of_dark) / aim.edge, none), one)
@@ -331,15 +345,13 @@ class _Lifting:
     def _luminance(self, view: int, rows: slice) -> Array:
         return self._sight.luminance(self._wanted[view, rows, ...])
 
-    def _sums(self, view: int, blocks: slice) -> Array:
-        """(7, row, col) of some rows of blocks: pixels, missing light, and what bases are made of.
+    def _sums(self, view: int, rows: slice) -> Array:
+        """(7, row, col) of some rows by blocks: pixels, missing light, what bases are made of.
 
         That is the logarithm of luminance and its square, and both by importance, which comes
         first.
         """
         xp, sight = namespace(self._wanted), self._sight
-        end = min(blocks.stop * self._block, self._wanted.shape[1])
-        rows = slice(blocks.start * self._block, end)
         luminance, dark = self._luminance(view, rows), self._aim.dark / sight.white
         on = xp.astype(sight.screen[rows, :], luminance.dtype)
         lacking = on * (sight.luminance(self._floor[view, rows, ...]) - luminance)
@@ -348,6 +360,21 @@ class _Lifting:
         first, of_dark = on * logs, weights * logs
         planes = on, lacking, first, first * logs, weights, of_dark, of_dark * logs
         return block_sums(xp.stack(planes), self._block)
+
+
+def _by_blocks(sums: Callable[[int, slice], Array], wanted: Light, block: int) -> Array:
+    """(view, plane, row, col) of `sums(view, rows)`, by strips of whole rows of blocks."""
+    views, rows, cols, primaries = wanted.shape
+    xp, shape = namespace(wanted), (views, -(-rows // block), block * cols * primaries)
+
+    def strip(view: int, blocks: slice) -> Array:
+        return sums(view, slice(blocks.start * block, min(blocks.stop * block, rows)))
+
+    parts = in_parts(strip, shape, wanted)
+    each = len(parts) // views
+    return xp.stack(
+        [xp.concat(parts[view * each : (view + 1) * each], axis=1) for view in range(views)]
+    )
 
 
 def _missing(aim: Aim, pixels: Array, sums: Array) -> float:
