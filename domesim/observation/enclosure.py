@@ -13,7 +13,6 @@ from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import spatial
 from scipy.linalg import cho_factor, cho_solve
 
 from domesim.errors import InputError
@@ -108,6 +107,8 @@ class Enclosure:
         InputError
             If projectors leave a part of the screen dark.
         """
+        from scipy.spatial import KDTree  # noqa: PLC0415 - slow, for few domes
+
         dome, unit = self.theatre.dome, self._unit
         finer, weights = self._screen(6 * self._resolution, 12 * self._resolution)
         points = np.concatenate([finer, self.points])
@@ -115,7 +116,7 @@ class Enclosure:
         gains = lens_gains(self.theatre, _PICTURE, _PICTURE)
         row, col = dome.pixel_of(dome.toward(points * unit), _PICTURE)
         shares = gains[:, row, col] / gains[:, row, col].sum(0)
-        owner = np.asarray(spatial.KDTree(self.points).query(points)[1])
+        owner = np.asarray(KDTree(self.points).query(points)[1])
         whole = np.bincount(owner, weights)
         lit, landed = np.zeros(len(whole)), np.zeros((len(self.areas) - len(whole), len(whole)))
         for lens, share in zip(self._lens_places, shares, strict=True):

@@ -33,7 +33,6 @@ import numpy as np
 import scipy.fft
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from domesim.errors import InputError
 from domesim.light import Array, Light, kind, namespace
@@ -107,6 +106,8 @@ class Scatter:
     def _discs(self) -> tuple[Floats, Floats]:
         """Radii in sines up to 1, and the integrals of the shape over their discs."""
         radii = np.concatenate([[0.0], np.geomspace(1e-3 * self.shoulder, 1, 4096)])
+        from scipy.integrate import cumulative_trapezoid  # noqa: PLC0415 - slow, for few scenes
+
         rings = 2 * np.pi * radii * self._shape(radii)
         return radii, cumulative_trapezoid(rings, radii, initial=0)
 
