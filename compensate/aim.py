@@ -35,11 +35,13 @@ A 3D dome's views are lifted by the same v, the larger of both; what is left the
 edges can, which are none of the picture's and hinder fusion (section 1): just outside a ghost g the
 aim has a *veil*, of the scales s from half of `reach` down by octaves,
 
-    V = max_s min(lift G_s g, G_s g² / G_s g),    aim = m + max(V - g, 0) / (1 + Y_V / f (Y_m + c))
+    V = max_s min(lift G_s g, G_s g² / G_s g),    R = max(V - g, 0) / (1 + Y_V / f (Y_m + c))
+    aim = m + (m + R) Y_R / (Y_m + Y_R)
 
 G_s is a local mean, known as finely as it is smooth. The second term is the mean of g weighted by
 itself, which limits a veil to the ghost's own brightness. On black, a veil is seen as well as the
-ghost that it hides: the more it stands out from the master's luminance Y_m, the fainter it is.
+ghost that it hides: the more it stands out from the master's luminance Y_m, the fainter it is. It
+has the ghost's colour on black, and that of the master where that is brighter: its hue stays.
 
 Display-adaptive tone mapping has the same idea for whole displays: R. Mantiuk, S. Daly, L.
 Kerofsky, "Display Adaptive Tone Mapping", ACM Trans. Graph. 27(3), 2008. How the numbers were
@@ -271,14 +273,22 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
     stands_out = sight.luminance(xp.moveaxis(own, 1, -1)) / around
     faint = 1 / (1 + stands_out / aim.faint)
     grids = xp.concat([veil, faint[:, None, ...]], axis=1)
-    result = xp.empty_like(wanted)
+    result, weights = xp.empty_like(wanted), [float(each) for each in sight.weights]
 
     def work(view: int, rows: slice) -> None:
         *veils, share = xp.unstack(enlarged_rows(grids[view, ...], fine, rows, cols), axis=0)
-        for p, each in enumerate(veils):
-            rim = each - left[view, rows, :, p]
-            rim = xp.maximum(rim, xp.zeros_like(rim)) * share
-            result[view, rows, :, p] = wanted[view, rows, :, p] + rim
+        master, ghosts = (
+            [each[view, rows, :, p] for p in range(primaries)] for each in (wanted, left)
+        )
+        rims = [
+            xp.maximum(veil - ghost, xp.zeros_like(ghost)) * share
+            for veil, ghost in zip(veils, ghosts, strict=True)
+        ]
+        bright = sight.luminance(wanted[view, rows, ...])
+        rim = reduce(xp.add, (w * each for w, each in zip(weights, rims, strict=True)))
+        part = rim / xp.maximum(bright + rim, xp.full_like(rim, _TINY))
+        for p, (own, more) in enumerate(zip(master, rims, strict=True)):
+            result[view, rows, :, p] = own + (own + more) * part
 
     in_parts(work, wanted.shape, wanted)
     return result

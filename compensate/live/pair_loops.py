@@ -117,8 +117,7 @@ def _counted(k: Any, view: int, wide: Any, w: Any) -> None:
             ghost = _ghost(k, w, view, p, j)
             w[_SUMS + mine + p, j] += ghost
             w[_SUMS + 6 + mine + p, j] += ghost * ghost
-        mean = k.weights[0] * w[mine, j] + k.weights[1] * w[mine + 1, j]
-        w[_SUMS + 12 + view, j] += max(mean + k.weights[2] * w[mine + 2, j], NO)
+        w[_SUMS + 12 + view, j] += _luminance(k, w, mine, j)
 
 
 @INSIDE
@@ -127,9 +126,20 @@ def _veiled(k: Any, up: Any, view: int, wide: Any, w: Any) -> None:
     mine = 3 * view
     for j in range(NONE, wide):
         faint = _row_between(w, 6 + view, up, j)
-        w[mine, j] += _rim(k, w, view, 0, up, j) * faint
-        w[mine + 1, j] += _rim(k, w, view, 1, up, j) * faint
-        w[mine + 2, j] += _rim(k, w, view, 2, up, j) * faint
+        red, green = _rim(k, w, view, 0, up, j) * faint, _rim(k, w, view, 1, up, j) * faint
+        blue = _rim(k, w, view, 2, up, j) * faint
+        rim = k.weights[0] * red + k.weights[1] * green + k.weights[2] * blue
+        part = rim / max(_luminance(k, w, mine, j) + rim, TINY)
+        w[mine, j] += (w[mine, j] + red) * part
+        w[mine + 1, j] += (w[mine + 1, j] + green) * part
+        w[mine + 2, j] += (w[mine + 2, j] + blue) * part
+
+
+@INSIDE
+def _luminance(k: Any, w: Any, plane: int, j: Any) -> Any:
+    """Luminance of the light in a plane and the two after it."""
+    found = k.weights[0] * w[plane, j] + k.weights[1] * w[plane + 1, j]
+    return max(found + k.weights[2] * w[plane + 2, j], NO)
 
 
 @INSIDE

@@ -165,6 +165,19 @@ def test_on_black_a_veil_is_fainter_than_on_grey():
     assert 0 < veils[0] < 0.6 * veils[1]
 
 
+def test_a_veil_has_the_hue_of_what_is_brighter_and_its_own_on_black():
+    left = np.zeros((2, 40, 40, 3))
+    left[:, 15:25, 15:25] = 0.02, 0.02, 0.01
+    sight = Sight(np.ones((40, 40), bool), WEIGHTS, 15.0, 10.0)
+    beside = 0, 20, 27
+    colour = np.array([0.3, 0.1, 0.05])
+    lit = veiled(Aim(), sight, np.broadcast_to(colour, left.shape).copy(), left)[beside]
+    assert lit @ WEIGHTS > 1.02 * (colour @ WEIGHTS)
+    np.testing.assert_allclose(lit / colour, np.full(3, (lit / colour)[0]), rtol=0.02)
+    dark = veiled(Aim(), sight, np.zeros_like(left), left)[beside]
+    np.testing.assert_allclose(dark / dark[0], [1, 1, 0.5], rtol=0.02)
+
+
 @pytest.mark.parametrize("kind", ["dome", "pair"])
 def test_any_array_library(kind):
     """The formulas; NumPy in double precision against the strict reference library."""
