@@ -2,7 +2,8 @@
 
 A pair is a forward and an inverse `scipy.fft` of one float32 plane on all cores, timed in the same
 run: what one transform of the picture would take at least. Pictures are a night with lamps in a
-dome, and a street at night with a sky in 3D: dark foregrounds, bright places.
+dome, and a street at night with a sky in 3D: dark foregrounds, bright places. `compensate` itself,
+called from Python, is timed on that street and on the photographed pairs of the test data.
 """
 
 from __future__ import annotations
@@ -19,15 +20,20 @@ from typing import final
 import numpy as np
 import scipy.fft
 
+from compensate import compensate
 from domesim.frames import ColourTag, Frame, write_frame
 from domesim.host.cores import cores
 from domesim.light import Light
 from domesim.light.transfer import SRGB
+from domesim.scene import Scene, load_scene
 from validation.benchmarks.commands import Job, run_command
 from validation.content.street import night_street
 from validation.masters import night, write_exr
+from validation.pairs import from_data, present
 
 DOME, PAIR = "dome_imax", "stereo_polarised_paper"
+PHOTOGRAPHS = ("trunks", "fog", "motorcycle")
+"""Pairs of the test data that are called."""
 RUNS = 5
 SHORT, LONG = 4, 24
 """Frames of two sequences: what the longer one takes more is of further frames."""
@@ -45,7 +51,7 @@ class FileCost:
         What it did.
     seconds, cpu_s, gib
         Time, core-seconds and peak memory of the whole process; for a further frame of a sequence,
-        without the start, and the memory of all.
+        without the start, and the memory of all. A call from Python has no memory of its own.
     unit
         Seconds of one FFT pair.
     busy
@@ -55,7 +61,7 @@ class FileCost:
     work: str
     seconds: float
     cpu_s: float
-    gib: float
+    gib: float | None
     unit: float
     busy: float | None = None
 
@@ -67,7 +73,8 @@ class FileCost:
 
 def line(cost: FileCost) -> str:
     """What was measured, under `HEADER`."""
-    figures = f"{cost.seconds:>9.2f}{cost.pairs:>7.0f}{cost.cpu_s:>8.2f}{cost.gib:>6.1f}"
+    gib = "" if cost.gib is None else f"{cost.gib:.1f}"
+    figures = f"{cost.seconds:>9.2f}{cost.pairs:>7.0f}{cost.cpu_s:>8.2f}{gib:>6}"
     busy = "" if cost.busy is None else f"  {cost.busy:.0%} of {cores()} cores busy"
     return f"{cost.work:<34}{figures}{cost.unit:>9.4f}{busy}"
 
@@ -91,6 +98,11 @@ def file_costs(*, quick: bool = False) -> Iterator[FileCost]:
             work = f"pair {cols} x {pair.shape[1]}, {suffix.upper()}"
             yield _alone(work, files, folder, unit, runs)
             yield _further(work, files, folder, unit)
+    scene = load_scene(PAIR)
+    photographs, _ = present(() if quick else PHOTOGRAPHS)
+    masters = {"night street": pair, **{name: from_data(name, scene)[0] for name in photographs}}
+    for name, light in masters.items():
+        yield _called(name, light, scene, runs)
 
 
 def fft_pair(rows: int, cols: int) -> float:
@@ -130,6 +142,19 @@ def _stored(folder: Path, name: str, light: Light, suffix: str) -> list[Path]:
                 link.hardlink_to(first)
         firsts.append(first)
     return firsts
+
+
+def _called(name: str, light: Light, scene: Scene, runs: int) -> FileCost:
+    compensate(light, scene)  # what later calls share
+    took = []
+    for _ in range(runs):
+        began, busy = time.perf_counter(), time.process_time()
+        compensate(light, scene)
+        took.append((time.perf_counter() - began, time.process_time() - busy))
+    seconds, cpu_s = (median(each) for each in zip(*took, strict=True))
+    rows, cols = light.shape[1:3]
+    work = f"{name} {cols} x {rows}, Python"
+    return FileCost(work, seconds, cpu_s, None, fft_pair(rows, cols))
 
 
 def _command(files: list[Path], folder: Path, *options: str) -> Job:
