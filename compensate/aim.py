@@ -56,7 +56,6 @@ from functools import reduce
 from typing import TypeAlias, final
 
 from compensate.means import (
-    block_means,
     block_sums,
     coefficients,
     enlarged,
@@ -66,7 +65,7 @@ from compensate.means import (
 from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError, require_not_negative, require_positive
 from domesim.light import Array, Light, namespace, total
-from domesim.light.strips import in_parts
+from domesim.light.strips import SAMPLES, in_parts
 
 OCTAVES = 4
 """Scales of veils."""
@@ -245,7 +244,8 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
         What subtraction shows too much, at least 0, of the same shape.
     """
     xp = namespace(wanted)
-    sigmas, cols, primaries = scales(aim, sight), wanted.shape[2], wanted.shape[3]
+    views, _, cols, primaries = wanted.shape
+    sigmas = scales(aim, sight)
     fine = veil_block(sigmas[-1])
 
     def sums(view: int, rows: slice) -> Array:
@@ -254,21 +254,28 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
         luminance = sight.luminance(wanted[view, rows, ...])[None, ...]
         return block_sums(xp.concat([ghosts, ghosts**2, luminance]), fine)
 
-    pixels = block_sums(xp.ones_like(wanted[0, :, :, 0]), fine)
-    found = _by_blocks(sums, wanted, fine) / pixels
-    ghosts, squares = found[:, :primaries, ...], found[:, primaries:-1, ...]
-    veil = own = xp.zeros_like(ghosts)
-    for octave, sigma in enumerate(sigmas):
-        # An octave's means are known as finely as it is smooth
-        block = veil_block(sigma) // fine
-        mean, square = (
-            smooth(block_means(each, block), sigma / fine / block) for each in (ghosts, squares)
-        )
-        peak = square / xp.maximum(mean, xp.full_like(mean, _TINY))
-        veil = xp.maximum(
-            veil, enlarged(xp.minimum(aim.lift * mean, peak), block, ghosts.shape[-2:])
-        )
-        own = enlarged(peak, block, ghosts.shape[-2:]) if octave == 0 else own
+    found = _by_blocks(sums, wanted, fine) / block_sums(xp.ones_like(wanted[0, :, :, 0]), fine)
+
+    def peaks(view: int, some: slice) -> tuple[Array, Array]:
+        """Veils of some primaries, (primary, row, col), and how bright the ghosts are."""
+        every = [found[view, some, ...], found[view, primaries:-1, ...][some, ...]]
+        size, veil, block = every[0].shape[-2:], xp.zeros_like(every[0]), 1
+        one = xp.ones_like(every[0][0, ...])
+        for sigma in reversed(sigmas):
+            # An octave's means are known as finely as it is smooth
+            wider = veil_block(sigma) // fine
+            every = [block_sums(each, wider // block) for each in every]
+            block, pixels = wider, block_sums(one, wider)
+            mean, square = (smooth(each / pixels, sigma / fine / block) for each in every)
+            peak = square / xp.maximum(mean, xp.full_like(mean, _TINY))
+            veil = xp.maximum(veil, enlarged(xp.minimum(aim.lift * mean, peak), block, size))
+        return veil, enlarged(peak, block, size)
+
+    parts = in_parts(peaks, (views, primaries, SAMPLES), wanted)
+    veil, own = (
+        xp.reshape(xp.concat(each), (views, primaries, *found.shape[-2:]))
+        for each in zip(*parts, strict=True)
+    )
     around = smooth(found[:, -1, ...], NEARBY * sight.density / fine) + aim.dark / sight.white
     stands_out = sight.luminance(xp.moveaxis(own, 1, -1)) / around
     faint = 1 / (1 + stands_out / aim.faint)

@@ -95,15 +95,6 @@ def block_sums(planes: Array, block: int) -> Array:
     return planes
 
 
-def block_means(planes: Array, block: int) -> Array:
-    """(..., row, col) means of `planes` over squares of `block` pixels, of those that are there."""
-    if block == 1:
-        return planes
-    xp = namespace(planes)
-    there = xp.ones(planes.shape[-2:], dtype=planes.dtype, device=planes.device)
-    return block_sums(planes, block) / block_sums(there, block)
-
-
 def enlarged(coarse: Array, block: int, size: tuple[int, ...]) -> Array:
     """(..., *size) of (..., row, col) `coarse`, of blocks: linear between their middles."""
     return _linear_along(_linear_along(coarse, block, -2, size[-2]), block, -1, size[-1])

@@ -6,6 +6,7 @@ A pass over a whole 2K pair costs more for bringing 50 MB from memory and back t
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -21,6 +22,7 @@ T = TypeVar("T")
 
 SAMPLES = 200_000
 """Samples of a strip: with a few temporaries, they fill a core's cache."""
+_NAME = "domesim-strips"  # of threads
 
 
 def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T]:
@@ -42,8 +44,8 @@ def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T
         for view in range(views)
         for row in range(0, rows, step)
     ]
-    if len(places) == 1:
-        return [work(*places[0])]
+    if len(places) == 1 or threading.current_thread().name.startswith(_NAME):
+        return [work(*place) for place in places]
     return list(_pool().map(lambda place: work(*place), places))
 
 
@@ -90,4 +92,4 @@ def threads() -> int:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads(), "domesim-strips")
+    return ThreadPoolExecutor(threads(), _NAME)
