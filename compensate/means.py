@@ -1,11 +1,12 @@
-"""Local means in O(n), of arrays of any library: boxes by running sums.
+"""Local means of blocks, of arrays of any library: boxes of few pixels.
 
-A box mean is a difference of two running sums, so that its cost does not depend on its size.
-Three boxes one after the other come close to a Gaussian (the central limit theorem; W. M. Wells,
-"Efficient synthesis of Gaussian filters by cascaded uniform filters", IEEE Trans. PAMI 8(2), 1986).
-The guided filter keeps edges: K. He, J. Sun, X. Tang, "Guided Image Filtering", ECCV 2010, with the
-picture as its own guide. Its coefficients are smooth, so that they are found of blocks of pixels,
-and are linear in between: K. He, J. Sun, "Fast Guided Filter", arXiv 1505.00996, 2015.
+How far a mean reaches is some degrees, and so are blocks: its boxes are some blocks wide, whatever
+the size of a picture, and its cost is O(n). Three boxes one after the other come close to a
+Gaussian (the central limit theorem; W. M. Wells, "Efficient synthesis of Gaussian filters by
+cascaded uniform filters", IEEE Trans. PAMI 8(2), 1986). The guided filter keeps edges: K. He, J.
+Sun, X. Tang, "Guided Image Filtering", ECCV 2010, with the picture as its own guide. Its
+coefficients are smooth, so that they are found of blocks of pixels, and are linear in between: K.
+He, J. Sun, "Fast Guided Filter", arXiv 1505.00996, 2015.
 """
 
 from __future__ import annotations
@@ -15,13 +16,11 @@ from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from domesim.light import Array, namespace
 from domesim.light.strips import in_strips
 
 _BOXES = 3
-_LINE = 16  # numbers that a line of the cache holds
 
 
 def box_mean(planes: Array, radius: int, count: Array | None = None) -> Array:
@@ -179,39 +178,48 @@ def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:
             for size in planes.shape[-2:]
         )
         return down @ planes @ namespace(planes).matrix_transpose(across)
-    # First all rows, then all columns, so that each strip stays in a core's cache
-    flat = planes.reshape(-1, *planes.shape[-2:])
-    for axis in (-1, -2):
-        found = np.empty_like(flat, order="C")
-        _along_rows(flat.swapaxes(axis, -1), found.swapaxes(axis, -1), radii, means=means)
-        flat = found
-    return flat.reshape(planes.shape)
+    found = planes.reshape(-1, *planes.shape[-2:])
+    for axis in (1, 2):
+        found = _along(found, axis, radii, means=means)
+    return found.reshape(planes.shape)
 
 
-def _along_rows(planes: Array, found: Array, radii: Sequence[int], *, means: bool) -> None:
-    """Writes `_boxes` of (plane, row, col), within each row, into `found`, by all threads."""
-    size = planes.shape[-1]
-    reaches = [min(radius, size - 1) for radius in radii if radius]
-    place = np.arange(size)
-    factors = []
-    for reach in reaches:
+def _along(planes: Array, axis: int, radii: Sequence[int], *, means: bool) -> Array:
+    """`_boxes` of (plane, row, col) along rows or columns, in strips that a core's cache holds."""
+    found = np.empty_like(planes, order="C")
+
+    def work(plane: int, beside: slice) -> None:
+        place = (plane, slice(None), beside) if axis == 1 else (plane, beside, slice(None))
+        lines = planes[place]
+        for radius in radii:
+            lines = _box(lines, axis - 1, radius, means=means)
+        found[place] = lines
+
+    in_strips(work, (len(planes), planes.shape[3 - axis], planes.shape[axis]))
+    return found
+
+
+def _box(lines: Array, axis: int, radius: int, *, means: bool) -> Array:
+    """`_boxes` of (row, col) along an axis, of one radius."""
+    size = lines.shape[axis]
+    reach = min(radius, size - 1)
+    total = lines.copy(order="C")
+    # Neighbours one by one: running sums in single precision lose what is dark beside what is
+    # bright, and those of a library in double precision take twice as long for so few
+    for far in range(1, reach + 1):
+        after, before = slice(far, None), slice(None, -far)
+        if axis == 0:
+            total[after] += lines[before]
+            total[before] += lines[after]
+        else:
+            total[:, after] += lines[:, before]
+            total[:, before] += lines[:, after]
+    if means:
+        place = np.arange(size)
         inside = np.minimum(place + reach + 1, size) - np.maximum(place - reach, 0)
-        factor = (2 * reach + 1) / (inside if means else np.ones(size))
-        factors.append(factor.astype(planes.dtype))
-
-    def work(plane: int, rows: slice) -> None:
-        # Columns are copied before they are turned, and turned back from rows of an odd length:
-        # numbers a power of two apart push each other out of a core's cache
-        part = np.ascontiguousarray(planes[plane, rows].copy(order="K"))
-        for reach, factor in zip(reaches, factors, strict=True):
-            # It adds up in double precision: in single, what is dark beside bright would be lost
-            part = uniform_filter1d(part, 2 * reach + 1, mode="constant")
-            part *= factor
-        apart = np.empty((len(part), size + _LINE), part.dtype)[:, :size]
-        apart[:] = part
-        found[plane, rows] = apart
-
-    in_strips(work, planes.shape)
+        share = (1 / inside).astype(lines.dtype)
+        total *= share[:, None] if axis == 0 else share
+    return total
 
 
 @lru_cache(maxsize=32)
