@@ -14,7 +14,7 @@ from functools import cache
 from typing import Any, final
 
 import numpy as np
-import scipy.fft
+import scipy
 
 from domesim.light import Array, namespace, total
 from domesim.light.strips import threads

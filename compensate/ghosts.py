@@ -49,8 +49,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from domesim.light.strips import in_strips
 
@@ -148,7 +148,9 @@ def _slopes(plane: Floats, rows: slice, sigma: float) -> tuple[Floats, Floats]:
     impulse = np.zeros(2 * radius + 1)
     impulse[radius] = 1
     smooth, slope = (
-        gaussian_filter1d(impulse, sigma, order=order, radius=radius).astype(plane.dtype)
+        scipy.ndimage.gaussian_filter1d(impulse, sigma, order=order, radius=radius).astype(
+            plane.dtype
+        )
         for order in (0, 1)
     )
     return (
@@ -180,7 +182,9 @@ def _smooth_slope(planes: Floats, sigma: float, axis: int) -> Floats:
     """(view, row, col) slopes of smoothed planes along an axis; borders are no edges."""
     order = [0, 0, 0]
     order[axis] = 1
-    slopes: Floats = gaussian_filter(planes, (0, sigma, sigma), order=order, mode="nearest")
+    slopes: Floats = scipy.ndimage.gaussian_filter(
+        planes, (0, sigma, sigma), order=order, mode="nearest"
+    )
     return slopes
 
 

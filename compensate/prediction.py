@@ -56,8 +56,8 @@ from functools import cached_property
 from typing import Any, final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from compensate.pose import Posed
 from compensate.vision.adaptation import adaptation_luminance
@@ -324,10 +324,10 @@ def regions(mask: Mask, margin: int = 0) -> list[tuple[slice, slice]]:
         raise InputError(f"regions takes a margin of at least 0 pixels, got {margin}")
     joined = np.asarray(found.any(axis=0) if found.ndim == 3 else found)
     if margin:
-        joined = ndimage.maximum_filter(joined, 2 * margin + 1, mode="constant")
+        joined = scipy.ndimage.maximum_filter(joined, 2 * margin + 1, mode="constant")
     count = None
     while True:
-        boxes = [(rows, cols) for rows, cols in ndimage.find_objects(_labelled(joined))]
+        boxes = [(rows, cols) for rows, cols in scipy.ndimage.find_objects(_labelled(joined))]
         if len(boxes) == count:
             return boxes
         count = len(boxes)
@@ -338,7 +338,7 @@ def regions(mask: Mask, margin: int = 0) -> list[tuple[slice, slice]]:
 
 def _labelled(mask: NDArray[Any]) -> NDArray[Any]:
     """Numbers of connected components; pixels that only meet at a corner are connected."""
-    return np.asarray(ndimage.label(mask, np.ones((3, 3), int))[0])
+    return np.asarray(scipy.ndimage.label(mask, np.ones((3, 3), int))[0])
 
 
 @dataclass(frozen=True)
@@ -485,7 +485,7 @@ class _Eye:
             return planes
 
         def sums(plane: Planes) -> Planes:
-            return np.asarray(ndimage.uniform_filter(plane, side, mode="constant"))
+            return np.asarray(scipy.ndimage.uniform_filter(plane, side, mode="constant"))
 
         screen = np.maximum(sums(self._grid.screen.astype(np.float32)), 1 / side**2)
         return np.stack([sums(plane) / screen for plane in planes])

@@ -34,6 +34,13 @@ def test_slow_imports_wait_until_they_are_needed():
     assert loaded_by("from domesim.commands import build; build()", *modules) == set()
 
 
+def test_compensating_begins_without_the_parts_of_scipy():
+    """They take a third of a second; SciPy loads each by itself where it is first used."""
+    code = "import compensate.commands.compensate, domesim.commands.shows"
+    parts = ("fft", "integrate", "linalg", "ndimage", "optimize", "sparse", "spatial", "special")
+    assert loaded_by(code, *(f"scipy.{part}" for part in parts)) == set()
+
+
 def test_help_loads_no_command():
     code = "from domesim.commands import build; build(['--help'])"
     assert loaded_by(code, "domesim.commands.observe", "numpy", "rich", "OpenImageIO") == set()

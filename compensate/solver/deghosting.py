@@ -48,8 +48,8 @@ from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d
 
 from compensate.problem import Problem
 from compensate.solver.baselines import computed
@@ -323,7 +323,7 @@ def bumps(needed: Floats, sigma: float) -> Floats:
     kernel = np.exp(-power * reach**2 / (2 * sigma**2))
     result = (needed / top) ** power
     for axis in range(2):
-        result = correlate1d(result, kernel, axis=axis, mode="constant")
+        result = scipy.ndimage.correlate1d(result, kernel, axis=axis, mode="constant")
     # The root of a tiny number that underflowed to 0 is what is needed there.
     veil: Floats = np.maximum(top * result ** (1 / power), needed)
     return veil

@@ -17,8 +17,8 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from compensate.problem import Problem
 from compensate.solver.baselines import rounding
@@ -95,7 +95,7 @@ def clipped_subtraction(
         # Both views of a strip at once
         changes, *parts = zip(*in_strips(show, (1, *wanted.shape[1:3], 2 * primaries)), strict=True)
         sums, slopes = (sum(part) for part in parts)
-        system = np.eye(s.size) + k.core @ block_diag(*slopes.reshape(-1, rank, rank))
+        system = np.eye(s.size) + k.core @ scipy.linalg.block_diag(*slopes.reshape(-1, rank, rank))
         change = np.linalg.solve(system, k.core @ sums.ravel() - s.ravel())
         s += change.reshape(s.shape)
         settled = np.abs(change).max() <= _SETTLED * max(np.abs(s).max(), _SETTLED)

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias, final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from compensate.fourier import padded_size
 from compensate.problem import Problem
@@ -230,4 +230,4 @@ def _padded(side: slice, outer: slice, reach: int) -> int:
 def _sampled(gain: NDArray[Any], places: Any) -> NDArray[np.floating[Any]]:
     """Interpolates the gain of one channel at (row, column) frequencies; it is even in both."""
     half = gain[: gain.shape[0] // 2 + 1]
-    return np.asarray(map_coordinates(half, places, order=1, mode="nearest"))
+    return np.asarray(scipy.ndimage.map_coordinates(half, places, order=1, mode="nearest"))

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
-import scipy.fft
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from compensate.fourier import Fourier

@@ -44,6 +44,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from compensate.vision.castle import DKL_FROM_XYZ
@@ -166,8 +167,6 @@ def _features(light: NDArray[Any], grid: tuple[int, int]) -> list[tuple[Floats, 
 
 def _energy(intensity: Floats, angle: float) -> Floats:
     """|even| + |odd| response to a grating whose wave runs along `angle` (O_orientation.m)."""
-    from scipy.signal import fftconvolve  # noqa: PLC0415 (slow, for what few commands need)
-
     reach = int(np.ceil(GABOR_SIGMA * GABOR_ELONGATION * np.sqrt(10)))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     theta = np.radians(angle)
@@ -178,7 +177,9 @@ def _energy(intensity: Floats, angle: float) -> Floats:
     for wave in (np.cos, np.sin):
         gabor = window * wave(2 * np.pi / GABOR_PERIOD * across)
         gabor -= gabor.mean()
-        energy += np.abs(fftconvolve(padded, gabor / np.linalg.norm(gabor), mode="valid"))
+        energy += np.abs(
+            scipy.signal.fftconvolve(padded, gabor / np.linalg.norm(gabor), mode="valid")
+        )
     return energy
 
 

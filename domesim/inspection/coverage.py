@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import final
 
 import numpy as np
-import scipy.ndimage
+import scipy
 from numpy.typing import NDArray
 
 from domesim.errors import InputError

@@ -17,9 +17,9 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
+import scipy
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from domesim.errors import InputError
 from domesim.room.dome import Dome
@@ -65,7 +65,7 @@ class ScreenBasis:
         products = self.at_products(u, v)
         gram = (products * weight) @ products.T / weight.sum()
         lower = np.linalg.cholesky(gram)
-        return np.asarray(solve_triangular(lower, np.eye(len(self)), lower=True))
+        return np.asarray(scipy.linalg.solve_triangular(lower, np.eye(len(self)), lower=True))
 
     def at(self, u: Floats, v: Floats) -> Floats:
         """(function, ...): the functions at points of the domemaster's disc."""

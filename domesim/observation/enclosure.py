@@ -12,8 +12,8 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from domesim.errors import InputError
 from domesim.observation.spherical import bare_gain
@@ -107,8 +107,6 @@ class Enclosure:
         InputError
             If projectors leave a part of the screen dark.
         """
-        from scipy.spatial import KDTree  # noqa: PLC0415 - slow, for few domes
-
         dome, unit = self.theatre.dome, self._unit
         finer, weights = self._screen(6 * self._resolution, 12 * self._resolution)
         points = np.concatenate([finer, self.points])
@@ -116,7 +114,7 @@ class Enclosure:
         gains = lens_gains(self.theatre, _PICTURE, _PICTURE)
         row, col = dome.pixel_of(dome.toward(points * unit), _PICTURE)
         shares = gains[:, row, col] / gains[:, row, col].sum(0)
-        owner = np.asarray(KDTree(self.points).query(points)[1])
+        owner = np.asarray(scipy.spatial.KDTree(self.points).query(points)[1])
         whole = np.bincount(owner, weights)
         lit, landed = np.zeros(len(whole)), np.zeros((len(self.areas) - len(whole), len(whole)))
         for lens, share in zip(self._lens_places, shares, strict=True):
@@ -683,14 +681,14 @@ class Solver:
         self._links = symmetric[self._gray]
         system = -self._root * self._links[:, self._gray] * self._root.T
         system[np.diag_indices_from(system)] += 1
-        self._factor = cho_factor(system, lower=True, overwrite_a=True)
+        self._factor = scipy.linalg.cho_factor(system, lower=True, overwrite_a=True)
 
     def solve(self, emission: Floats) -> Floats:
         """(element, picture) b of the emission e."""
         # Of the light after the first bounce, so that dark surfaces lose no digits
         first = self._root * (self._links @ emission)
         result = emission.copy()
-        result[self._gray] += self._root * cho_solve(self._factor, first)
+        result[self._gray] += self._root * scipy.linalg.cho_solve(self._factor, first)
         return result
 
 

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-import scipy.fft
+import scipy
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
@@ -106,10 +106,8 @@ class Scatter:
     def _discs(self) -> tuple[Floats, Floats]:
         """Radii in sines up to 1, and the integrals of the shape over their discs."""
         radii = np.concatenate([[0.0], np.geomspace(1e-3 * self.shoulder, 1, 4096)])
-        from scipy.integrate import cumulative_trapezoid  # noqa: PLC0415 - slow, for few scenes
-
         rings = 2 * np.pi * radii * self._shape(radii)
-        return radii, cumulative_trapezoid(rings, radii, initial=0)
+        return radii, scipy.integrate.cumulative_trapezoid(rings, radii, initial=0)
 
     def _shape(self, sine: Floats) -> Floats:
         return np.asarray(1 / (self.shoulder**self.slope + sine**self.slope))

@@ -21,8 +21,8 @@ from functools import cached_property, lru_cache
 from typing import Any, TypeAlias, final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from domesim.errors import InputError
 from domesim.light.strips import in_strips, is_large
@@ -200,7 +200,6 @@ class Dome:
 
     def _integrated(self, density: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> float:
         """Integral over the screen of a density per solid angle that depends on theta only."""
-        from scipy.integrate import quad  # noqa: PLC0415 - a quarter of a second, for few domes
 
         def ring(theta: float) -> float:
             angle = np.array([theta])
@@ -209,7 +208,7 @@ class Dome:
         bounds = sorted({0.0, *self.cut_at(), self.half_angle})
         return float(
             sum(
-                quad(ring, start, stop, limit=400, epsabs=1e-12, epsrel=1e-10)[0]
+                scipy.integrate.quad(ring, start, stop, limit=400, epsabs=1e-12, epsrel=1e-10)[0]
                 for start, stop in itertools.pairwise(bounds)
             )
         )
@@ -237,8 +236,6 @@ class Dome:
         """Angles theta at which the truncation begins to cut rings, or has cut off whole ones."""
         if self.truncated_below is None:
             return []
-        from scipy.optimize import brentq  # noqa: PLC0415 - as above
-
         scan, cut = np.linspace(0, self.half_angle, 721), self.truncated_below
 
         def above(theta: Any, side: int) -> Any:
@@ -249,7 +246,7 @@ class Dome:
         for side in (-1, 1):
             sign = above(scan, side) >= 0
             found += [
-                float(brentq(above, scan[i], scan[i + 1], args=(side,)))
+                float(scipy.optimize.brentq(above, scan[i], scan[i + 1], args=(side,)))
                 for i in np.flatnonzero(sign[1:] != sign[:-1])
             ]
         return found
@@ -355,7 +352,9 @@ class Dome:
         cut, result = areas[row, col], areas
         result[~inside] = 0
         if self.truncated_below is not None:
-            nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
+            nearest = scipy.ndimage.distance_transform_edt(
+                ~inside, return_distances=False, return_indices=True
+            )
             np.add.at(result, (nearest[0][row, col], nearest[1][row, col]), cut)
             return result
         down, right = 2 * row + 1 - rows, 2 * col + 1 - cols  # signed distances from the centre

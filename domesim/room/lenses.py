@@ -13,8 +13,8 @@ surfaces", Eurographics Symposium on Rendering (2007), eqs. 20, 33 and 34.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from domesim.errors import InputError
 from domesim.room.dome import strips
@@ -155,7 +155,9 @@ def _sampled(weights: Floats, place: Floats) -> Floats:
     """(...): weights (row, col) at places (..., (right, up)), 0..1, linear between pixels."""
     rows, cols = weights.shape
     row, col = (1 - place[..., 1]) * rows - 0.5, place[..., 0] * cols - 0.5
-    found = map_coordinates(weights, [row.ravel(), col.ravel()], order=1, mode="nearest")
+    found = scipy.ndimage.map_coordinates(
+        weights, [row.ravel(), col.ravel()], order=1, mode="nearest"
+    )
     return np.asarray(found.reshape(row.shape))
 
 

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from domesim.errors import InputError, reason
 from domesim.host.files import read_plain
@@ -363,7 +363,8 @@ def _at(values: Floats, place: Floats) -> Floats:
     where = [(1 - place[..., 1]) * rows - 0.5, place[..., 0] * cols - 0.5]
     channels = np.moveaxis(values, -1, 0)
     return np.stack(
-        [map_coordinates(each, where, order=1, mode="nearest") for each in channels], -1
+        [scipy.ndimage.map_coordinates(each, where, order=1, mode="nearest") for each in channels],
+        -1,
     )
 
 

@@ -34,8 +34,8 @@ from functools import cached_property, lru_cache
 from typing import Any, final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from compensate.fourier import Fourier
 from compensate.problem import Problem
@@ -459,7 +459,7 @@ class DomeHessian(Hessian):
         size = self._blocks.size * self._modes
         each = list(products) * (len(self._views) // len(products))
         return {
-            name: block_diag(
+            name: scipy.linalg.block_diag(
                 *(
                     np.swapaxes(of_view[:, :, left, right], 1, 2).reshape(size, -1)
                     for of_view in each
