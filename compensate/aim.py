@@ -243,43 +243,9 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
     left
         What subtraction shows too much, at least 0, of the same shape.
     """
-    xp = namespace(wanted)
-    views, _, cols, primaries = wanted.shape
-    sigmas = scales(aim, sight)
-    fine = veil_block(sigmas[-1])
-
-    def sums(view: int, rows: slice) -> Array:
-        """(plane, row, col) of some rows by blocks: ghosts, their squares, luminance."""
-        ghosts = xp.moveaxis(left[view, rows, ...], -1, 0)
-        luminance = sight.luminance(wanted[view, rows, ...])[None, ...]
-        return block_sums(xp.concat([ghosts, ghosts**2, luminance]), fine)
-
-    found = _by_blocks(sums, wanted, fine) / block_sums(xp.ones_like(wanted[0, :, :, 0]), fine)
-
-    def peaks(view: int, some: slice) -> tuple[Array, Array]:
-        """Veils of some primaries, (primary, row, col), and how bright the ghosts are."""
-        every = [found[view, some, ...], found[view, primaries:-1, ...][some, ...]]
-        size, veil, block = every[0].shape[-2:], xp.zeros_like(every[0]), 1
-        one = xp.ones_like(every[0][0, ...])
-        for sigma in reversed(sigmas):
-            # An octave's means are known as finely as it is smooth
-            wider = veil_block(sigma) // fine
-            every = [block_sums(each, wider // block) for each in every]
-            block, pixels = wider, block_sums(one, wider)
-            mean, square = (smooth(each / pixels, sigma / fine / block) for each in every)
-            peak = square / xp.maximum(mean, xp.full_like(mean, _TINY))
-            veil = xp.maximum(veil, enlarged(xp.minimum(aim.lift * mean, peak), block, size))
-        return veil, enlarged(peak, block, size)
-
-    parts = in_parts(peaks, (views, primaries, SAMPLES), wanted)
-    veil, own = (
-        xp.reshape(xp.concat(each), (views, primaries, *found.shape[-2:]))
-        for each in zip(*parts, strict=True)
-    )
-    around = smooth(found[:, -1, ...], NEARBY * sight.density / fine) + aim.dark / sight.white
-    stands_out = sight.luminance(xp.moveaxis(own, 1, -1)) / around
-    faint = 1 / (1 + stands_out / aim.faint)
-    grids = xp.concat([veil, faint[:, None, ...]], axis=1)
+    xp, (_, _, cols, primaries) = namespace(wanted), wanted.shape
+    fine = veil_block(scales(aim, sight)[-1])
+    grids = _veils(aim, sight, wanted, left, fine)
     result, weights = xp.empty_like(wanted), [float(each) for each in sight.weights]
 
     def work(view: int, rows: slice) -> None:
@@ -299,6 +265,44 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, left: Light) -> Light:
 
     in_parts(work, wanted.shape, wanted)
     return result
+
+
+def _veils(aim: Aim, sight: Sight, wanted: Light, left: Light, fine: int) -> Array:
+    """(view, primary + 1, row, col) by blocks of `fine` pixels: V, and 1 / (1 + Y_V / ...)."""
+    xp, (views, _, _, primaries) = namespace(wanted), wanted.shape
+
+    def sums(view: int, rows: slice) -> Array:
+        """(plane, row, col) of some rows by blocks: ghosts, their squares, luminance."""
+        ghosts = xp.moveaxis(left[view, rows, ...], -1, 0)
+        luminance = sight.luminance(wanted[view, rows, ...])[None, ...]
+        return block_sums(xp.concat([ghosts, ghosts**2, luminance]), fine)
+
+    found = _by_blocks(sums, wanted, fine) / block_sums(xp.ones_like(wanted[0, :, :, 0]), fine)
+    sigmas = [sigma / fine for sigma in scales(aim, sight)]
+
+    def peaks(view: int, some: slice) -> tuple[Array, Array]:
+        """Veils of some primaries, (primary, row, col), and how bright the ghosts are."""
+        every = [found[view, some, ...], found[view, primaries:-1, ...][some, ...]]
+        size, veil, block = every[0].shape[-2:], xp.zeros_like(every[0]), 1
+        one = xp.ones_like(every[0][0, ...])
+        for sigma in reversed(sigmas):
+            # An octave's means are known as finely as it is smooth
+            wider = veil_block(sigma)
+            every = [block_sums(each, wider // block) for each in every]
+            block, pixels = wider, block_sums(one, wider)
+            mean, square = (smooth(each / pixels, sigma / block) for each in every)
+            peak = square / xp.maximum(mean, xp.full_like(mean, _TINY))
+            veil = xp.maximum(veil, enlarged(xp.minimum(aim.lift * mean, peak), block, size))
+        return veil, enlarged(peak, block, size)
+
+    parts = in_parts(peaks, (views, primaries, SAMPLES), wanted)  # a primary a thread
+    veil, own = (
+        xp.reshape(xp.concat(each), (views, primaries, *found.shape[-2:]))
+        for each in zip(*parts, strict=True)
+    )
+    around = smooth(found[:, -1, ...], NEARBY * sight.density / fine) + aim.dark / sight.white
+    stands_out = sight.luminance(xp.moveaxis(own, 1, -1)) / around
+    return xp.concat([veil, (1 / (1 + stands_out / aim.faint))[:, None, ...]], axis=1)
 
 
 def dome_block(density: float) -> int:

@@ -45,7 +45,7 @@ def test_bits_in_reverse_are_read_or_named(tmp_path: Path, compression: str) -> 
 
 def saved_anew(path: Path, codes: np.ndarray, *options: object) -> Path:
     """A TIFF by ImageMagick, whose libtiff knows more compressions than OpenImageIO's."""
-    if shutil.which("convert") is None:
+    if shutil.which("identify") is None:  # `convert` is also the name of other programs
         pytest.skip("no ImageMagick")
     store(path.with_suffix(".plain.tif"), codes, compression="none")
     command = ["convert", path.with_suffix(".plain.tif"), *options, path]
