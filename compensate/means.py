@@ -172,7 +172,7 @@ def _mean_over(count: Array, radius: int) -> Callable[[Array], Array]:
 def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:
     """Sums over boxes, one after the other; with `means`, means of what lies in the picture."""
     if not isinstance(planes, np.ndarray):
-        # Two products, which a GPU begins at once; running sums are some hundred kernels
+        # Two products, which a GPU begins at once; neighbours one by one are some hundred kernels
         down, across = (
             _weights(namespace(planes), planes.dtype, planes.device, size, tuple(radii), means)
             for size in planes.shape[-2:]
