@@ -407,7 +407,7 @@ def _missing(aim: Aim, pixels: Array, sums: Array) -> float:
     xp = namespace(pixels)
     counted, sums = pixels[pixels > 0], sums[pixels > 0]
     means = xp.maximum(sums, xp.zeros_like(sums)) / counted
-    order = xp.argsort(means, descending=True)
+    order = xp.argsort(-means, stable=True)
     counted, means = (xp.astype(xp.take(each, order), xp.float64) for each in (counted, means))
     most = aim.darkest * total(counted)
     before = xp.cumulative_sum(counted) - counted

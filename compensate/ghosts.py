@@ -49,7 +49,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from domesim.light.strips import in_strips
@@ -97,7 +96,8 @@ def ghost_contour(
     """
     sigma = edge_sigma(pixels_per_degree)
     edges, slopes = (
-        np.stack([_smooth_slope(plane, sigma, axis) for axis in (1, 2)]) for plane in (ghost, error)
+        np.stack([_slopes(plane, slice(0, len(plane)), sigma) for plane in planes], axis=1)
+        for planes in (ghost, error)
     )
     strength = np.sum(edges**2, axis=0)
     inside = np.sort(strength[where])[::-1]
@@ -145,14 +145,10 @@ def _slopes(plane: Floats, rows: slice, sigma: float) -> tuple[Floats, Floats]:
     above, below = max(rows.start - radius, 0), min(rows.stop + radius, len(plane))
     beyond = (above - rows.start + radius, rows.stop + radius - below)
     around = np.pad(plane[above:below], (beyond, (radius, radius)), "edge")
-    impulse = np.zeros(2 * radius + 1)
-    impulse[radius] = 1
-    smooth, slope = (
-        scipy.ndimage.gaussian_filter1d(impulse, sigma, order=order, radius=radius).astype(
-            plane.dtype
-        )
-        for order in (0, 1)
-    )
+    places = np.arange(-radius, radius + 1)
+    bell = np.exp(-((places / sigma) ** 2) / 2)
+    bell /= bell.sum()
+    smooth, slope = (taps.astype(plane.dtype) for taps in (bell, places / sigma**2 * bell))
     return (
         _filtered(_filtered(around, smooth, 1, 0), slope, -1, 1),
         _filtered(_filtered(around, slope, -1, 0), smooth, 1, 1),
@@ -176,16 +172,6 @@ def _filtered(values: Floats, taps: Floats, mirror: int, axis: int) -> Floats:
         both *= taps[radius + by]
         result += both
     return result
-
-
-def _smooth_slope(planes: Floats, sigma: float, axis: int) -> Floats:
-    """(view, row, col) slopes of smoothed planes along an axis; borders are no edges."""
-    order = [0, 0, 0]
-    order[axis] = 1
-    slopes: Floats = scipy.ndimage.gaussian_filter(
-        planes, (0, sigma, sigma), order=order, mode="nearest"
-    )
-    return slopes
 
 
 def _rms(planes: Floats) -> float:

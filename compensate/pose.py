@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Event, Lock
 from typing import cast, final
 
 import numpy as np
@@ -129,6 +130,13 @@ class Stage:
         self._scene = scene
         self._eye = weighting or preferred(scene)
         self._setting: Setting | None = None
+        self._lock = Lock()
+
+    def ready(self, rows: int, cols: int) -> None:
+        """Compute what masters in files of that size share."""
+        dome = self._of_size(rows, cols).dome
+        if dome is not None:
+            dome.factors_like(np.empty(0, np.float32))
 
     def pose(self, desired: Light) -> Posed:
         """The optimisation problem of a master (view, row, col, primary); see `compensate`.
@@ -167,9 +175,10 @@ class Stage:
         return self.pose(desired), out_of_range
 
     def _of_size(self, rows: int, cols: int) -> Setting:
-        if self._setting is None or self._setting.screen.shape != (rows, cols):
-            self._setting = _setting(self._scene, self._eye, rows, cols)
-        return self._setting
+        with self._lock:
+            if self._setting is None or self._setting.screen.shape != (rows, cols):
+                self._setting = _setting(self._scene, self._eye, rows, cols)
+            return self._setting
 
 
 @final
@@ -255,7 +264,7 @@ class Setting:
         wanted = raised = direct(desired)
         if self.dome is not None:
             white = direct(np.broadcast_to(np.ones((), desired.dtype), desired.shape))
-            floor = seen - direct(subtractive)
+            floor = _less(seen, direct(subtractive))
             raised = lifted(aim, self.sight, wanted, floor, white)
             if len(desired) == 1:
                 del floor  # it takes memory
@@ -266,7 +275,8 @@ class Setting:
             if is_rounding(seen, raised):
                 return light
             subtractive = light
-        left = np.maximum(seen - raised, 0)
+        left = _less(seen, raised)
+        np.maximum(left, 0, out=left)
         return self._showing(veiled(aim, self.sight, raised, left), subtractive)
 
     @cached_property
@@ -334,32 +344,54 @@ def require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:
 
 
 def _on(screen: NDArray[np.bool_], light: Light) -> Light:
-    """Light without what lies off the screen, which nobody sees: files keep it (`encoded`)."""
+    """Light without what lies off the screen, which nobody sees: files keep it (`encoded`).
+
+    Primary by primary: NumPy is slow along an axis of three.
+    """
+    primaries = range(light.shape[-1])
 
     def lit(view: int, rows: slice) -> bool:
-        return bool(np.any(light[view, rows][~screen[rows]]))
+        off = ~screen[rows]
+        return any(np.logical_and(light[view, rows, :, p], off).any() for p in primaries)
 
     if screen.all() or not any(in_strips(lit, light.shape)):
         return light
     kept = np.empty_like(light)
 
     def keep(view: int, rows: slice) -> None:
-        np.multiply(light[view, rows], screen[rows, :, None], out=kept[view, rows])
+        for p in primaries:
+            np.multiply(light[view, rows, :, p], screen[rows], out=kept[view, rows, :, p])
 
     in_strips(keep, light.shape)
     return kept
 
 
+def _less(light: Light, other: Light) -> Light:
+    """`light` - `other`, by all threads: new memory takes longer than the difference."""
+    found = np.empty_like(light)
+
+    def subtract(view: int, rows: slice) -> None:
+        np.subtract(light[view, rows], other[view, rows], out=found[view, rows])
+
+    in_strips(subtract, light.shape)
+    return found
+
+
 def is_rounding(residual: Light, expected: Light | None = None) -> bool:
     """Whether a residual is no more than rounding away from what is expected, or from 0."""
+    beyond = Event()  # which ends the search
 
-    def work(view: int, rows: slice) -> bool:
+    def work(view: int, rows: slice) -> None:
+        if beyond.is_set():
+            return
         part = residual[view, rows]
         if expected is not None:
             part = part - expected[view, rows]
-        return max(float(part.max()), -float(part.min())) <= _ROUNDING
+        if max(float(part.max()), -float(part.min())) > _ROUNDING:
+            beyond.set()
 
-    return all(in_strips(work, residual.shape))
+    in_strips(work, residual.shape)
+    return not beyond.is_set()
 
 
 def differences(scene: Scene, weighting: Weighting) -> float:

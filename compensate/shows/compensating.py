@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, final
@@ -91,7 +92,7 @@ class Compensating(Recipe):
                 chosen = SpatiallyWeighted(posed, self._masked(posed))
             return solve_frame(source, posed, out_of_range, self.method, chosen)
 
-        return Work(prepare, solve, _end)
+        return Work(prepare, solve, _end, stage.ready)
 
     def require_sense(self, theatre: Scene) -> None:
         """See that the settings go together.
@@ -288,26 +289,24 @@ class Compensating(Recipe):
 
 
 def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
-    """Write it; of what subtraction shows, only figures that take no longer than that.
-
-    What is written is looked at first: its pictures are as large as all others, and then gone.
-    """
+    """Write it while its figures are computed; of what subtraction shows, only quick ones."""
     posed, light = solution.posed, solution.result.light
-    appraisal = Appraisal(posed)
+    appraisal, exact = Appraisal(posed), posed.exact and light is posed.subtractive
     frame, clipped = solution.encoded()
-    write(frame)
-    del frame
+    with ThreadPoolExecutor(1, "domesim-file") as beside:
+        written = beside.submit(write, frame)
+        del frame
+        found = solution.figures(appraisal, clipped, brief=exact)
+        written.result()
     show = posed.scene.projector.to_display
     write.small(*(show(thinned(each))[0] for each in (posed.desired, light)))
-    if posed.exact and light is posed.subtractive:
-        found = solution.figures(appraisal, clipped, brief=True)
+    if exact:
         return {**asdict(found), "loss_stored": None}, line_of(found)
     stored = write.stored()
     bits, suffix, stored_light = stored.bits, stored.path.suffix, decoded(stored, posed.scene)
     del stored
     lost = appraisal.loss(stored_light)
     del stored_light
-    found = solution.figures(appraisal, clipped)
     line = f"{line_of(found)} As stored: {lost:.3g} JOD"
     if _rounding_shows(found.loss_after, lost):
         line += f" (rounding to {bits} bit {suffix} shows: --format, --bits)"

@@ -102,7 +102,7 @@ class Predicting(Recipe):
             told = {"pictures": [str(path) for path in pictures], "brightened": brightened}
             return {**figures, **told}, _line(figures)
 
-        return Work(lambda source: stage.pose_frame(source)[0], solve, end)
+        return Work(lambda source: stage.pose_frame(source)[0], solve, end, stage.ready)
 
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""

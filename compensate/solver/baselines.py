@@ -27,11 +27,12 @@ from compensate.problem import Problem
 from compensate.solver.result import Result, Status
 from domesim.light import Light, dot, namespace
 from domesim.light.strips import in_strips
-from domesim.observation.lowrank import LowRankObservation, expand
+from domesim.observation.lowrank import LowRank, LowRankObservation, expand
 
 Floats = NDArray[np.float64]
 
 _ROUNDING, _LEAST = 8, 1e-9  # of the last digit, and of white
+_EVERY = 8  # row and column of which a first estimate is made
 
 
 @final
@@ -79,14 +80,23 @@ class RaisedBlack:
 def clipped_subtraction(problem: Problem, max_iterations: int = 50) -> tuple[Light, int]:
     """Light that solves x = clip(D^-1 (wanted - ambient - phi(x))), and the Newton steps taken.
 
-    If those are `max_iterations`, it has not been reached.
+    If those are `max_iterations`, it has not been reached. The first estimate is of some pixels.
     """
     observation, desired = _low_rank(problem), problem.desired
-    f = observation.factors_like(desired)
-    lower, upper = (np.broadcast_to(each, desired.shape) for each in (problem.lower, problem.upper))
-    ranks, primaries = len(f.spread), desired.shape[-1]
+    f, shape = observation.factors_like(desired), desired.shape
+    lower, upper = (np.broadcast_to(each, shape) for each in (problem.lower, problem.upper))
+    s = np.zeros((shape[-1], len(f.spread)))
+    some = slice(None), slice(None, None, _EVERY), slice(None, None, _EVERY)
+    _settle(f.every(_EVERY), desired[some], (lower[some], upper[some]), s, max_iterations)
+    return _settle(f, desired, (lower, upper), s, max_iterations)
+
+
+def _settle(
+    f: LowRank, desired: Light, bounds: tuple[Light, Light], s: Floats, max_iterations: int
+) -> tuple[Light, int]:
+    """`clipped_subtraction` from an estimate of s, which becomes the solution."""
+    (lower, upper), (primaries, ranks) = bounds, s.shape
     light = np.empty_like(desired)
-    s = np.zeros((primaries, ranks))
     unsettled = list(range(primaries))
 
     def show(_: int, rows: slice) -> tuple[Floats, Floats]:

@@ -40,7 +40,7 @@ _ITS_OWN = ("--help", "--version", "--install-completion", "--show-completion")
 def build(arguments: Sequence[str] | None = None) -> typer.Typer:
     """The command with all subcommands that the installed packages offer.
 
-    If its `arguments` are given, those that they do not ask for are only named.
+    If its `arguments` name one, the others are only named.
     """
     app = typer.Typer(
         name="domesim",
@@ -51,10 +51,10 @@ def build(arguments: Sequence[str] | None = None) -> typer.Typer:
     )
     entries = sorted(entry_points(group="domesim.commands"), key=lambda entry: entry.name)
     first = arguments[0] if arguments else "--help"
-    known = first in _ITS_OWN or any(entry.name == first for entry in entries)
+    named = any(entry.name == first for entry in entries)
     for entry in entries:
-        if arguments is not None and known and entry.name != first:
-            told = _help_of(entry)
+        if arguments is not None and (named or first in _ITS_OWN) and entry.name != first:
+            told = None if named else _help_of(entry)
             app.command(entry.name, help=told, short_help=_first(told))(lambda: None)
             continue
         found = entry.load()
@@ -113,6 +113,7 @@ def run() -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
     with guarded():
         command = build(_typed())
+        gc.freeze()  # what modules made stays: nothing to look through, but at the end
         gc.enable()
         try:
             sys.exit(command(standalone_mode=False, prog_name="domesim"))
@@ -121,6 +122,8 @@ def run() -> None:
             error.show(told)
             print(*map(shown, told.getvalue().splitlines()), sep="\n", file=sys.stderr)
             sys.exit(error.exit_code)
+        finally:
+            gc.unfreeze()
 
 
 def _typed() -> list[str]:

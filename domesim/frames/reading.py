@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
@@ -24,7 +24,9 @@ from domesim.frames.integrity import SQUARE, DamagedError, damaged, enough_memor
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
 from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size
-from domesim.light.strips import converted
+from domesim.light.strips import all_within, converted
+
+_START = 24  # bytes that tell a file's format, and a PNG's size
 
 
 def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:
@@ -81,7 +83,7 @@ def _read_image(
 
 
 def size_of(path: Path) -> tuple[int, int]:
-    """Rows and columns of a file's picture, as its header says.
+    """Rows and columns of a file's picture as it is stored, by its header alone.
 
     Raises
     ------
@@ -90,10 +92,15 @@ def size_of(path: Path) -> tuple[int, int]:
     """
     if video_of(path) is not None:
         return video_size(path)
+    with suppress(OSError), path.open("rb") as file:  # which `opened` explains
+        start = file.read(_START)
+        form = _form_of(start)
+        sides = form and form.sides(path, start)
+        if sides:
+            return sides
     with opened(path) as (reader, _):
         spec = reader.spec()
-        sides = int(spec.full_height), int(spec.full_width)
-        return sides if known(spec.getattribute("Orientation")) < 5 else sides[::-1]
+        return int(spec.full_height), int(spec.full_width)
 
 
 def unsaid(frame: Frame) -> str:
@@ -145,18 +152,23 @@ def _examined(path: Path) -> Format | None:
         if not path.is_file():
             raise InputError(f"{path}: wanted an image file, got a device or pipe. Name a file.")
         with path.open("rb") as file:
-            start = file.read(16)
+            start = file.read(_START)
             if not start:
                 raise InputError(
                     f"{path}: wanted an image, got an empty file. Copy or render it again."
                 )
             file.seek(0)
-            form = next((each for each in FORMATS.values() if start.startswith(each.starts)), None)
+            form = _form_of(start)
             return None if form is None else _told(path, form, file)
     except OSError as error:
         raise InputError(
             f"{path}: wanted to read it, got '{reason(error)}'. Check its path and permissions."
         ) from error
+
+
+def _form_of(start: bytes) -> Format | None:
+    """The format that begins so."""
+    return next((each for each in FORMATS.values() if start.startswith(each.starts)), None)
 
 
 def _told(path: Path, form: Format, file: BinaryIO) -> Format:
@@ -573,9 +585,8 @@ def _without_impossible_samples(
 ) -> tuple[Pixels, int]:
     """`pixels` without NaN, Inf and negative samples, and how many of them were replaced."""
     least = -np.inf if signed else 0.0
-    # NaN makes a minimum NaN, and so fails the first comparison.
-    lowest, highest = float(pixels.min()), float(pixels.max())
-    if lowest >= least and lowest > -np.inf and highest < np.inf:
+    largest = float(np.finfo(np.float32).max)
+    if all_within(pixels[None], max(least, -largest), largest):
         return pixels, 0
     nan, infinite, negative = np.isnan(pixels), np.isposinf(pixels), pixels < least
     bad = nan | infinite | negative
@@ -590,6 +601,6 @@ def _without_impossible_samples(
             f"row {row}, col {col}, {where}. "
             f"{'Develop it again.' if signed else 'Add --repair to replace them.'}"
         )
-    largest = np.where(bad, np.float32(0), pixels).max(axis=(0, 1))
-    repaired = np.where(infinite, largest, np.where(bad, np.float32(0), pixels))
+    brightest = np.where(bad, np.float32(0), pixels).max(axis=(0, 1))
+    repaired = np.where(infinite, brightest, np.where(bad, np.float32(0), pixels))
     return repaired, int(bad.sum())

@@ -8,7 +8,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, TextIO, cast, final
 
@@ -28,12 +28,9 @@ class Console:
     """
 
     def __init__(self, *, quiet: bool = False, json: bool = False) -> None:
-        from rich.console import Console as RichConsole  # noqa: PLC0415 - not for --help
-
         self._text = not (quiet or json)
         self._json = json
-        self._bars = RichConsole(file=cast(TextIO, _Sturdy(sys.stderr)))
-        self._shows_bars = self._text and self._bars.is_terminal
+        self._shows_bars = self._text and bool(sys.stderr) and sys.stderr.isatty()
         self._describe: Callable[[str], None] = lambda text: None
 
     def say(self, *lines: str) -> None:
@@ -82,7 +79,9 @@ class Console:
 
     def _bar(self, *, pieces: bool) -> Any:
         """A progress bar, which counts pieces or has a share."""
-        from rich import progress  # noqa: PLC0415 - not for --help
+        if not self._shows_bars:
+            return nullcontext(_Unseen())
+        from rich import console, progress  # noqa: PLC0415 - fifty modules
 
         columns = (
             progress.TextColumn("{task.description}", markup=False),
@@ -91,7 +90,20 @@ class Console:
             progress.TimeElapsedColumn(),
             progress.TimeRemainingColumn(),
         )
-        return progress.Progress(*columns, console=self._bars, disable=not self._shows_bars)
+        terminal = console.Console(file=cast(TextIO, _Sturdy(sys.stderr)))
+        return progress.Progress(*columns, console=terminal)
+
+
+@final
+class _Unseen:
+    """A progress bar where there is no terminal."""
+
+    def add_task(self, _what: str, **_settings: Any) -> int:
+        """Its number."""
+        return 0
+
+    def update(self, _task: int, **_settings: Any) -> None:
+        """Nothing."""
 
 
 def complain(message: object) -> None:

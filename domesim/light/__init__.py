@@ -24,7 +24,12 @@ AXES = ("view", "row", "col", "primary")
 
 
 def namespace(*arrays: Array) -> Any:
-    """The array API namespace (``xp``) of `arrays`."""
+    """The array API namespace (``xp``) of `arrays`.
+
+    NumPy is its own: `array_api_compat.numpy` loads a hundred modules that nobody asks for.
+    """
+    if all(isinstance(each, np.ndarray | np.generic) for each in arrays):
+        return np
     return array_namespace(*arrays)
 
 

@@ -44,6 +44,16 @@ class LowRank:
     collect: Array
     ambient: Array
 
+    def every(self, step: int) -> LowRank:
+        """Those of every so many rows and columns, whose pixels stand for their neighbours'."""
+        return LowRank(
+            self.direct_gain[::step, ::step],
+            self.spread[:, ::step, ::step],
+            self.core * step**2,
+            self.collect[:, ::step, ::step],
+            self.ambient[:, ::step, ::step],
+        )
+
     def like(self, light: Light) -> LowRank:
         """These factors as arrays of `light`'s library, precision and device."""
         xp = namespace(light)

@@ -89,7 +89,7 @@ class Dome:
             return float(2 * np.pi * (1 - np.cos(self.half_angle)))
         return self._integrated(np.ones_like)
 
-    @property
+    @cached_property
     def lowest(self) -> float:
         """Height of the screen's lowest point in the room's frame, m."""
         around = np.linspace(0, 2 * np.pi, 721)
@@ -97,7 +97,7 @@ class Dome:
         lowest = float((points @ self.to_room.T)[..., 2].min())
         return lowest if self.truncated_below is None else max(lowest, self.truncated_below)
 
-    @property
+    @cached_property
     def widest(self) -> float:
         """Largest horizontal distance of the screen from the room's axis, m."""
         around = np.linspace(0, 2 * np.pi, 721)

@@ -55,7 +55,7 @@ LeakOfAView: TypeAlias = Annotated[
 class Section(BaseModel):
     """A section of a scene file: every key is known."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False, defer_build=True)
 
 
 Length = Annotated[Number, Field(gt=0, le=1000)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import errno
 import logging
@@ -180,6 +179,8 @@ def require_dask(address: str) -> None:
     InputError
         If it does not answer, or not as Dask's do.
     """
+    import asyncio  # noqa: PLC0415 - as Dask's own
+
     from distributed.comm import connect, get_address_host_port  # noqa: PLC0415
     from distributed.security import Security  # noqa: PLC0415
 

@@ -26,7 +26,6 @@ from domesim.host.cores import cores
 from domesim.host.memory import limit_of_group
 from domesim.shows.alone import alone
 from domesim.shows.cinema import Cinema, becoming, told_of_dcp
-from domesim.shows.cluster import in_cluster
 from domesim.shows.crew import Crew
 from domesim.shows.film import Films
 from domesim.shows.job import Job, Record, open_job
@@ -384,6 +383,8 @@ def do_all(
     if crew is None:
         alone(orders, orders[0].recipe.work(console.note), begin, end)
         return
+    from domesim.shows.cluster import in_cluster  # noqa: PLC0415 - for workers only
+
     console.say(_told(crew))
     in_cluster(orders, crew, begin, end, console.say)
 

@@ -16,13 +16,11 @@ from __future__ import annotations
 import re
 import stat
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cache
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar
-
-import fileseq
 
 from domesim.errors import InputError, reason
 from domesim.frames.video import eye_of, file_of, frame_paths, is_picture, is_video, video_of
@@ -102,7 +100,7 @@ def find_pairs(
     return tuple((found[0][number], found[1][number]) for number in found[0])
 
 
-def parse_frames(text: str) -> fileseq.FrameSet:
+def parse_frames(text: str) -> Collection[int]:
     """The frame numbers that `text` names: ``1-5``, ``1-100x10`` (every tenth), ``1-3,7``.
 
     Raises
@@ -110,7 +108,10 @@ def parse_frames(text: str) -> fileseq.FrameSet:
     InputError
         If `text` names no frames.
     """
+    import fileseq  # noqa: PLC0415 - sixty modules
+
     # fileseq also knows frames such as 1.5, and reads "" as no frame.
+    numbers: Collection[int]
     try:
         numbers = fileseq.FrameSet(text)
     except ValueError:
@@ -122,6 +123,8 @@ def parse_frames(text: str) -> fileseq.FrameSet:
 
 def ranges_of(numbers: Iterable[int]) -> str:
     """Frame numbers as one text that `parse_frames` reads: 1-3,7 for these, in any order."""
+    import fileseq  # noqa: PLC0415 - as above
+
     return str(fileseq.framesToFrameRange(sorted(numbers)))
 
 

@@ -16,6 +16,7 @@ import time
 import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 from domesim.errors import InputError, NoPlaceError, reason
 from domesim.frames import ColourTag, Master, read_master, write_master
 from domesim.frames.messages import joined
-from domesim.frames.reading import unsaid
+from domesim.frames.reading import size_of, unsaid
 from domesim.frames.views import made_for
 from domesim.host.console import about
 from domesim.shows.job import Job, Record, versions
@@ -78,11 +79,14 @@ class Work(Generic[P, S]):
         Solves what was prepared.
     finish
         Writes the result of what was solved; returns figures, and a line for a person.
+    ready
+        Computes what masters of so many rows and columns share, while the first of them is read.
     """
 
     prepare: Callable[[Master], P]
     solve: Callable[[P], S]
     finish: Callable[[S, Write], tuple[dict[str, Any], str]]
+    ready: Callable[[int, int], object] | None = None
 
 
 @final
@@ -355,6 +359,7 @@ class Steps:
 
     def __init__(self, work: Work[Any, Any]) -> None:
         self._work = work
+        self._ready = work.ready
 
     def read(self, order: Order) -> _Read[Any] | Finished | Failed:
         """What was prepared; the frame itself if it was done before."""
@@ -370,7 +375,8 @@ class Steps:
                 sources = {} if order.job is None else order.job.sources(order.moment)
                 how = order.writing
                 known = [str(digest) for _, _, digest in sources.values()]
-                master = order.show.read(order.moment, repair=how.repair, known=known)
+                with self._readied(order):
+                    master = order.show.read(order.moment, repair=how.repair, known=known)
                 facts = master.facts()
                 master = made_for(master, order.output, how.bits, how.output)
                 if how.output is not None:
@@ -378,6 +384,18 @@ class Steps:
                 prepared = self._work.prepare(master)
             return _Read(prepared, master.repaired, facts, sources, seconds, before)
         return caught[0]
+
+    @contextmanager
+    def _readied(self, order: Order) -> Iterator[None]:
+        """The first time, compute beside what frames of its size share."""
+        ready, self._ready = self._ready, None
+        if ready is None or order.show.packing is not None:  # whose views are smaller
+            yield
+            return
+        with ThreadPoolExecutor(1, "domesim-ready") as beside:
+            with suppress(InputError):  # which reading tells, as the work tells its own
+                beside.submit(ready, *size_of(order.moment[0]))
+            yield
 
     def solve(self, order: Order, read: _Read[Any] | Finished | Failed) -> Any:
         """What was solved."""

@@ -62,6 +62,16 @@ class Format:
 
     # Reading.
 
+    def sides(self, path: Path, start: bytes) -> tuple[int, int] | None:
+        """Rows and columns, if the first bytes tell them: looking through it all takes longer.
+
+        Raises
+        ------
+        InputError
+            If no picture is so large.
+        """
+        return None
+
     def examined(self, path: Path, file: BinaryIO) -> Self:
         """With what the file says, which is checked as far as OpenImageIO would not.
 

@@ -51,6 +51,14 @@ class PNG(Format):
     straight = "always"
     largest_ratio = 1100.0
 
+    def sides(self, path: Path, start: bytes) -> tuple[int, int] | None:
+        """As IHDR says, which is first."""
+        if len(start) < 24:
+            return None
+        cols, rows = struct.unpack_from(">2I", start, 16)
+        refuse_sides(path, cols, rows)
+        return rows, cols
+
     def examined(self, path: Path, file: BinaryIO) -> Self:
         """Check all that there is up to IEND.
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +101,21 @@ def threads() -> set[str]:
     return {
         t.name for t in threading.enumerate() if t.name.startswith(("domesim-read", "domesim-w"))
     }
+
+
+def test_what_frames_share_is_computed_once_before_the_first_is_prepared(
+    show: Show, tmp_path: Path
+) -> None:
+    told: list[object] = []
+
+    def ready(rows: int, cols: int) -> None:
+        time.sleep(A_WHILE)
+        told.append((rows, cols))
+        raise InputError("which the work tells by itself")
+
+    steps = replace(work(preparing=told.append), ready=ready)
+    assert len(do(show, tmp_path / "out", steps).frames) == 3
+    assert told == [(4, 6), 1, 2, 3]
 
 
 def raising(error: BaseException) -> Callable[[int], None]:
