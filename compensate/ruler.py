@@ -78,7 +78,7 @@ class Ruler:
     @cached_property
     def _share(self) -> NDArray[np.float32]:
         """(1, row, col) of the averaged picture: how much of a pixel is screen."""
-        ones = np.ones((1, *self._screen.shape, 1), np.float32)
+        ones = np.broadcast_to(np.float32(1), (1, *self._screen.shape, 1))
         return np.asarray(_reduced(ones, self._screen)[..., 0])
 
     @cached_property
@@ -104,13 +104,12 @@ def _reduced(light: Light, screen: NDArray[np.bool_]) -> Light:
 
     def average(view: int, lines: slice) -> None:
         part, across = slice(lines.start * times, lines.stop * times), slice(cols * times)
-        on = np.repeat(screen[part, across].astype(light.dtype), light.shape[-1], axis=1)
-        on *= light[view, part, across].reshape(on.shape)
-        # Whole rows first, which are contiguous
-        total = reduce(np.add, (on[k::times] for k in range(times)))
-        total = total.reshape(-1, cols, times, light.shape[-1])
-        total = reduce(np.add, (total[:, :, k] for k in range(times)))
-        means[view, lines] = total / times**2
+        for p in range(light.shape[-1]):
+            on = light[view, part, across, p] * screen[part, across]
+            # Whole rows first, which are contiguous
+            total = reduce(np.add, (on[k::times] for k in range(times)))
+            total = reduce(np.add, (total[:, k::times] for k in range(times)))
+            means[view, lines, :, p] = total / times**2
 
     in_strips(average, (len(light), rows, cols, times**2 * light.shape[-1]))
     return means

@@ -28,11 +28,11 @@ _NAME = "domesim-strips"  # of threads
 def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T]:
     """`work(view, rows)` for strips of rows that together cover (view, row, col, primary).
 
-    It must not call this itself: all strips share one set of threads.
+    All strips share one set of threads, each of which takes the next strip as it has done one.
 
     Returns
     -------
-    What it returned for each. The first error that it raised is raised.
+    What it returned for each. The error that it raised for the first strip of all is raised.
     """
     views, rows = shape[:2]
     samples = 1
@@ -46,7 +46,24 @@ def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T
     ]
     if len(places) == 1 or threading.current_thread().name.startswith(_NAME):
         return [work(*place) for place in places]
-    return list(_pool().map(lambda place: work(*place), places))
+    found: dict[int, T] = {}
+    errors: dict[int, BaseException] = {}
+    next_ones = iter(range(len(places)))
+
+    def take() -> None:
+        for k in next_ones:
+            if errors:
+                return
+            try:
+                found[k] = work(*places[k])
+            except BaseException as error:
+                errors[k] = error
+
+    for each in [_pool().submit(take) for _ in range(threads())]:
+        each.result()
+    if errors:
+        raise errors[min(errors)]
+    return [found[k] for k in range(len(places))]
 
 
 def is_large(plane: object) -> bool:

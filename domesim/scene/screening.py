@@ -119,7 +119,8 @@ def encoded(
                 shown = projector.decode(around, read, old.primaries)
                 around = projector.encode(shown, curve, new.primaries)
             around = np.clip(around, least, largest)
-            np.copyto(pixels[view, rows], around, where=~on[..., None])
+            for p in range(pixels.shape[-1]):  # NumPy is slow along an axis of three
+                np.copyto(pixels[view, rows, :, p], around[..., p], where=~on)
         # Half a code of 16 bit: rounding, not clipping
         return _beyond(codes, on, (least, largest), 0.5 / 65535)
 
