@@ -563,10 +563,10 @@ def test_a_worker_that_stands_still_is_given_up(
     began = time.monotonic()
     try:
         if where == "here":
-            done = copied(tmp_path, slow, 1, frame_timeout=2.0)
+            done = copied(tmp_path, slow, 1, frame_timeout=4.0)
         else:
             with scheduler(2) as (address, _):
-                done = copied(tmp_path, slow, 0, scheduler=address, frame_timeout=2.0)
+                done = copied(tmp_path, slow, 0, scheduler=address, frame_timeout=4.0)
     finally:
         stopper.join()
         with suppress(ProcessLookupError):
