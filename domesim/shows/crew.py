@@ -20,6 +20,7 @@ from domesim.errors import InputError, reason
 from domesim.frames.messages import joined
 from domesim.host.console import complain
 from domesim.host.endings import ignored
+from domesim.host.memory import KEEPS_FREED_MEMORY
 from domesim.shows.job import versions
 
 Client: TypeAlias = Any
@@ -219,9 +220,10 @@ def be_quiet() -> None:
 
 
 def _environment(threads: int) -> dict[str, str]:
-    """Environment of workers: threads of one frame, and BLAS within them."""
+    """Environment of workers: threads of one frame, BLAS within them, and memory for the next."""
     single = dict.fromkeys(("MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    return {**single, "OMP_NUM_THREADS": str(threads), "PYTHONWARNINGS": "ignore"}
+    own = {"OMP_NUM_THREADS": str(threads), "PYTHONWARNINGS": "ignore"}
+    return {**single, **KEEPS_FREED_MEMORY, **own}
 
 
 def _require_alike(client: Client, crew: Crew, tell: Callable[[str], None]) -> None:

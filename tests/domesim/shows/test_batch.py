@@ -6,7 +6,9 @@ import errno
 import hashlib
 import json
 import os
+import platform
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -589,6 +591,22 @@ def test_a_worker_that_stands_still_at_the_end_is_ended(tmp_path: Path, recipe: 
     assert process.returncode == 0
     assert errors == ""
     assert not alive(idle)
+
+
+def faults_of_a_second_array() -> int:
+    """Pages that a process fetches for an array as large as one that was freed before."""
+    np.ones(20_000_000, np.float32)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    np.ones(20_000_000, np.float32)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries aren't told")
+def test_a_worker_keeps_the_memory_of_its_last_frame() -> None:
+    """In threads that begin before it could be told: else each frame fetches it anew."""
+    with crew.client_of(crew.Crew(), print) as client:
+        told = client.submit(faults_of_a_second_array, pure=False)
+        assert told.result(PATIENCE) < 20
 
 
 def test_a_frame_timeout_is_for_each_frame(tmp_path: Path, recipe: Harmful) -> None:
