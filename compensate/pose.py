@@ -9,9 +9,9 @@ their answers are.
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from functools import cached_property
-from threading import Event, Lock
 from typing import cast, final
 
 import numpy as np
@@ -130,7 +130,7 @@ class Stage:
         self._scene = scene
         self._eye = weighting or preferred(scene)
         self._setting: Setting | None = None
-        self._lock = Lock()
+        self._lock = threading.Lock()
 
     def ready(self, rows: int, cols: int) -> None:
         """Compute what masters in files of that size share."""
@@ -379,7 +379,7 @@ def _less(light: Light, other: Light) -> Light:
 
 def is_rounding(residual: Light, expected: Light | None = None) -> bool:
     """Whether a residual is no more than rounding away from what is expected, or from 0."""
-    beyond = Event()  # which ends the search
+    beyond = threading.Event()  # which ends the search
 
     def work(view: int, rows: slice) -> None:
         if beyond.is_set():
