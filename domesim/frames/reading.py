@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
@@ -25,8 +25,6 @@ from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
 from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size
 from domesim.light.strips import all_within, converted
-
-_START = 24  # bytes that tell a file's format, and a PNG's size
 
 
 def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:
@@ -83,7 +81,7 @@ def _read_image(
 
 
 def size_of(path: Path) -> tuple[int, int]:
-    """Rows and columns of a file's picture as it is stored, by its header alone.
+    """Rows and columns of a file's picture, as its header says.
 
     Raises
     ------
@@ -92,15 +90,10 @@ def size_of(path: Path) -> tuple[int, int]:
     """
     if video_of(path) is not None:
         return video_size(path)
-    with suppress(OSError), path.open("rb") as file:  # which `opened` explains
-        start = file.read(_START)
-        form = _form_of(start)
-        sides = form and form.sides(path, start)
-        if sides:
-            return sides
-    with opened(path) as (reader, _):
+    with opened(path, header=True) as (reader, _):
         spec = reader.spec()
-        return int(spec.full_height), int(spec.full_width)
+        sides = int(spec.full_height), int(spec.full_width)
+        return sides if known(spec.getattribute("Orientation")) < 5 else sides[::-1]
 
 
 def unsaid(frame: Frame) -> str:
@@ -122,15 +115,17 @@ def use_threads(count: int) -> None:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[tuple[Any, Format]]:
+def opened(path: Path, *, header: bool = False) -> Iterator[tuple[Any, Format]]:
     """OpenImageIO's reader of the file, or of what is stored anew of it; and its format.
+
+    If only its header is asked for, the samples may be damaged.
 
     Raises
     ------
     InputError
         If there is none, or not all of it, or it is of no known format.
     """
-    found = _examined(path)
+    found = _examined(path, header=header)
     reader = _reader_of(path, found)
     try:
         name = reader.format_name()
@@ -142,7 +137,7 @@ def opened(path: Path) -> Iterator[tuple[Any, Format]]:
         reader.close()
 
 
-def _examined(path: Path) -> Format | None:
+def _examined(path: Path, *, header: bool = False) -> Format | None:
     """The format that a file's first bytes tell, with what it says; None if they tell none."""
     try:
         if path.is_dir():
@@ -152,28 +147,23 @@ def _examined(path: Path) -> Format | None:
         if not path.is_file():
             raise InputError(f"{path}: wanted an image file, got a device or pipe. Name a file.")
         with path.open("rb") as file:
-            start = file.read(_START)
+            start = file.read(16)
             if not start:
                 raise InputError(
                     f"{path}: wanted an image, got an empty file. Copy or render it again."
                 )
             file.seek(0)
-            form = _form_of(start)
-            return None if form is None else _told(path, form, file)
+            form = next((each for each in FORMATS.values() if start.startswith(each.starts)), None)
+            return None if form is None else _told(path, form, file, header=header)
     except OSError as error:
         raise InputError(
             f"{path}: wanted to read it, got '{reason(error)}'. Check its path and permissions."
         ) from error
 
 
-def _form_of(start: bytes) -> Format | None:
-    """The format that begins so."""
-    return next((each for each in FORMATS.values() if start.startswith(each.starts)), None)
-
-
-def _told(path: Path, form: Format, file: BinaryIO) -> Format:
+def _told(path: Path, form: Format, file: BinaryIO, *, header: bool) -> Format:
     try:
-        return form.examined(path, file)
+        return form.introduced(path, file) if header else form.examined(path, file)
     except InputError:
         raise
     except DamagedError as error:

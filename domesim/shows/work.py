@@ -393,8 +393,8 @@ class Steps:
             yield
             return
         with ThreadPoolExecutor(1, "domesim-ready") as beside:
-            with suppress(InputError):  # which reading tells, as the work tells its own
-                beside.submit(ready, *size_of(order.moment[0]))
+            # What goes wrong there, reading and preparing will tell
+            beside.submit(lambda: ready(*size_of(order.moment[0])))
             yield
 
     def solve(self, order: Order, read: _Read[Any] | Finished | Failed) -> Any:

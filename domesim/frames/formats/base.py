@@ -62,16 +62,6 @@ class Format:
 
     # Reading.
 
-    def sides(self, path: Path, start: bytes) -> tuple[int, int] | None:
-        """Rows and columns, if the first bytes tell them: looking through it all takes longer.
-
-        Raises
-        ------
-        InputError
-            If no picture is so large.
-        """
-        return None
-
     def examined(self, path: Path, file: BinaryIO) -> Self:
         """With what the file says, which is checked as far as OpenImageIO would not.
 
@@ -81,6 +71,10 @@ class Format:
             If it is not all there; or not `wanted`. Says what was got.
         """
         return self
+
+    def introduced(self, path: Path, file: BinaryIO) -> Self:
+        """`examined` as far as the samples; raises as that does."""
+        return self.examined(path, file)
 
     def explain(self, path: Path, problem: str) -> None:
         """Raise an `InputError` if a decoder's problem is none of damage."""

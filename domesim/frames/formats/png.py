@@ -51,22 +51,24 @@ class PNG(Format):
     straight = "always"
     largest_ratio = 1100.0
 
-    def sides(self, path: Path, start: bytes) -> tuple[int, int] | None:
-        """As IHDR says, which is first."""
-        if len(start) < 24:
-            return None
-        cols, rows = struct.unpack_from(">2I", start, 16)
-        refuse_sides(path, cols, rows)
-        return rows, cols
-
     def examined(self, path: Path, file: BinaryIO) -> Self:
         """Check all that there is up to IEND.
 
         libpng would notice most damage, too, but it prints to stderr, does not miss an IEND, and
         only skips a damaged colour chunk.
         """
+        return self._followed(path, file)
+
+    def introduced(self, path: Path, file: BinaryIO) -> Self:
+        """Not inflated, which takes most of the time."""
+        return self._followed(path, file, until=b"IDAT")
+
+    def _followed(self, path: Path, file: BinaryIO, until: bytes = b"") -> Self:
+        """Check all chunks up to IEND, or before the first of a kind."""
         colour, carried, picture, eyes = b"", b"", _Picture(), None
         for kind, chunk in chunks_of(file.read()):
+            if kind == until:
+                break
             if zlib.crc32(chunk[4:-4]) != int.from_bytes(chunk[-4:]):
                 name = kind.decode("ascii", "replace")
                 raise DamagedError(f"a wrong checksum in chunk {name!r}")
@@ -80,8 +82,10 @@ class PNG(Format):
             if kind in _CARRIED:
                 carried += chunk
             if kind == b"IEND":
-                return replace(self, colour_chunks=colour, carried=carried, eyes=eyes)
-        raise DamagedError("one that ends early")
+                break
+        else:
+            raise DamagedError("one that ends early")
+        return replace(self, colour_chunks=colour, carried=carried, eyes=eyes)
 
     def _colour(self, path: Path, spec: Any) -> ColourTag:
         found = dict(chunks_of(_START + self.colour_chunks))
