@@ -9,8 +9,9 @@ Rationale
     that it has). Frames of a moving picture are timed one after the other in one process, by the
     clock and of all cores, as multiples of copying a frame, too. A process that is fed by a pipe
     tells latency and whether its memory grows. What a shader would take on a GPU is counted from
-    its text: every pass writes its texels, and reads every texture at least once from memory; and
-    it fetches texels, from caches mostly, at no more than a GPU's texture units do.
+    its text: every pass writes its texels, and reads every texture at least once from memory; it
+    fetches texels, from caches mostly, at no more than a GPU's texture units do; and the processor
+    takes a time to hand it on, which was measured.
 Expected
     Codes of 8 bits differ by one at most. Live keeps at least 85 % of the gain. Its process grows
     by at most 16 MB, and a frame is written two frames after it was read at the latest, where
@@ -75,9 +76,9 @@ SHARE, GROWTH, LATE = 0.85, 16e6, 2.0
 """Least share of the default's gain; most growth in bytes; most latency in frames."""
 FEW = 0.02
 """JOD: of a smaller gain no share is told."""
-BANDWIDTH, TEXELS, RATE, A_PASS, LATENCY = 1e12, 5e11, 60.0, 1e-5, 4e-7
-"""Bytes and texels a second of a GPU, frames a second, and seconds that each pass takes anyhow and
-that each texel takes to come."""
+BANDWIDTH, TEXELS, RATE, A_PASS = 1e12, 5e11, 60.0, 4e-5
+"""Bytes and texels a second of a GPU, frames a second, and seconds that each pass takes anyhow (in
+FFmpeg on the machine of an H200; where it is drawn and not computed, 18 times as long)."""
 TEXEL = 8
 """Bytes of four halves."""
 _SRGB = encoding_named("srgb")
@@ -138,18 +139,17 @@ class Process:
 @final
 @dataclass(frozen=True)
 class Cost:
-    """What a shader's frame takes: passes, bytes, texels that are fetched, and those in turns."""
+    """What a shader's frame takes: passes, bytes, and texels that are fetched."""
 
     passes: int
     bytes: float
     fetches: float
-    turns: float
 
     @property
     def seconds(self) -> float:
         """On the GPU of `BANDWIDTH` and `TEXELS`."""
         moved = max(self.bytes / BANDWIDTH, self.fetches / TEXELS)
-        return moved + self.passes * A_PASS + self.turns * LATENCY
+        return moved + self.passes * A_PASS
 
 
 def run(work: Work) -> Finding:
@@ -374,7 +374,7 @@ def _cost(size: int) -> Cost:
 def cost_of(text: str) -> Cost:
     """What a frame takes, by a shader's text."""
     sizes = {"HOOKED": _size_of(text)}
-    moved = fetched = turns = 0.0
+    moved = fetched = 0.0
     passes = [part for part in text.split("//!HOOK MAIN\n") if "fetch_" in part]
     for part in re.findall(r"//!TEXTURE (\w+)\n//!SIZE (\d+) (\d+)", text):
         sizes[part[0]] = int(part[1]) * int(part[2])
@@ -382,14 +382,13 @@ def cost_of(text: str) -> Cost:
         read = re.findall(r"//!BIND (\w+)", part)
         saved = re.search(r"//!SAVE (\w+)\n//!WIDTH (\d+)\n//!HEIGHT (\d+)", part)
         texels = int(saved[2]) * int(saved[3]) if saved else sizes["HOOKED"]
-        body = part[part.index("ivec2 place(") :]
+        body = part[part.index("vec2 clip_to(") :]
         costs = _functions(body)
         moved += TEXEL * (texels + sum(sizes[name] for name in read if f"fetch_{name}(" in body))
-        fetched += texels * costs["hook"]
-        turns += costs["hook"]
+        fetched += texels * costs["texel"]
         if saved:
             sizes[saved[1]] = texels
-    return Cost(len(passes), moved, fetched, turns)
+    return Cost(len(passes), moved, fetched)
 
 
 def _size_of(text: str) -> int:
@@ -468,8 +467,7 @@ def _tables(
             Column(name="passes"),
             Column(name="moved", unit="GB"),
             Column(name="fetched", unit="billion texels"),
-            Column(name="one after the other"),
             Column(name="by count", unit="ms"),
         ),
-        rows=((cost.passes, cost.bytes / 1e9, cost.fetches / 1e9, cost.turns, cost.seconds * 1e3),),
+        rows=((cost.passes, cost.bytes / 1e9, cost.fetches / 1e9, cost.seconds * 1e3),),
     )
