@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+# Tests start hundreds of processes, and each would compile our modules anew, for 0.2 s.
+unexport PYTHONDONTWRITEBYTECODE
 # A process for each core, up to four: each may take some GiB.
 SIDE_BY_SIDE := -n auto --maxprocesses 4 --dist worksteal
 

@@ -1,7 +1,8 @@
 """Whole commands from file to file, in multiples of one FFT pair of a plane of their size.
 
-A pair is a forward and an inverse `scipy.fft` of one float32 plane on all cores, timed in the same
-run: what one transform of the picture would take at least. Pictures are a night with lamps in a
+A pair is a forward and an inverse `scipy.fft` of one float32 plane on all cores, timed before and
+after each command, for a machine's speed changes by a half within a minute: what one transform of
+the picture would take at least. Pictures are a night with lamps in a
 dome, and a street at night with a sky in 3D: dark foregrounds, bright places. `compensate` itself,
 called from Python, is timed on that street and on the photographed pairs of the test data.
 """
@@ -11,11 +12,12 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import final
+from typing import TypeVar, final
 
 import numpy as np
 import scipy.fft
@@ -30,6 +32,8 @@ from validation.benchmarks.commands import Job, run_command
 from validation.content.street import night_street
 from validation.masters import night, write_exr
 from validation.pairs import from_data, present
+
+T = TypeVar("T")
 
 DOME, PAIR = "dome_imax", "stereo_polarised_paper"
 PHOTOGRAPHS = ("trunks", "fog", "motorcycle")
@@ -53,7 +57,7 @@ class FileCost:
         Time, core-seconds and peak memory of the whole process; for a further frame of a sequence,
         without the start, and the memory of all. A call from Python has no memory of its own.
     unit
-        Seconds of one FFT pair.
+        Seconds of one FFT pair, median.
     busy
         Share of all cores that was busy; None of single frames.
     """
@@ -87,17 +91,16 @@ def file_costs(*, quick: bool = False) -> Iterator[FileCost]:
         folder = Path(name)
         for side, suffix in ((2048 // small, "png"), (4096 // small, "exr")):
             files = _stored(folder, "dome", night(side, 0), suffix)
-            unit = fft_pair(side, side)
-            yield _alone(f"dome {side}², {suffix.upper()}", files, folder, unit, runs)
-            yield _further(f"dome {side}², {suffix.upper()}", files, folder, unit)
+            work = f"dome {side}², {suffix.upper()}"
+            yield _alone(work, files, folder, (side, side), runs)
+            yield _further(work, files, folder, (side, side))
         cols, rows = 1920 // small, 1080 // small
         pair = night_street(cols)[:, :rows]
-        unit = fft_pair(*pair.shape[1:3])
         for suffix in ("png", "exr"):
             files = _stored(folder, "pair", pair, suffix)
-            work = f"pair {cols} x {pair.shape[1]}, {suffix.upper()}"
-            yield _alone(work, files, folder, unit, runs)
-            yield _further(work, files, folder, unit)
+            work = f"pair {cols} x {rows}, {suffix.upper()}"
+            yield _alone(work, files, folder, (rows, cols), runs)
+            yield _further(work, files, folder, (rows, cols))
     scene = load_scene(PAIR)
     photographs, _ = present(() if quick else PHOTOGRAPHS)
     masters = {"night street": pair, **{name: from_data(name, scene)[0] for name in photographs}}
@@ -146,15 +149,27 @@ def _stored(folder: Path, name: str, light: Light, suffix: str) -> list[Path]:
 
 def _called(name: str, light: Light, scene: Scene, runs: int) -> FileCost:
     compensate(light, scene)  # what later calls share
-    took = []
-    for _ in range(runs):
+    rows, cols = light.shape[1:3]
+
+    def called() -> tuple[float, float]:
         began, busy = time.perf_counter(), time.process_time()
         compensate(light, scene)
-        took.append((time.perf_counter() - began, time.process_time() - busy))
+        return time.perf_counter() - began, time.process_time() - busy
+
+    took, unit = _beside_units([called] * runs, (rows, cols))
     seconds, cpu_s = (median(each) for each in zip(*took, strict=True))
-    rows, cols = light.shape[1:3]
-    work = f"{name} {cols} x {rows}, Python"
-    return FileCost(work, seconds, cpu_s, None, fft_pair(rows, cols))
+    return FileCost(f"{name} {cols} x {rows}, Python", seconds, cpu_s, None, unit)
+
+
+def _beside_units(
+    works: Sequence[Callable[[], T]], shape: tuple[int, int]
+) -> tuple[list[T], float]:
+    """What some works give, and the median of FFT pairs before, between and after them."""
+    found, units = [], [fft_pair(*shape)]
+    for work in works:
+        found.append(work())
+        units.append(fft_pair(*shape))
+    return found, median(units)
 
 
 def _command(files: list[Path], folder: Path, *options: str) -> Job:
@@ -166,19 +181,24 @@ def _command(files: list[Path], folder: Path, *options: str) -> Job:
     return run_command("compensate", *named, *where, *options)
 
 
-def _alone(work: str, files: list[Path], folder: Path, unit: float, runs: int) -> FileCost:
-    jobs = [_command(files, folder) for _ in range(runs)]
+def _alone(
+    work: str, files: list[Path], folder: Path, shape: tuple[int, int], runs: int
+) -> FileCost:
+    jobs, unit = _beside_units([partial(_command, files, folder)] * runs, shape)
     seconds, cpu_s, gib = (
         median(getattr(job, name) for job in jobs) for name in ("seconds", "cpu_s", "gib")
     )
     return FileCost(work, seconds, cpu_s, gib, unit)
 
 
-def _further(work: str, files: list[Path], folder: Path, unit: float) -> FileCost:
+def _further(work: str, files: list[Path], folder: Path, shape: tuple[int, int]) -> FileCost:
     patterns = [path.with_name(path.name.replace("0001", "####")) for path in files]
-    short, long = (
-        _command(patterns, folder, "--frames", f"1-{count}", "--pages", "0")
-        for count in (SHORT, LONG)
+    (short, long), unit = _beside_units(
+        [
+            partial(_command, patterns, folder, "--frames", f"1-{count}", "--pages", "0")
+            for count in (SHORT, LONG)
+        ],
+        shape,
     )
     more = LONG - SHORT
     seconds, cpu_s = (long.seconds - short.seconds) / more, (long.cpu_s - short.cpu_s) / more
