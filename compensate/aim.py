@@ -15,10 +15,11 @@ for any base B' of what is seen. The aim has the master's contrast and its hue, 
 as bright as the light that is missing if B' is chosen so. Exact subtraction then shows it: no
 solver and no transform is needed.
 
-*Domes.* All of the screen is polluted alike, so one number says how far it is lifted: v is `lift`
-times the light that is missing in the darkest part of the screen. Black is lifted by all of it, and
-what is bright by nothing:
+*Domes.* All of the screen is polluted alike, so one number says how far it is lifted: v, by u that
+is `lift` times the light that is missing in the darkest part of the screen. What the eye hardly
+sees is not worth a lift. Black is lifted by all of v, and what is bright by nothing:
 
+    v = u² / (u + 3 c)
     B' = B + max(v - B / fade, 0)
 
 Where nothing is missing v is 0, and the aim is the master. B keeps edges: it is a guided mean
@@ -73,6 +74,8 @@ NEARBY = 0.08
 """Degrees around in which a veil stands out from luminance."""
 BLOCKS = 2
 """A degree: how finely a dome's base is known. Its mean is over `Aim.reach`, four of them."""
+HARDLY = 3.0
+"""Times c: missing light of which half counts."""
 _BOXED = 2  # standard deviations of a veil's means, in blocks: from this to twice as many
 _TINY = 1e-9  # of white
 
@@ -114,9 +117,9 @@ class Aim:
     darkest: float = 0.1
     reach: float = 2.0
     edge: float = 2.0
-    dark: float = 0.02
+    dark: float = 0.01
     hue: float = 0.5
-    faint: float = 15.0
+    faint: float = 30.0
 
     def __post_init__(self) -> None:
         require_not_negative("the aim", lift=self.lift, hue=self.hue)
@@ -134,6 +137,19 @@ class Aim:
                 raise InputError(
                     f"the aim's {name} is a share, at most 1; got {vars(self)[name]:g}"
                 )
+
+    def raised(self, missing: float, white: float) -> float:
+        """v: how far black is lifted in a dome.
+
+        Parameters
+        ----------
+        missing
+            Luminance that is missing in the darkest places, at least 0, 1 = white.
+        white
+            Luminance of 1.0, cd/m².
+        """
+        most = self.lift * missing
+        return most * most / (most + HARDLY * self.dark / white)
 
 
 @final
@@ -345,7 +361,8 @@ class _Lifting:
         radius = max(1, round(aim.reach * sight.density / block))
         for found in xp.unstack(_by_blocks(self._sums, wanted, block), axis=0):
             pixels, lacking, *sums = xp.unstack(found, axis=0)
-            self._missing = max(self._missing, aim.lift * _missing(aim, pixels, lacking))
+            missing = aim.raised(_missing(aim, pixels, lacking), sight.white)
+            self._missing = max(self._missing, missing)
             first, second, weight, dark_first, dark_second = sums
             of_all = coefficients(pixels, pixels, first, second, radius, aim.edge)
             of_dark = coefficients(pixels, weight, dark_first, dark_second, radius, aim.edge)

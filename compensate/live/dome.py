@@ -155,7 +155,7 @@ class CompiledDome:
         widened(self._coarse, *self._blocks, self._bases)
 
     def _missing(self, floors: NDArray[np.float32]) -> float:
-        """See `compensate.aim`: `lift` times the mean over the darkest share of the screen.
+        """See `compensate.aim`: v, by the mean over the darkest share of the screen.
 
         The mean of the highest share a of values u is the least of t + E[max(u - t, 0)] / a over t,
         at their quantile (R. T. Rockafellar, S. Uryasev, "Optimization of conditional value-at-
@@ -184,7 +184,7 @@ class CompiledDome:
             if found[1] - (low[1] + low[2] * (level - low[0])) < _EXACT * high[0]:
                 break
             low, high = (found, high) if found[2] < 0 else (low, found)
-        return float(k.aim.lift * least)
+        return float(k.aim.raised(least, k.aim.dark / k.dark))
 
 
 def _spans(screen: NDArray[np.bool_]) -> NDArray[np.uint64]:

@@ -17,7 +17,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim import Aim
+from compensate.aim import HARDLY, Aim
 from compensate.live.coding import Coding
 from compensate.live.constants import (
     DomeConstants,
@@ -179,6 +179,7 @@ def _about_dome(k: DomeConstants) -> dict[str, Any]:
         "edge": k.aim.edge,
         "darkest": _glsl(k.aim.darkest),
         "lift": _glsl(k.aim.lift),
+        "hardly": _glsl(HARDLY * k.dark),
         "fade": _glsl(k.aim.fade),
         "hue": _glsl(k.aim.hue),
     }
