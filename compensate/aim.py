@@ -138,18 +138,18 @@ class Aim:
                     f"the aim's {name} is a share, at most 1; got {vars(self)[name]:g}"
                 )
 
-    def raised(self, missing: float, white: float) -> float:
+    def raised(self, missing: float, dark: float) -> float:
         """v: how far black is lifted in a dome.
 
         Parameters
         ----------
         missing
-            Luminance that is missing in the darkest places, at least 0, 1 = white.
-        white
-            Luminance of 1.0, cd/m².
+            Luminance that is missing in the darkest places, at least 0, in any unit.
+        dark
+            Its own, in that unit.
         """
         most = self.lift * missing
-        return most * most / (most + HARDLY * self.dark / white)
+        return most * most / (most + HARDLY * dark)
 
 
 @final
@@ -361,7 +361,7 @@ class _Lifting:
         radius = max(1, round(aim.reach * sight.density / block))
         for found in xp.unstack(_by_blocks(self._sums, wanted, block), axis=0):
             pixels, lacking, *sums = xp.unstack(found, axis=0)
-            missing = aim.raised(_missing(aim, pixels, lacking), sight.white)
+            missing = aim.raised(_missing(aim, pixels, lacking), aim.dark / sight.white)
             self._missing = max(self._missing, missing)
             first, second, weight, dark_first, dark_second = sums
             of_all = coefficients(pixels, pixels, first, second, radius, aim.edge)

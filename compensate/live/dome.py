@@ -184,7 +184,7 @@ class CompiledDome:
             if found[1] - (low[1] + low[2] * (level - low[0])) < _EXACT * high[0]:
                 break
             low, high = (found, high) if found[2] < 0 else (low, found)
-        return float(k.aim.raised(least, k.aim.dark / k.dark))
+        return float(k.aim.raised(least, k.dark))
 
 
 def _spans(screen: NDArray[np.bool_]) -> NDArray[np.uint64]:

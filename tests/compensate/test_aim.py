@@ -215,15 +215,15 @@ def test_settings_that_mean_nothing(settings):
 
 def test_what_the_eye_hardly_sees_lifts_little_and_nothing_lifts_more_than_it_lacks():
     """Else a dark picture in a dim theatre looks worse than plain subtraction."""
-    aim, white = Aim(), 5.0
-    missing = np.geomspace(1e-6, 1, 200) / white
-    raised = np.array([aim.raised(float(each), white) for each in missing])
+    aim = Aim()
+    missing = np.geomspace(1e-6, 1, 200)  # cd/m²
+    raised = np.array([aim.raised(float(each), aim.dark) for each in missing])
     slopes = np.diff(raised) / np.diff(missing)
     assert np.all((slopes > 0) & (slopes < aim.lift))  # so that no flash pumps more
     share = raised / (aim.lift * missing)
     assert share[0] < 1e-3
     assert share[-1] > 0.98
-    assert aim.raised(0.0, white) == 0.0
+    assert aim.raised(0.0, aim.dark) == 0.0
 
 
 def test_tabulated_theatres_and_tables_have_an_aim():
