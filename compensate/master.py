@@ -14,11 +14,11 @@ from typing import final
 
 import numpy as np
 
-from compensate.aim import Aim, Eye
+from compensate.aim import Aim
 from compensate.figures import Appraisal, Figures
 from compensate.methods import Solver
 from compensate.own import own_problem
-from compensate.pose import Posed, pose, require_within_range
+from compensate.pose import Eye, Posed, pose, require_within_range
 from compensate.solve import solved
 from compensate.solver.fitting import fitting
 from compensate.solver.result import Result

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
-from compensate.solver.baselines import RaisedBlack, Untouched
+from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
 from compensate.solver.deghosting import (
     LocallyRaisedBlack,
     PerceptualSubtraction,
@@ -19,7 +19,6 @@ from compensate.solver.fitting import Fitted
 from compensate.solver.paper import PaperMethod
 from compensate.solver.relinearised import Relinearised
 from compensate.solver.result import Result
-from compensate.solver.subtraction import Subtractive
 from compensate.solver.worst_seat import WorstSeat
 from domesim.errors import InputError
 from domesim.light import Light

@@ -12,16 +12,16 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast, final
+from typing import TypeAlias, cast, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim import Aim, Eye, Sight, lifted, veiled
+from compensate.aim import Aim, Sight, aimed_light
+from compensate.aim.seats import seat_of
 from compensate.problem import Problem
-from compensate.solver.kinds import reflecting
-from compensate.solver.subtraction import shown_within
 from compensate.solver.worst_seat import seat_importance
+from compensate.subtract import reflecting, subtracted
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
@@ -38,6 +38,9 @@ from domesim.scene.screening import decoded, within_range
 NEGLIGIBLE = 0.001
 """Visible error, JND rms, for which no solver need go on."""
 
+Eye: TypeAlias = Aim | PerceptualWeighting
+"""What a picture is made for: its contrasts by an aim, or the paper's least squares."""
+
 _ROUNDING = 8 * float(np.finfo(np.float32).eps)  # of white; as `ADMM` sees it
 
 
@@ -52,22 +55,12 @@ class Posed:
         What all frames of this size share.
     desired
         (view, row, col, primary) master light, in 0..1 on the screen.
-    wanted
-        (seen view, row, col, primary) what all seats should see.
-    problem
-        The paper's least squares: what to minimise without an aim. It may know the observation
-        linearised.
-    single
-        The problem for methods that know one seat only: of several, the mean one.
     subtractive, shown
         The light of exact clipped subtraction, and what is seen of it, at all seats.
     """
 
     setting: Setting
     desired: Light
-    wanted: Light
-    problem: Problem
-    single: Problem
     subtractive: Light
     shown: Light
 
@@ -91,12 +84,51 @@ class Posed:
         """Whether subtraction shows what is wanted, to rounding."""
         return is_rounding(self.shown, self.wanted)
 
+    @cached_property
+    def wanted(self) -> Light:
+        """(seen view, row, col, primary) what all seats should see."""
+        return self.observation.direct(self.desired)
+
+    @cached_property
+    def single(self) -> Problem:
+        """The paper's problem at the one seat, or at the mean one of several.
+
+        A table from grey to grey is linearised about subtraction.
+        """
+        observation = self.setting.single
+        wanted = observation.direct(self.desired)
+        if isinstance(observation, GreyToGrey):
+            observation = observation.linearised(self.subtractive)
+        bounds = 0.0, self.setting.upper_like(wanted)
+        return Problem(cast("AdjointObservation", observation), self.setting.plain, wanted, bounds)
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The paper's problem of all seats: what to minimise without an aim."""
+        single = self.single
+        several = isinstance(self.observation, SeveralSeats)
+        wanted = self.wanted if several else single.desired
+        return Problem(
+            cast("AdjointObservation", self.observation) if several else single.observation,
+            self.setting.weighting,
+            wanted,
+            (single.lower, single.upper),
+            anchor=self.subtractive,
+            regularisation=REGULARISATION * len(self.desired) / len(wanted),  # of seats as of one
+            negligible=self.setting.negligible,
+        )
+
     def aimed(self) -> Light | None:
         """The light that shows the aim; None if the picture is made for something else."""
-        eye = self.setting.eye
-        if not isinstance(eye, Aim):
+        setting, shown = self.setting, self.shown
+        if not isinstance(setting.eye, Aim):
             return None
-        return self.setting.aimed(eye, self.desired, self.subtractive, self.shown)
+        wanted = setting.single.direct(self.desired)
+        if setting.single is not self.observation:
+            shown = setting.single.observe(self.subtractive)
+        return aimed_light(
+            setting.eye, setting.sight, setting.single, wanted, self.subtractive, shown
+        )
 
     def residual(self, light: Light) -> Light:
         """psi(x) - wanted, of all seats: (seen view, row, col, primary)."""
@@ -128,7 +160,7 @@ class Stage:
 
     def __init__(self, scene: Scene, weighting: Eye | None = None) -> None:
         self._scene = scene
-        self._eye = weighting or preferred(scene)
+        self._eye = weighting or Aim()
         self._setting: Setting | None = None
         self._lock = threading.Lock()
 
@@ -151,22 +183,8 @@ class Stage:
         require_light(desired, setting.observation.shape, who="compensate")
         require_within_range(desired, setting.screen)
         desired = _on(setting.screen, desired)
-        single, subtractive = setting.subtracted(desired)
-        solvable = single.observation
-        if isinstance(setting.observation, SeveralSeats):
-            solvable = setting.observation
-        wanted = single.desired if solvable is single.observation else solvable.direct(desired)
-        problem = Problem(
-            solvable,
-            setting.weighting,
-            wanted,
-            (single.lower, single.upper),
-            anchor=subtractive,
-            regularisation=REGULARISATION * len(desired) / len(wanted),  # of seats as of one
-            negligible=setting.negligible,
-        )
-        shown = setting.observation.observe(subtractive)
-        return Posed(setting, desired, wanted, problem, single, subtractive, shown)
+        subtractive = setting.subtracted(desired)
+        return Posed(setting, desired, subtractive, setting.observation.observe(subtractive))
 
     def pose_frame(self, frame: Master) -> tuple[Posed, float]:
         """`pose` for a master, and the share of its screen out of the projector's range."""
@@ -196,13 +214,6 @@ class Setting:
         What the audience sees, at all seats.
     single
         What it sees at the one seat, or at the mean one of several.
-    plain
-        The paper's weighting of one seat.
-    weighting
-        The paper's weighting of all seats.
-    judge
-        The paper's weighting with its default settings, for figures. It counts transforms of its
-        own: figures may be computed while another frame is solved.
     screen
         (row, col) bool: pixels off the screen neither count nor change.
     areas
@@ -213,9 +224,6 @@ class Setting:
     eye: Eye
     observation: Observation
     single: Observation
-    plain: CsfWeighting
-    weighting: CsfWeighting
-    judge: CsfWeighting
     screen: NDArray[np.bool_]
     areas: NDArray[np.floating]
 
@@ -237,92 +245,55 @@ class Setting:
         samples = np.count_nonzero(self.screen) * self.scene.views / 2
         return float(samples * (NEGLIGIBLE / differences(self.scene, self.plain)) ** 2)
 
-    def subtracted(self, desired: Light) -> tuple[Problem, Light]:
-        """The problem at the mean seat, and its exact clipped subtraction.
+    @cached_property
+    def plain(self) -> CsfWeighting:
+        """The paper's weighting of one seat."""
+        return self._weighting(PerceptualWeighting() if isinstance(self.eye, Aim) else self.eye)
 
-        A table is linearised there.
+    @cached_property
+    def weighting(self) -> CsfWeighting:
+        """The paper's weighting of all seats."""
+        if not isinstance(self.observation, SeveralSeats):
+            return self.plain
+        assert isinstance(self.scene, StereoScene)
+        return self.plain.with_importance(seat_importance(self.scene.weights))
+
+    @cached_property
+    def judge(self) -> CsfWeighting:
+        """The paper's weighting with its default settings, for figures.
+
+        It counts transforms of its own: figures may be computed while another frame is solved.
         """
-        # Subtraction needs no adjoint, so that it knows a table as it is.
-        observation = cast("AdjointObservation", self.single)
-        problem = self._problem(observation.direct(desired))
-        light = shown_within(problem)
-        if isinstance(self.single, GreyToGrey):
-            problem = problem.observed_by(self.single.linearised(light))
-        return problem, light
+        default = self._weighting(PerceptualWeighting())
+        return default.with_importance(self.weighting.importance).counted_apart()
 
-    def aimed(self, aim: Aim, desired: Light, subtractive: Light, seen: Light) -> Light:
-        """The light that shows the aim, by exact clipped subtraction.
+    def _weighting(self, settings: PerceptualWeighting) -> CsfWeighting:
+        return settings.of(self.scene.viewing, self.scene.projector, self.screen, self.scene.views)
 
-        Parameters
-        ----------
-        aim
-            Its settings.
-        desired, subtractive, seen
-            The master, exact clipped subtraction of it, and what that shows.
-        """
-        direct = self.single.direct
-        wanted = raised = direct(desired)
-        if self.dome is not None:
-            white = direct(np.broadcast_to(np.ones((), desired.dtype), desired.shape))
-            floor = _less(seen, direct(subtractive))
-            raised = lifted(aim, self.sight, wanted, floor, white)
-            if len(desired) == 1:
-                del floor  # it takes memory
-                return self._showing(raised, subtractive)
-            light = self._showing(raised, subtractive)
-            np.maximum(raised, floor, out=raised)  # what no subtraction takes away is no ghost
-            seen = self.single.observe(light)
-            if is_rounding(seen, raised):
-                return light
-            subtractive = light
-        left = _less(seen, raised)
-        np.maximum(left, 0, out=left)
-        return self._showing(veiled(aim, self.sight, raised, left), subtractive)
+    def upper_like(self, light: Light) -> Array | float:
+        """The largest light: 0 off the screen of a dome, for there nothing is projected."""
+        if self.dome is None:
+            return 1.0
+        return self.dome.screen_like(light)[None, :, :, None]
+
+    def subtracted(self, desired: Light) -> Light:
+        """Exact clipped subtraction of a master, at the one seat or the mean one."""
+        wanted = self.single.direct(desired)
+        return subtracted(self.single, wanted, (0.0, self.upper_like(wanted)))[0]
 
     @cached_property
     def dome(self) -> LowRankObservation | None:
         """How a dome or room reflects light (of two views, their sum); None where none does."""
         return reflecting(self.single)
 
-    def _showing(self, seen: Light, start: Light | None) -> Light:
-        """The light that shows `seen`, by exact clipped subtraction; a `start` is near it."""
-        return shown_within(self._problem(seen), start)
-
-    def _problem(self, seen: Light) -> Problem:
-        """The problem of showing `seen` at the mean seat: off the screen there is no light."""
-        observation = cast("AdjointObservation", self.single)
-        upper: Array | float = 1.0
-        if self.dome is not None:
-            upper = self.dome.screen_like(seen)[None, :, :, None]
-        return Problem(observation, self.plain, seen, (0.0, upper))
-
-
-def preferred(scene: Scene) -> Eye:
-    """A scene's default: the aim for one seat, else the weighting (``validation/notes/0007``)."""
-    return PerceptualWeighting() if scene.several_seats else Aim()
-
 
 def _setting(scene: Scene, eye: Eye, rows: int, cols: int) -> Setting:
-    single = observation = scene.solvable(rows, cols)
-    if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
-        single = scene.mean_seat(rows, cols)
-    screen = scene.screen(rows, cols)
-    if isinstance(eye, Aim) and isinstance(observation, SeveralSeats):
-        raise InputError(
-            "an aim is of one seat, got several; name one (--seat), or use the paper's weighting "
-            "(--weighting paper)"
-        )
-    paper = PerceptualWeighting() if isinstance(eye, Aim) else eye
-    plain = paper.of(scene.viewing, scene.projector, screen, scene.views)
-    weighting = plain
-    if isinstance(scene, StereoScene) and isinstance(observation, SeveralSeats):
-        weighting = plain.with_importance(seat_importance(scene.weights))
-    reference = plain
-    if paper != PerceptualWeighting():
-        reference = PerceptualWeighting().of(scene.viewing, scene.projector, screen, scene.views)
-    judge = reference.with_importance(weighting.importance).counted_apart()
-    areas = scene.pixel_areas(rows, cols)
-    return Setting(scene, eye, observation, single, plain, weighting, judge, screen, areas)
+    observation, single = scene.solvable(rows, cols), seat_of(scene, rows, cols)
+    if single.shape == observation.seen_shape:
+        single = observation  # of one seat
+    return Setting(
+        scene, eye, observation, single, scene.screen(rows, cols), scene.pixel_areas(rows, cols)
+    )
 
 
 def require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:
@@ -364,17 +335,6 @@ def _on(screen: NDArray[np.bool_], light: Light) -> Light:
 
     in_strips(keep, light.shape)
     return kept
-
-
-def _less(light: Light, other: Light) -> Light:
-    """`light` - `other`, by all threads: new memory takes longer than the difference."""
-    found = np.empty_like(light)
-
-    def subtract(view: int, rows: slice) -> None:
-        np.subtract(light[view, rows], other[view, rows], out=found[view, rows])
-
-    in_strips(subtract, light.shape)
-    return found
 
 
 def is_rounding(residual: Light, expected: Light | None = None) -> bool:

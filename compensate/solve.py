@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from compensate.methods import Solver, require_method
 from compensate.pose import Posed
 from compensate.solver.result import Result, Status
@@ -21,7 +19,11 @@ def solved(posed: Posed, method: str, solver: Solver | None = None) -> Result:
     if method == "perceptual" and posed.exact:
         return Result(posed.subtractive, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
     if method == "perceptual" and solver is None and (aimed := posed.aimed()) is not None:
-        return Result(aimed, math.nan, math.nan, Status.AIMED, 0, 0)
+        return Result(aimed, None, None, Status.AIMED, 0, 0)
+    if method == "subtractive" and solver is None:
+        return Result(posed.subtractive, None, None, Status.CLOSED_FORM, 0, 0)
+    if method == "none" and solver is None:
+        return Result(posed.desired, None, None, Status.CLOSED_FORM, 0, 0)
     problem = posed.problem if method == "perceptual" else posed.single
     start = posed.desired if method == "none" else posed.subtractive
     chosen = solver or require_method(method, posed.scene)(posed.scene, problem)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from compensate.aim import Eye
+from compensate.pose import Eye
 from compensate.master import Outcome, solve_frame
 from compensate.methods import Solver, require_method
 from compensate.pose import Stage

@@ -7,7 +7,7 @@ from pairs import COLOURED, pair
 from theatres import ALBEDOS, closed_form, dome, weighting
 
 from compensate.problem import Problem
-from compensate.solver.dome_pairs import clipped_subtraction
+from compensate.solver.baselines import clipped_subtraction
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.dome_pair import dome_pair
 from domesim.observation.followed import Followed

@@ -10,11 +10,11 @@ from typing import Annotated
 
 import typer
 
-from compensate.aim import Eye
 from compensate.commands.aiming import Aiming
 from compensate.figures import Figures
 from compensate.methods import Solver
 from compensate.page.comparison import Comparison, compare_methods, shown_methods
+from compensate.pose import Eye
 from compensate.shows.compensating import line_of
 from domesim.commands.options import (
     Place,

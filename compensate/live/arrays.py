@@ -1,7 +1,7 @@
 """Live pictures by arrays of any library: on a GPU by PyTorch, with the formulas of the library.
 
 `compensate.aim` computes with any array library. Exact clipped subtraction is here for them, as
-`compensate.solver.baselines` has it of domes, and `deghosting` of pairs. A frame's bytes go to the
+`compensate.subtract` has it of domes, and `deghosting` of pairs. A frame's bytes go to the
 device, and those of what is projected come back: nothing else does, but the sums that tell a dome's
 floors. On the device a primary's plane lies in one piece.
 """
@@ -18,7 +18,7 @@ from compensate.devices import fetched, sender_to
 from compensate.live.coding import Coding, PixelFormat, stored, views_of
 from compensate.live.constants import SETTLED, STEPS, Constants, PairConstants, turns_of
 from compensate.live.noise import APART, noise_of, shifts_of
-from compensate.solver.baselines import newton_step
+from compensate.subtract import newton_step
 from domesim.light import Array, Light, namespace, on_host, total
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.lowrank import LowRankObservation, expand
@@ -193,7 +193,7 @@ class _Shown(NamedTuple):
 class _Subtraction:
     """Exact subtraction in a dome, by Newton's method from where the last frame ended.
 
-    See `compensate.solver.baselines`; it ends as `compensate.live.dome.CompiledDome` does.
+    See `compensate.subtract`; it ends as `compensate.live.dome.CompiledDome` does.
 
     Parameters
     ----------

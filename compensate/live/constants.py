@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from compensate.aim import NEARBY, Aim, Sight, dome_block, scales, veil_block
-from compensate.means import block_sums
+from compensate.blocks import block_sums
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.lowrank import LowRankObservation

@@ -3,7 +3,7 @@
 The master is decoded anew in every pass, which is cheaper than to fetch its light from memory. What
 the whole screen adds up to is a few numbers: the light in each mode of reflection of what
 subtraction shows of the master, and of the aim. Each is the root of a piecewise linear equation
-(`compensate.solver.baselines`), found by Newton's method from where the last frame had it.
+(`compensate.subtract`), found by Newton's method from where the last frame had it.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.blocks import block_sums, box_sum
 from compensate.live import dome_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
 from compensate.live.constants import SETTLED, STEPS, DomeConstants
 from compensate.live.noise import shifts_of
 from compensate.live.tile_loops import code_of, places_along, widened
-from compensate.means import block_sums, box_sum
-from compensate.solver.baselines import newton_step
+from compensate.subtract import newton_step
 
 _TANGENTS, _EXACT = 24, 1e-6
 """How often the darkest share is looked for, and to which part of what is missing most."""

@@ -260,7 +260,7 @@ def _boxed(planes: Any, i: Any, radius: int, line: Any, found: Any) -> None:
 def bases(
     counted: Any, around: Any, heap: Any, radius: int, edge: Any, work: Any, result: Any
 ) -> None:
-    """`compensate.means.coefficients` of all, and by importance, from what `sweep` has found.
+    """`compensate.blocks.coefficients` of all, and by importance, from what `sweep` has found.
 
     `counted`, `around`: (row, col) of blocks: pixels that count, and their sums over boxes.
     `work`: (12, row, col), for use in between; the first three are planes 0, 1 and 3 of `heap`.

@@ -225,7 +225,7 @@ def _about_pair(k: PairConstants, *, beside: bool) -> dict[str, Any]:
 
 
 def _smoothing(cols: int, rows: int, block: int, sigma: float) -> SimpleNamespace:
-    """A plane's size, and how `compensate.means.smooth` weighs its neighbours near its edges."""
+    """A plane's size, and how `compensate.blocks.smooth` weighs its neighbours near its edges."""
     about: dict[str, Any] = {"cols": cols, "rows": rows, "block": block, "reach": {}, "kept": {}}
     for name, axis, count in (("across", "x", cols), ("down", "y", rows)):
         table = weights_of(count, sigma)

@@ -1,11 +1,11 @@
-"""The local means of `compensate.means.smooth` as weights of neighbours, for passes over pixels."""
+"""Local means of `compensate.blocks.smooth` as weights of neighbours, for passes over pixels."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.means import smooth
+from compensate.blocks import smooth
 
 
 def weights_of(count: int, sigma: float) -> NDArray[np.float64]:

@@ -10,12 +10,11 @@ from typing import Any, final
 
 import numpy as np
 
-from compensate.aim import Eye
 from compensate.figures import Appraisal
 from compensate.master import Outcome, solve_frame
 from compensate.methods import Solver, methods_of
 from compensate.page.page import Figure, View, write_page
-from compensate.pose import Posed, Stage
+from compensate.pose import Eye, Posed, Stage
 from domesim.frames import Master
 from domesim.light import Light
 from domesim.scene import DomeScene, Scene

@@ -9,14 +9,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, final
 
-from compensate.aim import Aim, Eye
+from compensate.aim import Aim
 from compensate.compiled import compiles
 from compensate.devices import CPU, on_device
 from compensate.figures import Appraisal, Figures
 from compensate.fourier import transforms
 from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
-from compensate.pose import Posed, Stage, preferred
+from compensate.pose import Eye, Posed, Stage
 from compensate.solver.accelerated import Accelerated
 from compensate.visible import OnlyVisible, SpatiallyWeighted
 from compensate.vision.csf import LowFrequencyFloor
@@ -167,7 +167,7 @@ class Compensating(Recipe):
             raise InputError(
                 f"--weighting {self.eye!r} is not known; use one of {CONTRAST}, {PAPER}"
             )
-        found = preferred(theatre)
+        found: Eye = Aim()
         if self.eye is not None:
             found = Aim() if self.eye == CONTRAST else PerceptualWeighting()
         if self.lift is not None and not isinstance(found, Aim):

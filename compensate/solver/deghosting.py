@@ -44,20 +44,18 @@ subtraction clips.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import Any, final
+from typing import final
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from compensate.problem import Problem
-from compensate.solver.baselines import computed
+from compensate.solver.baselines import clipped_subtraction, computed
 from compensate.solver.result import Result, Status
+from compensate.subtract import subtracted
 from domesim.light import Array, Light, namespace
-from domesim.light.strips import in_strips
 from domesim.observation.base import Observation
-from domesim.observation.crosstalk import Crosstalk, mixing_by
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.projector import conversion
 from domesim.observation.stereo import StereoObservation
@@ -241,64 +239,6 @@ class LocallyRaisedBlack:
         return computed(problem, problem.project(light), rounds, status)
 
 
-def clipped_subtraction(problem: Problem, max_rounds: int = MAX_ROUNDS) -> tuple[Light, int]:
-    """Light that solves x = clip(desired - black - phi(x)), and the rounds of iteration done.
-
-    If those are `max_rounds`, it has not been reached. `problem.observation` may also be the exact
-    `GreyToGrey`, which is not affine and which no other solver takes.
-
-    Raises
-    ------
-    ValueError
-        If the observation is not of two views.
-    """
-    observation = _two_views(problem)
-    return _fixed_point(observation, problem.desired, problem.lower, problem.upper, max_rounds)
-
-
-def subtracted_crosstalk(observation: Crosstalk, desired: Light) -> Light:
-    """`clipped_subtraction` within 0..1, which mixes no pixels, strip by strip.
-
-    It begins with what subtracts the mean of the map: where that is flat and nothing clips, this
-    is the result.
-    """
-    light = np.empty_like(desired)
-    dtype = desired.dtype
-    mixing = [mixing_by(matrix, desired) for matrix in observation.matrices]
-    share = observation.share[..., None].astype(dtype)
-    # Of a whole row: NumPy repeats three numbers slowly.
-    black = np.repeat(observation.black[:, None, None, :], desired.shape[2], 2).astype(dtype)
-    primaries = desired.shape[3]
-    inverse = np.linalg.inv(observation.central.reshape(2 * primaries, -1))
-    inverse = inverse.reshape(2, primaries, 2, primaries)
-    unmixing = [[mixing_by(inverse[v, :, u], desired) for u in (0, 1)] for v in (0, 1)]
-
-    def subtract(_: int, rows: slice) -> None:
-        part = light[:, rows]
-        varying = share if share.shape[1] == 1 else share[:, rows]
-        wanted = desired[:, rows] - black
-        for view in (0, 1):
-            start = unmixing[view][0](wanted[0])
-            start += unmixing[view][1](wanted[1])
-            np.clip(start, 0, 1, out=part[view])
-        settling = _Settling(float(np.finfo(dtype).eps))
-        for _ in range(MAX_ROUNDS):
-            change = 0.0
-            for view in (0, 1):
-                new = mixing[view](part[1 - view])
-                new *= varying[view]
-                np.subtract(wanted[view], new, out=new)
-                np.clip(new, 0, 1, out=new)
-                difference = new - part[view]
-                change = max(change, float(difference.max()), -float(difference.min()))
-                part[view] = new
-            if settling.done(change):
-                return
-
-    in_strips(subtract, (1, *desired.shape[1:3], 2 * desired.shape[3]))
-    return light
-
-
 def uncorrectable(problem: Problem, light: Light) -> NDArray[np.bool_]:
     """(view, row, col, primary): where clipped subtraction, `light`, cannot show what is desired.
 
@@ -329,84 +269,11 @@ def bumps(needed: Floats, sigma: float) -> Floats:
     return veil
 
 
-@final
-class _Settling:
-    """Whether an iteration's changes have come down to rounding, of relative size `tiny`."""
-
-    def __init__(self, tiny: float) -> None:
-        self._tiny = tiny
-        self._best, self._since_best = np.inf, 0
-
-    def done(self, change: float) -> bool:
-        """Note the largest change of a round."""
-        self._since_best = 0 if change < self._best else self._since_best + 1
-        self._best = min(self._best, change)
-        # Rounding can keep the last digits moving.
-        return change <= self._tiny or (change <= 16 * self._tiny and self._since_best > 2)
-
-
-def _fixed_point(
-    observation: Observation, desired: Light, lower: Array, upper: Array, max_rounds: int
-) -> tuple[Light, int]:
-    """Light with psi = desired as far as the bounds allow, found for each eye in turn.
-
-    An eye's own light is found exactly, by slope or along the table, beside the other's last light.
-    So only the *other's* light limits what a round gains.
-    """
-    xp = namespace(desired)
-    light = xp.minimum(xp.maximum(desired, lower), upper)
-    slopes = None if isinstance(observation, GreyToGrey) else _own_slopes(observation, light)
-    settling = _Settling(float(xp.finfo(desired.dtype).eps))
-    for rounds in range(1, max_rounds + 1):
-        if isinstance(observation, GreyToGrey):
-            own = _along_table(observation, desired, light)
-        else:
-            own = light + (desired - observation.observe(light)) / slopes
-        new = xp.minimum(xp.maximum(own, lower), upper)
-        change = float(xp.max(xp.abs(new - light)))
-        light = new
-        if settling.done(change):
-            return light, rounds
-    return light, max_rounds
-
-
-def _along_table(observation: GreyToGrey, seen: Light, light: Light) -> Light:
-    """Each eye's own light that shows it `seen` beside the other's `light`.
-
-    psi rises with own light, in straight pieces between the levels: each piece gives its share.
-    """
-    xp = namespace(seen)
-    levels = [float(level) for level in observation.levels]
-
-    def at(level: float) -> Light:
-        own = xp.full_like(light[:1, ...], level)
-        left = observation.observe(xp.concat([own, light[1:, ...]]))[:1, ...]
-        right = observation.observe(xp.concat([light[:1, ...], own]))[1:, ...]
-        return xp.concat([left, right])
-
-    low = at(levels[0])
-    own = xp.minimum(seen - low, xp.zeros_like(seen))
-    for first, last in pairwise(levels):
-        high = at(last)
-        own = own + (last - first) * xp.clip((seen - low) / (high - low), 0, 1)
-        low = high
-    return own + xp.maximum(seen - low, xp.zeros_like(seen))
-
-
 def _unclipped(observation: StereoObservation, seen: Light) -> tuple[Light, int]:
     """Light, of whatever sign, whose observation is `seen`."""
     xp = namespace(seen)
     infinity = xp.asarray(np.inf, dtype=seen.dtype, device=seen.device)
-    return _fixed_point(observation, seen, -infinity, infinity, MAX_ROUNDS)
-
-
-def _own_slopes(observation: Any, light: Light) -> Light:
-    """(view, row, col, primary) d psi_v / d x_v, which mixes no primaries."""
-    xp = namespace(light)
-    one, none = xp.ones_like(light[:1, ...]), xp.zeros_like(light[:1, ...])
-    left = observation.linear(xp.concat([one, none]))[:1, ...]
-    right = observation.linear(xp.concat([none, one]))[1:, ...]
-    return xp.concat([left, right])
+    return subtracted(observation, seen, (-infinity, infinity))
 
 
 def _share(short: Array, rise: Array) -> Array:

@@ -1,12 +1,12 @@
-"""What an observation is made of, and so what solves it: the one place that asks its type.
+"""What an observation is made of, and so what solves the paper's least squares.
 
-| kind | what is seen | exact clipped subtraction | the paper's least squares |
-| --- | --- | --- | --- |
-| `LOW_RANK` | a dome, a room: a few sums of light | `baselines`, Newton | `ADMM`, certified |
-| `PIXELWISE` | a pair on a flat screen | `deghosting`, rounds | `ADMM`, certified |
-| `REFLECTED_PAIR` | both, one after the other | `dome_pairs`, both | `ADMM`, certified |
-| `TABLE` | a pair by a grey-to-grey table | `deghosting`, along the table | linearised first |
-| `OTHER` | any other: glare, a map of yours | `subtraction`, rounds | `Accelerated` |
+| kind | what is seen | the paper's least squares |
+| --- | --- | --- |
+| `LOW_RANK` | a dome, a room: a few sums of light | `ADMM`, certified |
+| `PIXELWISE` | a pair on a flat screen | `ADMM`, certified |
+| `REFLECTED_PAIR` | both, one after the other | `ADMM`, certified |
+| `TABLE` | a pair by a grey-to-grey table | linearised first |
+| `OTHER` | any other: glare, a map of yours | `Accelerated` |
 """
 
 from __future__ import annotations
@@ -62,14 +62,3 @@ def parts_of(observation: Observation) -> DomePair | None:
     if not (isinstance(first, ReflectedViews) and dark):
         return None
     return DomePair(first, cast("Crosstalk", then))
-
-
-def reflecting(observation: Observation) -> LowRankObservation | None:
-    """What reflects light all over the screen: of two views, their sum's; None if nothing does."""
-    if isinstance(observation, LowRankObservation):
-        return observation
-    if isinstance(observation, ReflectedViews):
-        return observation.summed
-    if isinstance(observation, Followed):
-        return reflecting(observation.first) or reflecting(observation.then)
-    return None

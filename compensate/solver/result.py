@@ -39,9 +39,9 @@ class Result:
     light
         (view, row, col, primary) light to project, within the bounds.
     cost
-        Objective at `light`; NaN where nothing was minimised.
+        Objective at `light`; None where nothing was minimised.
     optimality
-        Largest KKT residual at `light`; NaN likewise.
+        Largest KKT residual at `light`; None likewise.
     status
         Why the solver stopped.
     iterations
@@ -56,8 +56,8 @@ class Result:
     """
 
     light: Light
-    cost: float
-    optimality: float
+    cost: float | None
+    optimality: float | None
     status: Status
     iterations: int
     ffts: int

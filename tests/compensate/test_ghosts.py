@@ -11,11 +11,11 @@ from theatres import BT709
 
 from compensate.ghosts import edge_energy, ghost_left
 from compensate.problem import Problem
+from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.deghosting import (
     LocallyRaisedBlack,
     PlayerShader,
     RangeCompression,
-    clipped_subtraction,
 )
 from compensate.weighting import CsfWeighting
 from domesim.observation.crosstalk import Crosstalk, leak_matrices

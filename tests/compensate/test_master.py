@@ -21,8 +21,8 @@ from compensate.methods import REFLECTED as METHODS
 from compensate.pose import Stage, pose
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM
+from compensate.solver.baselines import Subtractive
 from compensate.solver.result import Status
-from compensate.solver.subtraction import Subtractive
 from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.frames import (

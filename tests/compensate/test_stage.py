@@ -17,7 +17,7 @@ from compensate.fourier import Fourier
 from compensate.master import solve_frame
 from compensate.pose import Posed, Stage, pose
 from compensate.ruler import Ruler
-from compensate.solver.deghosting import clipped_subtraction
+from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.result import Status
 from compensate.weighting import PerceptualWeighting
 from domesim.frames import ColourTag, Frame, Master

@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.ndimage import zoom
 
-from compensate.aim import Eye
+from compensate.pose import Eye
 from compensate.fourier import padded_size
 from compensate.pose import Posed, pose
 from compensate.problem import Problem
-from compensate.solver import baselines, deghosting
+from compensate.solver.baselines import clipped_subtraction
 from compensate.weighting import (
     REGULARISATION,
     CsfWeighting,
@@ -303,12 +303,7 @@ def _one_channel(scene: Scene, rows: int, cols: int, views: int) -> CsfWeighting
 
 def _posed(observation: AdjointObservation, weighting: Weighting, desired: Light) -> Task:
     plain = Problem(observation, weighting, desired)
-    subtract = (
-        baselines.clipped_subtraction
-        if isinstance(observation, LowRankObservation)
-        else deghosting.clipped_subtraction
-    )
-    start, _ = subtract(plain)
+    start, _ = clipped_subtraction(plain)
     start = np.asarray(start, desired.dtype)
     problem = Problem(observation, weighting, desired, anchor=start, regularisation=REGULARISATION)
     return Task(problem, start, np.ones(desired.shape[1:3], bool))

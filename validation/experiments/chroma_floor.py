@@ -12,7 +12,8 @@ Expected
 
 from __future__ import annotations
 
-from compensate.aim import Aim, Eye
+from compensate.aim import Aim
+from compensate.pose import Eye
 from compensate.pose import Stage
 from compensate.solver.admm import ADMM
 from compensate.vision.csf import LowFrequencyFloor

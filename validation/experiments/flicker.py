@@ -37,7 +37,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from compensate.aim import Eye
+from compensate.pose import Eye
 from compensate.methods import Solver, perceptual
 from compensate.pose import Posed, Stage
 from compensate.solve import solved

@@ -26,7 +26,8 @@ from typing import Any, final
 import numpy as np
 from scipy import stats
 
-from compensate.aim import Aim, Eye
+from compensate.aim import Aim
+from compensate.pose import Eye
 from compensate.pose import Posed, pose
 from compensate.solve import solved
 from compensate.vision.binocular.pair import Pair, TwoEyes

@@ -9,11 +9,9 @@ from scipy.optimize import lsq_linear
 
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
-from compensate.solver.baselines import RaisedBlack
-from compensate.solver.dome_pairs import clipped_subtraction
+from compensate.solver.baselines import RaisedBlack, Subtractive, clipped_subtraction
 from compensate.solver.fitting import fitting
 from compensate.solver.result import Status
-from compensate.solver.subtraction import Subtractive
 from compensate.solver.windows import Windows
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.followed import Followed
@@ -99,8 +97,6 @@ def test_what_no_solver_knows_goes_to_the_general_one():
     )
     assert "Followed" in fitting(other).why
     assert isinstance(fitting(posed).solver, ADMM)
-    with pytest.raises(ValueError, match="3D dome"):
-        clipped_subtraction(other)
     by_rounds = Subtractive()(other, start).light
     free = (by_rounds > 0) & (by_rounds < other.upper)
     assert free.mean() > 0.1

@@ -20,14 +20,16 @@ from scipy.optimize import lsq_linear
 from theatres import problem as dome_problem
 from theatres import weighting
 
+from compensate import subtract
 from compensate.devices import on_device
 from compensate.problem import Problem
 from compensate.solver.accelerated import Accelerated, certified, convexity
 from compensate.solver.admm import ADMM
+from compensate.solver.baselines import Subtractive, clipped_subtraction
 from compensate.solver.fitting import Fitted
-from compensate.solver.kinds import Kind, kind_of, reflecting
+from compensate.solver.kinds import Kind, kind_of
 from compensate.solver.result import Status
-from compensate.solver.subtraction import Subtractive, in_rounds, subtracted
+from compensate.subtract import reflecting
 from domesim.observation.base import AdjointObservation
 from domesim.observation.seats import SeveralSeats
 
@@ -42,7 +44,7 @@ def posed(observation: AdjointObservation, seed: int = 0) -> Problem:
     lambda_ = weighting(np.ones((rows, cols), bool), primaries, 0.1)
     lambda_ = lambda_.with_importance(np.ones(views))
     plain = Problem(observation, lambda_, observation.direct(master))
-    start, _ = subtracted(plain)
+    start, _ = clipped_subtraction(plain)
     return Problem(
         observation,
         lambda_,
@@ -168,15 +170,16 @@ def test_an_observation_says_what_it_is():
 
 
 @pytest.mark.parametrize("kind", ["dome", "pair", "3D dome"])
-def test_rounds_find_what_the_fast_ways_find(kind):
+def test_rounds_find_what_the_fast_ways_find(kind, monkeypatch):
     if kind == "dome":
         problem = dome_problem(9)[0]
     elif kind == "pair":
         problem = posed(crosstalk(6, 7))
     else:
         problem = pair_problem(dome_pair_shutter(9))[0]
-    by_rounds, rounds = in_rounds(problem)
-    fast, _ = subtracted(problem)
+    fast, _ = clipped_subtraction(problem)
+    monkeypatch.setattr(subtract, "_parts", lambda observation, like: None)
+    by_rounds, rounds = clipped_subtraction(problem)
     assert rounds < 200
     assert np.abs(by_rounds - fast).max() < 2e-7
 
@@ -191,9 +194,10 @@ def test_subtraction_is_exact_where_it_does_not_clip(name):
     assert 0.3 < free.mean() < 0.95
     assert np.abs(error[free]).max() < 1e-8
     assert error[result.light == 0].min() > 0
-    again, rounds = subtracted(problem, start=result.light)
+    again, rounds = clipped_subtraction(problem, start=result.light)
     assert np.abs(again - result.light).max() < 1e-7
-    assert name == "pair, room alone" or rounds <= 2
+    newton = name in ("pair, room alone", "pair, room, flat crosstalk")
+    assert newton or rounds <= 2
 
 
 def test_what_cannot_be_subtracted_is_refused():
@@ -202,4 +206,4 @@ def test_what_cannot_be_subtracted_is_refused():
     lambda_ = problem.weighting.with_importance(np.ones(4))
     seats = Problem(several, lambda_, np.concatenate([problem.desired] * 2))
     with pytest.raises(ValueError, match="one seat"):
-        in_rounds(seats)
+        clipped_subtraction(seats)

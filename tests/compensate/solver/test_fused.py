@@ -15,7 +15,7 @@ from theatres import weighting
 from compensate.pose import pose
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM, anderson, dome, fused, hessian, level, pair
-from compensate.solver.deghosting import clipped_subtraction
+from compensate.solver.baselines import clipped_subtraction
 from compensate.weighting import PerceptualWeighting
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.scene import load_dome

@@ -13,7 +13,7 @@ from theatres import BT709, viewing
 
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
-from compensate.solver.deghosting import clipped_subtraction
+from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.gpcg import GPCG
 from compensate.solver.relinearised import Relinearised, true_cost
 from compensate.solver.result import Status

@@ -23,10 +23,9 @@ from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM
 from compensate.solver.admm.dome import hessian_of
 from compensate.solver.admm.pyramid import doubled
-from compensate.solver.baselines import RaisedBlack, Untouched
+from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
-from compensate.solver.subtraction import Subtractive
 from compensate.weighting import PerceptualWeighting
 from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from compensate.aim import Aim, Eye
+from compensate.aim import Aim
+from compensate.pose import Eye
 from compensate.ghosts import edge_sigma
 from compensate.pose import Posed, pose
 from compensate.solve import solved

@@ -7,10 +7,10 @@ import array_api_strict
 import numpy as np
 import pytest
 
-from compensate.means import (
+from compensate.blocks import (
     block_sums,
     box_mean,
-    coefficients,
+    guided,
     enlarged,
     enlarged_rows,
     smooth,
@@ -26,13 +26,13 @@ def mean_around(plane: np.ndarray, row: int, col: int, radius: int) -> float:
 
 
 def guided(plane, screen, radius, edge, importance=None, *, block=1):
-    """The edge-preserving mean of a plane, by its coefficients."""
+    """The edge-preserving mean of a plane, by its guided."""
     xp = array_api_compat.array_namespace(plane)
     on = xp.astype(screen, plane.dtype)
     weights = on if importance is None else on * importance
     weighted = weights * plane
     sums = [block_sums(each, block) for each in (on, weights, weighted, weighted * plane)]
-    slope, offset = coefficients(*sums, radius, edge)
+    slope, offset = guided(*sums, radius, edge)
     return enlarged(slope, block, plane.shape) * plane + enlarged(offset, block, plane.shape)
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from domesim.light import Array, namespace
-from domesim.light.strips import in_strips
+from domesim.light.strips import in_parts, in_strips
 
 _BOXES = 3
 
@@ -57,7 +57,7 @@ def smooth(planes: Array, sigma: float) -> Array:
     return _boxes(planes, [small + 1] * large + [small] * (_BOXES - large), means=True)
 
 
-def coefficients(
+def guided(
     pixels: Array, weight: Array, first: Array, second: Array, radius: int, edge: float
 ) -> tuple[Array, Array]:
     """Slope and offset of the edge-preserving mean of a value, (row, col) of blocks each.
@@ -85,6 +85,38 @@ def coefficients(
     slope = variance / (variance + edge**2)
     mean = _mean_over(box_sum(pixels, radius), radius)
     return mean(pixels * slope), mean(pixels * (1 - slope) * middle)
+
+
+def by_blocks(
+    sums: Callable[[int, slice], Array], shape: tuple[int, ...], block: int, like: Array
+) -> Array:
+    """Sums by blocks, computed in strips of whole rows of blocks.
+
+    Parameters
+    ----------
+    sums
+        View and rows -> (plane, row, col) sums of these rows by blocks, as of `block_sums`.
+    shape
+        (view, row, col, primary) of the picture.
+    block
+        Pixels of a block's side.
+    like
+        An array of the library that computes.
+
+    Returns
+    -------
+    sums
+        (view, plane, row, col) of blocks.
+    """
+    views, rows, cols, primaries = shape
+    xp, strips = namespace(like), (views, -(-rows // block), block * cols * primaries)
+
+    def strip(view: int, blocks: slice) -> Array:
+        return sums(view, slice(blocks.start * block, min(blocks.stop * block, rows)))
+
+    parts = in_parts(strip, strips, like)
+    each = len(parts) // views
+    return xp.stack([xp.concat(parts[v * each : (v + 1) * each], axis=1) for v in range(views)])
 
 
 def block_sums(planes: Array, block: int) -> Array:

@@ -1,0 +1,75 @@
+"""The aim: what can be shown of a master over light that cannot be taken away.
+
+The product's default. A dome's master is lifted with its surroundings (`compensate.aim.dome`), a
+pair gets veils that hide the edges of its ghosts (`pair`), a 3D dome both (`pair_in_a_dome`).
+Several seats are shown what the mean one is (`seats`). Exact subtraction (`compensate.subtract`)
+then shows the aim: no solver and no transform is needed. Laws, and how the numbers were chosen:
+``validation/notes/0007``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from compensate.aim.dome import lifted
+from compensate.aim.pair import veiled
+from compensate.aim.pair_in_a_dome import aimed
+from compensate.aim.settings import Aim, Sight
+from compensate.subtract import reflecting, subtracted
+from domesim.light import Light
+from domesim.light.strips import in_strips
+from domesim.observation.base import Observation
+
+__all__ = ["Aim", "Sight", "aimed_light"]
+
+
+def aimed_light(
+    aim: Aim,
+    sight: Sight,
+    observation: Observation,
+    wanted: Light,
+    subtractive: Light,
+    seen: Light,
+) -> Light:
+    """The light that shows what is aimed at.
+
+    Parameters
+    ----------
+    aim, sight
+        Settings, and how the picture is seen.
+    observation
+        What is seen of light at the one seat.
+    wanted
+        (view, row, col, primary) what should be seen.
+    subtractive, seen
+        Light of exact clipped subtraction, and what is seen of it.
+
+    Returns
+    -------
+    light
+        (view, row, col, primary) to project, within 0..1.
+    """
+    dome = reflecting(observation)
+    if dome is None:
+        aim_at, upper = veiled(aim, sight, wanted, np.maximum(seen - wanted, 0)), 1.0
+    else:
+        upper = dome.screen_like(wanted)[None, :, :, None]
+        brightest = observation.direct(np.broadcast_to(np.ones((), wanted.dtype), wanted.shape))
+        floor = _less(seen, observation.direct(subtractive))
+        if len(wanted) == 1:
+            aim_at = lifted(aim, sight, wanted, floor, brightest)
+        else:
+            aim_at = aimed(aim, sight, observation, wanted, floor, brightest, upper)
+        del floor  # it takes memory
+    return subtracted(observation, aim_at, (0.0, upper), start=subtractive)[0]
+
+
+def _less(light: Light, other: Light) -> Light:
+    """`light` - `other`, by all threads: new memory takes longer than the difference."""
+    found = np.empty_like(light)
+
+    def subtract(view: int, rows: slice) -> None:
+        np.subtract(light[view, rows], other[view, rows], out=found[view, rows])
+
+    in_strips(subtract, light.shape)
+    return found

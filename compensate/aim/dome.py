@@ -1,0 +1,179 @@
+"""The aim of a dome: the master, lifted with its surroundings over a floor that cannot be darkened.
+
+Where light is missing, the eye cannot have the master's light. It can have its contrast and its
+hue. Equation 3 of the paper allows any model lambda, so contrasts are compared, each relative to
+what the eye is adapted to in that place:
+
+    lambda(y) = (y - B_y) / (B_y + c)
+
+B_y is the local mean of y, c a luminance below which the eye loses contrast. With m the master's
+luminance and c, and B = B_m + c, lambda(psi(x)) = lambda(m) holds where psi(x) = m B' / B, for any
+base B' of what is seen. The aim chooses B', and bounds what stands out from it.
+
+*How far black is lifted.* All of the screen is polluted alike, so one number says it. u is `lift`
+times the light that is missing in the darkest part of the screen. What the eye hardly sees is
+hardly worth a lift:
+
+    u = lift mean(floor - m),        v = u² / (u + c / 2)
+
+*The base* takes all of v where it is black, and less the brighter it is:
+
+    B' = (B² + v²)^(1/2)
+
+B is a guided mean of log m (`compensate.blocks.guided`), which keeps edges. A pixel counts by its
+darkness, c / m, so that nothing bright nearby raises the base of what is dark and leaves a rim.
+
+*Texture and points.* Below its base a pixel keeps its contrast. What stands out, a star, would be
+multiplied until it meets white. It is lifted by at most twice what its surroundings are, and so
+that light rises with light; the slope at m = B is that of texture:
+
+    m' = m B' / B                              m <= B
+    m' = m + (B' - B) (2 - B / m)              m >  B
+    m' = m (1 + (B' - B) / B  t (2 - t))       t = min(B / m, 1)            (both in one)
+
+*Colour.* The floor leaves too much of some primaries. To lift the others alone would show a blue
+sky as purple. So a lifted colour of luminance Y' is mixed with grey until no primary lies below the
+floor, where any mixture is that bright:
+
+    m'_p = Y' + k (m'_p - Y'),         k = min over p of (Y' - floor_p) / (Y' - m'_p), in 0..1
+
+It is mixed as far as it is lifted, by 1 - m / m': what is exact stays exact.
+
+Where nothing is missing, v is 0, and the aim is the master: what is exact stays exact. Both eyes of
+a 3D dome are lifted by the same v: else they would see two blacks. B and v are known by blocks of
+half a degree, and are linear in between: what they cost does not grow with the picture.
+
+Display-adaptive tone mapping has the same idea for whole displays: R. Mantiuk, S. Daly, L.
+Kerofsky, "Display Adaptive Tone Mapping", ACM Trans. Graph. 27(3), 2008. The laws, how the numbers
+were chosen, and what lost: ``validation/notes/0007``.
+"""
+
+from __future__ import annotations
+
+from functools import reduce
+
+from compensate.aim.settings import Aim, Sight
+from compensate.blocks import block_sums, by_blocks, enlarged_rows, guided
+from domesim.light import Array, Light, namespace, total
+from domesim.light.strips import in_parts
+
+DARK = 0.01
+"""c, cd/m²: luminance below which the eye loses contrast."""
+DARKEST = 0.1
+"""Share of the screen whose missing light decides: its darkest part."""
+REACH = 2.0
+"""Degrees within which contrast is kept: radius of the guided mean."""
+EDGE = 2.0
+"""Contrast, in natural logarithms, beyond which an edge separates two places."""
+BLOCKS = 2
+"""Blocks a degree: how finely the base is known."""
+_TINY = 1e-9  # of white
+
+
+def block_of(density: float) -> tuple[int, int]:
+    """Pixels of a block's side, and blocks of the guided mean's radius; of pixels a degree."""
+    block = max(1, round(density / BLOCKS))
+    return block, max(1, round(REACH * density / block))
+
+
+def raised(lift: float, missing: float, c: float) -> float:
+    """Returns v: how far black is lifted.
+
+    Parameters
+    ----------
+    lift
+        Of the aim.
+    missing
+        Luminance that is missing in the darkest places, at least 0, in any unit.
+    c
+        Luminance below which the eye loses contrast, in that unit.
+    """
+    u = lift * missing
+    return u * u / (u + c / 2)
+
+
+def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light) -> Light:
+    """The aim of a dome.
+
+    Parameters
+    ----------
+    aim, sight
+        Settings, and how the dome is seen.
+    wanted
+        (view, row, col, primary) what should be seen, 1 = projector white.
+    floor
+        Light that is there without any of its own, over subtraction of the master; of that shape.
+    brightest
+        What is seen of white in its own place; nothing is lifted above. It broadcasts.
+
+    Returns
+    -------
+    light
+        (view, row, col, primary) what is aimed at.
+    """
+    xp, (_, _, cols, primaries) = namespace(wanted), wanted.shape
+    c = DARK / sight.white
+    block, radius = block_of(sight.density)
+
+    def sums(view: int, rows: slice) -> Array:
+        """(5, row, col) by blocks: pixels, missing light, and importance w, w log m, w log² m."""
+        m = sight.luminance(wanted[view, rows, ...]) + c
+        on = xp.astype(sight.screen[rows, :], m.dtype)
+        missing = on * (sight.luminance(floor[view, rows, ...]) - m + c)
+        w, log_m = on * (c / m), xp.log(m)
+        return block_sums(xp.stack([on, missing, w, w * log_m, w * log_m**2]), block)
+
+    v, bases = 0.0, []
+    for found in xp.unstack(by_blocks(sums, wanted.shape, block, wanted), axis=0):
+        pixels, missing, *moments = xp.unstack(found, axis=0)
+        v = max(v, raised(aim.lift, _darkest(pixels, missing), c))
+        bases.append(xp.stack(guided(pixels, *moments, radius, EDGE)))
+
+    aimed = xp.empty_like(wanted)
+
+    def work(view: int, rows: slice) -> None:
+        own, low, white = (
+            [each[view, rows, :, p] for p in range(primaries)]
+            for each in (wanted, floor, brightest)
+        )
+        luminance = sight.luminance(wanted[view, rows, ...])
+        m = luminance + c
+        slope, offset = xp.unstack(enlarged_rows(bases[view], block, rows, cols), axis=0)
+        B = xp.exp(slope * xp.log(m) + offset)
+        none, one, tiny = xp.zeros_like(m), xp.ones_like(m), xp.full_like(m, _TINY)
+        t = xp.minimum(B / m, one)
+        gain = 1 + (xp.sqrt(B * B + v * v) / B - 1) * t * (2 - t)
+        # Limited to what brings the brightest primary to white, so that hues stay
+        room = reduce(
+            xp.minimum, (w / xp.maximum(x, tiny) for w, x in zip(white, own, strict=True))
+        )
+        gain = xp.maximum(xp.minimum(gain, room), one)
+        Y, new = luminance * gain, [x * gain for x in own]
+        k = one
+        for x, f in zip(new, low, strict=True):
+            most = xp.maximum(Y - f, none) / xp.maximum(Y - x, tiny)
+            k = xp.where(x < Y, xp.minimum(k, most), k)
+        k = 1 - (1 - 1 / gain) * (1 - k)
+        for p, x in enumerate(new):
+            aimed[view, rows, :, p] = Y + k * (x - Y)
+
+    in_parts(work, wanted.shape, wanted)
+    return aimed
+
+
+def _darkest(pixels: Array, sums: Array) -> float:
+    """Mean of the missing light over the darkest share of the screen, where most is missing.
+
+    Places are blocks, as of the base: no single pixel decides, however many there are. A block has
+    so many `pixels` on the screen, in which so much is missing in all. Blocks that lack the same
+    count alike: their order changes nothing.
+    """
+    xp = namespace(pixels)
+    counted, sums = pixels[pixels > 0], sums[pixels > 0]
+    means = xp.maximum(sums, xp.zeros_like(sums)) / counted
+    order = xp.argsort(-means, stable=True)
+    counted, means = (xp.astype(xp.take(each, order), xp.float64) for each in (counted, means))
+    most = DARKEST * total(counted)
+    before = xp.cumulative_sum(counted) - counted
+    share = xp.clip(most - before, 0 * counted, counted)
+    return float(total(share * means) / most)

@@ -1,0 +1,47 @@
+"""The aim of a 3D dome: both views lifted by the same light, then veils for what ghosts are left.
+
+Reflected light is missing all over the screen, and crosstalk in places. Over the lifted black most
+ghosts can be subtracted; what no light of one's own takes away, the floor, is no ghost.
+"""
+
+from __future__ import annotations
+
+from compensate.aim.dome import lifted
+from compensate.aim.pair import veiled
+from compensate.aim.settings import Aim, Sight
+from compensate.subtract import subtracted
+from domesim.light import Array, Light, namespace
+from domesim.observation.base import Observation
+
+
+def aimed(
+    aim: Aim,
+    sight: Sight,
+    observation: Observation,
+    wanted: Light,
+    floor: Light,
+    brightest: Light,
+    upper: Array,
+) -> Light:
+    """What is aimed at in a 3D dome.
+
+    Parameters
+    ----------
+    aim, sight, wanted, floor, brightest
+        As for `compensate.aim.dome.lifted`.
+    observation
+        What is seen of light.
+    upper
+        Largest light, which broadcasts: 0 off the screen.
+
+    Returns
+    -------
+    light
+        (2, row, col, primary).
+    """
+    xp = namespace(wanted)
+    raised = lifted(aim, sight, wanted, floor, brightest)
+    light, _ = subtracted(observation, raised, (0.0, upper))
+    raised = xp.maximum(raised, floor)
+    ghosts = xp.maximum(observation.observe(light) - raised, xp.zeros_like(raised))
+    return veiled(aim, sight, raised, ghosts)

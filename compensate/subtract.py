@@ -1,0 +1,417 @@
+"""Exact clipped subtraction: the light that shows what is wanted, wherever any light can.
+
+Showing ``wanted - phi(wanted)`` subtracts the pollution of a picture that is not shown. The exact
+solution subtracts that of the light x that *is* shown:
+
+    x = clip(D^-1 (wanted - ambient - phi(x)))                                      (eq. 1, exact)
+
+It is no least-squares solution: who can see a picture exactly does, and takes no share in the error
+of others. With crosstalk of 0.1 and (0.005, 0.4) wanted it shows (0, 0.4); least squares show
+(0, 0.39653).
+
+*What domes and pairs have in common.* Light reaches other places as s = K V'x, a few sums, and
+other views pixel by pixel: what is seen is C (D x + S s + ambient), and so, in each view,
+
+    x = clip(free - M x_u),          free = D^-1 (wanted - C S s - dark)
+
+with x_u the other view's light, M the crosstalk, and `dark` what is seen without a picture. On a
+flat screen s is empty; of one view M is 0. For a given s rounds solve x in each strip of pixels. A
+round gains M, a factor of fifty for 2 %. s is the root of s - K V'x(s), which is piecewise linear:
+Newton's method on its pieces (semismooth Newton) takes a few steps. Its slopes leave out M.
+
+*Any other observation*, a table from grey to grey or one of your own, is solved by rounds of all
+pixels; along a table, with each view's own light found exactly in every round. A round gains what
+pollution is of a picture. Where rounds do not settle, pollution is as strong as the picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, NamedTuple, final
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from domesim.light import Array, Light, dot, namespace
+from domesim.light.strips import in_strips
+from domesim.observation.base import Observation
+from domesim.observation.crosstalk import Crosstalk
+from domesim.observation.dome_pair import ReflectedViews
+from domesim.observation.followed import Followed
+from domesim.observation.grey_to_grey import GreyToGrey
+from domesim.observation.lowrank import LowRankObservation, expand
+from domesim.observation.stereo import StereoObservation
+
+Floats = NDArray[Any]
+
+MAX_ROUNDS = 1000
+"""Most rounds, or Newton steps: crosstalk of 90 %, the largest possible, takes 340 rounds to
+float64's rounding."""
+
+_EVERY = 8  # row and column of which a first estimate of s is made
+_SETTLED = 1e-7  # of s
+
+
+def subtracted(
+    observation: Observation,
+    wanted: Light,
+    bounds: tuple[Array | float, Array | float] = (0.0, 1.0),
+    *,
+    start: Light | None = None,
+    max_rounds: int = MAX_ROUNDS,
+) -> tuple[Light, int]:
+    """Light within bounds that shows what is wanted where any can.
+
+    Parameters
+    ----------
+    observation
+        What is seen of light, at one seat.
+    wanted
+        (view, row, col, primary) what should be seen, 1 = projector white.
+    bounds
+        Lower and upper bound of the light: numbers, or arrays that broadcast with it.
+    start
+        Light that is near the result: it saves rounds of all pixels.
+    max_rounds
+        Rounds, or Newton steps, at most.
+
+    Returns
+    -------
+    light, rounds
+        The light, and the rounds taken. If those are `max_rounds`, it has not been reached.
+
+    Raises
+    ------
+    ValueError
+        If several seats look at once, or light is not seen where it is shown: D has a 0.
+    """
+    if observation.shape != observation.seen_shape:
+        raise ValueError(f"subtraction is of one seat, got {observation.seen_shape} seen")
+    if isinstance(wanted, np.ndarray) and (parts := _parts(observation, wanted)) is not None:
+        lower, upper = (np.broadcast_to(np.asarray(each), wanted.shape) for each in bounds)
+        return _by_newton(parts, wanted, lower, upper, max_rounds)
+    return _by_rounds(observation, wanted, bounds, start, max_rounds)
+
+
+def reflecting(observation: Observation) -> LowRankObservation | None:
+    """Returns what reflects light all over the screen: of two views, how their sum is reflected.
+
+    None if nothing reflects.
+    """
+    if isinstance(observation, LowRankObservation):
+        return observation
+    if isinstance(observation, ReflectedViews):
+        return observation.summed
+    if isinstance(observation, Followed):
+        return reflecting(observation.first) or reflecting(observation.then)
+    return None
+
+
+def newton_step(core: Floats, sums: Floats, slopes: Floats, s: Floats) -> Floats:
+    """Newton's step of s towards K V'x(s).
+
+    Parameters
+    ----------
+    core
+        (group, n, n) K: primaries that do not mix are groups of their own.
+    sums
+        (group, n) V'x of the light x(s).
+    slopes
+        (group, n, n) how sums fall as s rises.
+    s
+        (group, n).
+    """
+    system = np.eye(s.shape[1]) + core @ slopes
+    off = (core @ sums[..., None])[..., 0] - s
+    return np.asarray(np.linalg.solve(system, off[..., None])[..., 0])
+
+
+@final
+class _Parts(NamedTuple):
+    """What is seen as C (D x + S s + ambient), s = K V'x.
+
+    Attributes
+    ----------
+    gain
+        (row, col) D; None for 1.
+    spread, collect
+        (rank, row, col) S and V.
+    core
+        (group, n, n) K: a group a primary, or one of all views and primaries.
+    leaks
+        (view primary, view primary) C; None for 1.
+    dark
+        What is seen without a picture, which broadcasts with light; None if nothing is.
+    crosstalk
+        M; None of one view.
+    """
+
+    gain: Floats | None
+    spread: Floats
+    collect: Floats
+    core: Floats
+    leaks: Floats | None
+    dark: Floats | None
+    crosstalk: Crosstalk | None
+
+    def every(self, step: int) -> _Parts:
+        """Those of every so many rows and columns, whose pixels stand for their neighbours'."""
+
+        def some(array: Floats) -> Floats:
+            return array[..., ::step, ::step]
+
+        dark = self.dark
+        if dark is not None:
+            dark = np.moveaxis(some(np.moveaxis(dark, -1, 1)), 1, -1)
+        return self._replace(
+            gain=None if self.gain is None else some(self.gain),
+            spread=some(self.spread),
+            collect=some(self.collect),
+            core=self.core * step**2,
+            dark=dark,
+        )
+
+
+def _parts(observation: Observation, like: Floats) -> _Parts | None:
+    """The parts of an observation that has them, else None."""
+    if isinstance(observation, LowRankObservation):
+        f = observation.factors_like(like)
+        gain = None if (f.direct_gain == 1).all() else f.direct_gain
+        dark = np.moveaxis(f.ambient, 0, -1)[None] if f.ambient.any() else None
+        return _Parts(gain, f.spread, f.collect, f.core, None, dark, None)
+    if isinstance(observation, Crosstalk):
+        none = np.zeros((0, *like.shape[1:3]), like.dtype)
+        # Of a whole row: NumPy repeats three numbers slowly
+        black = np.repeat(observation.black[:, None, None, :], like.shape[2], 2).astype(like.dtype)
+        return _Parts(None, none, none, np.zeros((1, 0, 0)), None, black, observation)
+    if isinstance(observation, Followed):
+        first, then = observation.first, observation.then
+        if isinstance(first, ReflectedViews) and isinstance(then, Crosstalk):
+            return _pair_in_a_dome(first, then, like.dtype)
+    return None
+
+
+@lru_cache(maxsize=1)
+def _pair_in_a_dome(reflected: ReflectedViews, crosstalk: Crosstalk, dtype: Any) -> _Parts | None:
+    """The parts of a 3D dome; None if crosstalk differs over the screen, or has a black."""
+    if crosstalk.share.shape[1:] != (1, 1) or crosstalk.black.any():
+        return None
+    spread, collect, core = reflected.modes()
+    size = core.shape[0] * core.shape[1]
+    dark = reflected.ambient(np.zeros(reflected.shape, dtype))
+    return _Parts(
+        gain=np.where(reflected.screen, reflected.direct_gain, 1).astype(dtype),
+        spread=np.asarray(spread, dtype),
+        collect=np.asarray(collect, dtype),
+        core=core.reshape(1, size * core.shape[2], -1),
+        leaks=crosstalk.central.reshape(size, size),
+        dark=None if dark is None else crosstalk.linear(dark),
+        crosstalk=crosstalk,
+    )
+
+
+def _by_newton(
+    k: _Parts, wanted: Floats, lower: Floats, upper: Floats, max_rounds: int
+) -> tuple[Floats, int]:
+    """`subtracted`: s by Newton's method, and the light of s strip by strip."""
+    s = np.zeros(k.core.shape[:2])
+    if s.size:
+        some = (slice(None), slice(None, None, _EVERY), slice(None, None, _EVERY))
+        _settle(k.every(_EVERY), wanted[some], lower[some], upper[some], s, max_rounds)
+    return _settle(k, wanted, lower, upper, s, max_rounds)
+
+
+def _settle(
+    k: _Parts, wanted: Floats, lower: Floats, upper: Floats, s: Floats, max_rounds: int
+) -> tuple[Floats, int]:
+    """`_by_newton` from an estimate of s, which becomes the solution."""
+    views, rows, _, primaries = wanted.shape
+    planes, rank = list(np.ndindex(views, primaries)), len(k.spread)
+    light = np.empty_like(wanted)
+    dark = None if k.dark is None else np.broadcast_to(k.dark, wanted.shape)
+    mixing = None if k.crosstalk is None else _Mixing(k.crosstalk)
+
+    def show(_: int, rows: slice) -> tuple[int, Floats, Floats]:
+        """The light of s in some rows: rounds, its sums, and how they fall as s rises."""
+        modes, collect = k.spread[:, rows], k.collect[:, rows]
+        modes = modes if k.gain is None else modes / k.gain[rows]
+        free = []
+        for (v, p), excited in zip(planes, seen_s, strict=True):
+            plane = np.array(wanted[v, rows, :, p])
+            if dark is not None:
+                plane -= dark[v, rows, :, p]
+            if k.gain is not None:
+                plane /= k.gain[rows]
+            if rank:
+                plane -= expand(modes, excited.astype(plane.dtype))
+            free.append(plane)
+        bounds = [(lower[v, rows, :, p], upper[v, rows, :, p]) for v, p in planes]
+        if mixing is None:
+            rounds, shown = 0, [_clipped(*each) for each in zip(free, bounds, strict=True)]
+        else:
+            rounds, shown = mixing.settled(free, bounds, rows, max_rounds)
+        for (v, p), plane in zip(planes, shown, strict=True):
+            light[v, rows, :, p] = plane
+        overlaps = [[each * mode for mode in modes] for each in collect]
+        moving = [(x > low) & (x < high) for x, (low, high) in zip(shown, bounds, strict=True)]
+        return (
+            rounds,
+            np.array([[dot(each, x) for each in collect] for x in shown]),
+            np.array([[[np.sum(on * m) for m in line] for line in overlaps] for on in moving]),
+        )
+
+    for steps in range(1, max_rounds + 1):
+        seen_s = s.reshape(len(planes), rank)
+        seen_s = seen_s if k.leaks is None else k.leaks @ seen_s
+        strips = in_strips(show, (1, rows, wanted.shape[2], len(planes)))
+        rounds, *parts = zip(*strips, strict=True)
+        if not rank:
+            return light, max(rounds)
+        sums, slopes = (sum(part) for part in parts)
+        if len(s) == 1:
+            slopes = scipy.linalg.block_diag(*slopes)[None]
+        change = newton_step(k.core, sums.reshape(s.shape), slopes, s)
+        s += change
+        if np.abs(change).max() <= _SETTLED * max(np.abs(s).max(), _SETTLED):
+            return light, max(steps, *rounds)
+    return light, max_rounds
+
+
+@final
+class _Mixing:
+    """Crosstalk between planes (row, col) of light: of left in each primary, then of right."""
+
+    def __init__(self, crosstalk: Crosstalk) -> None:
+        size = 2 * crosstalk.shape[3]
+        central = crosstalk.central.reshape(size, size)
+        self._inverse = np.linalg.inv(central)
+        self._share = crosstalk.share
+        self._matrices = crosstalk.matrices
+
+    def settled(
+        self, free: Sequence[Floats], bounds: Sequence[Any], rows: slice, max_rounds: int
+    ) -> tuple[int, list[Floats]]:
+        """The rounds taken, and light x = clip(free - M x_u) of some rows, within bounds.
+
+        It begins with what subtracts the mean of the map: where that is flat and nothing clips,
+        this is the result.
+        """
+        count = len(free) // 2
+        light = [
+            _clipped(_sum(line, free), each)
+            for line, each in zip(self._inverse, bounds, strict=True)
+        ]
+        shares = [each if len(each) == 1 else each[rows] for each in self._share]
+        shares = [each.astype(free[0].dtype) for each in shares]
+        settling = _Settling(float(np.finfo(free[0].dtype).eps))
+        for rounds in range(1, max_rounds + 1):
+            change = 0.0
+            for view in (0, 1):
+                own = slice(view * count, (view + 1) * count)
+                others = light[count:] if view == 0 else light[:count]
+                leaks = [_sum(line, others) * shares[view] for line in self._matrices[view]]
+                for at, leak in zip(range(own.start, own.stop), leaks, strict=True):
+                    new = _clipped(free[at] - leak, bounds[at])
+                    difference = new - light[at]
+                    change = max(change, float(difference.max()), -float(difference.min()))
+                    light[at] = new
+            if settling.done(change):
+                return rounds, light
+        return max_rounds, light
+
+
+def _clipped(plane: Floats, bounds: tuple[Floats, Floats]) -> Floats:
+    low, high = bounds
+    return np.minimum(np.maximum(plane, low), high)
+
+
+def _sum(weights: Floats, planes: Sequence[Floats]) -> Floats:
+    """The sum of planes by weights, most of which are 0."""
+    found = np.zeros_like(planes[0])
+    for weight, plane in zip(weights.astype(found.dtype), planes, strict=True):
+        if weight:
+            found += weight * plane
+    return found
+
+
+@final
+class _Settling:
+    """Whether an iteration's changes have come down to rounding, of relative size `tiny`."""
+
+    def __init__(self, tiny: float) -> None:
+        self._tiny = tiny
+        self._best, self._since_best = np.inf, 0
+
+    def done(self, change: float) -> bool:
+        """Note the largest change of a round."""
+        self._since_best = 0 if change < self._best else self._since_best + 1
+        self._best = min(self._best, change)
+        # Rounding can keep the last digits moving
+        return change <= self._tiny or (change <= 16 * self._tiny and self._since_best > 2)
+
+
+def _by_rounds(
+    observation: Observation,
+    wanted: Light,
+    bounds: tuple[Array | float, Array | float],
+    start: Light | None,
+    max_rounds: int,
+) -> tuple[Light, int]:
+    """`subtracted` of any observation: each view's own light beside the others' last."""
+    xp = namespace(wanted)
+    lower, upper = (xp.asarray(each, dtype=wanted.dtype, device=wanted.device) for each in bounds)
+    slopes = None if isinstance(observation, GreyToGrey) else _own_slopes(observation, wanted)
+    if slopes is not None and not float(xp.min(slopes)) > 0:
+        raise ValueError("subtraction takes a direct gain above 0 everywhere")
+    light = xp.minimum(xp.maximum(wanted if start is None else start, lower), upper)
+    settling = _Settling(float(xp.finfo(wanted.dtype).eps))
+    for rounds in range(1, max_rounds + 1):
+        if isinstance(observation, GreyToGrey):
+            own = _along_table(observation, wanted, light)
+        else:
+            own = light + (wanted - observation.observe(light)) / slopes
+        new = xp.minimum(xp.maximum(own, lower), upper)
+        change = float(xp.max(xp.abs(new - light)))
+        light = new
+        if settling.done(change):
+            return light, rounds
+        if not np.isfinite(change):
+            break
+    return light, max_rounds
+
+
+def _own_slopes(observation: Observation, like: Light) -> Light:
+    """(view, row, col, primary) what a view shows of its own light, in its own place."""
+    xp = namespace(like)
+    if not isinstance(observation, StereoObservation):
+        return observation.direct(xp.ones_like(like))
+    one, none = xp.ones_like(like[:1, ...]), xp.zeros_like(like[:1, ...])
+    left = observation.linear(xp.concat([one, none]))[:1, ...]
+    right = observation.linear(xp.concat([none, one]))[1:, ...]
+    return xp.concat([left, right])
+
+
+def _along_table(observation: GreyToGrey, seen: Light, light: Light) -> Light:
+    """Each eye's own light that shows it `seen` beside the other's `light`.
+
+    psi rises with own light, in straight pieces between the levels: each piece gives its share.
+    """
+    xp = namespace(seen)
+    levels = [float(level) for level in observation.levels]
+
+    def at(level: float) -> Light:
+        own = xp.full_like(light[:1, ...], level)
+        left = observation.observe(xp.concat([own, light[1:, ...]]))[:1, ...]
+        right = observation.observe(xp.concat([light[:1, ...], own]))[1:, ...]
+        return xp.concat([left, right])
+
+    low = at(levels[0])
+    own = xp.minimum(seen - low, xp.zeros_like(seen))
+    for first, last in pairwise(levels):
+        high = at(last)
+        own = own + (last - first) * xp.clip((seen - low) / (high - low), 0, 1)
+        low = high
+    return own + xp.maximum(seen - low, xp.zeros_like(seen))
