@@ -214,7 +214,7 @@ class Appraisal:
         None for a table, and for several seats, of which the worst may count.
         """
         several = isinstance(self.posed.observation, GreyToGrey | SeveralSeats)
-        if result.gap is None or several:
+        if result.gap is None or result.cost is None or several:
             return None
         if not result.gap:
             return 0.0

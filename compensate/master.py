@@ -18,12 +18,11 @@ from compensate.aim import Aim
 from compensate.figures import Appraisal, Figures
 from compensate.methods import Solver
 from compensate.own import own_problem
-from compensate.pose import Eye, Posed, pose, require_within_range
+from compensate.pose import Eye, Posed, Stage, require_within_range
 from compensate.solve import solved
 from compensate.solver.fitting import fitting
 from compensate.solver.result import Result
 from compensate.weighting import PerceptualWeighting, Weighting
-from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Light, require_light
 from domesim.observation.base import AdjointObservation
@@ -66,24 +65,20 @@ def compensate(
         such as `compensate.own.LinearWeighting`.
     observation
         What is seen, if not by the scene's own: such as
-        `domesim.observation.linear.LinearObservation`. The weighting is the paper's then; by
-        default the solver is that of `compensate.solver.fitting`.
+        `domesim.observation.linear.LinearObservation`. The weighting is the paper's then, unless it
+        is an `Aim`; by default the solver is that of `compensate.solver.fitting`.
 
     Raises
     ------
     InputError
-        If the master leaves 0..1 on the screen (see `domesim.scene.screening.within_range`), or an
-        aim is asked for with an observation of one's own.
+        If the master leaves 0..1 on the screen (see `domesim.scene.screening.within_range`).
     """
-    if observation is not None or isinstance(weighting, Weighting):
-        if isinstance(weighting, Aim):
-            raise InputError(
-                "an aim needs exact subtraction, which an observation of your own has not; leave "
-                "the weighting out, or give PerceptualWeighting()"
-            )
+    own = observation is not None and not isinstance(weighting, Aim)
+    if own or isinstance(weighting, Weighting):
         require_light(desired, who="compensate")
         screen = scene.screen(*desired.shape[1:3])
         require_within_range(desired, screen)
+        assert not isinstance(weighting, Aim)
         problem = own_problem(desired, scene, observation, weighting)
         chosen = solver or fitting(problem).solver
         assert problem.anchor is not None
@@ -91,7 +86,7 @@ def compensate(
         return replace(found, light=np.where(screen[None, :, :, None], found.light, desired))
     if weighting is None and solver is not None:
         weighting = PerceptualWeighting()
-    posed = pose(desired, scene, weighting)
+    posed = Stage(scene, weighting, observation).pose(desired)
     found = solved(posed, "perceptual", solver)
     if posed.desired is desired:
         return found

@@ -25,7 +25,7 @@ from compensate.subtract import reflecting, subtracted
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
-from domesim.light import Array, Light, require_light
+from domesim.light import Array, Light, namespace, require_light
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.base import AdjointObservation, Observation
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -120,14 +120,13 @@ class Posed:
 
     def aimed(self) -> Light | None:
         """The light that shows the aim; None if the picture is made for something else."""
-        setting, shown = self.setting, self.shown
+        setting = self.setting
         if not isinstance(setting.eye, Aim):
             return None
         wanted = setting.single.direct(self.desired)
-        if setting.single is not self.observation:
-            shown = setting.single.observe(self.subtractive)
+        upper = setting.upper_like(wanted)
         return aimed_light(
-            setting.eye, setting.sight, setting.single, wanted, self.subtractive, shown
+            setting.eye, setting.sight, setting.single, wanted, self.subtractive, upper
         )
 
     def residual(self, light: Light) -> Light:
@@ -155,11 +154,19 @@ class Stage:
     scene
         The theatre, or stereo system.
     weighting
-        Settings of the vision model.
+        What pictures are made for; the aim by default.
+    observation
+        What is seen, if not by the scene's own.
     """
 
-    def __init__(self, scene: Scene, weighting: Eye | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        weighting: Eye | None = None,
+        observation: Observation | None = None,
+    ) -> None:
         self._scene = scene
+        self._observation = observation
         self._eye = weighting or Aim()
         self._setting: Setting | None = None
         self._lock = threading.Lock()
@@ -195,7 +202,7 @@ class Stage:
     def _of_size(self, rows: int, cols: int) -> Setting:
         with self._lock:
             if self._setting is None or self._setting.screen.shape != (rows, cols):
-                self._setting = _setting(self._scene, self._eye, rows, cols)
+                self._setting = _setting(self._scene, self._eye, self._observation, rows, cols)
             return self._setting
 
 
@@ -271,10 +278,11 @@ class Setting:
         return settings.of(self.scene.viewing, self.scene.projector, self.screen, self.scene.views)
 
     def upper_like(self, light: Light) -> Array | float:
-        """The largest light: 0 off the screen of a dome, for there nothing is projected."""
-        if self.dome is None:
+        """The largest light: 0 off the screen, for there nothing is projected."""
+        if self.screen.all():
             return 1.0
-        return self.dome.screen_like(light)[None, :, :, None]
+        upper = namespace(light).asarray(self.screen, dtype=light.dtype, device=light.device)
+        return upper[None, :, :, None]
 
     def subtracted(self, desired: Light) -> Light:
         """Exact clipped subtraction of a master, at the one seat or the mean one."""
@@ -287,10 +295,15 @@ class Setting:
         return reflecting(self.single)
 
 
-def _setting(scene: Scene, eye: Eye, rows: int, cols: int) -> Setting:
-    observation, single = scene.solvable(rows, cols), seat_of(scene, rows, cols)
-    if single.shape == observation.seen_shape:
-        single = observation  # of one seat
+def _setting(
+    scene: Scene, eye: Eye, observation: Observation | None, rows: int, cols: int
+) -> Setting:
+    single = observation
+    if observation is None:
+        observation = single = scene.solvable(rows, cols)
+        if isinstance(observation, SeveralSeats):
+            single = seat_of(scene, rows, cols)
+    assert single is not None
     return Setting(
         scene, eye, observation, single, scene.screen(rows, cols), scene.pixel_areas(rows, cols)
     )

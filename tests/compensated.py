@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from compensate.pose import Eye
 from compensate.master import Outcome, solve_frame
 from compensate.methods import Solver, require_method
-from compensate.pose import Stage
+from compensate.pose import Eye, Stage
 from domesim.frames import Master
 from domesim.scene import Scene
 

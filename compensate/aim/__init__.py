@@ -16,7 +16,7 @@ from compensate.aim.pair import veiled
 from compensate.aim.pair_in_a_dome import aimed
 from compensate.aim.settings import Aim, Sight
 from compensate.subtract import reflecting, subtracted
-from domesim.light import Light
+from domesim.light import Array, Light
 from domesim.light.strips import in_strips
 from domesim.observation.base import Observation
 
@@ -29,7 +29,7 @@ def aimed_light(
     observation: Observation,
     wanted: Light,
     subtractive: Light,
-    seen: Light,
+    upper: Array | float = 1.0,
 ) -> Light:
     """The light that shows what is aimed at.
 
@@ -38,30 +38,32 @@ def aimed_light(
     aim, sight
         Settings, and how the picture is seen.
     observation
-        What is seen of light at the one seat.
+        What is seen of light, at one seat.
     wanted
         (view, row, col, primary) what should be seen.
-    subtractive, seen
-        Light of exact clipped subtraction, and what is seen of it.
+    subtractive
+        Light of exact clipped subtraction.
+    upper
+        Largest light, which broadcasts.
 
     Returns
     -------
     light
-        (view, row, col, primary) to project, within 0..1.
+        (view, row, col, primary) to project, from 0 to `upper`.
     """
-    dome = reflecting(observation)
-    if dome is None:
-        aim_at, upper = veiled(aim, sight, wanted, np.maximum(seen - wanted, 0)), 1.0
+    seen = observation.observe(subtractive)
+    if len(wanted) > 1 and reflecting(observation) is None:
+        target = veiled(aim, sight, wanted, np.maximum(seen - wanted, 0))
     else:
-        upper = dome.screen_like(wanted)[None, :, :, None]
         brightest = observation.direct(np.broadcast_to(np.ones((), wanted.dtype), wanted.shape))
         floor = _less(seen, observation.direct(subtractive))
+        del seen  # it takes memory
         if len(wanted) == 1:
-            aim_at = lifted(aim, sight, wanted, floor, brightest)
+            target = lifted(aim, sight, wanted, floor, brightest)
         else:
-            aim_at = aimed(aim, sight, observation, wanted, floor, brightest, upper)
-        del floor  # it takes memory
-    return subtracted(observation, aim_at, (0.0, upper), start=subtractive)[0]
+            target = aimed(aim, sight, observation, wanted, floor, brightest, upper)
+        del floor
+    return subtracted(observation, target, (0.0, upper), start=subtractive)[0]
 
 
 def _less(light: Light, other: Light) -> Light:

@@ -10,11 +10,10 @@ B_y is the local mean of y, c a luminance below which the eye loses contrast. Wi
 luminance and c, and B = B_m + c, lambda(psi(x)) = lambda(m) holds where psi(x) = m B' / B, for any
 base B' of what is seen. The aim chooses B', and bounds what stands out from it.
 
-*How far black is lifted.* All of the screen is polluted alike, so one number says it. u is `lift`
-times the light that is missing in the darkest part of the screen. What the eye hardly sees is
-hardly worth a lift:
+*How far black is lifted.* All of the screen is polluted alike, so one number says it: `lift` times
+the light that is missing in the darkest part of the screen,
 
-    u = lift mean(floor - m),        v = u² / (u + c / 2)
+    v = lift mean(floor - m)
 
 *The base* takes all of v where it is black, and less the brighter it is:
 
@@ -76,22 +75,6 @@ def block_of(density: float) -> tuple[int, int]:
     return block, max(1, round(REACH * density / block))
 
 
-def raised(lift: float, missing: float, c: float) -> float:
-    """Returns v: how far black is lifted.
-
-    Parameters
-    ----------
-    lift
-        Of the aim.
-    missing
-        Luminance that is missing in the darkest places, at least 0, in any unit.
-    c
-        Luminance below which the eye loses contrast, in that unit.
-    """
-    u = lift * missing
-    return u * u / (u + c / 2)
-
-
 def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light) -> Light:
     """The aim of a dome.
 
@@ -125,9 +108,9 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
 
     v, bases = 0.0, []
     for found in xp.unstack(by_blocks(sums, wanted.shape, block, wanted), axis=0):
-        pixels, missing, *moments = xp.unstack(found, axis=0)
-        v = max(v, raised(aim.lift, _darkest(pixels, missing), c))
-        bases.append(xp.stack(guided(pixels, *moments, radius, EDGE)))
+        pixels, missing, w, first, second = xp.unstack(found, axis=0)
+        v = max(v, aim.lift * _darkest(pixels, missing))
+        bases.append(xp.stack(guided(pixels, w, first, second, radius, EDGE)))
 
     aimed = xp.empty_like(wanted)
 

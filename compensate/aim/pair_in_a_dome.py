@@ -21,7 +21,7 @@ def aimed(
     wanted: Light,
     floor: Light,
     brightest: Light,
-    upper: Array,
+    upper: Array | float,
 ) -> Light:
     """What is aimed at in a 3D dome.
 
@@ -32,7 +32,7 @@ def aimed(
     observation
         What is seen of light.
     upper
-        Largest light, which broadcasts: 0 off the screen.
+        Largest light, which broadcasts.
 
     Returns
     -------

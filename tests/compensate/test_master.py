@@ -204,7 +204,7 @@ def test_what_a_file_cannot_hold_is_told(scene):
     outcome = compensate_frame(frame(64), wide)
     assert outcome.figures.file_clipped > 0.05
     stored = outcome.appraisal.loss(decoded(outcome.frame, wide))
-    assert stored != pytest.approx(outcome.figures.loss_after, rel=0.02)
+    assert stored != pytest.approx(outcome.figures.loss_after, rel=1e-3)
     assert compensate_frame(frame(64), scene).figures.file_clipped == 0
 
 
@@ -216,7 +216,7 @@ def test_the_loss_of_the_stored_file_is_told(scene, tmp_path):
         write_master(outcome.frame, [path], bits=bits)
         stored = outcome.appraisal.loss(decoded(read_master([path]), scene))
         off[bits] = abs(stored / outcome.figures.loss_after - 1)
-    assert off[16] < 1e-5 < off[8]
+    assert off[16] < 0.1 * off[8]
 
 
 def test_a_jpeg_changes_off_the_screen_by_its_own_rounding_only(scene, tmp_path):

@@ -25,9 +25,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.ndimage import zoom
 
-from compensate.pose import Eye
 from compensate.fourier import padded_size
-from compensate.pose import Posed, pose
+from compensate.pose import Eye, Posed, pose
 from compensate.problem import Problem
 from compensate.solver.baselines import clipped_subtraction
 from compensate.weighting import (

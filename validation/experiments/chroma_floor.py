@@ -13,8 +13,7 @@ Expected
 from __future__ import annotations
 
 from compensate.aim import Aim
-from compensate.pose import Eye
-from compensate.pose import Stage
+from compensate.pose import Eye, Stage
 from compensate.solver.admm import ADMM
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting

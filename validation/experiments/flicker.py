@@ -37,9 +37,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from compensate.pose import Eye
 from compensate.methods import Solver, perceptual
-from compensate.pose import Posed, Stage
+from compensate.pose import Eye, Posed, Stage
 from compensate.solve import solved
 from compensate.solver.result import Result, Status
 from compensate.weighting import PerceptualWeighting

@@ -27,8 +27,7 @@ import numpy as np
 from scipy import stats
 
 from compensate.aim import Aim
-from compensate.pose import Eye
-from compensate.pose import Posed, pose
+from compensate.pose import Eye, Posed, pose
 from compensate.solve import solved
 from compensate.vision.binocular.pair import Pair, TwoEyes
 from compensate.weighting import PerceptualWeighting

@@ -10,12 +10,12 @@ import pytest
 from live_pictures import SRGB, engine_for, expected, frame_of, made, tabulated
 from numpy.typing import NDArray
 
+from compensate.blocks import smooth
 from compensate.live import engines
 from compensate.live.coding import PIXEL_FORMATS, Coding
 from compensate.live.constants import DomeConstants, constants_of, turns_of
 from compensate.live.shader import shader_of
 from compensate.live.smoothing import weights_of
-from compensate.blocks import smooth
 from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
 from domesim.scene import CinemaScene, load_scene

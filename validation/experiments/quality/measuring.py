@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from compensate.aim import Aim
-from compensate.pose import Eye
 from compensate.ghosts import edge_sigma
-from compensate.pose import Posed, pose
+from compensate.pose import Eye, Posed, pose
 from compensate.solve import solved
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
