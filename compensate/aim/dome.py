@@ -36,10 +36,18 @@ floor, where any mixture is that bright:
 
     m'_p = Y' + k (m'_p - Y'),         k = min over p of (Y' - floor_p) / (Y' - m'_p), in 0..1
 
-It is mixed as far as it is lifted, by 1 - m / m': what is exact stays exact.
+It is mixed as far as it is lifted, by 1 - m / m'.
+
+*No harm.* What is over the floor, which is what will be projected, never has more luminance than
+the master. So nothing is seen brighter than untouched, where all the light that is now subtracted
+lies over it, too:
+
+    m'_p = m'_p - (1 - q) over_p,      over_p = max(m'_p - floor_p, 0),      q = min(Y / Y_over, 1)
 
 Where nothing is missing, v is 0, and the aim is the master: what is exact stays exact. Both eyes of
-a 3D dome are lifted by the same v: else they would see two blacks. B and v are known by blocks of
+a 3D dome are lifted by the same v, over the brighter floor: else they would see two blacks.
+
+B and v are known by blocks of
 half a degree, and are linear in between: what they cost does not grow with the picture.
 
 Display-adaptive tone mapping has the same idea for whole displays: R. Mantiuk, S. Daly, L.
@@ -94,7 +102,7 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
     light
         (view, row, col, primary) what is aimed at.
     """
-    xp, (_, _, cols, primaries) = namespace(wanted), wanted.shape
+    xp, (views, _, cols, primaries) = namespace(wanted), wanted.shape
     c = DARK / sight.white
     block, radius = block_of(sight.density)
 
@@ -112,13 +120,16 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
         v = max(v, aim.lift * _darkest(pixels, missing))
         bases.append(xp.stack(guided(pixels, w, first, second, radius, EDGE)))
 
-    aimed = xp.empty_like(wanted)
+    aimed, weights = xp.empty_like(wanted), [float(each) for each in sight.weights]
 
     def work(view: int, rows: slice) -> None:
-        own, low, white = (
-            [each[view, rows, :, p] for p in range(primaries)]
-            for each in (wanted, floor, brightest)
+        own, white = (
+            [each[view, rows, :, p] for p in range(primaries)] for each in (wanted, brightest)
         )
+        low = [
+            reduce(xp.maximum, (floor[each, rows, :, p] for each in range(views)))
+            for p in range(primaries)
+        ]
         luminance = sight.luminance(wanted[view, rows, ...])
         m = luminance + c
         slope, offset = xp.unstack(enlarged_rows(bases[view], block, rows, cols), axis=0)
@@ -127,18 +138,19 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
         t = xp.minimum(B / m, one)
         gain = 1 + (xp.sqrt(B * B + v * v) / B - 1) * t * (2 - t)
         # Limited to what brings the brightest primary to white, so that hues stay
-        room = reduce(
-            xp.minimum, (w / xp.maximum(x, tiny) for w, x in zip(white, own, strict=True))
-        )
-        gain = xp.maximum(xp.minimum(gain, room), one)
-        Y, new = luminance * gain, [x * gain for x in own]
-        k = one
-        for x, f in zip(new, low, strict=True):
-            most = xp.maximum(Y - f, none) / xp.maximum(Y - x, tiny)
-            k = xp.where(x < Y, xp.minimum(k, most), k)
+        room = (w / xp.maximum(x, tiny) for w, x in zip(white, own, strict=True))
+        gain = xp.maximum(xp.minimum(gain, reduce(xp.minimum, room)), one)
+        Y, lit, k = luminance * gain, [x * gain for x in own], one
+        for x, f in zip(lit, low, strict=True):
+            share = xp.maximum(Y - f, none) / xp.maximum(Y - x, tiny)
+            k = xp.where(x < Y, xp.minimum(k, share), k)
         k = 1 - (1 - 1 / gain) * (1 - k)
-        for p, x in enumerate(new):
-            aimed[view, rows, :, p] = Y + k * (x - Y)
+        lit = [Y + k * (x - Y) for x in lit]
+        over = [xp.maximum(x - f, none) for x, f in zip(lit, low, strict=True)]
+        projected = reduce(xp.add, (w * x for w, x in zip(weights, over, strict=True)))
+        q = xp.minimum(luminance / xp.maximum(projected, tiny), one)
+        for p, (x, more) in enumerate(zip(lit, over, strict=True)):
+            aimed[view, rows, :, p] = x - (1 - q) * more
 
     in_parts(work, wanted.shape, wanted)
     return aimed
