@@ -64,13 +64,13 @@ from compensate.blocks import block_sums, by_blocks, enlarged_rows, guided
 from domesim.light import Array, Light, namespace, total
 from domesim.light.strips import in_parts
 
-DARK = 0.01
+DARK = 0.005
 """c, cd/m²: luminance below which the eye loses contrast."""
 DARKEST = 0.1
 """Share of the screen whose missing light decides: its darkest part."""
 REACH = 2.0
 """Degrees within which contrast is kept: radius of the guided mean."""
-EDGE = 2.0
+EDGE = 0.7
 """Contrast, in natural logarithms, beyond which an edge separates two places."""
 BLOCKS = 2
 """Blocks a degree: how finely the base is known."""

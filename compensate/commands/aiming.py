@@ -34,7 +34,7 @@ class Aiming:
     lift: Annotated[
         float | None,
         typer.Option(
-            help="Perceptual: from the deepest black (0, plain subtraction) to all contrast (4): "
+            help="Perceptual: from the deepest black (0, plain subtraction) to more contrast (4): "
             f"how many times the missing light dark places are lifted; {Aim().lift:g} by default.",
             show_default=False,
         ),
@@ -53,8 +53,7 @@ class Aiming:
             "--weighting",
             help="Perceptual: contrast keeps the master's contrasts and hues over the black that "
             "is left, which is the default; paper minimises the difference of light by one "
-            "adaptation luminance and Daly's sensitivity, with a certificate, which is what "
-            "several seats get.",
+            "adaptation luminance and Daly's sensitivity, with a certificate.",
             show_default=False,
         ),
     ] = None

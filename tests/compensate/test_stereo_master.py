@@ -118,9 +118,9 @@ def test_one_seat_is_one_of_all():
     sweet = scene.seats["sweet spot"]
     twins = replace(scene, seats={"a": sweet, "b": sweet}, chosen=("a", "b"))
     alone = compensate(light(), scene, weighting=PerceptualWeighting())
-    both = compensate(light(), twins)
+    both = compensate(light(), twins, weighting=PerceptualWeighting())
     assert np.abs(both.light - alone.light).max() <= 2e-3
-    everyone = pose(light(), scene.seen_from(*scene.seats))
+    everyone = pose(light(), scene.seen_from(*scene.seats), PerceptualWeighting())
     answer = solved(everyone, "perceptual").light
     for name in scene.seats:
         one = pose(light(), scene.seen_from(name), PerceptualWeighting())
@@ -131,7 +131,7 @@ def test_one_seat_is_one_of_all():
 
 def test_the_worst_seat_is_better_off_if_it_decides():
     scene = system(0.03).seen_from("sweet spot", "left", "right")
-    posed = pose(light(), scene)
+    posed = pose(light(), scene, PerceptualWeighting())
     mean, worst = solved(posed, "perceptual").light, solved(posed, "perceptual", WorstSeat()).light
 
     def largest(answer: np.ndarray) -> float:
@@ -153,15 +153,17 @@ def test_weights_move_the_answer():
         name: replace(seat, weight=50.0 if name == "left" else 1.0)
         for name, seat in scene.seats.items()
     }
-    left = pose(light(), scene.seen_from("left"))
-    even, tilted = (compensate(light(), s).light for s in (scene, replace(scene, seats=heavy)))
+    left, paper = pose(light(), scene.seen_from("left")), PerceptualWeighting()
+    even, tilted = (
+        compensate(light(), s, weighting=paper).light for s in (scene, replace(scene, seats=heavy))
+    )
     assert Appraisal(left).visible_error(tilted) < Appraisal(left).visible_error(even)
 
 
 def test_a_table_is_solved_as_it_is():
     scene = load_stereo("stereo_shutter")
     scene = replace(scene, viewing=system().viewing)
-    posed = pose(light(), scene)
+    posed = pose(light(), scene, PerceptualWeighting())
     exact = scene.observation(ROWS, COLS)
     result = solved(posed, "perceptual", Relinearised())
     assert Appraisal(posed).visible_error(result.light) < 0.9 * Appraisal(posed).visible_error(

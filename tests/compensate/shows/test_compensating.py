@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from compensate.aim import Aim
-from compensate.pose import preferred
+from compensate.pose import Stage
 from compensate.shows.compensating import CONTRAST, PAPER, Compensating
-from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, write_frame
 from domesim.host.console import Console
@@ -205,15 +204,12 @@ def test_a_scene_that_was_changed_is_not_taken(tmp_path: Path, shows: dict[str, 
         done(shows["dome_planetarium"], tmp_path, other, Running(0))
 
 
-def test_all_but_several_seats_are_made_for_contrast() -> None:
-    """The default, one for Python and the command line: validation/notes/0007."""
+def test_all_are_made_for_contrast() -> None:
+    """One default for Python and the command line, one seat and several: validation/notes/0007."""
     pair = load_scene("stereo_polarised_paper")
-    several = pair.seen_from("left", "right")
-    for scene in (load_scene("dome_planetarium"), pair, pair.seen_from("left")):
-        assert preferred(scene) == Aim()
-    assert preferred(several) == PerceptualWeighting()
-    for scene in (pair, several):
-        assert Compensating(SceneChoice("any")).weighting(scene) == preferred(scene)
+    for scene in (load_scene("dome_planetarium"), pair, pair.seen_from("left", "right")):
+        assert Compensating(SceneChoice("any")).weighting(scene) == Aim()
+        assert Stage(scene).pose(np.zeros((scene.views, 8, 8, 3))).setting.eye == Aim()
 
 
 @pytest.mark.parametrize(
