@@ -18,6 +18,7 @@ from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
 from compensate.solver.accelerated import Accelerated
+from compensate.steps import COARSE, visible_steps
 from compensate.visible import OnlyVisible, SpatiallyWeighted
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
@@ -309,16 +310,23 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     show = posed.scene.projector.to_display
     write.small(*(show(thinned(each))[0] for each in (posed.desired, light)))
     if exact:
-        return {**asdict(found), "loss_stored": None}, line_of(found)
+        return {**asdict(found), "loss_stored": None, "steps": 0.0}, line_of(found)
     stored = write.stored()
     bits, suffix, stored_light = stored.bits, stored.path.suffix, decoded(stored, posed.scene)
     del stored
     lost = appraisal.loss(stored_light)
     del stored_light
     line = f"{line_of(found)} As stored: {lost:.3g} JOD"
+    weights = posed.scene.projector.luminance_weights
+    coarse = visible_steps(solution.frame, posed.seen(light), posed.screen, weights)
+    if coarse > COARSE:
+        line += (
+            f"; {coarse:.1%} of the screen shows steps between the master's codes: "
+            f"render it in 16 bits"
+        )
     if _rounding_shows(found.loss_after, lost):
         line += f" (rounding to {bits} bit {suffix} shows: --format, --bits)"
-    return {**asdict(found), "loss_stored": lost}, line
+    return {**asdict(found), "loss_stored": lost, "steps": coarse}, line
 
 
 def _rounding_shows(computed: float, stored: float) -> bool:

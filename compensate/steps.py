@@ -1,0 +1,63 @@
+"""Whether a master's codes are too coarse for what is shown of it.
+
+A dark place that is lifted shows the steps between its codes, too. In 8 bits the lowest codes lie
+a third of their light apart: over a floor they become contours.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domesim.frames import Master
+from domesim.light import Light
+from domesim.light.strips import in_strips
+
+VISIBLE = 0.1
+"""Contrast of a step that counts as seen, of the darker side."""
+COARSE = 1e-3
+"""Share of the screen from which on it is told."""
+BITS = 8
+"""Depths above have steps that are not seen."""
+_EVERY = 4  # rows that are looked at
+
+
+def visible_steps(
+    frame: Master, seen: Light, screen: NDArray[np.bool_], weights: NDArray[np.floating]
+) -> float:
+    """Share of the screen where neighbouring codes of a master are seen as a step.
+
+    Parameters
+    ----------
+    frame
+        The master.
+    seen
+        (view, row, col, primary) what is seen of it.
+    screen
+        (row, col) bool: pixels that count.
+    weights
+        (primary,) of luminance.
+
+    Returns
+    -------
+    share
+        Of pixels beside one whose code differs by one in some primary and by no more in any, those
+        whose luminance differs by `VISIBLE`, over all pixels. 0 for depths above 8 bits.
+    """
+    first = frame.frames[0]
+    if first.floating or first.bits > BITS:
+        return 0.0
+    largest = 2**first.bits - 1
+
+    def count(view: int, rows: slice) -> tuple[int, int]:
+        some = slice(rows.start + -rows.start % _EVERY, rows.stop, _EVERY)
+        codes = np.rint(frame.frames[view].pixels[some] * largest).astype(np.int16)
+        on = screen[some, 1:] & screen[some, :-1]
+        near = on & (np.abs(np.diff(codes, axis=1)).max(axis=-1) == 1)
+        light = seen[view, some] @ weights.astype(seen.dtype)
+        lower = np.minimum(light[:, 1:], light[:, :-1])
+        step = near & (np.abs(np.diff(light, axis=1)) > VISIBLE * lower)
+        return int(np.count_nonzero(step)), int(np.count_nonzero(on))
+
+    steps, all_of_them = (sum(each) for each in zip(*in_strips(count, seen.shape), strict=True))
+    return steps / max(all_of_them, 1)
