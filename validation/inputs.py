@@ -37,7 +37,7 @@ SEQUENTIAL_CONTRAST = 2000.0
 10.5594/SMPTE.RP431-2.2011), which allows theatres less."""
 ADAPTATION = 0.1
 """Adaptation luminance over that of white."""
-PAIRS = ("trunks", "fog", "motorcycle", pairs.SEQUENCE[0])
+PAIRS = ("trunks", "fog", "motorcycle", pairs.SEQUENCE[0], "fence", "museum")
 """Pairs of the test data."""
 DOMES: Mapping[str, str] = {
     "full dome": "dm3d_fulldome_2K.jpg",
@@ -45,6 +45,10 @@ DOMES: Mapping[str, str] = {
     "dark sky": "kho_darksky_1024.png",
     "Milky Way": "milkyway_eso_1024.png",
     "Stellarium": "stellarium_night_1024.png",
+    "golf": "golf_384.exr",
+    "dawn": "dawn_384.exr",
+    "mall": "mall_384.exr",
+    "notice": "notice_384.exr",
 }
 """Domemasters of the test data."""
 VARIANTS: Mapping[str, tuple[str, float, float]] = {
@@ -60,9 +64,10 @@ VARIANTS: Mapping[str, tuple[str, float, float]] = {
 """Darker and brighter ones for choosing: an input, and the gain and exponent of its light."""
 CHOOSING = frozenset(
     {
-        *PAIRS,
-        *("generated", "night", "generated dome", "full dome", "pillars"),
+        *("trunks", "fog", "motorcycle", pairs.SEQUENCE[0], "generated", "lamps"),
+        *("night", "generated dome", "full dome", "pillars", "dawn", "notice"),
         *("art on black", "film frame", "aurora", "chess"),
+        *("ten stars", "smooth limb", "dark notice", "dark reds", "first codes"),
         *VARIANTS,
     }
 )
