@@ -107,35 +107,30 @@ class Law:
 
 
 def order(shown: Shown) -> float | None:
-    """Largest share of light by which a pixel is seen darker than one that it should outshine.
+    """Largest share by which a pixel is seen darker than one that it should outshine.
 
     Compared are pixels that touch along a row or a column, and points (`points`) whose surroundings
-    are `ALIKE` in the master and untouched. One should outshine the other if no primary of its
-    master is less, and one is more. The tolerance of 0.01 is below the contrast that an eye sees at
-    these luminances; where light ends at white, both are equal.
+    are `ALIKE`. One should outshine the other if no primary of its master is less, and it is
+    brighter by `ALIKE` and by `HARDLY`. The tolerance is `ALIKE`, too. Where light ends at white,
+    both are equal.
     """
     found = [0.0]
     for view, (master, untouched, now) in enumerate(shown.luminances()):
         light = shown.master[view]
-        for axis in (0, 1):
-            size = light.shape[axis]
-            first, second = (
-                tuple(np.take(each, range(start, size - 1 + start), axis) for each in planes)
-                for start in (0, 1)
-                for planes in [(light, now, shown.screen)]
-            )
-            for (above, bright, on), (below, dark, too) in ((first, second), (second, first)):
-                should = on & too & np.all(above >= below, -1) & np.any(above > below, -1)
-                found.append(_fall(bright[should], dark[should]))
+        for offset in ((0, 1), (1, 0)):
+            here, there = _moved(offset, now.shape)
+            on = shown.screen[here] & shown.screen[there]
+            for first, second in ((here, there), (there, here)):
+                should = on & _outshines(light[first], light[second], master[first], master[second])
+                found.append(_fall(now[first][should], now[second][should]))
         at, around = points(shown, view)
-        rows, cols = np.nonzero(at)
-        ground, veil = around[at], (untouched - master)[at]
-        alike = _alike(ground) & _alike(veil)
-        colours = light[rows, cols]
-        above, below = colours[:, None], colours[None, :]
-        should = alike & np.all(above >= below, -1) & np.any(above > below, -1)
-        first_, second_ = np.nonzero(should)
-        found.append(_fall(now[at][first_], now[at][second_]))
+        place = seen.mean_within(master, shown.screen, shown.pixels(PLACE))
+        alike = [_alike(each[at]) for each in (around, place, untouched - master)]
+        should = np.logical_and.reduce(alike) & _outshines(
+            light[at][:, None], light[at][None], master[at][:, None], master[at][None]
+        )
+        bright, faint = np.nonzero(should)
+        found.append(_fall(now[at][bright], now[at][faint]))
     return max(found)
 
 
@@ -257,16 +252,14 @@ def steps(shown: Shown) -> float | None:
     on = np.broadcast_to(shown.screen, shown.master.shape[:3])
     if np.abs(codes - np.round(codes))[on].max() > 0.02:  # single precision keeps 0.001
         return None
-    codes, found = np.round(codes), [0.0]
+    found = [0.0]
     for view, (_, _, now) in enumerate(shown.luminances()):
-        for axis in (0, 1):
-            near = np.abs(np.diff(codes[view], axis=axis)).max(-1) == 1
-            size = now.shape[axis]
-            first, second = (np.take(now, range(at, size - 1 + at), axis) for at in (0, 1))
-            both = [np.take(shown.screen, range(at, size - 1 + at), axis) for at in (0, 1)]
-            near &= both[0] & both[1]
-            low = np.maximum(np.minimum(first, second), HARDLY)
-            found.append(float(np.max((np.abs(first - second) / low)[near], initial=0)))
+        for offset in ((0, 1), (1, 0)):
+            here, there = _moved(offset, now.shape)
+            apart = np.abs(np.round(codes[view][here]) - np.round(codes[view][there])).max(-1)
+            near = (apart == 1) & shown.screen[here] & shown.screen[there]
+            low = np.maximum(np.minimum(now[here], now[there]), HARDLY)
+            found.append(float(np.max((np.abs(now[here] - now[there]) / low)[near], initial=0)))
     return max(found)
 
 
@@ -287,7 +280,7 @@ def points(shown: Shown, view: int) -> tuple[Mask, Floats]:
 
 
 LAWS: tuple[Law, ...] = (
-    Law("order", 0.01, order),
+    Law("order", ALIKE, order),
     Law("bound", 2.1, bound, of_domes=True),
     Law("stars", 0.5, stars, of_domes=True),
     Law("harm", 1.02, harm, of_domes=True),
@@ -298,6 +291,12 @@ LAWS: tuple[Law, ...] = (
 """Those of any picture; `limb` is one of a known ball."""
 LIMB = 0.005
 """Bound of `limb`."""
+
+
+def _outshines(light: Floats, other: Floats, bright: Floats, dark: Floats) -> Mask:
+    """Where no primary is less, and light is visibly more."""
+    more = bright > np.maximum((1 + ALIKE) * dark, dark + HARDLY)
+    return np.asarray(more & np.all(light >= other, axis=-1))
 
 
 def _fall(bright: Floats, dark: Floats) -> float:
