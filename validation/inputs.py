@@ -99,12 +99,15 @@ class Input:
         Pollutions to try.
     usual
         The pollution at which pictures are shown.
+    balls
+        Smooth balls that are known to be in it: x, y and radius, as in `content.charts`.
     """
 
     read: Callable[[], Light]
     scene: Callable[[float, float], Scene]
     pollutions: Sequence[float]
     usual: float
+    balls: Sequence[tuple[float, float, float]] = ()
 
     @property
     def kind(self) -> str:
@@ -145,7 +148,10 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
         else:
             left_out.append(f"{name}: needs {folder / file}; set {pairs.FOLDER}")
     for name, draw in content.DOMES.items():
-        found[name] = _of_dome(partial(draw, size), quick=False)
+        found[name] = replace(
+            _of_dome(partial(draw, size), quick=False),
+            balls=[ball[:3] for ball in content.BALLS.get(name, ())],
+        )
     for name, (original, gain, exponent) in VARIANTS.items():
         if original in found:
             read = partial(_varied, found[original].read, gain, exponent)

@@ -17,7 +17,7 @@ has them all; property tests ask them of random pictures, `quality` of all of it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias, final
@@ -59,6 +59,9 @@ class Shown:
         master as it is, of its exact subtraction, and of a method's light.
     scene
         Where.
+    balls
+        Smooth balls that are known to be in it: x, y and radius, in halves of the picture from its
+        middle, as `content.charts` has them.
     """
 
     master: Light
@@ -66,6 +69,7 @@ class Shown:
     subtracted: Light
     seen: Light
     scene: Scene
+    balls: Sequence[tuple[float, float, float]] = ()
 
     @cached_property
     def screen(self) -> Mask:
@@ -124,7 +128,8 @@ def order(shown: Shown) -> float | None:
                 should = on & _outshines(light[first], light[second], master[first], master[second])
                 found.append(_fall(now[first][should], now[second][should]))
         at, around = points(shown, view)
-        place = seen.mean_within(master, shown.screen, shown.pixels(PLACE))
+        others = shown.screen & ~maximum_filter(at, 3)
+        place = seen.mean_within(master, others, shown.pixels(PLACE))
         alike = [_alike(each[at]) for each in (around, place, untouched - master)]
         should = np.logical_and.reduce(alike) & _outshines(
             light[at][:, None], light[at][None], master[at][:, None], master[at][None]
@@ -138,9 +143,9 @@ def bound(shown: Shown) -> float | None:
     """Largest ratio of the light that a pixel gains over the master to that of its surroundings.
 
     These are the pixels from half of `SURROUNDINGS` to all of it away of which no primary is
-    brighter in the master; they count by the largest of their gains, and by `HARDLY` at least.
-    Asked are pixels that outshine so at least half of what is that far away. The tolerance is 5 %
-    of the two times that are allowed.
+    brighter in the master; they count by the largest of their gains, and by `HARDLY` or 1 % of the
+    pixel's own light at least. Asked are pixels that outshine so at least half of what is that far
+    away. The tolerance is 5 % of the two times that are allowed.
     """
     reach = int(np.ceil(shown.pixels(SURROUNDINGS)))
     down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]
@@ -157,7 +162,8 @@ def bound(shown: Shown) -> float | None:
             np.maximum(of_others[here], gains, out=of_others[here])
             outshone[here] += darker & shown.screen[there]
         asked = shown.screen & np.isfinite(of_others) & (outshone >= ring.sum() / 2)
-        ratio = gain[asked] / np.maximum(of_others[asked], HARDLY)
+        least = np.maximum(0.01 * master, HARDLY)
+        ratio = gain[asked] / np.maximum(of_others, least)[asked]
         found.append(float(np.max(ratio, initial=0)))
     return max(found)
 
@@ -213,33 +219,27 @@ def exact(shown: Shown) -> float | None:
     return float(np.abs(shown.seen - shown.master)[on].max())
 
 
-def limb(shown: Shown, x: float, y: float, radius: float) -> float | None:
+def limb(shown: Shown) -> float | None:
     """Largest share by which light rises outwards around a ball, where the master's does not.
 
-    Light is averaged by rings of one pixel from half of the radius to one and a half of it. The
-    tolerance is 0.5 %.
-
-    Parameters
-    ----------
-    shown
-        The picture.
-    x, y, radius
-        The ball, in halves of the picture from its middle, as `content.charts` has it.
+    Light is averaged by rings of one pixel from half of a ball's radius to one and a half of it.
+    The tolerance is 0.5 %.
     """
+    found: list[float] = []
     rows, cols = shown.screen.shape
     down, right = np.mgrid[:rows, :cols]
-    across = np.hypot((right + 0.5) / cols * 2 - 1 - x, (down + 0.5) / rows * 2 - 1 - y)
-    ring = np.floor(across * cols / 2).astype(int)
-    wanted = range(int(radius * cols / 4), int(radius * cols * 0.75))
-    found = [0.0]
-    for master, _, now in shown.luminances():
-        profiles = [
-            np.array([plane[shown.screen & (ring == one)].mean() for one in wanted])
-            for plane in (master, now)
-        ]
-        falls = np.diff(profiles[0]) <= 0
-        found.append(float(np.max((np.diff(profiles[1]) / profiles[1][:-1])[falls], initial=0)))
-    return max(found)
+    for x, y, radius in shown.balls:
+        away = np.hypot((right + 0.5) / cols * 2 - 1 - x, (down + 0.5) / rows * 2 - 1 - y)
+        rings = np.floor(away * cols / 2).astype(int)[shown.screen]
+        counted = slice(int(radius * cols / 4), int(radius * cols * 0.75))
+        for master, _, now in shown.luminances():
+            wanted, light = (
+                (np.bincount(rings, plane[shown.screen]) / np.bincount(rings))[counted]
+                for plane in (master, now)
+            )
+            falls = np.diff(wanted) <= 0
+            found.append(float(np.max((np.diff(light) / light[:-1])[falls], initial=0)))
+    return max(found, default=None)
 
 
 def steps(shown: Shown) -> float | None:
@@ -280,17 +280,15 @@ def points(shown: Shown, view: int) -> tuple[Mask, Floats]:
 
 
 LAWS: tuple[Law, ...] = (
-    Law("order", ALIKE, order),
+    Law("order", ALIKE, order, of_domes=True),
     Law("bound", 2.1, bound, of_domes=True),
     Law("stars", 0.5, stars, of_domes=True),
     Law("harm", 1.02, harm, of_domes=True),
     Law("dark", 1.001, dark, of_domes=True),
     Law("exact", seen.EXACT, exact),
+    Law("limb", 0.005, limb, of_domes=True),
     Law("steps", 0.1, steps, of_domes=True),
 )
-"""Those of any picture; `limb` is one of a known ball."""
-LIMB = 0.005
-"""Bound of `limb`."""
 
 
 def _outshines(light: Floats, other: Floats, bright: Floats, dark: Floats) -> Mask:

@@ -137,16 +137,25 @@ _MAGNITUDES = tuple(
 )
 """Stars of magnitudes 0 to 7, where 0 is white."""
 
+BALLS: Mapping[str, Sequence[Ball]] = {
+    "ten stars": ((0.0, 0.5, 0.4, (242.0, 217.0, 178.0)),),
+    "smooth limb": ((0.1, -0.05, 0.55, (174.0, 120.0, 90.0)),),
+    "magnitudes": (
+        (-0.3, -0.2, 0.22, (210.0, 222.0, 255.0)),
+        (0.35, 0.25, 0.12, (255.0, 150.0, 90.0)),
+        (0.1, -0.45, 0.05, (120.0, 120.0, 120.0)),
+    ),
+}
+"""Name of a chart -> its balls."""
+
 CHARTS: Mapping[str, Callable[[int], Light]] = {
     "ten stars": partial(
         sky,
         colour=(1.0, 2.0, 3.0),
-        balls=((0.0, 0.5, 0.4, (242.0, 217.0, 178.0)),),
+        balls=BALLS["ten stars"],
         stars=_TEN,
     ),
-    "smooth limb": partial(
-        sky, colour=(0.0, 0.0, 0.0), balls=((0.1, -0.05, 0.55, (174.0, 120.0, 90.0)),), stars=()
-    ),
+    "smooth limb": partial(sky, colour=(0.0, 0.0, 0.0), balls=BALLS["smooth limb"], stars=()),
     "dark notice": partial(
         boards,
         colour=(24.0, 26.0, 34.0),
@@ -176,11 +185,7 @@ CHARTS: Mapping[str, Callable[[int], Light]] = {
     "magnitudes": partial(
         sky,
         colour=(4.0, 3.0, 2.0),
-        balls=(
-            (-0.3, -0.2, 0.22, (210.0, 222.0, 255.0)),
-            (0.35, 0.25, 0.12, (255.0, 150.0, 90.0)),
-            (0.1, -0.45, 0.05, (120.0, 120.0, 120.0)),
-        ),
+        balls=BALLS["magnitudes"],
         stars=_MAGNITUDES,
     ),
     "boards": partial(

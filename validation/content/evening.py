@@ -46,7 +46,7 @@ def candles(width: int) -> Light:
 
 
 def fireworks(width: int) -> Light:
-    """Bursts of sparks at several depths over a dark lake, whose water returns them."""
+    """Bursts of sparks at several depths over a dark lake, below a black sky."""
     stage = Stage(width)
     random = np.random.default_rng(123)
     shore = 0.42
@@ -58,7 +58,6 @@ def fireworks(width: int) -> Light:
             shore - 0.001, shore + 0.001, y
         )
 
-    stage.shine(-0.03, lambda x, y: tinted(0.003 * np.exp(-np.abs(y - shore) / 0.1), (1, 0.7, 0.5)))
     stage.put(-0.02, lake)
     for disparity in (-0.022, -0.012, -0.004, 0.008, 0.02):
         centre = random.uniform((0.15, 0.1), (0.85, 0.26))
@@ -107,6 +106,6 @@ def _spark(start: Floats, way: Floats, colour: Floats) -> Shine:
         share = ((x - start[0]) * way[0] + (y - start[1]) * way[1]) / (way @ way)
         part = np.clip(share, 0, 1)
         away = np.hypot(x - start[0] - part * way[0], y - start[1] - part * way[1])
-        return tinted(part**2 * smoothstep(0.0018, 0.0006, away), colour)
+        return tinted(part**2 * smoothstep(0.003, 0.001, away), colour)
 
     return shine

@@ -41,15 +41,17 @@ def skyline(size: int) -> Light:
     right, up, ahead = dome.turned(azimuth=-2.2, altitude=0.9)
     moon = smoothstep(0.052, 0.048, np.hypot(right, up)) * (ahead > 0)
     light += tinted(moon * (0.75 + 0.1 * noise(95, 3 * right, 3 * up)), (1.0, 0.96, 0.88))
-    across = (dome.azimuth / (2 * np.pi) + 0.5) * 56
-    number = np.floor(across).astype(int) % 56
-    high = random.uniform(0.06, 0.34, 56)[number]
-    column, row = np.floor(across % 1 * 6).astype(int), np.floor(altitude / 0.022).astype(int) % 16
-    on = (random.uniform(0, 1, (56, 6, 16)) > 0.72)[number, column, row]
-    pane = on & (np.abs(across * 6 % 1 - 0.5) < 0.3) & (np.abs(altitude / 0.022 % 1 - 0.5) < 0.3)
+    across = (dome.azimuth / (2 * np.pi) + 0.5) * 40
+    number = np.floor(across).astype(int) % 40
+    high = random.uniform(0.08, 0.4, 40)[number]
+    storeys = altitude / 0.035
+    column, row = np.floor(across % 1 * 4).astype(int), np.floor(storeys).astype(int) % 12
+    on = (random.uniform(0, 1, (40, 4, 12)) > 0.72)[number, column, row]
+    pane = smoothstep(0.42, 0.28, np.abs(across * 4 % 1 - 0.5))
+    pane = pane * smoothstep(0.42, 0.28, np.abs(storeys % 1 - 0.5)) * on
     hues = np.array([(0.7, 0.5, 0.2), (0.5, 0.55, 0.6), (0.35, 0.18, 0.08)])
-    lit = hues[random.integers(0, 3, (56, 6, 16))][number, column, row]
-    wall = tinted(0.004 * random.uniform(0.3, 1, 56)[number], (0.8, 0.9, 1.0))
+    lit = hues[random.integers(0, 3, (40, 4, 12))][number, column, row]
+    wall = tinted(0.004 * random.uniform(0.3, 1, 40)[number], (0.8, 0.9, 1.0))
     tower = mixed(wall, lit, pane)
     return dome.light(mixed(light, tower, smoothstep(0.002, -0.002, altitude - high)))
 
