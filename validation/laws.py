@@ -180,7 +180,7 @@ def stars(shown: Shown) -> float | None:
         at, _ = points(shown, view)
         if at.any():
             high, low = now[at] / untouched[at], own[view][at] / np.maximum(now[at], HARDLY)
-            found.append(float(np.max(np.maximum(high, low)) - 1))
+            found.append(float(max(np.max(high), np.max(low), 1)) - 1)
     return max(found, default=None)
 
 

@@ -132,8 +132,10 @@ _TEN = tuple(
     for at, code in enumerate((30.0, 50.0, 70.0, 100.0, 130.0, 160.0, 190.0, 220.0, 240.0, 255.0))
 )
 _MAGNITUDES = tuple(
-    (0.8 * np.sin(turn), 0.8 * np.cos(turn), float(_CODES * _CURVE.encode(10 ** (-0.4 * at))))
-    for at, turn in enumerate(np.linspace(0.2, 5.8, 8))
+    (0.8 * float(np.sin(turn)), 0.8 * float(np.cos(turn)), float(code))
+    for turn, code in zip(
+        np.linspace(0.2, 5.8, 8), _CODES * _CURVE.encode(10 ** (-0.4 * np.arange(8))), strict=True
+    )
 )
 """Stars of magnitudes 0 to 7, where 0 is white."""
 
