@@ -37,7 +37,7 @@ SEQUENTIAL_CONTRAST = 2000.0
 10.5594/SMPTE.RP431-2.2011), which allows theatres less."""
 ADAPTATION = 0.1
 """Adaptation luminance over that of white."""
-PAIRS = ("trunks", "fog", "motorcycle", pairs.SEQUENCE[0])
+PAIRS = ("trunks", "fog", "motorcycle", pairs.SEQUENCE[0], "fence", "museum")
 """Pairs of the test data."""
 DOMES: Mapping[str, str] = {
     "full dome": "dm3d_fulldome_2K.jpg",
@@ -45,6 +45,10 @@ DOMES: Mapping[str, str] = {
     "dark sky": "kho_darksky_1024.png",
     "Milky Way": "milkyway_eso_1024.png",
     "Stellarium": "stellarium_night_1024.png",
+    "golf": "golf_384.exr",
+    "dawn": "dawn_384.exr",
+    "mall": "mall_384.exr",
+    "notice": "notice_384.exr",
 }
 """Domemasters of the test data."""
 VARIANTS: Mapping[str, tuple[str, float, float]] = {
@@ -60,9 +64,10 @@ VARIANTS: Mapping[str, tuple[str, float, float]] = {
 """Darker and brighter ones for choosing: an input, and the gain and exponent of its light."""
 CHOOSING = frozenset(
     {
-        *PAIRS,
-        *("generated", "night", "generated dome", "full dome", "pillars"),
+        *("trunks", "fog", "motorcycle", pairs.SEQUENCE[0], "generated", "lamps"),
+        *("night", "generated dome", "full dome", "pillars", "dawn", "notice"),
         *("art on black", "film frame", "aurora", "chess"),
+        *("ten stars", "smooth limb", "dark notice", "dark reds", "first codes"),
         *VARIANTS,
     }
 )
@@ -94,12 +99,15 @@ class Input:
         Pollutions to try.
     usual
         The pollution at which pictures are shown.
+    balls
+        Smooth balls that are known to be in it: x, y and radius, as in `content.charts`.
     """
 
     read: Callable[[], Light]
     scene: Callable[[float, float], Scene]
     pollutions: Sequence[float]
     usual: float
+    balls: Sequence[tuple[float, float, float]] = ()
 
     @property
     def kind(self) -> str:
@@ -140,7 +148,10 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
         else:
             left_out.append(f"{name}: needs {folder / file}; set {pairs.FOLDER}")
     for name, draw in content.DOMES.items():
-        found[name] = _of_dome(partial(draw, size), quick=False)
+        found[name] = replace(
+            _of_dome(partial(draw, size), quick=False),
+            balls=[ball[:3] for ball in content.BALLS.get(name, ())],
+        )
     for name, (original, gain, exponent) in VARIANTS.items():
         if original in found:
             read = partial(_varied, found[original].read, gain, exponent)

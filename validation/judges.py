@@ -25,7 +25,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -270,6 +270,7 @@ def _metric(scene: Scene, rows: int, cols: int, heatmap: str | None = None) -> A
     return _metric_of(cols * times, rows * times, density, heatmap)
 
 
+@lru_cache(maxsize=4)
 def _metric_of(cols: int, rows: int, density: float, heatmap: str | None = None) -> Any:
     """ColorVideoVDP for pictures of that size and pixels per degree."""
     cvvdp, torch = _colorvideovdp()

@@ -47,6 +47,8 @@ FILES: Mapping[str, tuple[str, ...]] = {
     "fog": ("stereo/fog_multiview.exr",),
     "trunks": ("stereo/trunks_1080p_L.exr", "stereo/trunks_1080p_R.exr"),
     "motorcycle": ("stereo/motorcycle_left.png", "stereo/motorcycle_right.png"),
+    "fence": ("stereo/pair_fence_L.png", "stereo/pair_fence_R.png"),
+    "museum": ("stereo/pair_museum_L.png", "stereo/pair_museum_R.png"),
     **{
         name: tuple(f"sequence/beachball_{number:04}_{eye}.exr" for eye in "LR")
         for number, name in enumerate(SEQUENCE, 1)

@@ -1,6 +1,6 @@
-"""A panel of ten image-quality judges that nobody optimised for, to see where they agree.
+"""A panel of nine image-quality judges that nobody optimised for, to see where they agree.
 
-`judges` holds FLIP and ColorVideoVDP. This file adds eight published metrics with the same call:
+`judges` holds FLIP and ColorVideoVDP. This file adds seven published metrics with the same call:
 reference, test, scene -> figure. All take Light (view, row, col, primary), 1.0 = projector white,
 and see it as `judges.on_display` shows it: linear BT.709, times the projector's white in cd/m².
 Of a stereo pair the figure is the mean of the two eyes' figures.
@@ -12,7 +12,7 @@ one size.
 
 PU21 [1] turns cd/m² into units that are perceptually uniform, so that metrics for ordinary
 displays judge dark pictures by what an eye sees there. As its authors do in `pu21_metric.m`, PSNR
-and VSI take encoded R, G and B, and SSIM and MS-SSIM take encoded luminance. GMSD takes luminance
+and VSI take encoded R, G and B, and MS-SSIM takes encoded luminance. GMSD takes luminance
 and MDSI takes R, G and B, as their own authors define them.
 
 FovVideoVDP [2] runs without fixation: people look anywhere in a dome.
@@ -26,7 +26,7 @@ quality metrics for HDR", Picture Coding Symposium (2021). [2] R. K. Mantiuk et 
 A visible difference predictor for wide field-of-view video", ACM Trans. Graph. 40(4), 49 (2021).
 [3] Rec. ITU-R BT.2124-0, "Objective metric for the assessment of the potential visibility of
 colour differences in television" (2019). [4] S. Kastryulin et al., "PyTorch Image Quality", arXiv
-2208.14818 (2022): piq, the implementation of SSIM, MS-SSIM, VSI, GMSD and MDSI.
+2208.14818 (2022): piq, the implementation of MS-SSIM, VSI, GMSD and MDSI.
 """
 
 from __future__ import annotations
@@ -212,14 +212,13 @@ PANEL: tuple[Judge, ...] = (
     Judge("FLIP", False, False, judges.flip),
     Judge("Delta E ITP", False, False, delta_e_itp),
     Judge("PU21-PSNR", True, False, pu21_psnr),
-    Judge("PU21-SSIM", True, False, PU21("ssim", smallest=11)),
     Judge("PU21-MS-SSIM", True, True, PU21("multi_scale_ssim", smallest=161)),
     Judge("PU21-VSI", True, True, PU21("vsi", of_colours=True)),
     Judge("PU21-GMSD", False, True, PU21("gmsd")),
     Judge("PU21-MDSI", False, True, PU21("mdsi", of_colours=True)),
     Judge("FovVideoVDP", True, True, fovvideovdp),
 )
-"""All ten. SSIM and MS-SSIM need 11 and 161 pixels along the smaller side."""
+"""All nine, with one vote each. MS-SSIM needs 161 pixels along the smaller side."""
 
 
 def _mean_of_eyes(

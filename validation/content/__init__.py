@@ -6,12 +6,17 @@ All are linear Light, float32, in 0..1. The same name gives the same picture at 
     texture         noise, stars, text and outlines, which all pictures are made of
     portrait        a face, for films
     dome            the canvas of a domemaster
-    domes           nine domemasters; `chess` and `constellations` are two of them
+    domes           domemasters; those of `chess`, `constellations` and `sights` are among them
+    charts          domemasters in which a fault can be told
     stage           the canvas of a pair
-    stereo          six pairs; `street`, `landscapes` and `orbit` hold four of them
+    stereo          pairs; those of `street`, `landscapes`, `orbit` and `evening` are among them
 """
 
-from validation.content.domes import DOMES
+from validation.content.charts import BALLS, CHARTS
+from validation.content.domes import DOMES as SHOWN
 from validation.content.stereo import PAIRS
 
-__all__ = ["DOMES", "PAIRS"]
+DOMES = {**SHOWN, **CHARTS}
+"""Name -> the size of a domemaster -> the domemaster."""
+
+__all__ = ["BALLS", "DOMES", "PAIRS"]

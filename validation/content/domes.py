@@ -1,4 +1,4 @@
-"""Nine domemasters, (1, size, size, 3): the kinds of pictures that planetariums show.
+"""Domemasters, (1, size, size, 3): the kinds of pictures that planetariums show.
 
 The zenith is in the middle, the front at the bottom; the rim is 90 degrees from the zenith. What
 lies outside the inscribed circle is black.
@@ -15,6 +15,7 @@ from validation.content.chess import chess
 from validation.content.constellations import art_on_black
 from validation.content.dome import Dome
 from validation.content.portrait import face
+from validation.content.sights import lava, network, skyline, spiral
 from validation.content.texture import (
     Floats,
     Points,
@@ -335,5 +336,9 @@ DOMES: Mapping[str, Callable[[int], Light]] = {
     "underwater": underwater,
     "chess": chess,
     "nebula": nebula,
+    "spiral": spiral,
+    "skyline": skyline,
+    "network": network,
+    "lava": lava,
 }
 """Name -> the size of a domemaster -> the domemaster."""

@@ -1,4 +1,4 @@
-"""Six stereo pairs of 16:9, (2, round(width * 9 / 16), width, 3): what 3D films show."""
+"""Stereo pairs of 16:9, (2, round(width * 9 / 16), width, 3): what 3D films show."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from domesim.light import Light
+from validation.content.evening import candles, fireworks, lamps
 from validation.content.landscapes import daylight, snow
 from validation.content.orbit import space
 from validation.content.portrait import face
@@ -103,5 +104,8 @@ PAIRS: Mapping[str, Callable[[int], Light]] = {
     "space": space,
     "faces": faces,
     "snow": snow,
+    "lamps": lamps,
+    "candles": candles,
+    "fireworks": fireworks,
 }
 """Name -> the width of a pair -> the pair."""

@@ -1,8 +1,8 @@
-"""What is seen of an input at one place, by one way, as the judges and plain figures have it."""
+"""What is seen of an input at one place, by one way: judges, laws and plain figures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, final
@@ -18,27 +18,28 @@ from compensate.solve import solved
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene
-from validation import panel, seen
+from validation import laws, panel, seen
 from validation.crops import Crop
 from validation.experiment import Missing, Panel
 from validation.experiments.quality.contour import ghost_contours
+from validation.inputs import Input
 from validation.judges import luminance
 
-DEFAULT, NOTHING, SUBTRACTION, PAPER = "contrast", "nothing", "subtraction", "paper's weighting"
+DEFAULT, NOTHING, SUBTRACTION = "default", "nothing", "subtraction"
 """Names of ways; the first is the product's default."""
-LOWER = "lift 1"
-"""The setting of the knob that judges of structure prefer in domes."""
 WAYS: Mapping[str, tuple[str, Eye]] = {
     NOTHING: ("none", Aim()),
     SUBTRACTION: ("subtractive", Aim()),
     "range compression": ("raised-black", Aim()),
-    PAPER: ("perceptual", PerceptualWeighting()),
     DEFAULT: ("perceptual", Aim()),
 }
 """Method of `compensate.methods`, and what pictures are made for."""
+SLOW: Mapping[str, tuple[str, Eye]] = {"paper's weighting": ("perceptual", PerceptualWeighting())}
+"""A method that takes too long for all places."""
 KNOB: Mapping[str, tuple[str, Eye]] = {
-    LOWER: ("perceptual", Aim(lift=1.0)),
-    "lift 4": ("perceptual", Aim(lift=4.0)),
+    f"lift {lift:g}": ("perceptual", Aim(lift=lift))
+    for lift in (0.5, 1.0, 1.5, 2.5)
+    if lift != Aim().lift
 }
 """Other settings of the default's one knob."""
 
@@ -46,61 +47,44 @@ LIFTED, BASE = 1.05, 2.0
 """Ratio of bases from which on a place counts as lifted; sigma of the base, degrees."""
 LIT = 0.3
 """Share of the brightest luminance from which on things count as lit."""
+BLACK = 1e-5
+"""Luminance below which a master is pure black, white = 1."""
 
 
 @final
 @dataclass(frozen=True)
 class Cell:
-    """One way at one place; None where a figure is of the other kind of input, or not installed.
+    """One way at one place.
 
     Parameters
     ----------
-    judged
-        Name of a judge -> its figure.
-    kept, kept_fifth
-        Light kept at pixels that subtraction shows exactly and whose base is not lifted: median and
-        5th percentile of the light over the master's.
-    shifted
-        Share of them whose u'v' is off by more than 0.01.
-    structure
-        Share of the structure in each of `seen.BANDS` that is seen.
-    hue, saturation
-        Colours of a dome's dark half: shift in degrees, and share that is kept.
-    halos
-        Share of the screen.
-    black
-        1st percentile of luminance, cd/m².
-    contour, contrast_contour, other_eye
-        Figures of a pair's ghosts where subtraction clips: contours of light and of contrast, and
-        the correlation of the residual's slopes with those of the other eye's picture.
-    lit
-        Light of lit things over the master's.
+    judged, laws, plain
+        Name of a judge, a law or a plain figure -> its figure. What a picture has not is left out,
+        and what is not installed.
     panels
-        The picture.
+        The picture, if one was asked for.
     """
 
     judged: dict[str, float]
-    kept: float | None
-    kept_fifth: float | None
-    shifted: float | None
-    structure: tuple[float | None, ...]
-    hue: float | None
-    saturation: float | None
-    halos: float | None
-    black: float
-    contour: float | None
-    contrast_contour: float | None
-    other_eye: float | None
-    lit: float
-    panels: tuple[Panel, ...]
+    laws: dict[str, float]
+    plain: dict[str, float]
+    panels: tuple[Panel, ...] = ()
 
 
 @final
 class Case:
-    """An input at one place, and what its ways have in common."""
+    """An input at one place, and what its ways have in common.
 
-    def __init__(self, light: Callable[[], Light], scene: Scene) -> None:
-        self._light, self.scene = light, scene
+    Parameters
+    ----------
+    one, light
+        The input, and what reads it.
+    scene
+        Where it is shown.
+    """
+
+    def __init__(self, one: Input, light: Callable[[], Light], scene: Scene) -> None:
+        self.one, self._light, self.scene = one, light, scene
         self._posed: dict[str, Posed] = {}
 
     def posed(self, eye: Eye) -> Posed:
@@ -121,6 +105,11 @@ class Case:
         return Crop(self.plain)
 
     @cached_property
+    def untouched(self) -> Light:
+        """What is seen of the master as it is."""
+        return self.plain.seen(self.plain.desired)
+
+    @cached_property
     def subtracted(self) -> Light:
         """What subtraction shows."""
         return self.plain.seen(self.plain.subtractive)
@@ -138,42 +127,75 @@ class Case:
 
 
 def measure(
-    case: Case, way: tuple[str, Eye], judges: tuple[panel.Judge, ...], picture: str
+    case: Case, way: tuple[str, Eye], judges: Iterable[panel.Judge], picture: str = ""
 ) -> Cell:
     """Every figure of one way; with a picture of that title, if it has one."""
     method, eye = way
-    posed, scene = case.posed(eye), case.scene
+    posed = case.posed(eye)
     master, shown = posed.wanted, posed.seen(solved(posed, method).light)
     judged = {}
     for judge in judges:
         try:
-            judged[judge.name] = judge.judge(master, shown, scene)
+            judged[judge.name] = judge.judge(master, shown, case.scene)
         except Missing:
             continue
-    unlifted = case.exact & (_base_ratio(master, shown, scene) <= LIFTED)
-    kept = seen.light_kept(master, shown, unlifted, scene)
-    dome = scene.views == 1
-    colours = seen.saturation_and_hue(master, shown, scene) if dome else None
-    contours: tuple[float | None, float | None] = (None, None)
-    if not dome:
-        contours = _contours(case, shown)
-    bright = luminance(master, scene)
-    lit = bright > LIT * bright.max()
+    figures = {**_of_all(case, shown), **(_of_dome if len(master) == 1 else _of_pair)(case, shown)}
     return Cell(
         judged,
-        None if kept is None else kept.median,
-        None if kept is None else kept.fifth,
-        seen.chroma_shift(master, shown, unlifted, scene),
-        tuple(seen.structure_seen(master, shown, scene, *band) for band in seen.BANDS),
-        None if colours is None else colours.hue_shift,
-        None if colours is None else colours.saturation,
-        seen.halos(master, shown, scene) if dome else None,
-        seen.black_level(shown, scene),
-        *contours,
-        None if dome else _of_the_other_eye(case, shown),
-        float(luminance(shown, scene)[lit].sum() / bright[lit].sum()),
+        _lawful(case, shown),
+        {name: figure for name, figure in figures.items() if figure is not None},
         (case.crop.panel(picture, shown),) if picture else (),
     )
+
+
+def _lawful(case: Case, light: Light) -> dict[str, float]:
+    """The figures of all laws that speak of the picture."""
+    shown = laws.Shown(
+        case.plain.wanted, case.untouched, case.subtracted, light, case.scene, case.one.balls
+    )
+    asked = (law for law in laws.LAWS if len(light) == 1 or not law.of_domes)
+    found = {law.name: law.figure(shown) for law in asked}
+    return {name: figure for name, figure in found.items() if figure is not None}
+
+
+def _of_all(case: Case, shown: Light) -> dict[str, float | None]:
+    master, scene = case.plain.wanted, case.scene
+    unlifted = case.exact & (_base_ratio(master, shown, scene) <= LIFTED)
+    kept = seen.light_kept(master, shown, unlifted, scene)
+    bright = luminance(master, scene)
+    lit = bright > LIT * bright.max()
+    return {
+        "light kept where exact": None if kept is None else kept.median,
+        "5th percentile of it": None if kept is None else kept.fifth,
+        "shifted where exact": seen.chroma_shift(master, shown, unlifted, scene),
+        "black, cd/m²": seen.black_level(shown, scene),
+        "light of lit things": float(luminance(shown, scene)[lit].sum() / bright[lit].sum()),
+    }
+
+
+def _of_dome(case: Case, shown: Light) -> dict[str, float | None]:
+    master, scene = case.plain.wanted, case.scene
+    colours = seen.saturation_and_hue(master, shown, scene)
+    return {
+        "hue shift in the dark, °": None if colours is None else colours.hue_shift,
+        "saturation in the dark": None if colours is None else colours.saturation,
+    }
+
+
+def _of_pair(case: Case, shown: Light) -> dict[str, float | None]:
+    contour, of_contrast = _contours(case, shown)
+    black = case.plain.screen & (luminance(case.plain.wanted, case.scene) < BLACK)
+    added = luminance(shown - case.subtracted, case.scene)[black]
+    return {
+        "ghost contour": contour,
+        "ghost contour of contrast": of_contrast,
+        "slopes of the other eye": _of_the_other_eye(case, shown),
+        ADDED: float(added.mean()) if black.mean() > 0.01 else None,
+    }
+
+
+ADDED = "light added to pure black"
+"""Mean over pixels, more than subtraction shows there, white = 1."""
 
 
 def _base_ratio(master: Light, shown: Light, scene: Scene) -> NDArray[Any]:
@@ -187,8 +209,7 @@ def _base_ratio(master: Light, shown: Light, scene: Scene) -> NDArray[Any]:
 
 def _contours(case: Case, shown: Light) -> tuple[float | None, float | None]:
     master, now, before = (
-        luminance(light, case.scene)
-        for light in (case.plain.wanted, shown, case.plain.seen(case.plain.desired))
+        luminance(light, case.scene) for light in (case.plain.wanted, shown, case.untouched)
     )
     density = case.scene.viewing.pixels_per_degree(*shown.shape[1:3])
     return ghost_contours(master, now, before, case.clipped, density)

@@ -7,31 +7,29 @@ from typing import TypeAlias
 
 import numpy as np
 
-from validation import panel
+from validation import laws, panel
 from validation.experiment import Cell as Entry
-from validation.experiment import Check, Column, Table, at_least, at_most
+from validation.experiment import Check, Column, Table, at_least, at_most, equal
 from validation.experiments.quality.measuring import (
+    ADDED,
     DEFAULT,
-    LOWER,
+    KNOB,
     NOTHING,
     SUBTRACTION,
     WAYS,
     Cell,
 )
-from validation.inputs import (
-    CHOOSING,
-    DOMEMASTERS,
-    PAIRED,
-    Input,
-    Place,
-    kinds,
-    words,
-)
+from validation.inputs import CHOOSING, DOMEMASTERS, PAIRED, Input, Place, kinds, words
 from validation.statistics import Estimate, estimate
 
 SHORT = 0.02
-"""JOD below the better of nothing and subtraction that nobody minds."""
-JUDGE = "ColorVideoVDP"
+"""JOD that are no difference."""
+JUDGE, OTHER = "ColorVideoVDP", "FovVideoVDP"
+"""The judges whose figures are JOD."""
+BEST = 100.0
+"""PSNR that counts as that of equal pictures, dB, in means."""
+ADDED_BEFORE = 5.3e-4
+"""`ADDED` of the default before these laws, mean over the reporting half."""
 
 Cells: TypeAlias = Mapping[Place, Mapping[str, Cell]]
 """What every way does, by its name."""
@@ -49,7 +47,7 @@ def of_kind(cells: Cells, wanted: Mapping[str, Input], kind: str) -> Cells:
 
 
 def beyond(ways: Mapping[str, Cell], way: str) -> float:
-    """JOD over the better of nothing and subtraction."""
+    """JOD of ColorVideoVDP over the better of nothing and subtraction."""
     plain = max(ways[name].judged[JUDGE] for name in (NOTHING, SUBTRACTION))
     return ways[way].judged[JUDGE] - plain
 
@@ -62,92 +60,83 @@ def gain(cells: Cells, way: str) -> Estimate:
     return estimate(float(np.mean(values)) for values in by_input.values())
 
 
+def better(cells: Cells, judge: panel.Judge, other: str) -> float:
+    """How much better the default is than another way by a judge, mean over cases."""
+    ours, theirs = (_mean_of(cells, judge, way) for way in (DEFAULT, other))
+    return (ours - theirs) * (1 if judge.higher_is_better else -1)
+
+
 def ranks(
-    cells: Cells, judges: Iterable[panel.Judge], names: Iterable[str] = tuple(WAYS)
+    cells: Cells, judges: Iterable[panel.Judge], names: Iterable[str] = ()
 ) -> dict[str, float]:
-    """Mean rank of each way over cases and judges, 1 = best."""
-    found: dict[str, list[float]] = {name: [] for name in names}
+    """Mean rank of each way over cases and judges, 1 = best; of all that every case has."""
+    found: dict[str, list[float]] = {name: [] for name in names or _common(cells)}
     for judge in judges:
         for ways in cells.values():
-            sign = -1 if judge.higher_is_better else 1
-            values = {name: sign * ways[name].judged[judge.name] for name in found}
-            for name, value in values.items():
-                below = sum(other < value for other in values.values())
-                ties = sum(other == value for other in values.values())
+            badness = {name: _badness(ways[name], judge) for name in found}
+            for name, value in badness.items():
+                below = sum(other < value for other in badness.values())
+                ties = sum(other == value for other in badness.values())
                 found[name].append(below + (ties + 1) / 2)
     return {name: float(np.mean(values)) for name, values in found.items()}
 
 
-def falls(cells: Cells, figure: str) -> list[float]:
-    """How many times less than subtraction's a figure of pairs is, case by case."""
-    found = []
-    for ways in cells.values():
-        plain, ours = (getattr(ways[name], figure) for name in (SUBTRACTION, DEFAULT))
-        if plain is not None and ours is not None and min(abs(plain), abs(ours)) > 0:
-            found.append(abs(plain / ours))
+def last(cells: Cells, judges: Iterable[panel.Judge]) -> dict[str, list[str]]:
+    """Input -> judges by which the default is the last of all ways, in the mean of its cases."""
+    found: dict[str, list[str]] = {}
+    for name in dict.fromkeys(place[0] for place in cells):
+        some = {place: ways for place, ways in cells.items() if place[0] == name}
+        for judge in judges:
+            sign = -1 if judge.higher_is_better else 1
+            ours, *others = (
+                sign * _mean_of(some, judge, way)
+                for way in (DEFAULT, *(way for way in _common(some) if way != DEFAULT))
+            )
+            if ours > max(others):
+                found.setdefault(name, []).append(judge.name)
     return found
 
 
 def checks(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Iterator[Check]:
-    """Laws; and, if all judges are there, what is expected of them on the reporting half."""
+    """The laws; and, if all judges are there, what is expected of them on the reporting half."""
+    yield from _of_laws(cells)
     yield at_most(
         "nothing done: difference of its ghost contour to 1, the largest",
-        max((abs((ways[NOTHING].contour or 1) - 1) for ways in cells.values()), default=0.0),
+        max(abs(ways[NOTHING].plain.get("ghost contour", 1) - 1) for ways in cells.values()),
         1e-9,
     )
     ours = reported(cells)
-    yield from _of_exact([ways[DEFAULT] for ways in ours.values()])
-    if not judged:
-        return
-    domes, pairs = (of_kind(ours, wanted, kind) for kind in (DOMEMASTERS, PAIRED))
-    over = "over the better of nothing and subtraction"
-    found = gain(domes, DEFAULT)
-    yield at_least(f"domes: gain {over}, mean over inputs", found.mean, 0.25, "JOD")
-    yield at_least(f"domes: gain {over}, lower end of its 95 % interval", found.low, 0.1, "JOD")
-    worst = min(domes, key=lambda place: beyond(domes[place], DEFAULT))
-    yield at_least(
-        f"domes: gain {over}, worst case ({words(worst)})",
-        beyond(domes[worst], DEFAULT),
-        -SHORT,
-        "JOD",
-    )
-    yield at_least(f"pairs: gain {over}, mean over inputs", gain(pairs, DEFAULT).mean, 0.0, "JOD")
-    for what, figure in (("of light", "contour"), ("of contrast", "contrast_contour")):
-        yield at_least(
-            f"pairs: subtraction's ghost contour {what} over the default's, mean over cases",
-            float(np.mean(falls(pairs, figure))),
-            1.5,
-        )
-    yield at_least(
-        "pairs: subtraction's share of the other eye's slopes over the default's, median",
-        float(np.median(falls(pairs, "other_eye"))),
-        1.5,
-    )
-    yield at_least(
-        "pairs: light of lit things over the master's, least of all cases",
-        min(ways[DEFAULT].lit for ways in pairs.values()),
-        0.97,
-    )
-    for kind, part, way in (("domes", _usual(domes), LOWER), ("pairs", pairs, DEFAULT)):
-        names = [way, *(name for name in WAYS if name != DEFAULT)]
-        by_rank = ranks(part, (judge for judge in panel.PANEL if judge.of_structure), names)
-        yield at_most(
-            f"{kind}: mean rank of {way} with the judges of structure, over the best other's",
-            by_rank.pop(way) / min(by_rank.values()),
-            1.0,
-        )
+    yield from _of_exact([ways[DEFAULT].plain for ways in ours.values()])
+    pairs = of_kind(ours, wanted, PAIRED)
+    lit = [ways[DEFAULT].plain["light of lit things"] for ways in pairs.values()]
+    if lit:
+        yield at_least("pairs: light of lit things over the master's, least", min(lit), 0.97)
+    if judged:
+        yield from _of_domes(of_kind(ours, wanted, DOMEMASTERS))
+        yield from _of_pairs(pairs)
 
 
-def _usual(cells: Cells) -> Cells:
-    """Those at which the knob was turned."""
-    return {place: ways for place, ways in cells.items() if LOWER in ways}
+def _of_laws(cells: Cells) -> Iterator[Check]:
+    for law in laws.LAWS:
+        found = {
+            place: ways[DEFAULT].laws[law.name]
+            for place, ways in cells.items()
+            if law.name in ways[DEFAULT].laws
+        }
+        if found:
+            worst = max(found, key=lambda place: found[place])
+            what = f"law of {law.name}: the default, worst of {len(found)} cases ({words(worst)})"
+            yield at_most(what, found[worst], law.bound)
+    broken = sum(len(_broken(ways[way])) for ways in cells.values() for way in _PLAIN)
+    yield equal("laws that nothing or subtraction breaks, in all cases", broken, 0)
 
 
-def _of_exact(cells: list[Cell]) -> Iterator[Check]:
+def _of_exact(figures: list[dict[str, float]]) -> Iterator[Check]:
     """The law: what is exact and is not lifted stays."""
-    kept = [cell.kept for cell in cells if cell.kept is not None]
-    fifth = [cell.kept_fifth for cell in cells if cell.kept_fifth is not None]
-    shifted = [cell.shifted for cell in cells if cell.shifted is not None]
+    kept, fifth, shifted = (
+        [plain[name] for plain in figures if name in plain]
+        for name in ("light kept where exact", "5th percentile of it", "shifted where exact")
+    )
     if not kept:
         return
     what = "of what is exact and not lifted"
@@ -157,6 +146,50 @@ def _of_exact(cells: list[Cell]) -> Iterator[Check]:
     yield at_most(
         f"share {what} whose u'v' shifts by more than 0.01, the largest", max(shifted), 0.025
     )
+
+
+def _of_domes(cells: Cells) -> Iterator[Check]:
+    for judge in panel.PANEL:
+        bound = -SHORT if judge.name == OTHER else 0.0
+        what = f"domes: {judge.name}, the default over nothing, mean"
+        yield at_least(what, better(cells, judge, NOTHING), bound)
+    for judge in panel.PANEL:
+        if judge.of_structure:
+            what = f"domes: {judge.name}, the default over subtraction, mean"
+            yield at_least(what, better(cells, judge, SUBTRACTION), 0.0)
+    by_rank = ranks(_usual(cells), panel.PANEL, _methods(_usual(cells)))
+    yield at_most(
+        "domes: mean rank of the default with all judges, over the best other method's",
+        by_rank.pop(DEFAULT) / min(by_rank.values()),
+        1.0,
+    )
+    inputs = len({place[0] for place in cells})
+    yield at_most(
+        "domes: share of inputs by which the default is last by any judge",
+        len(last(cells, panel.PANEL)) / inputs,
+        1 / 8,
+    )
+    over = f"domes: {JUDGE}, the default over the better of nothing and subtraction"
+    worst = min(cells, key=lambda place: beyond(cells[place], DEFAULT))
+    yield at_least(f"{over}, mean over inputs", gain(cells, DEFAULT).mean, 0.12, "JOD")
+    yield at_least(
+        f"{over}, worst case ({words(worst)})", beyond(cells[worst], DEFAULT), -SHORT, "JOD"
+    )
+
+
+def _of_pairs(cells: Cells) -> Iterator[Check]:
+    for judge in panel.PANEL:
+        for other in _PLAIN if judge.name in (JUDGE, OTHER) else (NOTHING,):
+            what = f"pairs: {judge.name}, the default over {other}, mean"
+            yield at_least(what, better(cells, judge, other), 0.0)
+    below = f"more than {SHORT:g} JOD below the better of nothing and subtraction"
+    yield at_most(
+        f"pairs: share of cases {below}",
+        _short(cells) / len(cells),
+        1 / 12,
+    )
+    added = [ways[DEFAULT].plain[ADDED] for ways in cells.values() if ADDED in ways[DEFAULT].plain]
+    yield at_most(f"pairs: {ADDED}, mean over cases", float(np.mean(added)), ADDED_BEFORE / 3)
 
 
 def told(cells: Cells, wanted: Mapping[str, Input]) -> str:
@@ -170,115 +203,128 @@ def told(cells: Cells, wanted: Mapping[str, Input]) -> str:
     for kind in (DOMEMASTERS, PAIRED):
         for title, part in (("Reporting", half), ("choosing", _others(cells))):
             some = of_kind(part, wanted, kind)
-            if some and all(JUDGE in ways[DEFAULT].judged for ways in some.values()):
+            heard = [judge for judge in panel.PANEL if _heard(some, judge)]
+            if some and JUDGE in (judge.name for judge in heard):
                 worst = min(beyond(ways, DEFAULT) for ways in some.values())
+                by_rank = ranks(_usual(some), heard)
                 text += (
                     f"\n\n{title} {kind}: {gain(some, DEFAULT).written} JOD over the better of "
                     f"nothing and subtraction, {worst:+.3f} in the worst case; more than {SHORT:g} "
-                    f"below it in {_short(some)} of {len(some)} cases."
-                )
-                judges = [j for j in panel.PANEL if j.of_structure and _heard(some, j)]
-                by_rank = ranks(some, judges)
-                text += (
-                    " Mean ranks with the judges of structure: "
+                    f"below it in {_short(some)} of {len(some)} cases. Mean ranks with "
+                    f"{len(heard)} judges: "
                     + ", ".join(f"{name} {rank:.2f}" for name, rank in by_rank.items())
+                    + ". Last by some judge: "
+                    + ("; ".join(f"{n} ({', '.join(j)})" for n, j in last(some, heard).items()))
                     + "."
                 )
     return text
 
 
 def figures(cells: Cells, wanted: Mapping[str, Input]) -> dict[str, float | None]:
-    """What the README quotes, of the reporting half."""
+    """What may be quoted, of the reporting half."""
     found: dict[str, float | None] = {}
     for kind in (DOMEMASTERS, PAIRED):
         part = of_kind(reported(cells), wanted, kind)
-        if not part or any(JUDGE not in ways[DEFAULT].judged for ways in part.values()):
+        heard = [judge for judge in panel.PANEL if _heard(part, judge)]
+        if not part or JUDGE not in (judge.name for judge in heard):
             continue
         ours = gain(part, DEFAULT)
         found[f"quality.{kind}.gain"] = ours.mean
         found[f"quality.{kind}.gain.low"] = ours.low
         found[f"quality.{kind}.gain.high"] = ours.high
         found[f"quality.{kind}.worst"] = min(beyond(ways, DEFAULT) for ways in part.values())
-        found[f"quality.{kind}.paper"] = gain(part, "paper's weighting").mean
         found[f"quality.{kind}.short"] = float(_short(part))
         found[f"quality.{kind}.cases"] = float(len(part))
         found[f"quality.{kind}.inputs"] = float(ours.inputs)
-        if kind == PAIRED:
-            found["quality.contour"] = float(np.mean(falls(part, "contour")))
+        for name, rank in ranks(_usual(part), heard).items():
+            found[f"quality.{kind}.rank.{name}"] = rank
     return found
 
 
 def tables(cells: Cells, wanted: Mapping[str, Input]) -> Iterator[Table]:
-    """Ranks by judge, plain figures by way, and all cases."""
+    """Ranks by judge, laws and plain figures by way, and all cases."""
     half = reported(cells)
     for kind in (DOMEMASTERS, PAIRED):
         part = of_kind(half, wanted, kind)
-        if not part:
-            continue
-        yield _by_judge(kind, part)
-        yield _plain(kind, part)
+        if part:
+            yield _by_judge(kind, part)
+            yield _by_judge(kind, _usual(part))
+            yield _plain(kind, part)
+    yield _by_law(cells)
     yield _by_place(cells)
 
 
 def _by_judge(kind: str, cells: Cells) -> Table:
-    known = [judge for judge in panel.PANEL if _heard(cells, judge)]
+    names = _common(cells)
     return Table(
-        caption=f"Reporting {kind}: mean of each judge's figures, and mean ranks (1 = best).",
+        caption=(
+            f"Reporting {kind}, {len(cells)} cases: mean of each judge's figures, and mean ranks "
+            f"(1 = best)."
+        ),
         columns=(
             Column(name="judge"),
             Column(name="of structure"),
-            *(Column(name=name, digits=".4g") for name in WAYS),
-            *(Column(name=f"rank of {name}", digits=".2f") for name in WAYS),
+            *(Column(name=name, digits=".4g") for name in names),
+            *(Column(name=f"rank of {name}", digits=".2f") for name in names),
         ),
         rows=tuple(
             (
                 judge.name,
                 judge.of_structure,
-                *(_mean(ways[name].judged[judge.name] for ways in cells.values()) for name in WAYS),
+                *(_mean_of(cells, judge, name) for name in names),
                 *ranks(cells, [judge]).values(),
             )
-            for judge in known
+            for judge in panel.PANEL
+            if _heard(cells, judge)
         ),
     )
 
 
 def _plain(kind: str, cells: Cells) -> Table:
-    names = list(dict.fromkeys(name for ways in cells.values() for name in ways))
-    rows: list[tuple[Entry, ...]] = []
-    for name in names:
-        some = [ways[name] for ways in cells.values() if name in ways]
-        rows.append(
-            (
-                name,
-                len(some),
-                *(_mean(cell.structure[band] for cell in some) for band in range(3)),
-                _mean(cell.hue for cell in some),
-                _mean(cell.saturation for cell in some),
-                max((100 * cell.halos for cell in some if cell.halos is not None), default=None),
-                _mean(cell.black for cell in some),
-                _mean(cell.kept for cell in some),
-                _mean(cell.contour for cell in some),
-                _mean(cell.contrast_contour for cell in some),
-                min(cell.lit for cell in some),
-            )
+    ways = list(dict.fromkeys(name for every in cells.values() for name in every))
+    names = list(
+        dict.fromkeys(
+            name for every in cells.values() for cell in every.values() for name in cell.plain
         )
+    )
+    rows: list[tuple[Entry, ...]] = []
+    for way in ways:
+        some = [every[way].plain for every in cells.values() if way in every]
+        means = (_mean(plain.get(name) for plain in some) for name in names)
+        rows.append((way, len(some), *means))
     return Table(
-        caption=f"Reporting {kind}: plain figures, means (of lifts 1 and 4 over usual cases).",
+        caption=f"Reporting {kind}: plain figures, means. Shares where no unit is said.",
         columns=(
             Column(name="way"),
             Column(name="cases"),
-            *(
-                Column(name=f"structure of {size}", digits=".2f")
-                for size in ("0.25-1°", "2-10°", "10-30°")
-            ),
-            Column(name="hue shift in the dark", unit="°", digits=".0f"),
-            Column(name="saturation in the dark", digits=".2f"),
-            Column(name="halos, most", unit="% of the screen", digits=".2f"),
-            Column(name="black", unit="cd/m²", digits=".3f"),
-            Column(name="light kept where exact", digits=".3f"),
-            Column(name="ghost contour", digits=".3f"),
-            Column(name="of contrast", digits=".3f"),
-            Column(name="light of lit things, least", digits=".3f"),
+            *(Column(name=name, digits=".3g") for name in names),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _by_law(cells: Cells) -> Table:
+    ways = list(dict.fromkeys(name for every in cells.values() for name in every))
+    rows: list[tuple[Entry, ...]] = []
+    for law in laws.LAWS:
+        for way in ways:
+            found = [
+                every[way].laws[law.name]
+                for every in cells.values()
+                if way in every and law.name in every[way].laws
+            ]
+            if found:
+                broken = sum(figure > law.bound for figure in found)
+                rows.append((law.name, law.bound, way, len(found), max(found), broken))
+    return Table(
+        caption="Laws: the worst figure of each way, and the cases in which it breaks the law.",
+        columns=(
+            Column(name="law"),
+            Column(name="bound"),
+            Column(name="way"),
+            Column(name="cases"),
+            Column(name="worst"),
+            Column(name="broken"),
         ),
         rows=tuple(rows),
     )
@@ -290,26 +336,59 @@ def _by_place(cells: Cells) -> Table:
             *place,
             "choosing" if place[0] in CHOOSING else "reporting",
             *(ways[name].judged.get(JUDGE) for name in WAYS),
-            ways[DEFAULT].kept,
-            ways[SUBTRACTION].contour,
-            ways[DEFAULT].contour,
+            ", ".join(_broken(ways[DEFAULT])),
         )
         for place, ways in cells.items()
     ]
     return Table(
-        caption="All cases: ColorVideoVDP of each method, JOD. Pollution is crosstalk or albedo.",
+        caption=(
+            "All cases: ColorVideoVDP of each method, JOD, and laws that the default breaks. "
+            "Pollution is crosstalk or albedo."
+        ),
         columns=(
             Column(name="input"),
             Column(name="pollution", digits="g"),
             Column(name="white", unit="cd/m²", digits="g"),
             Column(name="half"),
             *(Column(name=name, digits=".3f") for name in WAYS),
-            Column(name="light kept where exact", digits=".3f"),
-            Column(name="contour, subtraction", digits=".3f"),
-            Column(name="contour, default", digits=".3f"),
+            Column(name="broken"),
         ),
         rows=tuple(rows),
     )
+
+
+_PLAIN = (NOTHING, SUBTRACTION)
+
+
+def _broken(cell: Cell) -> list[str]:
+    """Laws that a way breaks at a place."""
+    return [law.name for law in laws.LAWS if cell.laws.get(law.name, -np.inf) > law.bound]
+
+
+def _badness(cell: Cell, judge: panel.Judge) -> float:
+    return cell.judged[judge.name] * (-1 if judge.higher_is_better else 1)
+
+
+def _mean_of(cells: Cells, judge: panel.Judge, way: str) -> float:
+    """Mean of a judge's figures of a way."""
+    return float(np.mean([min(ways[way].judged[judge.name], BEST) for ways in cells.values()]))
+
+
+def _common(cells: Cells) -> list[str]:
+    """Ways that all cases have."""
+    every = list(cells.values())
+    return [name for name in every[0] if all(name in ways for ways in every)] if every else []
+
+
+def _methods(cells: Cells) -> list[str]:
+    """Ways that all cases have, without other settings of the default."""
+    return [name for name in _common(cells) if name not in KNOB]
+
+
+def _usual(cells: Cells) -> Cells:
+    """Those at which all ways were tried; all, if there are none."""
+    most = max((len(ways) for ways in cells.values()), default=0)
+    return {place: ways for place, ways in cells.items() if len(ways) == most}
 
 
 def _short(cells: Cells) -> int:
