@@ -1,9 +1,22 @@
 """The ruler: how much worse what is seen looks than the master, whatever the method.
 
-The reference model is `compensate.vision.differences`: a picture's contrasts at all scales, each
-relative to the light around, with published constants. No setting of a method enters it. Its unit
-is the just-objectionable difference (JOD): of two pictures 1 JOD apart, 75 of 100 people prefer the
-better.
+It is ColorVideoVDP's figure for a still (`compensate.vision.differences`): what it takes from 10,
+in just-objectionable differences (JOD). Of two pictures 1 JOD apart, 75 of 100 people prefer the
+better. No setting of a method enters it.
+
+The picture is what a display in the scene's place would show: linear BT.709, of at least
+`BLACK` in each primary, and black where there is no screen. Both pictures are so, and all of
+the rectangle counts: around a dome a fifth of it is black and cannot differ. Views are judged one
+by one, and their mean is told. ColorVideoVDP cannot see all that matters: it compares each picture
+with its own light, so that black that has become grey is nothing to it (`compensate.plain`).
+
+Three choices are ours:
+
+- Pictures of more than `FINEST` pixels a side are averaged first, for speed. What only finer
+  pixels hold does not count.
+- Pixels of pictures coarser than `COARSEST` are squares of even light, which are seen.
+- Seen from a seat, pixels per degree differ from place to place. Q is pooled over places by their
+  own resolution (`compensate.vision.resolution`), as over the pixels of one picture.
 """
 
 from __future__ import annotations
@@ -14,14 +27,21 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.vision.differences import Reference, visible_difference
-from compensate.vision.resolution import by_resolution
+from compensate.vision.differences import Reference, quality_lost
+from compensate.vision.resolution import shares
 from domesim.light import Light
 from domesim.light.strips import in_strips
+from domesim.observation.projector import conversion
 from domesim.scene import Scene
 
 FINEST = 1024
 """Pixels of a picture's larger side, at most: larger pictures are averaged."""
+COARSEST = 2.0
+"""Pixels per degree, at least: pixels of coarser pictures are repeated."""
+BLACK = 0.005
+"""Least light of a primary, cd/m²: below, ColorVideoVDP does not know."""
+NO_DIFFERENCE = 0.02
+"""JOD up to which two figures are the same."""
 
 
 @final
@@ -43,60 +63,69 @@ class Ruler:
         self._scene, self._screen = scene, screen
 
     def lost(self, seen: Light) -> float:
-        """Mean of `lost_map` over the screen, JOD: 0 where the master is seen.
+        """What ColorVideoVDP takes from 10, JOD; 0 where the master is seen.
 
         Parameters
         ----------
         seen
             (view, row, col, primary).
         """
-        lost = self.lost_map(seen)
-        return float(np.sum(lost * self._share) / (self._share.sum() * len(lost)))
+        found = self._shown(seen)
+        squares = sum(reference.pooled(found, share) ** 2 for reference, share in self._references)
+        return float(np.mean(quality_lost(np.sqrt(squares))))
 
     def lost_map(self, seen: Light) -> NDArray[np.floating[Any]]:
         """(view, row, col) JOD that are lost if all of the picture looks like that place.
 
-        It is computed from the averaged picture.
+        It has the pixels of what is compared: see the module's docstring.
         """
-        found, viewing = self._averaged(seen), self._scene.viewing
+        found = self._shown(seen)
+        maps = [
+            reference.difference(found) * (1 if share is None else share)
+            for reference, share in self._references
+        ]
+        return np.asarray(reduce(np.add, maps))
+
+    @cached_property
+    def _references(self) -> list[tuple[Reference, NDArray[np.float32] | None]]:
+        """The master at each resolution, and (row, col) how much a place has of that."""
+        wanted, viewing = self._shown(self.wanted), self._scene.viewing
+        size = wanted.shape[1:3]
+        per_degree = viewing.pixels_per_degree(*size)
         if viewing.seat is None:
-            return self._reference.difference(found)
-        wanted = self._averaged_master
-        per_degree = viewing.pixels_per_degree(*wanted.shape[1:3])
-        (lost,) = by_resolution(
-            viewing.seat.scale(*wanted.shape[1:3]),
-            self._share[0] > 0,
-            lambda factor: (visible_difference(wanted, found, factor * per_degree),),
-        )
-        return lost
-
-    @cached_property
-    def _reference(self) -> Reference:
-        wanted = self._averaged_master
-        return Reference(wanted, self._scene.viewing.pixels_per_degree(*wanted.shape[1:3]))
-
-    @cached_property
-    def _share(self) -> NDArray[np.float32]:
-        """(1, row, col) of the averaged picture: how much of a pixel is screen."""
+            return [(Reference(wanted, per_degree), None)]
         ones = np.broadcast_to(np.float32(1), (1, *self._screen.shape, 1))
-        return np.asarray(_reduced(ones, self._screen)[..., 0])
+        on_screen = self._repeated(averaged(ones, self._screen))[0, ..., 0] > 0
+        return [
+            (Reference(wanted, factor * per_degree), share)
+            for factor, share in shares(viewing.seat.scale(*size), on_screen)
+        ]
 
-    @cached_property
-    def _averaged_master(self) -> NDArray[np.float32]:
-        return self._averaged(self.wanted)
-
-    def _averaged(self, light: Light) -> NDArray[np.float32]:
-        """XYZ of the averaged picture, (view, row, col, 3), cd/m²."""
+    def _shown(self, light: Light) -> NDArray[np.float32]:
+        """XYZ of what a display would show, (view, row, col, 3), cd/m²."""
         projector = self._scene.projector
-        to_xyz = (projector.to_xyz * projector.white).T.astype(np.float32)
-        averaged = np.maximum(_reduced(light, self._screen), 0).astype(np.float32)
-        return np.asarray(averaged @ to_xyz)
+        small = projector.to_display(averaged(light, self._screen).astype(np.float32))
+        shown = np.maximum(small * np.float32(projector.white), np.float32(BLACK))
+        return self._repeated(shown @ conversion("BT.709", "XYZ").T.astype(np.float32))
+
+    def _repeated(self, light: Light) -> Light:
+        """Averaged light in pixels that are not coarser than `COARSEST`."""
+        per_degree = self._scene.viewing.pixels_per_degree(*light.shape[1:3])
+        times = max(1, int(np.ceil(COARSEST / per_degree)))
+        return light if times == 1 else light.repeat(times, 1).repeat(times, 2)
 
 
-def _reduced(light: Light, screen: NDArray[np.bool_]) -> Light:
+def averaged(light: Light, screen: NDArray[np.bool_]) -> Light:
     """Means of squares of light on the screen, so that no side is longer than `FINEST`.
 
     What is left over is left out.
+
+    Parameters
+    ----------
+    light
+        (view, row, col, primary).
+    screen
+        (row, col): light elsewhere counts as 0.
     """
     times = -(-max(screen.shape) // FINEST)
     rows, cols = (side // times for side in screen.shape)

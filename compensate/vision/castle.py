@@ -155,6 +155,37 @@ YELLOW_VIOLET = Mechanism(
 MECHANISMS = (ACHROMATIC, RED_GREEN, YELLOW_VIOLET)
 """All mechanisms, in the order of the rows of `DKL_FROM_LMS`."""
 
+COLORVIDEOVDP = (
+    Mechanism(
+        peak_sensitivity=Saturating(68.0670588671466, 59.50394302395729, 0.16427390269455916),
+        decline=Decline(9.264027307591269e-07, 6333543813.281867),
+        peak_frequency=Saturating(1.6214411268627504, 36.65594630701373, 0.2558234212911915),
+        bandwidth=0.0002196132565581701,
+        plateau=0.8963162538854287,
+        critical_area=1388579.993948143,
+        corner_frequency=0.009181573710128874,
+    ),
+    Mechanism(
+        peak_sensitivity=Saturating(3842.367573436226, 36.787, 0.486759),
+        peak_frequency=0.000367109,
+        bandwidth=3.15666,
+        plateau=1.0,
+        critical_area=19246644.86381889,
+        corner_frequency=0.0009552985594687426,
+    ),
+    Mechanism(
+        peak_sensitivity=Saturating(437.45369314267634, 70.9537, 0.38997),
+        peak_frequency=0.00194905,
+        bandwidth=2.92254,
+        plateau=1.0,
+        critical_area=3.4989824330226314e18,
+        corner_frequency=1.7886287748786725e-09,
+    ),
+)
+"""The same mechanisms in an older calibration by the authors: that of ColorVideoVDP's table
+(``csf_lut_weber_fixed_size.json``), where S > 1. log10 S is met to 2e-5 (achromatic) and 2e-15
+(colours) at `DETAIL`."""
+
 
 DETAIL = float(np.pi * 1.5**2)
 """Area of a pattern, deg², where none is given: that of ColorVideoVDP's table, of 3° across."""

@@ -6,7 +6,7 @@ that are next to its own, in proportion by the logarithm.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -38,14 +38,30 @@ def by_resolution(
     step
         Distance between resolutions, octaves.
     """
-    octaves = np.log2(np.where(screen, scale, 1.0))
-    low, high = float(octaves[screen].min()), float(octaves[screen].max())
-    count = 1 + int(np.ceil((high - low) / step))
-    levels = np.linspace(low, max(high, low + 1e-6), max(count, 2))
     found: list[Planes] = []
-    for level in levels:
-        share = np.maximum(1 - np.abs(octaves - level) / (levels[1] - levels[0]), 0)
-        share = np.where(screen, share, 0).astype(np.float32)
-        planes = [share * plane for plane in model(float(2**level))]
+    for factor, share in shares(scale, screen, step):
+        planes = [np.where(screen, share * plane, 0) for plane in model(factor)]
         found = planes if not found else [a + b for a, b in zip(found, planes, strict=True)]
     return tuple(found)
+
+
+def shares(
+    scale: Planes, screen: NDArray[np.bool_], step: float = STEP
+) -> Iterator[tuple[float, NDArray[np.float32]]]:
+    """Factors of the resolution, and (row, col) how much a place has of each.
+
+    Off the screen it is the least resolution.
+
+    Parameters
+    ----------
+    scale, screen, step
+        As for `by_resolution`.
+    """
+    octaves = np.log2(np.where(screen, scale, 1.0))
+    low, high = float(octaves[screen].min()), float(octaves[screen].max())
+    octaves = np.where(screen, octaves, low)
+    count = 1 + int(np.ceil((high - low) / step))
+    levels = np.linspace(low, max(high, low + 1e-6), max(count, 2))
+    for level in levels:
+        share = np.maximum(1 - np.abs(octaves - level) / (levels[1] - levels[0]), 0)
+        yield float(2**level), share.astype(np.float32)

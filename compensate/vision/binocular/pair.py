@@ -32,15 +32,7 @@ from scipy.ndimage import gaussian_filter, zoom
 from compensate.vision.binocular.contrast import BINOCULAR, K, gain_control, two_stage
 from compensate.vision.binocular.disparity import Disparity, disparities
 from compensate.vision.binocular.rivalry import rivals
-from compensate.vision.differences import (
-    EXPONENT,
-    JOD,
-    STILL,
-    Band,
-    bands,
-    expanded,
-    mutually_masked,
-)
+from compensate.vision.differences import Band, bands, mutually_masked, pooled, quality_lost
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.scene import Scene
@@ -133,24 +125,19 @@ class Pair:
             np.stack([light[view], self.disparity[view].fused(light[1 - view])])
             for light in (self._wanted, shown)
         )
-        total: Floats | None = None
+        squares = []
         fourth = np.zeros(size)
         rival = np.zeros(size, bool)
-        for band in reversed(bands(wanted, seen, density)):
+        for band in bands(wanted, seen, density):
             energies = [_energies(signals) for signals in (band.wanted, band.seen)]
             difference = _fused_difference(band, energies)
-            if total is None:
-                total = np.zeros(difference.shape, np.float32)
-            else:
-                total = expanded(total, difference.shape)
-            total = total + np.float32(band.gain) * difference
+            squares.append(np.mean(difference**2, (-2, -1), dtype=np.float64))
             roots = [np.sqrt(energy[:, 0]) for energy in energies]
             fourth += _fitted(_contrast_change(*roots) ** 4, size)
             new = rivals(*roots[1]) & ~rivals(*roots[0])
             rival |= _fitted(new.astype(np.float32), size) > 0.5
-        assert total is not None
-        loss = JOD * (STILL * total) ** EXPONENT
-        return float(loss.mean()), float(np.mean(fourth**0.25)), float(rival.mean()), rival
+        loss = float(quality_lost(pooled(squares)))
+        return loss, float(np.mean(fourth**0.25)), float(rival.mean()), rival
 
     def _xyz(self, light: Light) -> Floats:
         projector = self._scene.projector
@@ -164,16 +151,14 @@ def _energies(signals: Floats) -> Floats:
 
 
 def _fused_difference(band: Band, energies: list[Floats]) -> NDArray[np.float32]:
-    """(row, col) D of the fused picture in one band."""
+    """(mechanism, row, col) D_k of the fused picture in one band."""
 
     def fused(signals: Floats, energy: Floats) -> NDArray[np.float32]:
         own, other = energy.sum(1)  # of all mechanisms
         return np.asarray(gain_control(signals[0], signals[1], own, other), np.float32)
 
     pictures = (band.wanted, energies[0]), (band.seen, energies[1])
-    wanted, seen = (fused(signals, energy) for signals, energy in pictures)
-    squares = mutually_masked(wanted, seen) ** 2
-    return np.asarray(np.sqrt(np.sqrt(np.sum(squares**2, axis=0))), np.float32)
+    return mutually_masked(*(fused(signals, energy) for signals, energy in pictures))
 
 
 def _contrast_change(wanted: Floats, seen: Floats) -> Floats:

@@ -10,14 +10,13 @@ import pytest
 
 from compensate.vision.castle import (
     ACHROMATIC,
+    COLORVIDEOVDP,
     DKL_FROM_LMS,
     DKL_FROM_XYZ,
     LMS_FROM_XYZ,
     MECHANISMS,
     RED_GREEN,
     YELLOW_VIOLET,
-    Decline,
-    Mechanism,
     Saturating,
     castle,
     opponent_contrast,
@@ -76,10 +75,10 @@ def test_the_formula_by_hand(frequency, luminance, area):
 
 # ColorVideoVDP 0.5 (github.com/gfxdisp/ColorVideoVDP), vvdp_data/csf_lut_weber_fixed_size.json:
 # log10 S at 0 Hz for a Gaussian window of sigma 1.5°, computed by castleCSF's authors with another
-# calibration of the same formula, which is not published. `OLDER` holds it as fitted to the table
-# where S > 1 (897 of 1024 entries achromatic, 988 red-green, 926 yellow-violet): log10 S is met
-# to 2e-5 (achromatic, 12 numbers) and 2e-15 (colours, 7 numbers), and most of the colours' numbers
-# come out with six digits, as the authors write them. So the table is of this formula.
+# calibration of the same formula, which is not published. `COLORVIDEOVDP` holds it as fitted to
+# the table where S > 1 (897 of 1024 entries achromatic, 988 red-green, 926 yellow-violet): log10 S
+# is met to 2e-5 (achromatic, 12 numbers) and 2e-15 (colours, 7 numbers), and most of the colours'
+# numbers come out with six digits, as the authors write them. So the table is of this formula.
 TABLE_FREQUENCY = [0.15172036166614578, 0.8039320566914592, 4.259855069409406, 22.572013469712154]
 TABLE_LUMINANCE = [8.935410686953832, 377.73460670691384]
 TABLE = {
@@ -96,33 +95,7 @@ TABLE = {
         [1.7426046685754262, 1.9651442685730907, 1.6471124643985, 0.9574790028845241],
     ],
 }
-OLDER = {
-    "achromatic": Mechanism(
-        peak_sensitivity=Saturating(68.0670588671466, 59.50394302395729, 0.16427390269455916),
-        decline=Decline(9.264027307591269e-07, 6333543813.281867),
-        peak_frequency=Saturating(1.6214411268627504, 36.65594630701373, 0.2558234212911915),
-        bandwidth=0.0002196132565581701,
-        plateau=0.8963162538854287,
-        critical_area=1388579.993948143,
-        corner_frequency=0.009181573710128874,
-    ),
-    "red-green": Mechanism(
-        peak_sensitivity=Saturating(3842.367573436226, 36.787, 0.486759),
-        peak_frequency=0.000367109,
-        bandwidth=3.15666,
-        plateau=1.0,
-        critical_area=19246644.86381889,
-        corner_frequency=0.0009552985594687426,
-    ),
-    "yellow-violet": Mechanism(
-        peak_sensitivity=Saturating(437.45369314267634, 70.9537, 0.38997),
-        peak_frequency=0.00194905,
-        bandwidth=2.92254,
-        plateau=1.0,
-        critical_area=3.4989824330226314e18,
-        corner_frequency=1.7886287748786725e-09,
-    ),
-}
+OLDER = dict(zip(TABLE, COLORVIDEOVDP, strict=True))
 
 
 @pytest.mark.parametrize("name", TABLE)

@@ -1,0 +1,94 @@
+"""Ten pictures for the ruler: five masters, each as it is seen untouched and once subtracted.
+
+``python tests/ruler_pictures.py``, run in the checkout with the extra ``metrics``, prints what
+ColorVideoVDP's own code takes from 10 for each: `JUDGED` is its output.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from domesim.light import Light
+from domesim.scene import Scene, load_scene
+from domesim.scene.screening import decoded
+from validation.masters import bundled_night, night
+from validation.pairs import averaged
+
+JUDGED: dict[str, tuple[float, float]] = {
+    "night": (0.1498, 0.2068),
+    "bundled": (1.2751, 1.4398),
+    "stars": (0.8396, 0.8195),
+    "lamps": (0.2938, 0.3708),
+    "bars": (0.2607, 0.0497),
+}
+"""Master -> JOD lost untouched, and subtracted (cvvdp 0.5.7, torch 2.13.0)."""
+
+
+def stars() -> Light:
+    """Points of 0.01 to 1 on a dark sky, beside a bright disc."""
+    rows, cols = np.mgrid[:384, :384]
+    light = np.full((384, 384), 0.0005)
+    light[np.hypot(rows - 150, cols - 200) < 40] = 0.7
+    for k, level in enumerate(np.geomspace(0.01, 1, 10)):
+        light[250, 100 + 18 * k] = level
+    return light.astype(np.float32)[None, ..., None] * np.float32([1, 0.95, 0.8])
+
+
+def lamps() -> Light:
+    """Coloured lamps on black, of other depths: each has a sharp ghost."""
+    rows, cols = (np.mgrid[:270, :480] + 0.5) / 480
+    views = []
+    for eye in (-0.5, 0.5):
+        picture = np.full((270, 480, 3), 0.001)
+        for k, (across, down, colour) in enumerate(
+            [(0.3, 0.2, (1, 0.9, 0.7)), (0.55, 0.3, (0.9, 0.9, 1)), (0.75, 0.15, (1, 0.5, 0.3))]
+        ):
+            far = np.hypot(cols - across - 0.02 * (k + 1) * eye, rows - down)
+            shape = (far < 0.012) + 0.02 * np.exp(-far / 0.01)
+            picture += shape[..., None] * np.array(colour)
+        views.append(np.minimum(picture, 1))
+    return np.stack(views).astype(np.float32)
+
+
+def bars() -> Light:
+    """Grey bars before a dark ground."""
+    rows, cols = (np.mgrid[:270, :480] + 0.5) / 480
+    views = []
+    for eye in (-0.5, 0.5):
+        across = cols + 0.03 * eye
+        lit = (np.mod(30 * across, 1) < 0.3) & (np.abs(rows - 0.28) < 0.08)
+        views.append(0.01 + 0.6 * (lit & (across > 0.2) & (across < 0.8)))
+    return np.stack(views).astype(np.float32)[..., None].repeat(3, axis=-1)
+
+
+def pictures() -> Iterator[tuple[str, Scene, Light, tuple[Light, Light]]]:
+    """Name, scene, master, and what is seen untouched and subtracted."""
+    for name, place in {
+        "night": "dome_planetarium",
+        "bundled": "dome_imax",
+        "stars": "dome_planetarium",
+        "lamps": "stereo_polarised_paper",
+        "bars": "stereo_shutter",
+    }.items():
+        scene = load_scene(place)
+        light = {
+            "night": lambda: night(192),
+            "bundled": lambda scene=scene: averaged(decoded(bundled_night(), scene), 2),
+            "stars": stars,
+            "lamps": lamps,
+            "bars": bars,
+        }[name]()
+        observe = scene.observation(*light.shape[1:3]).observe
+        untouched = observe(light)
+        subtracted = observe(np.maximum(2 * light - untouched, 0).astype(np.float32))
+        yield name, scene, light, (untouched, subtracted)
+
+
+if __name__ == "__main__":
+    from validation.judges import colorvideovdp
+
+    for name, scene, light, seen in pictures():
+        lost = ", ".join(f"{10 - colorvideovdp(light, each, scene):.4f}" for each in seen)
+        print(f'    "{name}": ({lost}),')
