@@ -33,6 +33,14 @@ ARGUMENTS = [
 ]
 
 
+def pytest_configure() -> None:
+    """Stop where no path can be traced: many tests do."""
+    from domesim.pathtrace.llvm import lacking  # noqa: PLC0415 - after the settings above
+
+    if fault := lacking():
+        raise pytest.UsageError(fault)
+
+
 @pytest.fixture
 def hangup() -> Iterator[None]:
     """A lost terminal ends what is started, though it be under nohup, which has it ignored."""
