@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import pytest
+from open_files import nothing_left_open
 
 from domesim import commands
 
@@ -51,7 +52,8 @@ def exit_code(*arguments: object) -> int:
         patch.setattr(sys, "excepthook", sys.excepthook)  # typer replaces it
         patch.setattr(sys, "argv", ["domesim", *map(str, arguments)])
         try:
-            commands.run()
+            with nothing_left_open():
+                commands.run()
         except SystemExit as end:  # pytest.raises would keep files open that frames hold
             code = end.code or 0
         else:

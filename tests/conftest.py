@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,14 @@ ARGUMENTS = [
 ]
 
 
+def pytest_configure() -> None:
+    """Stop where no path can be traced: many tests do."""
+    from domesim.pathtrace.llvm import lacking  # noqa: PLC0415 - after the settings above
+
+    if fault := lacking():
+        raise pytest.UsageError(fault)
+
+
 @pytest.fixture
 def hangup() -> Iterator[None]:
     """A lost terminal ends what is started, though it be under nohup, which has it ignored."""
@@ -53,6 +62,20 @@ def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., Any]:
 def out(tmp_path: Path) -> Path:
     """Where its results go; not there yet."""
     return tmp_path / "results"
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 64 KiB, which cannot be unmounted while a file in it is open."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)]
+    if os.geteuid() or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("may not mount a file system")
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", str(place)], check=True)
 
 
 @pytest.fixture(scope="session")

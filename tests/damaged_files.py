@@ -25,6 +25,7 @@ import OpenEXR
 import OpenImageIO as oiio  # noqa: N813
 from cinema_mxf import cinema_mxf
 from icc_profiles import icc_profile
+from open_files import nothing_left_open
 from PIL import Image
 from videos import KINDS, write_numbered
 
@@ -33,6 +34,7 @@ from domesim.frames import read_master
 from domesim.frames.formats.jpeg import joined_pair
 from domesim.frames.formats.png import chunk
 from domesim.frames.video import is_video
+from domesim.host.files import KEPT_OPEN
 from domesim.shows.sequences import find_moments
 
 ROWS, COLS = 40, 53
@@ -327,7 +329,8 @@ def followed(command: list[str], patience: float) -> list[Reading]:
 def outcome(path: Path) -> str:
     """What became of reading it: "frame", a refusal, or "WRONG: ..."."""
     try:
-        master = read_master(find_moments(path)[0] if is_video(path) else [path])
+        with nothing_left_open(), KEPT_OPEN:
+            master = read_master(find_moments(path)[0] if is_video(path) else [path])
     except InputError as error:
         message = str(error)
         if "\n" in message or not message.isprintable() or len(message) > 700:

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -459,24 +459,10 @@ def test_results_do_not_replace_the_master(
     assert pattern.with_name("show.0001.exr").read_bytes() == before
 
 
-@pytest.fixture
-def tiny_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 64 KiB."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)]
-    if os.geteuid() or subprocess.run(mount, capture_output=True, check=False).returncode:
-        pytest.skip("may not mount a file system")
-    try:
-        yield place
-    finally:
-        subprocess.run(["umount", str(place)], check=True)
-
-
 @pytest.mark.parametrize("command", ["compensate", "observe"])
 @pytest.mark.parametrize(("suffix", "bits"), [(".exr", 16), (".png", 16), (".jpg", 8)])
 def test_a_full_disk(
-    run: Run, tmp_path: Path, tiny_disk: Path, command: str, suffix: str, bits: int
+    run: Run, tmp_path: Path, small_disk: Path, command: str, suffix: str, bits: int
 ) -> None:
     """What fitted is whole; what did not leaves nothing."""
     noise = np.random.default_rng(1).random((64, 64, 3)).astype(np.float32) * 0.8
@@ -484,23 +470,23 @@ def test_a_full_disk(
     (tmp_path / "s").mkdir()
     for number in range(1, 7):
         write_frame(replace(frame, pixels=noise), tmp_path / "s" / f"show.{number}{suffix}")
-    room = tiny_disk.joinpath("filler")
+    room = small_disk.joinpath("filler")
     room.write_bytes(bytes(24 * 1024))
     pattern = tmp_path / "s" / f"show.#{suffix}"
-    outcome = run(command, pattern, "--scene", SCENE, "--out", tiny_disk, "--workers", 0)
+    outcome = run(command, pattern, "--scene", SCENE, "--out", small_disk, "--workers", 0)
     assert outcome.code == 2
     names = [f"show.{number}{suffix}" for number in range(1, 7)]
-    complete = [name for name in names if (tiny_disk / name).exists()]
+    complete = [name for name in names if (small_disk / name).exists()]
     assert 0 < len(complete) < 6
-    assert written(tiny_disk) == ["filler", *complete]
+    assert written(small_disk) == ["filler", *complete]
     for name in complete:
-        assert read_frame(tiny_disk / name).pixels.shape == noise.shape
+        assert read_frame(small_disk / name).pixels.shape == noise.shape
     *lines, last = outcome.err.splitlines()
     if "job/" in lines[-1] + last:  # the report did not fit either
         assert "wanted to write it, got 'no space left on device'" in last
     told = 0
     for name in names:
-        if name in complete and (tiny_disk / "job" / f"{name}.json").exists():
+        if name in complete and (small_disk / "job" / f"{name}.json").exists():
             continue
         for line in (line for line in (*lines, last) if name in line):
             assert "wanted to write it, got 'no space left on device'" in line
@@ -509,7 +495,7 @@ def test_a_full_disk(
     alike = re.search("([0-9]) under way failed likewise", outcome.err)
     told += int(alike[1]) if alike else 0
     not_begun = re.search("([0-9]) of 6 frames were not begun after that", outcome.err)
-    missing = 6 - len(list((tiny_disk / "job").glob("show.*.json")))
+    missing = 6 - len(list((small_disk / "job").glob("show.*.json")))
     assert told + (int(not_begun[1]) if not_begun else 0) == missing
 
 
@@ -825,16 +811,18 @@ def test_a_result_that_cannot_be_written(run: Run, tmp_path: Path, command: str,
 
 
 @pytest.mark.parametrize("command", TRACING)
-def test_a_full_disk_after_tracing(run: Run, tmp_path: Path, tiny_disk: Path, command: str) -> None:
-    tiny_disk.joinpath("filler").write_bytes(bytes(52 * 1024))
+def test_a_full_disk_after_tracing(
+    run: Run, tmp_path: Path, small_disk: Path, command: str
+) -> None:
+    small_disk.joinpath("filler").write_bytes(bytes(52 * 1024))
     options = {
         "render": ["--master", store(tmp_path / "m.exr", picture(64, 64)), "--samples", 2],
         "tabulate": ["--walks", 1, "--degree", 2, "--no-check"],
     }
-    outcome = run(*traced(command, tiny_disk, *options[command]))
+    outcome = run(*traced(command, small_disk, *options[command]))
     words = {"render": ("seen.exr", "cannot be written"), "tabulate": ("table.npz", "o space left")}
     outcome.is_refused(*words[command])
-    assert written(tiny_disk) == ["filler"]
+    assert written(small_disk) == ["filler"]
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ from pydantic import (
 )
 from pydantic_core import to_json
 
+from domesim.errors import InputError
 from domesim.frames import write_whole
 from domesim.pathtrace.llvm import backend
 
@@ -191,7 +192,10 @@ def require_tracer() -> None:
     Missing
         If not.
     """
-    found = backend()
+    try:
+        found = backend()
+    except InputError as fault:
+        raise Missing(str(fault)) from None
     if not found.vectorised:
         raise Missing(f"needs LLVM or a GPU to trace paths: {found.summary}")
 

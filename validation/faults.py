@@ -56,16 +56,16 @@ class Show:
     ) -> subprocess.Popen[str]:
         """Start the command in a session of its own, in which `limit` is called first."""
         command = [sys.executable, "-m", "domesim", *self.arguments, "--out", str(out), *more]
-        log = (self.folder / "log").open("a")
-        return subprocess.Popen(
-            command,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-            env={**os.environ, "PYTHONFAULTHANDLER": "1"},
-            preexec_fn=limit,  # noqa: PLW1509 - there are no threads here
-        )
+        with (self.folder / "log").open("a") as log:
+            return subprocess.Popen(
+                command,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                text=True,
+                start_new_session=True,
+                env={**os.environ, "PYTHONFAULTHANDLER": "1"},
+                preexec_fn=limit,  # noqa: PLW1509 - there are no threads here
+            )
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from domesim.frames import Master, read_master
+from domesim.frames.writing import writer_of
 from domesim.light import Light
 
 
@@ -37,7 +38,6 @@ def write_exr(path: Path, pixels: NDArray[Any]) -> None:
     """Write (row, col, primary) as a half-float EXR, as renderers do."""
     rows, cols, primaries = pixels.shape
     spec = oiio.ImageSpec(cols, rows, primaries, "half")
-    output = oiio.ImageOutput.create(str(path))
-    if not (output and output.open(str(path), spec) and output.write_image(pixels)):
-        raise OSError(oiio.geterror())
-    output.close()
+    with writer_of(str(path)) as output:
+        if not (output.open(str(path), spec) and output.write_image(pixels) and output.close()):
+            raise OSError(output.geterror())

@@ -26,7 +26,7 @@ from pydantic import Field
 from domesim.errors import InputError
 from domesim.frames import write_whole
 from domesim.host.cores import cores
-from domesim.pathtrace.llvm import backend
+from domesim.pathtrace.llvm import told
 from domesim.pathtrace.tracer import all_or_nothing
 from validation.experiment import Experiment, Finding, Missing, Record, Work, load_experiment
 from validation.experiments import EXPERIMENTS, GROUPS
@@ -233,7 +233,7 @@ def duration(seconds: float) -> str:
 
 def source_digest() -> str:
     """SHA-256 of the program, its scenes and the libraries' versions: the same figures' origin."""
-    digest = hashlib.sha256(repr([backend().variant, *sorted(_versions().items())]).encode())
+    digest = hashlib.sha256(repr([told(), *sorted(_versions().items())]).encode())
     for package in _PACKAGES:
         root = Path(str(resources.files(package)))
         for path in sorted(root.rglob("*")):
@@ -275,7 +275,7 @@ def _machine() -> dict[str, str]:
         "processor": _processor(),
         "cores": str(cores()),
         "system": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
-        "paths are traced by": backend().summary,
+        "paths are traced by": told(),
     }
 
 

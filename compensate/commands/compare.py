@@ -30,6 +30,7 @@ from domesim.errors import InputError
 from domesim.frames import Master, read_master, write_master
 from domesim.host.console import Console, about
 from domesim.host.console import prepare as prepare_folder
+from domesim.pathtrace.llvm import lacking
 from domesim.scene import DomeScene, Scene
 from domesim.scene.choice import SceneChoice
 
@@ -95,6 +96,8 @@ def demo(
         files.append(str(out / f"{name}.exr"))
     page = out / "compare.html"
     comparison.write_page(page, size=1024, command=_command_line())
+    if told := lacking():
+        console.say(told)
     console.say(f"Frames: {', '.join(files)}", f"Open {page.resolve()}")
     facts = {**about_scene(theatre), **frame.facts(), "files": files, "page": str(page)}
     console.figures({**facts, "methods": comparison.figures()})

@@ -89,10 +89,9 @@ def _told(packages: list[str]) -> str:
 
 
 def _path_tracing() -> str:
-    from domesim.pathtrace.llvm import backend  # noqa: PLC0415 - asks for it in processes
+    from domesim.pathtrace.llvm import told  # noqa: PLC0415 - asks for it in processes
 
-    chosen = backend()
-    return f"{chosen.variant}, {chosen.summary.removeprefix('Path tracing with ')}"
+    return told().removeprefix("Path tracing ")
 
 
 def _gpu() -> str:

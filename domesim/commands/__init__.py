@@ -28,6 +28,7 @@ from domesim.errors import InputError, reason
 from domesim.host.console import complain, output_is_lost, shown
 from domesim.host.endings import alike, exit_code
 from domesim.host.endings import name as ending
+from domesim.host.files import KEPT_OPEN
 
 _UsageError: Any = typer.BadParameter.__base__  # typer has it from click, or as its own
 
@@ -111,7 +112,7 @@ def run() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A name that the terminal cannot show is no reason to stop.
         sys.stdout.reconfigure(errors="backslashreplace")
-    with guarded():
+    with guarded(), KEPT_OPEN:
         command = build(_typed())
         gc.freeze()  # what modules made stays: nothing to look through, but at the end
         gc.enable()

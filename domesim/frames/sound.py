@@ -37,7 +37,7 @@ class Sound:
         import av  # noqa: PLC0415
 
         if self._source is not None:
-            self._from = av.open(f"file:{self._source}")
+            self._from = av.open(f"file:{self._source}", metadata_errors="replace")
         return self
 
     def __exit__(self, *_: object) -> None:

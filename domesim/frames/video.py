@@ -22,7 +22,7 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
@@ -44,6 +44,7 @@ from domesim.frames.integrity import SQUARE, damaged, refuse_sides
 from domesim.frames.messages import one_line
 from domesim.frames.orientation import UPRIGHT, turned
 from domesim.frames.yuv import MATRICES, PixelFormat, code_values, pixel_format
+from domesim.host.files import KEPT_OPEN
 
 SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv", ".mxf")
 """Suffixes of files that are videos."""
@@ -67,6 +68,7 @@ _LIMITED, _FULL = 1, 2  # FFmpeg's color_range
 _SAMPLE = 8  # frames that are asked whether they have checksums
 _AHEAD = 12  # frames that are decoded on to rather than sought
 _LACKING = 0.75  # of a frame: what a file may be shorter than it says, for times are rounded
+_KEPT = 4  # videos that stay open
 _BACK = (0, 1, 16, 64, 256, None)  # frames before the wanted one that a key frame is sought at
 
 _CINEMA_COLOUR = ColourTag("dcdm", "XYZ", "file: digital-cinema profile")
@@ -137,11 +139,10 @@ def eye_of(path: Path) -> str:
 def is_picture(track: Path) -> bool:
     """Whether a file of a DCP is a picture that is read."""
     try:
-        container, _ = _opened(track)
+        with _opened(track):
+            return True
     except InputError:
         return False
-    container.close()
-    return True
 
 
 def container_of(start: bytes) -> str | None:
@@ -186,16 +187,15 @@ def read_video_frame(path: Path, *, colour: ColourTag | None = None) -> Frame:
     InputError
         If it is damaged or missing, or encoded in a way that is not supported.
     """
-    decoder = _decoder(*_state(path.parent))
-    with decoder.lock:
+    with _decoding(path.parent) as decoder:
         return _frame(path, decoder, decoder.frame(path), colour)
 
 
 def rate_and_timecode(path: Path) -> tuple[Fraction, str]:
     """Frames a second of the video of frame `path`; and its timecode if that is the first frame."""
-    decoder = _decoder(*_state(path.parent))
-    timecode = decoder.timecode if _number(path) == 1 else ""
-    return Fraction(decoder.stream.guessed_rate), timecode
+    with _decoding(path.parent) as decoder:
+        timecode = decoder.timecode if _number(path) == 1 else ""
+        return Fraction(decoder.stream.guessed_rate), timecode
 
 
 def _number(path: Path) -> int:
@@ -204,8 +204,9 @@ def _number(path: Path) -> int:
 
 def video_size(path: Path) -> tuple[int, int]:
     """Rows and columns of the frame that `path` names."""
-    context = _decoder(*_state(path.parent)).stream.codec_context
-    return context.height, context.width
+    with _decoding(path.parent) as decoder:
+        context = decoder.stream.codec_context
+        return context.height, context.width
 
 
 def _state(video: Path) -> tuple[Path, int, int]:
@@ -233,12 +234,24 @@ def _refused(path: Path) -> Iterator[None]:
         raise damaged(path, "video", got) from None
 
 
-def _opened(video: Path) -> tuple[Any, Stream]:
+@contextmanager
+def _opened(video: Path) -> Iterator[tuple[Any, Stream]]:
     """The container and the picture of a video."""
     av = pyav(video)
     with _refused(video):
-        # No playlists and the like, which name other files
-        container = av.open(f"file:{video}", options={"format_whitelist": _CONTAINERS})
+        container = av.open(
+            f"file:{video}",
+            # No playlists and the like, which name other files
+            options={"format_whitelist": _CONTAINERS},
+            # Of a title that is not UTF-8 PyAV would make an error, and leave the file open.
+            metadata_errors="replace",
+        )
+    with container:
+        yield container, _picture_of(video, container)
+
+
+def _picture_of(video: Path, container: Any) -> Stream:
+    av = pyav(video)
     covers = av.stream.Disposition.attached_pic
     streams = [each for each in container.streams.video if not each.disposition & covers]
     if len(streams) != 1:
@@ -257,7 +270,7 @@ def _opened(video: Path) -> tuple[Any, Stream]:
             "scale=iw*sar:ih,setsar=1 OUT)."
         )
     context.options = {"err_detect": "crccheck+bitstream+buffer+explode"}
-    return container, stream
+    return stream
 
 
 def _require_codec(video: Path, context: Any) -> None:
@@ -291,8 +304,7 @@ def _step(stream: Stream) -> Fraction:
 @lru_cache(maxsize=8)
 def _looked_through(video: Path, size: int, changed: int) -> tuple[int, bool]:
     """How many frames there are, none missing; and whether each is two, for left and right."""
-    container, stream = _opened(video)
-    with container:
+    with _opened(video) as (container, stream):
         shown = []
         with _refused(video):
             for packet in container.demux(stream):  # none is kept: together they are the file
@@ -356,7 +368,7 @@ class _Tags:
 
 @final
 class _Decoder:
-    """A video that stays open between frames.
+    """A video that stays open between frames, until it is closed.
 
     Parameters
     ----------
@@ -365,8 +377,13 @@ class _Decoder:
     """
 
     def __init__(self, video: Path) -> None:
-        self.lock = threading.Lock()
-        self._container, self.stream = _opened(video)
+        self.lock, self.closed = threading.Lock(), False
+        with ExitStack() as opened:
+            self._container, self.stream = opened.enter_context(_opened(video))
+            self._begin()
+            self._opened = opened.pop_all()
+
+    def _begin(self) -> None:
         context = self.stream.codec_context
         said = [self._container.metadata, *(each.metadata for each in self._container.streams)]
         found = (each.get("timecode") or each.get("TIMECODE") for each in said)
@@ -379,6 +396,12 @@ class _Decoder:
         self._pair: tuple[int, list[Any]] = (0, [])  # a number, and its frames of two eyes
         self._only_keys = True
         self._has_sums = context.name == "ffv1" and self._any_right_sum()
+
+    def close(self) -> None:
+        """Close the file."""
+        with self.lock:
+            self.closed = True
+            self._opened.close()
 
     def frame(self, path: Path) -> Any:
         """Decode the frame that `path` names.
@@ -494,9 +517,37 @@ class _Decoder:
                 yield frame
 
 
-@lru_cache(maxsize=4)
-def _decoder(video: Path, size: int, changed: int) -> _Decoder:
-    return _Decoder(video)
+_decoders: dict[tuple[Path, int, int], _Decoder] = {}
+"""Those that stay open, the latest last."""
+_choosing = threading.Lock()
+
+
+@contextmanager
+def _decoding(video: Path) -> Iterator[_Decoder]:
+    """A video's decoder, for one thread at a time."""
+    while True:
+        decoder = _decoder(*_state(video))
+        with decoder.lock:
+            if not decoder.closed:  # by a thread that opened others
+                yield decoder
+                return
+
+
+def _decoder(*state: *tuple[Path, int, int]) -> _Decoder:
+    with _choosing:
+        if not _decoders:
+            KEPT_OPEN.callback(_close_all)
+        found = _decoders.pop(state, None) or _Decoder(state[0])
+        _decoders[state] = found
+        surplus = [_decoders.pop(each) for each in [*_decoders][:-_KEPT]]
+    for each in surplus:
+        each.close()
+    return found
+
+
+def _close_all() -> None:
+    while _decoders:
+        _decoders.popitem()[1].close()
 
 
 def _tags(source: Any) -> _Tags:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -348,7 +348,7 @@ def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> 
         place = f"/proc/self/fd/{memory.fileno()}"
         if suffix := form.encoder_suffix(path):
             place = stack.enter_context(_named(place, path, suffix))
-        writer: Any = oiio.ImageOutput.create(name)
+        writer = stack.enter_context(writer_of(name))
         # The first header tells of all parts.
         header = parts[0][0] if len(parts) == 1 else tuple(spec for spec, _ in parts)
         written = all(
@@ -367,6 +367,14 @@ def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> 
             )
         memory.seek(0)
         return form.filled(memory.read(), whole)
+
+
+@contextmanager
+def writer_of(name: str) -> Iterator[Any]:
+    """OpenImageIO's writer of a format, by its name or a file's; closed in the end."""
+    writer: Any = oiio.ImageOutput.create(name)
+    with closing(writer):
+        yield writer
 
 
 @contextmanager

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import stat
+from contextlib import ExitStack
 from pathlib import Path
 
 from domesim.errors import InputError
 
 LARGEST = 64 << 20
 """Bytes of a text: a thousand times what tables of readings take."""
+
+KEPT_OPEN = ExitStack()
+"""What closes the files that stay open between uses; a command closes it when it ends."""
 
 
 def size_of_plain(path: Path, largest: int) -> int:

@@ -11,6 +11,7 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames.writing import writer_of
 
 if TYPE_CHECKING:
     from domesim.pathtrace.observation import Observed
@@ -77,17 +78,15 @@ def write_layers(
         else:
             spec.attribute(key, value)
     unfinished = path.with_name(f".{path.stem}.unfinished.exr")
-    output = oiio.ImageOutput.create(str(unfinished))
     try:
-        written = (
-            output is not None
-            and output.open(str(unfinished), spec)
-            and all(_write_rows(output, layers, first) for first in range(0, rows, _STRIP))
-            and output.close()
-        )
+        with writer_of(str(unfinished)) as output:
+            written = (
+                output.open(str(unfinished), spec)
+                and all(_write_rows(output, layers, first) for first in range(0, rows, _STRIP))
+                and output.close()
+            )
         if not written:
-            fault = "" if output is None else output.geterror()
-            raise InputError(f"{path}: cannot be written ({fault or 'disk full?'})")
+            raise InputError(f"{path}: cannot be written ({output.geterror() or 'disk full?'})")
         unfinished.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from error

@@ -9,6 +9,9 @@ well. The order is: what the user set, the ``karellen-llvm-core`` wheel, the sys
 Dr.Jit is kept from loading one, and the variant is Mitsuba's scalar one. A CUDA device that passes
 the same test goes before all of them, and ``DOMESIM_VARIANT`` (cuda, llvm or scalar) before that.
 
+Dr.Jit and the wheel also need `ATOMIC`, a library of GCC that no wheel brings and that small
+systems lack. Importing Dr.Jit without it ends in a traceback, so it is loaded first.
+
 What the probes said, failures too, is remembered for this machine in the user's cache folder;
 ``DOMESIM_VARIANT=llvm`` or ``=cuda`` asks a failed one again.
 
@@ -45,6 +48,8 @@ OLDEST = 18
 """The first major version that rendered without a fault (tried: 14 to 23)."""
 NOTHING = os.devnull
 """What `VARIABLE` is set to when Dr.Jit is to load no libLLVM: unset, it would search for one."""
+ATOMIC = "libatomic.so.1"
+"""The one library outside the wheels that a Debian with Python may lack."""
 
 Version = tuple[int, int, int]
 
@@ -126,7 +131,7 @@ def backend() -> Backend:
     Raises
     ------
     InputError
-        If ``DOMESIM_VARIANT`` asks for what this machine cannot do.
+        As `choose_backend`.
     """
     drjit = sys.modules.get("drjit")
     if drjit is not None:
@@ -152,6 +157,27 @@ def load_mitsuba() -> Any:
     return mitsuba
 
 
+def lacking() -> str:
+    """The library without which no path can be traced, and how to get it; "" where it is there."""
+    try:
+        if sys.platform == "linux":
+            ctypes.CDLL(ATOMIC)
+    except OSError:
+        return (
+            f"Path tracing needs the library {ATOMIC}, which is not installed: "
+            "apt install libatomic1 (Debian, Ubuntu), dnf install libatomic (Fedora)"
+        )
+    return ""
+
+
+def told() -> str:
+    """What paths are traced with, or why none can be, in one line for people."""
+    try:
+        return backend().summary
+    except InputError as fault:
+        return str(fault)
+
+
 def choose_backend(environment: Mapping[str, str] | None = None) -> Backend:
     """Find the fastest way of tracing paths that can be trusted.
 
@@ -164,8 +190,10 @@ def choose_backend(environment: Mapping[str, str] | None = None) -> Backend:
     Raises
     ------
     InputError
-        If ``DOMESIM_VARIANT`` asks for what this machine cannot do.
+        If `ATOMIC` is missing, or ``DOMESIM_VARIANT`` asks for what this machine cannot do.
     """
+    if fault := lacking():
+        raise InputError(fault)
     environment = os.environ if environment is None else environment
     return _choose(environment, partial(_choose_llvm, environment))
 
@@ -240,7 +268,7 @@ def _choose_llvm(environment: Mapping[str, str], memory: _Memory) -> Backend:
         "scalar_rgb",
         "no usable libLLVM",
         passed_over=tuple(passed_over),
-        remedy=f"pip install {WHEEL} or set {VARIABLE}",
+        remedy=f"set {VARIABLE}" if _wheel() else f"pip install {WHEEL} or set {VARIABLE}",
     )
 
 
@@ -434,7 +462,7 @@ def _installed(package: str) -> str:
 
 
 class _InconclusiveError(InputError):
-    """The probe came to no end, which may be the machine's load and not the library."""
+    """The probe failed by what may be otherwise the next time: load, memory, another library."""
 
 
 def _query_device() -> str:
@@ -467,6 +495,9 @@ def _run(script: str, arguments: list[str], who: str, doing: str, timeout: float
         raise _InconclusiveError(f"{who}: still {doing} after {timeout:g} s") from None
     except OSError as fault:
         raise _InconclusiveError(f"{who}: no process to try it in: {fault.strerror}") from None
+    missing = re.search(r"(\S+): cannot open shared object file", probe.stderr)
+    if missing and missing[1] != who:
+        raise _InconclusiveError(f"{who}: needs {missing[1]}, which is not installed")
     kind = _InconclusiveError if _lacked_memory(probe) else InputError
     if probe.returncode < 0:
         raise kind(f"{who}: crashed with signal {-probe.returncode} while {doing}")

@@ -388,7 +388,7 @@ class GainLobe(Scatter):
         if not isinstance(machine, DrJit):
             raise InputError(
                 "a screen with a gain lobe needs Mitsuba with LLVM or CUDA; "
-                "pip install karellen-llvm-core or set DRJIT_LIBLLVM_PATH"
+                "'domesim doctor' tells what was found"
             )
         self._mi, self._dr = machine.mi, machine.dr
         self._bsdf = machine.mi.load_dict(lobe_bsdf(lobe))

@@ -12,6 +12,7 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames.writing import writer_of
 from scenes.artwork.night.picture import Night, render
 
 BT709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -49,8 +50,7 @@ def write(path: Path, picture: NDArray[np.float32], night: Night) -> None:
         If the file cannot be written.
     """
     unfinished = path.with_name(f".{path.stem}.unfinished.exr")
-    output = oiio.ImageOutput.create(str(unfinished))
-    if path.suffix != ".exr" or output is None:
+    if path.suffix != ".exr":
         raise InputError(f"{path}: the picture is written as EXR, so its name must end in .exr")
     rows, cols, _ = picture.shape
     spec = oiio.ImageSpec(cols, rows, 3, oiio.HALF)
@@ -59,11 +59,15 @@ def write(path: Path, picture: NDArray[np.float32], night: Night) -> None:
     spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), BT709)
     made_with = f"scenes.artwork.night, seed {night.seed}, {night.samples} samples"
     spec.attribute("ImageDescription", f"Equidistant domemaster, 180 degrees; {made_with}")
-    written = output.open(str(unfinished), spec) and output.write_image(rounded(picture))
-    if not (written and output.close()):
+    try:
+        with writer_of(str(unfinished)) as output:
+            opened = output.open(str(unfinished), spec)
+            written = opened and output.write_image(rounded(picture)) and output.close()
+        if not written:
+            raise InputError(f"{path}: cannot be written ({output.geterror()})")
+        unfinished.replace(path)
+    finally:
         unfinished.unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written ({output.geterror()})")
-    unfinished.replace(path)
 
 
 def rounded(picture: NDArray[np.float32], bits: int = 8) -> NDArray[np.float32]:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import struct
-import subprocess
 import zlib
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -923,21 +921,6 @@ def test_a_clean_file_is_not_repaired(tmp_path: Path) -> None:
 
 
 # Whole or not at all.
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A real file system of 64 KiB."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)]
-    if (
-        not Path("/bin/mount").exists()
-        or subprocess.run(command, capture_output=True, check=False).returncode
-    ):
-        pytest.skip("mounting is not permitted")
-    yield place
-    subprocess.run(["umount", str(place)], check=True)
 
 
 @pytest.mark.parametrize("suffix", ["exr", "png", "tif", "jpg", "dpx"])

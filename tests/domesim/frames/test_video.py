@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from batches import do_show, harmful_in
+from open_files import nothing_left_open
 from videos import (
     FFV1,
     KINDS,
@@ -32,7 +33,8 @@ from domesim.frames.dithering import seed_of
 from domesim.frames.encodings import encoding_named
 from domesim.frames.film import write_film
 from domesim.frames.timing import Timing
-from domesim.frames.video import _decoder, frame_paths
+from domesim.frames.video import frame_paths
+from domesim.host.files import KEPT_OPEN
 from domesim.shows import job
 from domesim.shows.run import Done
 from domesim.shows.show import find_show
@@ -68,7 +70,7 @@ def read_all(path: Path) -> None:
 
 def refusal(path: Path) -> str:
     """Of the first of its frames that is refused."""
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError) as caught, nothing_left_open(), KEPT_OPEN:
         read_all(path)
     message = str(caught.value)
     assert "\n" not in message
@@ -88,7 +90,7 @@ def test_each_number_names_its_frame_in_any_order(clip: Path) -> None:
     for place in order:
         assert np.array_equal(read_frame(paths[place]).pixels, in_order[place]), paths[place]
     for place in order[:12]:  # as the first of a process
-        _decoder.cache_clear()
+        KEPT_OPEN.close()
         assert np.array_equal(read_frame(paths[place]).pixels, in_order[place]), paths[place]
 
 

@@ -394,6 +394,33 @@ def test_what_may_be_the_machines_load_is_not_remembered(
     assert not memory.exists()
 
 
+@needs_compiler
+@pytest.mark.usefixtures("bare", "trusting")
+def test_what_an_llvm_needs_is_named_and_may_come_later(tmp_path: Path, memory: Path) -> None:
+    needed = reporting(tmp_path / "needed", 19).rename(tmp_path / "libneeded.so")
+    library = tmp_path / "libLLVM.so"
+    code = tmp_path / "calls.c"
+    code.write_text("void LLVMGetVersion(); void *needed = LLVMGetVersion;")
+    linked = ["-Wl,-rpath,$ORIGIN", "-L", tmp_path, "-lneeded"]
+    subprocess.run(["gcc", "-shared", "-fPIC", "-o", library, code, *linked], check=True)
+    needed.rename(tmp_path / "elsewhere")
+    (fault,) = choose_llvm({VARIABLE: str(library)}).passed_over
+    assert fault == f"{library}: needs libneeded.so, which is not installed"
+    assert not memory.exists()
+    (tmp_path / "elsewhere").rename(needed)
+    assert choose_llvm({VARIABLE: str(library)}).path == library
+
+
+@needs_wheel
+@pytest.mark.usefixtures("memory")
+def test_a_wheel_that_is_installed_is_no_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(llvm, "_system", lambda: [])
+    monkeypatch.setattr(llvm, "query_version", failing("out of order"))
+    choice = choose_llvm({})
+    assert choice.passed_over == ("out of order",)
+    assert choice.remedy == "set DRJIT_LIBLLVM_PATH"
+
+
 def spoil(memory: Path, how: str) -> None:
     if how == "a folder instead":
         memory.unlink()
@@ -574,7 +601,7 @@ def test_backend_prepares_the_process_for_whoever_imports_dr_jit(
     monkeypatch.setattr(llvm, "_query_device", failing("none"))
     monkeypatch.setattr(ctypes, "CDLL", loaded.append)
     assert backend().path == WHEEL.path
-    assert loaded == [str(path) for path in WHEEL.companions]
+    assert loaded == [llvm.ATOMIC, *(str(path) for path in WHEEL.companions)]
     assert os.environ[VARIABLE] == str(WHEEL.path)
 
 
