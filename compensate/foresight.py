@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Array, Light, dot
+from domesim.light.ties import upright
 from domesim.observation.uncertain import Changes
 
 Floats = NDArray[np.float64]
@@ -84,6 +85,7 @@ def foreseen(residual: Light, changes: Changes, weigh: Callable[[Light], Array])
     z = np.random.default_rng(0).standard_normal((_DRAWS, len(own)))
     light = _roots(square, crossed, own, z)
     values, vectors = np.linalg.eigh(own)
+    vectors = upright(vectors)  # the random signs below are theirs
     strong = np.flatnonzero(values > _LEAST * values.max(initial=0.0))[-_MOST:]
     seen = [weigh(residual), *(weigh(changes.seen(vectors[:, k])) for k in strong)]
     products = np.array([[dot(one, other) for other in seen] for one in seen])

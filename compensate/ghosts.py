@@ -104,6 +104,7 @@ def ghost_contour(
     if not np.any(inside > 0):
         return None
     sums = np.cumsum(inside)
+    # A slope more or less at this limit moves the mean by a share of its own
     weakest = inside[np.searchsorted(sums, EDGES * sums[-1])]
     at = where & (strength >= weakest)
     across = np.sum(edges * slopes, axis=0)[at] ** 2 / strength[at]

@@ -180,7 +180,10 @@ def _interpolated(grids: NDArray[Any], rows: NDArray[np.intp], cols: int) -> NDA
 
 
 def _modelled(planes: Sequence[NDArray[Any]], number: int, eyes: int, mask: Mask) -> _Model:
-    """The better of two: from the first view, or from the view before."""
+    """The better of two: from the first view, or from the view before.
+
+    Where both views are the same, so are both models, and the first counts.
+    """
     view, eye = divmod(number, eyes)
     candidates = {tuple(first + k for k in (eye, 1 - eye)[:eyes])
                   for first in {0, (view - 1) * eyes} if view}  # fmt: skip

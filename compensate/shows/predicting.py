@@ -334,6 +334,7 @@ def worst(done: Done) -> list[dict[str, Any]]:
     """The frames, those first that need most."""
     order = [each.name.lower() for each in Verdict]
 
+    # Shares of the pixels: those of equal frames are equal, and stay in the frames' order
     def need(frame: dict[str, Any]) -> tuple[int, float, float]:
         rank = order.index(frame["verdict"])
         return -rank, -frame["visible_subtracted"], -frame["visible"]

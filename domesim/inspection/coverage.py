@@ -94,8 +94,9 @@ class Coverage:
         ahead = across.mean(1)
         where = "all round"
         if np.hypot(*ahead) > 0.5:
-            turn = np.degrees(np.arctan2(*ahead))
-            where = f"{abs(turn):.0f}° to the {'right' if turn > 0 else 'left'} of the front"
+            turn = round(float(np.degrees(np.arctan2(*ahead))), 6)
+            side = "left" if -180 < turn < 0 else "right"  # right of those in the middle
+            where = f"{abs(turn):.0f}° to the {side} of the front"
         return f"{where}, {theta.min():.0f}° to {theta.max():.0f}° from the dome's zenith"
 
 

@@ -216,6 +216,7 @@ class MeasuredTable(Transfer):
             *((f"primary {p}", c) for p, c in enumerate(light.T)),
         ]:
             if not (np.isfinite(curve).all() and (np.diff(curve) > 0).all()):
+                # Differences of two numbers are the same on all processors
                 level = int(np.argmin(np.nan_to_num(np.diff(curve), nan=-np.inf)))
                 raise InputError(
                     f"measured response: {name} must increase strictly, got "

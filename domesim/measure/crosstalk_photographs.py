@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.frames.colour import BT709_LUMINANCE
+from domesim.light.ties import ascending, root_of, upright
 from domesim.measure.photographs import Corners, Glass, Photographs, on_screen
 from domesim.measure.smoothing import smoothed
 from domesim.readings.crosstalk import BRIGHTEST_LEAK, without_small_negatives
@@ -87,7 +88,10 @@ class CrosstalkMap:
     def report(self) -> list[str]:
         """Lines for a person."""
         map_ = self.system * self.share
-        least, most = (np.unravel_index(at, map_.shape) for at in (map_.argmin(), map_.argmax()))
+        least, most = (
+            np.unravel_index(ascending(each)[0], map_.shape)
+            for each in (map_.ravel(), -map_.ravel())
+        )
         worst = float((self.share_error / self.share).max())
         lines = [
             f"crosstalk to the {self.eye} eye: system {self.system:.3%} ± {self.system_error:.3%}; "
@@ -285,7 +289,7 @@ def _changes(share: Floats, covariance: Floats, light: Floats) -> Floats:
     mean = np.outer(share.ravel(), light.ravel()) / np.sum(share * light)
     left = np.eye(share.size) - mean
     values, vectors = np.linalg.eigh(left @ covariance @ left.T)
-    values, vectors = values[::-1], vectors[:, ::-1]
+    values, vectors = values[::-1], upright(vectors[:, ::-1])
     kept = np.cumsum(values) - values < _KEPT * values.sum()
     kept &= values > _ROUNDING * share.mean() ** 2
     scaled = UNDERSTATED * vectors[:, kept] * np.sqrt(values[kept])
@@ -315,9 +319,7 @@ def _matrix(glass: Glass, eye: str, other: str, parts: _Parts) -> tuple[Floats, 
         # The same black was subtracted from all, and a channel sees several primaries.
         covariance = parts.covariance(np.array(residuals))
         variance[channel] = np.diag(covariance)
-        values, vectors = np.linalg.eigh(covariance)
-        factor = vectors * np.sqrt(np.maximum(values, 0))
-        changes += [np.outer(inverse[:, channel], change) for change in factor.T]
+        changes += [np.outer(inverse[:, channel], change) for change in root_of(covariance)]
     error = np.sqrt(inverse**2 @ (variance + variance @ matrix**2))
     return matrix, error, np.array(changes)
 

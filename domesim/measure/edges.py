@@ -109,6 +109,7 @@ def _side(light: Floats, start: Floats, end: Floats, reach: float) -> _Side | No
     if not found.success or height < _LEAST_STEP * np.sqrt(variance) or shift > reach / 2:
         return None
     jacobian = np.asarray(found.jac, np.float64)
+    # Pixels on both sides of an edge tell all parameters: no singular value is lost in rounding
     spread = np.asarray(np.linalg.pinv(jacobian.T @ jacobian) * variance, np.float64)
     return _Side(found.x[:2], spread[:2, :2], float(found.x[2]))
 

@@ -46,6 +46,7 @@ from domesim.errors import InputError
 from domesim.frames import Frame
 from domesim.frames.encodings import encoding_named
 from domesim.frames.reading import read_image
+from domesim.light.ties import root_of
 from domesim.measure.edges import found_corners
 from domesim.readings.meter import EYES
 from domesim.readings.tables import text_of
@@ -177,15 +178,13 @@ class Corners:
         rows, cols = cells
         u, v = np.meshgrid((np.arange(cols) + 0.5) / cols, (np.arange(rows) + 0.5) / rows)
         seen = _taken(_perspective(_WHOLE, self.at), u, v)
-        values, vectors = np.linalg.eigh(self.covariance)
-        steps = (vectors * np.sqrt(np.maximum(values, 0))).T.reshape(-1, 4, 2)
         return np.array(
             [
                 _taken(_perspective(self.at + step, _WHOLE), seen[..., 0], seen[..., 1])
                 - np.stack([u, v], -1)
-                for step in steps[values > 0]
+                for step in root_of(self.covariance).reshape(-1, 4, 2)
             ]
-        ).reshape(-1, rows, cols, 2)
+        )
 
 
 @final

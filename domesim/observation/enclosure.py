@@ -505,6 +505,7 @@ def _last(holds: Callable[[Floats], Flags], around: int) -> Floats:
     """(meridian,) the angle from the pole, up to pi, at which a condition first fails."""
     scan = np.linspace(0, np.pi, 1441)
     held = holds(np.broadcast_to(scan[:, None], (len(scan), around)))
+    # A limit on an angle of the scan may be found before or after it: the halves end there anyway
     first = np.argmin(held, axis=0)
     high = np.where(held.all(0), np.pi, scan[first])
     low = np.where(held.all(0), np.pi, scan[np.maximum(first - 1, 0)])
@@ -552,7 +553,10 @@ class Sheet:
         self.areas = self.samples[2].sum(1)
 
     def patch_of(self, points: Floats) -> NDArray[np.int64]:
-        """(point,) the patch that holds a point of the surface."""
+        """(point,) the patch that holds a point of the surface.
+
+        Callers' points are within patches: rounding moves none to the next.
+        """
         along = np.hypot(points[:, 0], points[:, 1]) if self.flat else points[:, 2]
         edges = self._radii if self.flat else self._heights
         ring = np.clip(np.searchsorted(edges, along, "right") - 1, 0, len(edges) - 2)

@@ -90,6 +90,7 @@ def room_modes(room: FlatRoom) -> RoomModes:
     share = np.multiply.outer(weights[0] / 2, weights[1] / 2).ravel()
     phi = np.sqrt(share)[:, None] * _phi(room, nodes, share) * np.sqrt(share)
     values, vectors = np.linalg.eigh(np.einsum("pij,pkj->ik", phi, phi))
+    # Of equal ones at this limit either may go; signs do not show, as modes stand on both sides
     kept = values > (_KEPT**2) * values[-1]
     kept[:-_MOST], kept[-1] = False, True  # a black room keeps one that does nothing
     vectors = vectors[:, kept]

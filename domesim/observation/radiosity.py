@@ -184,7 +184,8 @@ class _Solution:
         tails = np.sqrt(np.cumsum(values[::-1] ** 2)[::-1])
         whole = np.sqrt(sum(room.closed_form(mix[0]) ** 2 for mix in room.mixes))
         kept = tolerance * np.hypot(whole, np.linalg.norm(values))
-        rank = int(np.sum(tails > max(kept, _CLOSE)))  # black screens have rounding only
+        # Black screens have rounding only. Of equal ones at this limit either may go
+        rank = int(np.sum(tails > max(kept, _CLOSE)))
         # sum over primaries of their answers to W / s: the left singular vectors, anywhere
         right = np.split((weights[:rank] / values[:rank, None]).T, len(room.mixes))
         pictures = [inputs @ part for part in right]

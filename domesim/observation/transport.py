@@ -129,6 +129,8 @@ class Transport:
         vectors, values, _ = np.linalg.svd(stacked, full_matrices=False)
         whole = max(float(np.sum(values**2)), 1e-300)  # a black screen's is 0
         left = np.sqrt(np.cumsum(values[::-1] ** 2)[::-1] / whole)
+        # Equal values may be parted: the tolerance allows either to go. Signs and order of modes do
+        # not show, as modes stand on both sides of the core
         keep = max(1, int(np.sum(left > tolerance)))
         keep = keep if highest is None else min(keep, highest)
         turned = vectors[:, :keep]
@@ -165,7 +167,7 @@ class Transport:
         means[0] = 0
         spread = sampled[1:] - means[1:, None]
         values, vectors = np.linalg.eigh((spread * share) @ spread.T)
-        kept = values > 1e-12 * values.max(initial=0.0)
+        kept = values > 1e-12 * values.max(initial=0.0)  # rounding leaves 1e-16
         vectors, values = vectors[:, kept], values[kept]
         # Orthonormal, the first still 1; old modes are turn @ new ones
         turn = np.zeros((len(modes), 1 + len(values)))

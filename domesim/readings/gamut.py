@@ -195,11 +195,11 @@ def _intersection(subject: Floats, clip: Floats) -> Floats:
 
 
 def _largest_triangle(corners: Floats, white: Floats) -> Floats:
-    """(3, u'v') the largest triangle of corners that holds the white."""
+    """(3, u'v') the largest triangle of corners that holds the white; of equal ones the first."""
     best, largest = None, _SMALLEST
     for triple in combinations(range(len(corners)), 3):
         triangle = corners[list(triple)]
-        if _area(triangle) > largest and _holds(triangle, white):
+        if _area(triangle) > largest + _ROUNDING and _holds(triangle, white):
             best, largest = triangle, _area(triangle)
     if best is None:
         raise InputError(
@@ -215,7 +215,10 @@ def _holds(triangle: Floats, point: Floats) -> bool:
 
 
 def _order(corners: Floats, own: Floats) -> list[int]:
-    """Which corner is R, G and B: nearest to the projectors' own."""
+    """Which corner is R, G and B: nearest to the projectors' own.
+
+    Corners are as far apart as colours: no two orders are equally near.
+    """
     wanted = (uv(own[0].T) + uv(own[1].T)) / 2
     orders = (list(order) for order in permutations(range(3)))
     return min(orders, key=lambda order: float(np.sum((corners[order] - wanted) ** 2)))

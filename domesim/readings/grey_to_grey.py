@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
+from domesim.light.ties import ascending
 from domesim.readings.meter import BRIGHTEST, CONFLICT, CONFLICT_FLOOR, EYES, NOT_LIGHT
 from domesim.readings.tables import Mistakes, read_table
 
@@ -70,7 +71,7 @@ class MeasuredGreyToGrey:
 
     def report(self) -> list[str]:
         """Lines for a person."""
-        i, j = np.unravel_index(np.argmax(np.abs(self.extra)), self.extra.shape)
+        i, j = np.unravel_index(ascending(-np.abs(self.extra.ravel()))[0], self.extra.shape)
         return [
             f"grey-to-grey crosstalk to the {self.eye} eye: system {self.system:.2%}; largest "
             f"{self.extra[i, j]:+.2%} of white, own level {self.own_levels[i]:g}, other level "

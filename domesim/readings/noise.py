@@ -19,11 +19,14 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from domesim.errors import InputError
+from domesim.light.ties import ascending
 
 Floats = NDArray[np.float64]
 
 MIN_FREEDOM = 20
 """Degrees of freedom of repeats (X, Y and Z count each) below which the stated figure is used."""
+_SURE = 1e-4
+"""Where two searches end in the same minimum, their ends differ by less."""
 
 
 @final
@@ -89,8 +92,11 @@ def estimated_noise(repeats: Iterable[Floats], stated: Noise) -> Noise:
     scale = float(np.sqrt(np.sum(spread * freedom) / np.sum(mean**2 * freedom)))
     dark = float(np.sqrt(np.median(spread))) + 1e-12
     starts = [[np.log(scale), np.log(dark)], [np.log(scale), np.log(dark) - 5]]
-    tries = [minimize(unlikelihood, start, method="Nelder-Mead") for start in starts]
-    best = min(tries, key=lambda found: float(found.fun)).x
+    tries = [
+        minimize(unlikelihood, start, method="Nelder-Mead", options={"fatol": _SURE})
+        for start in starts
+    ]
+    best = tries[ascending([float(found.fun) for found in tries], _SURE)[0]].x
     relative, absolute = (max(float(value), 1e-12) for value in np.exp(best))
     count = int(freedom.sum())
     return Noise(relative, absolute, f"from repeated readings, {count} degrees of freedom")

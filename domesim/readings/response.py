@@ -286,7 +286,7 @@ def _note_darker_than_black(session: Session, mistakes: Mistakes) -> None:
 def _note_dependent(session: Session, primaries: Floats, mistakes: Mistakes) -> None:
     lengths = np.linalg.norm(primaries, axis=0)
     if not (lengths > 0).all():
-        channel = "RGB"[int(np.argmin(lengths))]
+        channel = "RGB"[int(np.argmin(lengths))]  # the first of those that are exactly 0
         mistakes.add(
             0, f"{session.name}: {channel} must be brighter than black, got no light; measure again"
         )

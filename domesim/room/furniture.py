@@ -353,6 +353,7 @@ def _viewpoints(seats: Sequence[_Seat], look_at: Point) -> dict[str, Viewpoint]:
     rows = sorted({seat.row for seat in seats})
     named = {"front": rows[0], "centre": rows[len(rows) // 2], "back": rows[-1]}
     views = {}
+    # Two seats beside the middle are equally far to the last bit, and the left one counts
     for name, row in named.items():
         views[name] = view(
             min((seat for seat in seats if seat.row == row), key=lambda seat: abs(seat.foot[0]))

@@ -71,6 +71,7 @@ def around(dome: Dome, count: int, layout: Literal["cove", "ring"]) -> tuple[Len
         for angle in np.arange(-20.0, 0.95 * np.degrees(dome.half_angle), 2.5)
         for aspect in (ASPECT, 1 / ASPECT)
     ]
+    # Fields are whole degrees: those that tie are equal to the last bit, and the first counts
     return min(found, key=lambda lenses: _solid_angle(lenses[0]))
 
 

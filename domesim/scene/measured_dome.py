@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.light.ties import root_of
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import bare_gain
 from domesim.observation.transport import NODES, Transport
@@ -77,7 +78,4 @@ def _size(albedo: tuple[float, float, float]) -> Floats:
 def _factor(covariance: Floats) -> Floats:
     """(surface, primary, change) L with L L' = covariance, which is rounded as files are."""
     surfaces = len(covariance)
-    values, vectors = np.linalg.eigh(covariance.reshape(3 * surfaces, 3 * surfaces))
-    kept = values > 1e-9 * values.max(initial=0.0)
-    factor = vectors[:, kept] * np.sqrt(values[kept])
-    return np.asarray(factor.reshape(surfaces, 3, -1))
+    return root_of(covariance.reshape(3 * surfaces, 3 * surfaces)).reshape(surfaces, 3, -1)

@@ -374,6 +374,7 @@ def fitted_sphere(points: Floats) -> tuple[Floats, float, float]:
     It solves |p|² = 2 c p + r² - |c|², by least squares; the last is a root mean square, of the
     radius.
     """
+    # Points of a plane leave one singular value of 1e-16, which lstsq takes for none
     design = np.column_stack([2 * points, np.ones(len(points))])
     solved, *_ = np.linalg.lstsq(design, np.sum(points**2, axis=1), rcond=None)
     centre = solved[:3]

@@ -175,7 +175,7 @@ def _pages(
     count = min(pages_of(running, len(show.moments)), len(show.moments))
     if not (recipe.compares and show.numbered and count):
         return _Cost()
-    key = recipe.columns()[0].key
+    key = recipe.columns()[0].key  # of equal ones the first, whose page takes as long
     worst = max(tried.frames, key=lambda order: float(tried.frames[order].figures[key]))
     page = scratch / "page.html"
     began = time.perf_counter()

@@ -29,6 +29,7 @@ from urllib.parse import quote
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 from domesim.host.console import duration
+from domesim.light.ties import ascending
 from domesim.shows.checksums import written_sums
 from domesim.shows.job import Job, versions
 from domesim.shows.sealed import read_sealed
@@ -126,17 +127,23 @@ class Report:
 
     def worst(self, count: int) -> list[Order]:
         """Frames of this run that are done, those first whose first column is largest."""
-        column = self._columns[0].key
         known = {order.output[0].name: order for order in self._orders}
-        ranked = sorted(
-            (
-                (_number(outcome.figures.get(column)), name)
-                for name, outcome in self._outcomes.items()
-                if isinstance(outcome, Finished)
-            ),
-            key=lambda each: (-each[0], each[1]),
-        )
-        return [known[name] for _, name in ranked[:count]]
+        return [known[name] for name in self._ranked(self._done())[:count]]
+
+    def _done(self) -> dict[str, Mapping[str, Any]]:
+        """Figures of the frames that are done, in their order."""
+        found = {
+            name: each.figures
+            for name, each in self._outcomes.items()
+            if isinstance(each, Finished)
+        }
+        return {name: found[name] for name in sorted(found, key=_natural)}
+
+    def _ranked(self, rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
+        """Names of frames, those first whose first column is largest; equal ones in their order."""
+        names, column = list(rows), self._columns[0].key
+        order = ascending([-_number(rows[name].get(column)) for name in names])
+        return [names[at] for at in order]
 
     def _end(self, state: str) -> None:
         rows, sums = self._rows()
@@ -168,15 +175,12 @@ class Report:
 
     def _write(self, state: str, rows: Mapping[str, dict[str, Any]] | None = None) -> None:
         if rows is None:
-            done = self._outcomes.items()
-            found = {name: each.figures for name, each in done if isinstance(each, Finished)}
-            rows = {name: found[name] for name in sorted(found, key=_natural)}
+            rows = self._done()
         ended = sum(isinstance(each, Finished) for each in self._outcomes.values())
         elapsed = time.time() - self._began
         left = len(self._orders) - len(self._outcomes) - len(self._unchecked)
         rate = self._new / elapsed if elapsed > 0 else 0.0
-        first = self._columns[0]
-        ranked = sorted(rows, key=lambda name: -_number(rows[name].get(first.key)))
+        ranked = self._ranked(rows)
         page = _template().render(
             what=self._what,
             state=state,

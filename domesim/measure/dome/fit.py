@@ -42,6 +42,7 @@ from scipy.optimize import OptimizeResult, brentq, least_squares
 from scipy.stats import chi2
 
 from domesim.errors import InputError
+from domesim.light.ties import ascending
 from domesim.measure.dome.model import Interreflection, Places
 from domesim.observation.uncertain import SIGMAS
 
@@ -66,6 +67,8 @@ _ALIKE = 0.7
 """Correlation from which two nuisances are not told apart."""
 _LEANING = 0.3
 """Standard error over the assumed one from which a figure leans on what was assumed."""
+_SAME = 1e-6
+"""Relative difference of variances, and share of a direction, that rounding may leave."""
 _FIXED = 1e-7
 """Standard error of what is exactly known."""
 
@@ -497,9 +500,8 @@ class _Problem:
         scales = self._scales()[:count]
         for p in np.flatnonzero(~answered.all(1)):
             own = covariance[p * count :, p * count :][:count, :count] / np.outer(scales, scales)
-            weakest = np.linalg.eigh(own)[1][:, -1] * scales
+            weakest = _weakest(own) * scales
             size = weakest / np.abs(weakest).max() * 0.1
-            size = size * np.sign(size[1])
             members = [
                 f"{name} {change:+.0%}" if name == GAIN else f"{name} albedo {change:+.3f}"
                 for name, change in zip(self._names, size, strict=True)
@@ -638,7 +640,7 @@ def _doubts(names: Sequence[str], value: Floats, covariance: Floats) -> tuple[st
     left = [int(at) for at in np.flatnonzero(np.abs(value) > IMPROBABLE * moved)]
     alike = np.abs(covariance) > _ALIKE * np.outer(spread, spread)
     lines = []
-    for at in sorted(left, key=lambda at: -abs(value[at]) / moved[at]):
+    for at in np.array(left, int)[ascending(-np.abs(value[left]) / moved[left])].tolist():
         if at not in left:
             continue
         group = [at, *(other for other in left if other != at and alike[at, other])]
@@ -651,6 +653,18 @@ def _doubts(names: Sequence[str], value: Floats, covariance: Floats) -> tuple[st
             else f"{line}, or one of both more: the photographs do not tell them apart"
         )
     return tuple(lines)
+
+
+def _weakest(covariance: Floats) -> Floats:
+    """(parameter,) direction of the largest variance, with the first albedo that is in it above 0.
+
+    Of several with the same variance, as of surfaces that nobody sees, that albedo's part counts.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    space = vectors[:, values >= (1 - _SAME) * values[-1]]
+    shares = np.sum(space**2, 1)
+    first = [*range(1, len(shares)), 0]
+    return np.asarray(space @ space[next(at for at in first if shares[at] > _SAME)])
 
 
 def _range(values: Floats, seen: NDArray[np.bool_]) -> Floats:

@@ -370,6 +370,7 @@ def pixel_noise(level: Floats, local: Floats, count: NDArray[np.int64]) -> Pixel
     scale = np.maximum(_noise_terms(level).max(0), 1e-300)
     guess = np.full(len(target), float(np.mean(target)))
     for _ in range(4):
+        # Areas differ in light, if only by noise, so that no two terms are the same
         whitened = terms / scale * (weight / guess)[:, None]
         found = nnls(whitened, target * weight / guess)[0] / scale
         guess = np.maximum(terms @ found, 1e-3 * guess)

@@ -24,6 +24,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.light.ties import ascending
 from domesim.measure.dome.reflected import Core, fitted, foretold
 from domesim.measure.dome.responses import Responses
 
@@ -71,7 +72,10 @@ class Ranks:
 
 
 def modes_of(cores: Sequence[Floats]) -> Floats:
-    """(function, function) orthonormal: modes, the strongest first, as sums of functions."""
+    """(function, function) orthonormal: modes, the strongest first, as sums of functions.
+
+    Signs of modes do not show, as modes stand on both sides of a core.
+    """
     square = sum(core @ core.T + core.T @ core for core in cores)
     return np.asarray(np.linalg.eigh(square)[1][:, ::-1])
 
@@ -121,7 +125,7 @@ def cross_validated(responses: Responses, cores: Sequence[Core]) -> Ranks | None
                 allowed += float(weight @ _claimed(responses, each, p, int(shot)))
     shares = lost / light.sum()
     total = shares.sum(0)
-    best = int(np.argmin(total))
+    best = int(ascending(total)[0])
     worse = shares - shares[:, [best]]
     margin = np.sqrt(len(folds)) * worse.std(0, ddof=1) if len(folds) > 1 else np.zeros(highest)
     rank = int(np.argmax(total - total[best] <= margin)) + 1
@@ -142,21 +146,24 @@ def _claimed(responses: Responses, found: Core, primary: int, photograph: int) -
 
 
 def independent_of(responses: Responses, pattern: int) -> NDArray[np.bool_]:
-    """(photograph,) bool: those from which a pattern cannot be added up."""
-    light = responses.direct.transpose(0, 2, 1).reshape(len(responses.pattern), -1)
-    own = light[np.argmax(responses.pattern == pattern)]
-    kept = np.asarray(responses.pattern != pattern)
+    """(photograph,) bool: those from which a pattern cannot be added up.
+
+    Of patterns that have the same share in the sum, the one with the lowest index is left out.
+    """
+    numbers, first, shown = np.unique(responses.pattern, return_index=True, return_inverse=True)
+    light = responses.direct[first].transpose(0, 2, 1).reshape(len(numbers), -1)
+    own = light[np.searchsorted(numbers, pattern)]
+    kept = np.asarray(numbers != pattern)
     while kept.any():
         share, *_ = np.linalg.lstsq(light[kept].T, own)
         if np.sqrt(np.mean((own - share @ light[kept]) ** 2)) > _SUM * np.sqrt(np.mean(own**2)):
             break
-        strongest = np.flatnonzero(kept)[np.argmax(np.abs(share))]
-        kept &= np.asarray(responses.pattern != responses.pattern[strongest])
-    return kept
+        kept[np.flatnonzero(kept)[ascending(-np.abs(share))[0]]] = False
+    return np.asarray(kept[shown])
 
 
 def _independent(responses: Responses) -> int:
-    """How many patterns differ in what they excite."""
+    """How many patterns differ in what they excite; of sums, rounding leaves 1e-16."""
     if not len(responses.pattern):
         return 0
     return int(np.linalg.matrix_rank(responses.excitation.mean(1), tol=1e-3))

@@ -36,6 +36,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
 from domesim.errors import InputError
+from domesim.light.ties import ascending
 from domesim.measure.dome.responses import Responses
 
 Floats = NDArray[np.float64]
@@ -359,7 +360,7 @@ class _System:
         best = start
         for name, values in 2 * list(TRIED.items()):
             tried = [replace(best, **{name: value}) for value in values]
-            best = max(tried, key=lambda each: self._evidence(each, mean))
+            best = tried[ascending([-self._evidence(each, mean) for each in tried])[0]]
         return best
 
     def _evidence(self, expectation: Expectation, mean: float) -> float:

@@ -184,6 +184,7 @@ def _fitted(camera: Camera, places: Floats, blobs: Floats, *, free: bool) -> tup
         off, np.zeros(7 + bent), bounds=(low, high), loss="soft_l1", f_scale=0.005, x_scale="jac"
     )
     slopes = np.asarray(found.jac)
+    # Dots all over the screen tell all parameters: no singular value is lost in rounding
     inverse = np.linalg.pinv(slopes.T @ slopes)
     variance = float(np.sum(off(found.x) ** 2)) / max(1, 2 * len(places) - len(found.x))
     return moved(found.x), inverse * variance

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.light.ties import ROUNDING, ascending
 from domesim.measure.dome.fit import Evidence, Meter
 from domesim.measure.dome.model import Places, surfaces_of
 from domesim.measure.dome.photographs import direct_light
@@ -156,7 +157,10 @@ def with_readings(
 
 
 def _surface(theatre: Theatre, place: Point) -> tuple[int, Point]:
-    """Index of the surface that a place is on, and the nearest point of it."""
+    """Index of the surface that a place is on, and the nearest point of it.
+
+    Where two meet, the screen comes before the floor, and the floor before the wall.
+    """
     dome, point = theatre.dome, np.asarray(place)
     near: list[tuple[float, str, Floats]] = []
     length = float(np.linalg.norm(point))
@@ -172,7 +176,8 @@ def _surface(theatre: Theatre, place: Point) -> tuple[int, Point]:
         across = max(float(np.hypot(*point[:2])), 1e-9)
         out = np.append(point[:2] * theatre.wall.radius / across, point[2])
         near.append((abs(across - theatre.wall.radius), "wall", out))
-    if not near or min(near, key=lambda each: each[0])[0] > _ASTRAY * dome.radius:
+    nearest = ascending([away for away, _, _ in near], ROUNDING * dome.radius)
+    if not near or near[nearest[0]][0] > _ASTRAY * dome.radius:
         raise InputError(f"the place {list(place)} is on no surface of the theatre")
-    _, name, (x, y, z) = min(near, key=lambda each: each[0])
+    _, name, (x, y, z) = near[nearest[0]]
     return surfaces_of(theatre).index(name), (float(x), float(y), float(z))

@@ -420,6 +420,7 @@ def test_nothing_is_of_double_precision_on_the_way(monkeypatch):
             return result
 
         monkeypatch.setattr(Fourier, name, watched)
+    monkeypatch.setattr("domesim.light.strips.threads", lambda: 2)
     posed = pose(night(256), load_dome("dome_imax"))
     tracemalloc.start()
     found = ADMM(stop_when_invisible=False)(posed.problem, posed.subtractive)
@@ -436,8 +437,9 @@ def test_nothing_is_of_double_precision_on_the_way(monkeypatch):
     [("dome-rgb", True, 20), ("dome-rgb", False, 21), ("synthetic-rgb", True, 37)],
 )
 def test_the_memory_that_large_frames_take_is_planned(name, large, most, monkeypatch):
-    """In padded planes; strips are made small, for they are as large as such a small picture."""
+    """In padded planes, by small strips of two threads: the picture is as large as usual ones."""
     monkeypatch.setattr("domesim.light.strips.SAMPLES", 10_000)
+    monkeypatch.setattr("domesim.light.strips.threads", lambda: 2)
     monkeypatch.setattr("compensate.solver.admm.level.is_large", lambda plane: large)
     task = problems.PROBLEMS[name][1](512).single
     fourier = task.problem.weighting.fourier

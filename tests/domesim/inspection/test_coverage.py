@@ -59,6 +59,16 @@ def test_a_hole_is_where_it_is_told() -> None:
     assert not found.whole
 
 
+def test_holes_in_the_middle_are_told_on_one_side() -> None:
+    """They are as far right as left of the front but for rounding."""
+    found = lit_by(Lens("one", HERE, (0.0, 1.0, 0.0), field=np.pi))
+    for rows in range(1, 20):
+        hole = np.zeros_like(found.screen)
+        hole[10 : 10 + rows] = found.screen[10 : 10 + rows]
+        for place, side in ((hole, "180"), (hole[::-1], "0")):
+            assert f"{side}° to the right of the front" in found._place(place)
+
+
 def test_soft_edges_add_up_before_they_are_evened_out() -> None:
     """Of two that look the same way, twice one's; a smooth step is a half in its middle."""
     one = Lens("one", HERE, (0.0, 0.0, 9.0), field=np.radians(190), blend=np.radians(20))

@@ -9,7 +9,7 @@ import pytest
 from survey_rooms import GAIN, THEATRE, ambient, cells, evidence, model, only
 
 from domesim.errors import InputError
-from domesim.measure.dome.fit import Known, survey
+from domesim.measure.dome.fit import Known, _doubts, _weakest, survey
 from domesim.measure.dome.model import nominal_albedos
 from validation.statistics import assert_unbiased
 
@@ -130,3 +130,17 @@ def test_photographs_that_were_mixed_up_are_not_answered():
     found = survey(model(), mixed, START, SURFACES, profile=False)
     assert not found.answered.any()
     assert found.confusions[0].startswith("the description does not explain the photographs")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rounding_decides_nothing_of_what_is_not_told(seed):
+    """Two surfaces that nobody sees have one variance, and two nuisances one value."""
+    noise = 1e-13 * np.random.default_rng(seed).standard_normal((4, 4))
+    unseen = np.diag([1.0, 2.0, 1e12, 1e12]) * (1 + noise)
+    assert _weakest(unseen) == pytest.approx([0, 0, 1, 0], abs=1e-6)
+    one = np.array([-0.5, 0.5, -0.5, 0.5])
+    assert _weakest(np.outer(one, one) * (1 + noise + noise.T)) == pytest.approx(one / 2, abs=1e-6)
+    alone = np.array([1.0, 0.0, 0.0, 0.0])
+    assert _weakest(-np.outer(alone, -alone) * (1 + noise)) == pytest.approx(alone, abs=1e-6)
+    found = _doubts(("a", "b", "c"), np.array([4.0, 5.0, 5.0]) + noise[0, :3], 0.1 * np.eye(3))
+    assert [line[0] for line in found] == ["b", "c", "a"]

@@ -12,11 +12,11 @@ import survey_rooms
 from domesim.errors import InputError
 from domesim.measure.dome import run
 from domesim.measure.dome.fit import Known
-from domesim.measure.dome.model import Interreflection
+from domesim.measure.dome.model import Interreflection, surfaces_of
 from domesim.measure.dome.run import survey_of_spots
-from domesim.measure.dome.spots import Reading, evidence_of
+from domesim.measure.dome.spots import Reading, _surface, evidence_of
 from domesim.observation.radiosity import radiosity
-from domesim.room.theatre import Floor
+from domesim.room.theatre import Floor, Wall
 from validation.statistics import assert_unbiased
 
 WEIGHTS = np.array([0.2, 0.7, 0.1])
@@ -136,3 +136,10 @@ def test_places_in_the_air():
 def test_readings_of_lux_only():
     with pytest.raises(InputError, match="wanted readings in cd/m2 of the screen"):
         survey_of_spots(GREY, PATTERNS, read([(0, FRONT_PLACE, "lux")]), {}, WEIGHTS)
+
+
+def test_where_two_surfaces_meet_the_first_counts():
+    """Rounding would choose: where floor and wall meet, a place is off one of them by 1e-16."""
+    room = replace(GREY, wall=Wall(3.7, -1.2, 2.0, (0.2, 0.2, 0.2)))
+    for height in (-1.2, np.nextafter(-1.2, 0)):
+        assert surfaces_of(room)[_surface(room, (3.7, 0.0, height))[0]] == "floor"

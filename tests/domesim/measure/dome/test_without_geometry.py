@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from made_up_domes import GAIN, THEATRE, patterns, seen, truth
+from told_numbers import assert_same_but_for_last_digits
 
 from domesim.errors import InputError
 from domesim.measure.dome.photographs import Photographs
@@ -196,6 +200,53 @@ def test_what_is_left_out_is_no_sum_of_what_is_kept():
     assert kept[[white, left]].sum() == 1
     # Black tells nothing of any other
     assert kept[0]
+
+
+def page_of(told: Responses) -> tuple[Found, str]:
+    """What is found, and what is printed of it."""
+    result = found_in(told, THEATRE)
+    task = SimpleNamespace(registered=None, file=SimpleNamespace(absolute=False))
+    return result, "\n".join(lines_of(task, result))
+
+
+@cache
+def tying() -> tuple[Responses, Found, str]:
+    """Photographs of halves and of three equal rings, which add up to white; the front half twice.
+
+    Each of them has the same share in white as another.
+    """
+    lit = patterns()[[0, 1, 2, 3, 2, 4, 5, 12, 13, 14]]
+    told = responses(seen(truth(), lit, size=32), lit, degree=1)
+    return told, *page_of(told)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.permutations(range(10)), st.integers(0, 2**31))
+def test_rounding_decides_nothing_between_equal_patterns(order, seed):
+    """Permuted and changed by 1e-13: the same modes, the same page."""
+    told, wanted, page = tying()
+    rng = np.random.default_rng(seed)
+
+    def changed(values):
+        return values[order] * (1 + 1e-13 * rng.uniform(-1, 1, values.shape))
+
+    other = replace(
+        told,
+        value=changed(told.value),
+        direct=changed(told.direct),
+        excitation=changed(told.excitation),
+        variance=told.variance[order],
+        pattern=told.pattern[order],
+        noise=[told.noise[shot] for shot in order],
+    )
+    for pattern in told.pattern:
+        kept = independent_of(other, pattern)
+        np.testing.assert_array_equal(kept, independent_of(told, pattern)[order])
+    result, again = page_of(other)
+    assert result.ranks.rank == wanted.ranks.rank
+    modes, same = (each.transport.modes.reshape(each.ranks.rank, -1) for each in (result, wanted))
+    assert np.abs(modes @ same.T) == pytest.approx(np.abs(same @ same.T), rel=1e-6, abs=1e-6)
+    assert_same_but_for_last_digits(again, page)
 
 
 def drawn(seed: int) -> tuple[Responses, np.ndarray]:
