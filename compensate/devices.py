@@ -1,4 +1,4 @@
-"""Solving elsewhere than in NumPy: on a GPU, by any library of the array API.
+"""Solving elsewhere than in NumPy: on a GPU, by PyTorch.
 
 A solver computes with the library of the arrays it is given (`domesim.light.namespace`). So a
 problem's arrays go to the device, and the light that is found comes back: nothing else differs.
@@ -24,7 +24,7 @@ from domesim.light import Array, Light, namespace, on_host
 CPU = "cpu"
 """NumPy, which needs nothing else."""
 
-_KNOWN = "cpu (NumPy), cuda or cuda:1 (PyTorch), cupy or cupy:1, torch (PyTorch on the processor)"
+_KNOWN = "cpu (NumPy), or cuda or cuda:1 (PyTorch on a GPU)"
 
 
 def on_device(solver: Solver, device: str) -> Solver:
@@ -35,8 +35,8 @@ def on_device(solver: Solver, device: str) -> Solver:
     solver
         The solver to run there.
     device
-        ``cpu``: here, as it is; ``cuda`` or ``cuda:1``: a GPU, by PyTorch; ``cupy`` or ``cupy:1``:
-        a GPU, by CuPy; ``torch``: the processor, by PyTorch.
+        ``cpu``: here, as it is; ``cuda`` or ``cuda:1``: a GPU, by PyTorch; ``torch``: the
+        processor, by PyTorch, which is slower than ``cpu`` and meant for tests without a GPU.
 
     Raises
     ------
@@ -60,12 +60,10 @@ def on_device(solver: Solver, device: str) -> Solver:
 def sender_to(device: str) -> Callable[[Array], Array]:
     """Returns a function that makes arrays on the device of NumPy's; see `on_device`."""
     kind, colon, number = device.partition(":")
-    numbered = kind in ("cuda", "cupy") and number.isdecimal()
-    if kind not in ("cuda", "cupy", "torch") or (colon and not numbered):
+    numbered = kind == "cuda" and number.isdecimal()
+    if kind not in ("cuda", "torch") or (colon and not numbered):
         raise InputError(f"--device {device}: not known; use {_KNOWN}")
-    if kind == "cupy":
-        return _to_cupy(device, int(number or 0))
-    torch = _imported("torch", device)
+    torch = _torch(device)
     if kind == "torch":
         return lambda array: torch.tensor(np.asarray(array, order="C"))
     _require_gpu(device, torch.cuda.device_count, int(number or 0))
@@ -83,22 +81,13 @@ def fetched(array: Array) -> NDArray[Any]:
     return np.asarray(host.copy_(array))
 
 
-def _to_cupy(device: str, number: int) -> Callable[[Array], Array]:
-    cupy = _imported("cupy", device)
-    _require_gpu(device, cupy.cuda.runtime.getDeviceCount, number)
-    # CuPy computes on a thread's current device, wherever arrays are
-    cupy.cuda.Device(number).use()
-    return lambda array: cupy.asarray(np.asarray(array, order="C"))
-
-
-def _imported(library: str, device: str) -> Any:
+def _torch(device: str) -> Any:
     try:
-        return importlib.import_module(library)
+        return importlib.import_module("torch")
     except ImportError:
-        way = "pip install 'domesim[gpu]'" if library == "torch" else "pip install cupy-cuda12x"
         raise InputError(
-            f"--device {device} needs {library}, which is not installed ({way}); leave --device "
-            f"out to run on the processor"
+            f"--device {device} needs torch, which is not installed (pip install 'domesim[gpu]'); "
+            f"leave --device out to run on the processor"
         ) from None
 
 

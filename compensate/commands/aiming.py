@@ -61,8 +61,7 @@ class Aiming:
         str,
         typer.Option(
             "--device",
-            help="Perceptual: what computes: cpu; cuda or cuda:1, a GPU by PyTorch (extra gpu); "
-            "cupy, a GPU by CuPy; torch, the processor by PyTorch.",
+            help="Perceptual: what computes: cpu; cuda or cuda:1, a GPU by PyTorch (extra gpu).",
         ),
     ] = CPU
 

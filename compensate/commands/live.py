@@ -98,8 +98,7 @@ def live(
         typer.Option(
             "--device",
             help="What computes: cpu, by compiled loops with the extra fast; cuda or cuda:1, a GPU "
-            "by PyTorch (extra gpu), which is the default without fast; cupy; torch, the processor "
-            "by PyTorch.",
+            "by PyTorch (extra gpu), which is the default without fast.",
             show_default=False,
         ),
     ] = None,

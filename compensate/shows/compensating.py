@@ -276,8 +276,7 @@ class Compensating(Recipe):
 
     def resources(self) -> dict[str, float]:
         """See `Recipe`: a GPU, if one computes."""
-        on_gpu = self.device.partition(":")[0] in ("cuda", "cupy")
-        return {"GPU": 1} if on_gpu else {}
+        return {"GPU": 1} if self.device.partition(":")[0] == "cuda" else {}
 
     compares = True
 

@@ -1,7 +1,7 @@
 """Light: the one array that travels through the house.
 
 ``Light`` is an array of the `array API standard <https://data-apis.org/array-api/>`_ (NumPy,
-PyTorch, CuPy) in float32 or float64 with axes **(view, row, col, primary)**. It is linear, and 1.0
+PyTorch) in float32 or float64 with axes **(view, row, col, primary)**. It is linear, and 1.0
 is projector white. A dome has one view, a stereo pair has two: left, right. A primary is a
 projector primary (R, G, B).
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any, TypeAlias
 
 import numpy as np
-from array_api_compat import array_namespace, is_cupy_array, is_torch_array, to_device
+from array_api_compat import array_namespace, is_torch_array, to_device
 from numpy.typing import NDArray
 
 Array: TypeAlias = Any
@@ -35,7 +35,7 @@ def namespace(*arrays: Array) -> Any:
 
 def on_host(array: Array) -> NDArray[Any]:
     """`array` as NumPy's, fetched from its device."""
-    if is_torch_array(array) or is_cupy_array(array):
+    if is_torch_array(array):
         array = to_device(array, "cpu")
     return np.asarray(array)
 

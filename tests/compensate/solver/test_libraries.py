@@ -165,17 +165,13 @@ def pretend(monkeypatch, name: str, library: object) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("device", "library", "way"),
-    [
-        ("cuda", "torch", r"pip install 'domesim\[gpu\]'"),
-        ("torch", "torch", r"pip install 'domesim\[gpu\]'"),
-        ("cupy:1", "cupy", "pip install cupy"),
-    ],
-)
-def test_a_library_that_is_not_installed(device, library, way, monkeypatch):
-    without(monkeypatch, library)
-    wanted = f"--device {device} needs {library}, which is not installed.*{way}.*leave --device out"
+@pytest.mark.parametrize("device", ["cuda", "torch"])
+def test_a_library_that_is_not_installed(device, monkeypatch):
+    without(monkeypatch, "torch")
+    wanted = (
+        rf"--device {device} needs torch, which is not installed.*pip install 'domesim\[gpu\]'.*"
+        "leave --device out"
+    )
     with pytest.raises(InputError, match=wanted):
         on_device(ADMM(), device)
 
@@ -185,7 +181,7 @@ def test_a_library_that_is_not_installed(device, library, way, monkeypatch):
     [
         ("cuda", 0, "no CUDA device"),
         ("cuda:2", 2, r"only 2 CUDA device\(s\)"),
-        ("cupy", None, "no CUDA device"),
+        ("cuda", None, "no CUDA device"),
     ],
 )
 def test_a_gpu_that_is_not_there(device, count, found, monkeypatch):
@@ -199,13 +195,13 @@ def test_a_gpu_that_is_not_there(device, count, found, monkeypatch):
         "torch",
         types.SimpleNamespace(cuda=types.SimpleNamespace(device_count=counted)),
     )
-    runtime = types.SimpleNamespace(getDeviceCount=counted)
-    pretend(monkeypatch, "cupy", types.SimpleNamespace(cuda=types.SimpleNamespace(runtime=runtime)))
     with pytest.raises(InputError, match=rf"{device}: {found} found; leave --device out"):
         on_device(ADMM(), device)
 
 
-@pytest.mark.parametrize("device", ["gpu", "mps", "cuda:", "cuda:x", "torch:0", "cpu:0", ""])
+@pytest.mark.parametrize(
+    "device", ["gpu", "mps", "cupy", "cupy:1", "cuda:", "cuda:x", "torch:0", "cpu:0", ""]
+)
 def test_a_device_that_is_not_known(device):
     with pytest.raises(InputError, match=f"--device {device}: not known; use cpu"):
         on_device(ADMM(), device)
