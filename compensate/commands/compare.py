@@ -12,7 +12,6 @@ import typer
 
 from compensate.aim import Eye
 from compensate.commands.aiming import Aiming
-from compensate.figures import Figures
 from compensate.methods import Solver
 from compensate.page.comparison import Comparison, compare_methods, shown_methods
 from compensate.shows.compensating import line_of
@@ -105,8 +104,8 @@ def _compared(
 ) -> Comparison:
     with console.progress("solving", len(shown_methods(scene))) as start:
         comparison = compare_methods(frame, scene, solver=solver, weighting=eye, progress=start)
-    for figures in comparison.figures().values():
-        console.say(line_of(Figures(**figures)))
+    for outcome in comparison.outcomes.values():
+        console.say(line_of(outcome.figures))
     return comparison
 
 
