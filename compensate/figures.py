@@ -1,7 +1,8 @@
 """How good the light of a method is: figures that people compare.
 
-Quality is `compensate.ruler`'s, which no setting of a method changes; beside it stand the paper's
-visible error, what is left of ghosts, and how sure a measured scene is of all that.
+Quality is `compensate.ruler`'s, which no setting of a method changes. Beside it stand plain figures
+of what that cannot see (`compensate.plain`), the paper's visible error, what is left of ghosts, and
+how sure a measured scene is of all that.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy, ghost_contour
+from compensate.plain import PlainFigures, PlainRuler
 from compensate.pose import Posed, differences, is_rounding
 from compensate.ruler import Ruler
 from compensate.solver.result import Result
@@ -47,10 +49,14 @@ class Figures:
     pollution
         Mean luminance of the pollution of the untouched frame on the screen, cd/m².
     loss_before, loss_subtractive, loss_after
-        How much worse it looks than the master: the reference model's mean over the screen, in
-        just-objectionable differences (`compensate.ruler`), untouched, subtracted, and as
-        compensated, before rounding to the file's code values. No setting changes the model. Of
-        several seats, their mean. `loss_before` may be left out (`Solution.outcome`).
+        How much worse it looks than the master, by ColorVideoVDP, in just-objectionable differences
+        (`compensate.ruler`): untouched, subtracted, and as compensated, before rounding to the
+        file's code values. No setting changes the model. Of several seats, their mean.
+        `loss_before` may be left out (`Solution.outcome`). Below `ruler.NO_DIFFERENCE` there is no
+        difference.
+    black, contrast_fine, contrast_coarse, stars, stars_in_order, hue_shift
+        `compensate.plain.PlainFigures` as compensated, at the first seat. They are left out where
+        `loss_before` is.
     ghost_edges
         Ghost edge energy of a stereo pair (`compensate.ghosts`) at the first seat, 1 for the
         untouched master; None without ghosts.
@@ -83,6 +89,12 @@ class Figures:
     loss_before: float | None
     loss_subtractive: float
     loss_after: float
+    black: float | None
+    contrast_fine: float | None
+    contrast_coarse: float | None
+    stars: float | None
+    stars_in_order: float | None
+    hue_shift: float | None
     ghost_edges: float | None
     loss_by_seat: dict[str, float]
     file_clipped: float
@@ -94,6 +106,26 @@ class Figures:
     seconds: float
     light_left: tuple[float, float, float] | None = None
     error_left: tuple[float, float, float] | None = None
+
+
+@final
+@dataclass(frozen=True)
+class Look:
+    """What the figures say of one light.
+
+    Parameters
+    ----------
+    loss
+        Quality lost, JOD; the mean of all seats.
+    by_seat
+        The same at each of several seats; empty for one.
+    plain
+        Plain figures at the first seat.
+    """
+
+    loss: float
+    by_seat: dict[str, float]
+    plain: PlainFigures
 
 
 @final
@@ -125,10 +157,14 @@ class Appraisal:
 
         return sum(in_strips(count, shown.shape)) / (len(shown) * np.count_nonzero(self._screen))
 
-    @cached_property
+    @property
     def loss_subtractive(self) -> float:
         """`loss` of exact clipped subtraction."""
-        return self.loss(self.posed.subtractive)
+        return _mean(self._losses_subtractive)
+
+    @cached_property
+    def _losses_subtractive(self) -> dict[str, float]:
+        return self._losses(self.posed.shown)
 
     @property
     def pollution(self) -> float:
@@ -141,16 +177,21 @@ class Appraisal:
         return self._untouched[2] if not self.posed.exact else self.loss(self.posed.desired)
 
     @cached_property
-    def _untouched(self) -> tuple[float, NDArray[np.floating], float]:
-        """`pollution`, (view, row, col) luminance that a pair sees too much, and `loss_before`.
+    def _untouched(self) -> tuple[float, NDArray[np.floating], float, float]:
+        """`pollution`, a pair's ghosts, `loss_before` and the black that is seen, cd/m².
 
-        The last is NaN where subtraction is exact: it may never be asked for.
+        Ghosts are (view, row, col) luminance that is seen too much. The last two are NaN where
+        subtraction is exact: they may never be asked for.
         """
         residual = self.posed.observation.observe(self.posed.desired)
-        lost = math.nan if self.posed.exact else _mean(self._losses(residual))
+        lost, black = math.nan, math.nan
+        if not self.posed.exact:
+            lost = _mean(self._losses(residual))
+            black = self._plain.black(self._of_first_seat(residual))
         residual -= self.posed.wanted
         ghost = self._luminance(residual[: self._scene.views if self.of_ghosts else 0])
-        return mean_luminance(residual, self._scene, self.posed.setting.areas), ghost, lost
+        pollution = mean_luminance(residual, self._scene, self.posed.setting.areas)
+        return pollution, ghost, lost, black
 
     def _luminance(self, light: Light) -> NDArray[np.floating]:
         planes = np.empty(light.shape[:3], light.dtype)
@@ -186,6 +227,33 @@ class Appraisal:
     def loss(self, light: Light) -> float:
         """How much worse it looks than the master, JOD (`compensate.ruler`); of all seats."""
         return _mean(self._losses(self._seen(light)))
+
+    def look(self, light: Light, *, plain: bool = True) -> Look:
+        """`loss`, by seat, and plain figures, which are left out if not `plain`."""
+        seen, found = self._seen(light), PlainFigures()
+        subtracted = light is self.posed.subtractive
+        losses = self._losses_subtractive if subtracted else self._losses(seen)
+        if plain:
+            found = self._plain.figures(self._of_first_seat(seen), self._black_before)
+        several = isinstance(self.posed.observation, SeveralSeats)
+        return Look(_mean(losses), losses if several else {}, found)
+
+    @cached_property
+    def _black_before(self) -> float:
+        """Black of the untouched master, cd/m²."""
+        if not self.posed.exact:
+            return self._untouched[3]
+        untouched = self.posed.observation.observe(self.posed.desired)
+        return self._plain.black(self._of_first_seat(untouched))
+
+    @cached_property
+    def _plain(self) -> PlainRuler:
+        return PlainRuler(self._of_first_seat(self.posed.wanted), self._scene, self._screen)
+
+    def _of_first_seat(self, light: Light) -> Light:
+        if isinstance(self.posed.observation, SeveralSeats):
+            return self.posed.observation.of_seat(light, 0)
+        return light[: self._scene.views]
 
     def _in_differences(self, energy: float, weighting: Weighting) -> float:
         """Just-noticeable differences, rms, of a weighted residual's energy."""
@@ -266,11 +334,6 @@ class Appraisal:
         if is_rounding(seen, ruler.wanted):
             return np.zeros(seen.shape[:3], np.float32)
         return ruler.lost_map(seen)
-
-    def loss_by_seat(self, light: Light) -> dict[str, float]:
-        """`loss` at each of several seats; empty for one."""
-        several = isinstance(self.posed.observation, SeveralSeats)
-        return self._losses(self._seen(light)) if several else {}
 
     def _seen(self, light: Light) -> Light:
         """What is seen of `light` at all seats."""

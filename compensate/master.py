@@ -133,24 +133,24 @@ class Solution:
     def figures(self, found: Appraisal, file_clipped: float, *, brief: bool = False) -> Figures:
         """The figures of what `encoded` gives.
 
-        If `brief`, `loss_before` is left out where subtraction shows what is desired: in a
-        sequence, its transforms would take longer than all the rest.
+        If `brief`, `loss_before` and plain figures are left out where subtraction shows what is
+        desired: in a sequence, their transforms would take longer than all the rest.
         """
         posed, result = self.posed, self.result
-        loss_after = found.loss_subtractive
-        if result.light is not posed.subtractive:
-            brief, loss_after = False, found.loss(result.light)
+        brief = brief and posed.exact and result.light is posed.subtractive
+        look = found.look(result.light, plain=not brief)
         left = found.foreseen(result.light)
         return Figures(
             method=self.method,
             clipped=found.clipped,
             out_of_range=self.out_of_range,
             pollution=found.pollution,
-            loss_before=None if brief and posed.exact else found.loss_before,
+            loss_before=None if brief else found.loss_before,
             loss_subtractive=found.loss_subtractive,
-            loss_after=loss_after,
+            loss_after=look.loss,
+            **vars(look.plain),
             ghost_edges=found.ghost_edges(result.light),
-            loss_by_seat=found.loss_by_seat(result.light),
+            loss_by_seat=look.by_seat,
             file_clipped=file_clipped,
             status=result.status.value,
             gap=result.gap,

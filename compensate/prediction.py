@@ -103,9 +103,9 @@ class Combination(Enum):
 
     LOCAL_CONTRAST = "local-contrast"
     """P(v) of v in JOD, the visible difference of local contrast at all scales
-    (`vision.differences`), without saliency: of the three nearest to what ColorVideoVDP sees, where
-    `--only-visible` solves. A veil over all of a picture counts by the contrast that it takes
-    alone, so that one over a plain field is nothing; which is why it is not the default here."""
+    (`vision.differences`: ColorVideoVDP's map), without saliency: where `--only-visible` solves. A
+    veil over all of a picture counts by the contrast that it takes alone, so that one over a plain
+    field is nothing; which is why it is not the default here."""
 
 
 @final

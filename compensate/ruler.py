@@ -44,6 +44,13 @@ NO_DIFFERENCE = 0.02
 """JOD up to which two figures are the same."""
 
 
+def compared(lost: float, other: float) -> str:
+    """What one loss is against another, JOD: "better than", "no different from" or "worse than"."""
+    if abs(lost - other) < NO_DIFFERENCE:
+        return "no different from"
+    return "better than" if lost < other else "worse than"
+
+
 @final
 class Ruler:
     """How much worse things look than one master.

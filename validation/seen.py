@@ -1,9 +1,10 @@
 """Plain figures of what is seen against the master: ratios and distances, without a vision model.
 
 The judges of `panel` are models. These figures say in plain units what a picture keeps: light,
-colour, structure and black. All take Light (view, row, col, primary), 1.0 = projector white: the
-master, which should be seen, and what is seen. Only pixels on the screen count. A figure is None
-where the master holds nothing that it could be measured on.
+colour, structure and black. Those that the product tells are `compensate.plain`'s: contrast is
+there, and structure here is a difference of luminances. All take Light (view, row, col, primary),
+1.0 = projector white: the master, which should be seen, and what is seen. Only pixels on the screen
+count. A figure is None where the master holds nothing that it could be measured on.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, maximum_filter1d
 
+from compensate.plain import Colours, of_colours
 from domesim.light import Light, require_light
 from domesim.scene import Scene
 from validation.hue import DARKEST, chromaticity
@@ -30,8 +32,6 @@ EXACT = 1e-5
 """Difference from the master that counts as none, of white."""
 NOT_BLACK = 0.02
 """Luminance above which light that is exact must be kept, cd/m²."""
-GREY = 1e-4
-"""Mean relative distance from grey below which a picture has no hue and no saturation."""
 
 HALO_SIGMAS = (1.0, 6.0)
 """Sigmas of the base contrast, degrees. The second is also how far a halo reaches."""
@@ -59,23 +59,6 @@ class LightKept:
 
     median: float
     fifth: float
-
-
-@final
-@dataclass(frozen=True)
-class Colours:
-    """Hue and saturation of the darker half.
-
-    Attributes
-    ----------
-    hue_shift
-        Mean angle between hues, degrees, 0 to 180.
-    saturation
-        Saturation seen over the master's: 1 is kept, 0 is grey.
-    """
-
-    hue_shift: float
-    saturation: float
 
 
 def light_kept(master: Light, seen: Light, where: Mask, scene: Scene) -> LightKept | None:
@@ -197,17 +180,12 @@ def saturation_and_hue(master: Light, seen: Light, scene: Scene) -> Colours | No
     """
     _require_pair("saturation_and_hue", master, seen)
     screen = scene.screen(*master.shape[1:3])
-    light = weights = turned = kept = whole = 0.0
+    pixels = []
     for view, wanted in enumerate(luminance(master, scene)):
         dark = screen & (wanted < np.median(wanted[screen]))
-        of_master, of_seen = (_opponent(one[view][dark], scene) for one in (master, seen))
-        weight = np.abs(of_master) * wanted[dark]
-        light += float(wanted[dark].sum())
-        weights += float(weight.sum())
-        turned += float(weight @ np.abs(np.angle(of_seen * np.conj(of_master), deg=True)))
-        kept += float(weight @ np.abs(of_seen))
-        whole += float(weight @ np.abs(of_master))
-    return Colours(turned / weights, kept / whole) if weights > GREY * light else None
+        pixels.append([light[view][dark] for light in (master, seen)])
+    both = (np.concatenate(each) for each in zip(*pixels, strict=True))
+    return of_colours(*both, scene.projector.luminance_weights)
 
 
 def halos(master: Light, seen: Light, scene: Scene) -> float:
@@ -312,11 +290,3 @@ def _highest_within(plane: Floats, radius: float) -> Floats:
         np.maximum(highest[below], row[above], out=highest[below])
         np.maximum(highest[above], row[below], out=highest[above])
     return highest
-
-
-def _opponent(colours: NDArray[Any], scene: Scene) -> NDArray[np.complex128]:
-    """Complex (R - Y) / Y + i (B - Y) / Y of (pixel, primary) light."""
-    light = np.asarray(colours, np.float64)
-    brightness = light @ scene.projector.luminance_weights
-    red_blue = light[:, 0] + 1j * light[:, 2] - (1 + 1j) * brightness
-    return np.asarray(red_blue / np.maximum(brightness, 1e-6))

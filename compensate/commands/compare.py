@@ -11,7 +11,6 @@ from typing import Annotated
 import typer
 
 from compensate.commands.aiming import Aiming
-from compensate.figures import Figures
 from compensate.methods import Solver
 from compensate.page.comparison import Comparison, compare_methods, shown_methods
 from compensate.pose import Eye
@@ -108,8 +107,8 @@ def _compared(
 ) -> Comparison:
     with console.progress("solving", len(shown_methods(scene))) as start:
         comparison = compare_methods(frame, scene, solver=solver, weighting=eye, progress=start)
-    for figures in comparison.figures().values():
-        console.say(line_of(Figures(**figures)))
+    for outcome in comparison.outcomes.values():
+        console.say(line_of(outcome.figures))
     return comparison
 
 

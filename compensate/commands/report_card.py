@@ -113,8 +113,8 @@ def _of_pair(scene: StereoScene, masters: Masters, console: Console) -> dict[str
     )
     for method, each in found.items():
         console.say(
-            f"  {METHODS[method]:<12} fused {each.fused_loss:.3f} JOD lost, each eye alone "
-            f"{each.one_eye:.3f} JOD; contrast off by {each.contrast:.2f} thresholds; rivalry on "
+            f"  {METHODS[method]:<12} fused {each.fused_loss:.2f} JOD lost, each eye alone "
+            f"{each.one_eye:.2f} JOD; contrast off by {each.contrast:.2f} thresholds; rivalry on "
             f"{each.rivalry:.1%} of the picture"
         )
     return {

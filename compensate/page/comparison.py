@@ -15,6 +15,7 @@ from compensate.master import Outcome, solve_frame
 from compensate.methods import Solver, methods_of
 from compensate.page.page import Figure, View, write_page
 from compensate.pose import Eye, Posed, Stage
+from compensate.ruler import NO_DIFFERENCE
 from domesim.frames import Master
 from domesim.light import Light
 from domesim.scene import DomeScene, Scene
@@ -34,6 +35,41 @@ STEREO = {
     "perceptual": PERCEPTUAL,
 }
 """Methods that are shown: name -> title and note."""
+PLAIN = {
+    "black": (
+        "Black",
+        "of the untouched",
+        ".0%",
+        "Luminance of the darker half of the screen, over the same as it is seen untouched.",
+    ),
+    "contrast_fine": (
+        "Contrast, 0.25 to 1°",
+        "of the master",
+        ".0%",
+        "Luminance against that around it, in the darker four fifths: what is seen of the "
+        "master's.",
+    ),
+    "contrast_coarse": (
+        "Contrast, 2 to 10°",
+        "of the master",
+        ".0%",
+        "The same of large and faint things, such as the Milky Way.",
+    ),
+    "stars": (
+        "Stars",
+        "of the master",
+        ".0%",
+        "Light of stars over the master's; the median.",
+    ),
+    "stars_in_order": (
+        "Stars in order",
+        "of pairs",
+        ".0%",
+        "Pairs of stars, one of which is 1.25 times as bright, that are seen so.",
+    ),
+    "hue_shift": ("Hue shift", "°", ".0f", "Mean change of hue in the darker half."),
+}
+"""Plain figures: name in `Figures` -> title, unit, format, meaning."""
 
 
 @final
@@ -124,10 +160,12 @@ class Comparison:
             Figure(
                 "Quality lost",
                 "JOD",
-                {names[m]: f"{o.figures.loss_after:.3g}" for m, o in self.outcomes.items()},
-                "How much worse it looks than the master, by a published model of vision: of two "
-                "pictures 1 JOD apart, 75 of 100 people prefer the better.",
+                {names[m]: f"{o.figures.loss_after:.2f}" for m, o in self.outcomes.items()},
+                "How much worse it looks than the master, by ColorVideoVDP: of two pictures 1 JOD "
+                f"apart, 75 of 100 people prefer the better. Below {NO_DIFFERENCE:g} JOD there is "
+                "no difference. It cannot see how grey black is, nor the figures below.",
             ),
+            *self._plain(names),
             Figure(
                 "Darkest 1 %",
                 "cd/m²",
@@ -141,12 +179,22 @@ class Comparison:
             Figure(
                 f"Quality lost, {seat}",
                 "JOD",
-                {names[m]: f"{o.figures.loss_by_seat[seat]:.3g}" for m, o in self.outcomes.items()},
+                {names[m]: f"{o.figures.loss_by_seat[seat]:.2f}" for m, o in self.outcomes.items()},
                 "The same at this seat; the pictures are what the first seat sees.",
             )
             for seat in next(iter(self.outcomes.values())).figures.loss_by_seat
         ]
         return table + by_seat
+
+    def _plain(self, names: Mapping[str, str]) -> Iterator[Figure]:
+        """Figures of `compensate.plain` that some method has."""
+        for key, (title, unit, form, meaning) in PLAIN.items():
+            found = {names[m]: getattr(o.figures, key) for m, o in self.outcomes.items()}
+            texts = {
+                name: format(value, form) for name, value in found.items() if value is not None
+            }
+            if texts:
+                yield Figure(title, unit, texts, meaning)
 
     def _ghosts(self, names: Mapping[str, str]) -> list[Figure]:
         """What is left of the ghosts, as `compensate.ghosts` and the documents define it."""

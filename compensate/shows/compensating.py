@@ -17,6 +17,7 @@ from compensate.fourier import transforms
 from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
+from compensate.ruler import NO_DIFFERENCE, compared
 from compensate.solver.accelerated import Accelerated
 from compensate.steps import COARSE, visible_steps
 from compensate.visible import OnlyVisible, SpatiallyWeighted
@@ -32,9 +33,6 @@ from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writin
 
 PAPER, CONTRAST = "paper", "contrast"
 """What a picture can be made for: the paper's least squares, or its contrasts (the aim)."""
-
-INVISIBLE = 0.01
-"""JOD of rounding that is not worth a word."""
 
 SIZE = 1024
 """Largest side of pictures on the pages of the worst frames, pixels."""
@@ -240,19 +238,18 @@ class Compensating(Recipe):
         if before is None:
             return Judged("as the master", "nothing is too dark for exact subtraction", 0)
         if stored is not None and _rounding_shows(after, stored):
-            told = f"{stored:.3g} JOD as stored, {after:.3g} before rounding"
+            told = f"{stored:.2f} JOD as stored, {after:.2f} before rounding"
             return Judged("rounding shows", told, 2)
-        lost = f"{after:.3g} JOD lost, {before:.3g} untouched"
+        lost = f"{after:.2f} JOD lost, {before:.2f} untouched"
         verdict, needs = "better than untouched", 0
-        if after <= INVISIBLE:
-            verdict, lost = "as the master, to the eye", f"{lost} ({INVISIBLE:g} is not seen)"
-        elif after >= before:
-            verdict, needs = "no better than untouched", 2
+        if after < NO_DIFFERENCE:
+            verdict, lost = "as the master, to the eye", f"{lost} ({NO_DIFFERENCE:g} is not seen)"
+        elif (against := compared(after, before)) != "better than":
+            verdict, needs = f"{against} untouched", 2 if against == "worse than" else 1
         elif self.method == "perceptual":
-            lost = f"{lost}, {plain:.3g} subtracted"
-            verdict, needs = "better than subtraction", 0
-            if after >= plain:
-                verdict, needs = "no better than subtraction", 1
+            lost = f"{lost}, {plain:.2f} subtracted"
+            verdict = f"{compared(after, plain)} subtraction"
+            needs = int(verdict.startswith("worse"))
         return Judged(verdict, lost, needs)
 
     def columns(self) -> tuple[Column, ...]:
@@ -262,6 +259,11 @@ class Compensating(Recipe):
             Column("loss_stored", "As stored", "JOD"),
             Column("loss_subtractive", "If subtracted", "JOD"),
             Column("loss_before", "Untouched", "JOD"),
+            Column("black", "Black over untouched", "%"),
+            Column("contrast_fine", "Contrast, 0.25 to 1°", "%", less=True),
+            Column("contrast_coarse", "Contrast, 2 to 10°", "%", less=True),
+            Column("stars_in_order", "Stars in order", "%", less=True),
+            Column("hue_shift", "Hue shift", "°"),
             Column("clipped", "Too dark", "%"),
             Column("out_of_range", "Out of range", "%"),
         )
@@ -315,7 +317,7 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     del stored
     lost = appraisal.loss(stored_light)
     del stored_light
-    line = f"{line_of(found)} As stored: {lost:.3g} JOD"
+    line = f"{line_of(found)} As stored: {lost:.2f} JOD"
     weights = posed.scene.projector.luminance_weights
     coarse = visible_steps(solution.frame, posed.seen(light), posed.screen, weights)
     if coarse > COARSE:
@@ -328,8 +330,22 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     return {**asdict(found), "loss_stored": lost, "steps": coarse}, line
 
 
+def _plain(f: Figures) -> list[str]:
+    """What ColorVideoVDP cannot see, for a person."""
+    told = {
+        "black {:.2f} times the untouched": f.black,
+        "contrast {:.0%} of the master's (0.25 to 1°)": f.contrast_fine,
+        "{:.0%} (2 to 10°)": f.contrast_coarse,
+        "stars {:.2f} times as bright": f.stars,
+        "{:.0%} of them in order": f.stars_in_order,
+        "hue shift {:.0f}°": f.hue_shift,
+    }
+    found = [form.format(value) for form, value in told.items() if value is not None]
+    return [", ".join(found)] if found else []
+
+
 def _rounding_shows(computed: float, stored: float) -> bool:
-    return stored > 1.1 * computed and stored > INVISIBLE
+    return stored > 1.1 * computed and compared(stored, computed) == "worse than"
 
 
 def line_of(f: Figures) -> str:
@@ -337,12 +353,13 @@ def line_of(f: Figures) -> str:
     parts = [f"{f.method}: {f.pollution:.2g} cd/m² of pollution, subtracted"]
     if f.loss_before is not None:
         parts = [
-            f"{f.method}: quality lost {f.loss_before:.3g} -> {f.loss_after:.3g} JOD "
-            f"(subtractive {f.loss_subtractive:.3g})",
+            f"{f.method}: quality lost {f.loss_before:.2f} -> {f.loss_after:.2f} JOD "
+            f"(subtractive {f.loss_subtractive:.2f})",
             f"{f.clipped:.1%} of the screen too dark for exact subtraction",
         ]
+    parts += _plain(f)
     if f.loss_by_seat:
-        seats = ", ".join(f"{name} {lost:.3g}" for name, lost in f.loss_by_seat.items())
+        seats = ", ".join(f"{name} {lost:.2f}" for name, lost in f.loss_by_seat.items())
         parts.append(f"by seat: {seats}")
     if f.out_of_range:
         parts.append(f"{f.out_of_range:.1%} out of the projector's range")

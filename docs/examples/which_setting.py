@@ -15,10 +15,9 @@ subtraction (``--lift 0``), lifted a little (``--lift 1``), and by default (``--
 - **Flashes, and cuts from dark to bright**: take ``--lift 1``. A flash lifts the dark rest of a
   dome by up to the lift times the light that it adds there.
 
-*Lost* is what is lost of the picture's quality by the reference model, in just-objectionable
-differences (JOD): 0 is the master. The model likes contrast, and hardly sees that black is
-brighter. So look at the pictures, and then at your screen: ``domesim compare`` makes such a page of
-your frames.
+*Lost* is what is lost of the picture's quality by ColorVideoVDP, in just-objectionable differences
+(JOD): 0 is the master. It likes contrast, and hardly sees that black is brighter. So look at the
+pictures, and then at your screen: ``domesim compare`` makes such a page of your frames.
 
 ``python docs/examples/which_setting.py [SIZE]`` makes the pictures.
 """

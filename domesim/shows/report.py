@@ -50,7 +50,7 @@ _WIDTH, _HEIGHT = 480, 48
 @final
 @dataclass(frozen=True)
 class Curve:
-    """A figure over all frames, as the page draws it: the largest of each few.
+    """A figure over all frames, as the page draws it: the worst of each few.
 
     All figures of one unit have one scale.
     """
@@ -58,9 +58,9 @@ class Curve:
     title: str
     unit: str
     points: str  # of an SVG polyline
-    largest: str
+    most: str
     mean: str
-    worst: str  # the frame that has the largest
+    worst: str  # the frame that has the worst
 
 
 @final
@@ -319,11 +319,13 @@ def _curves(columns: Sequence[Column], rows: Mapping[str, Mapping[str, Any]]) ->
 
 
 def _curve(column: Column, values: Mapping[str, float], top: float) -> Curve:
-    """The largest of each few frames, from left to right."""
-    known = [value for value in values.values() if math.isfinite(value)]
+    """The worst of each few frames, from left to right."""
+    known = {name: value for name, value in values.items() if math.isfinite(value)}
+    worst_of = min if column.less else max
     in_order = list(values.values())
     step = -(-len(in_order) // _POINTS)
-    peaks = [max(in_order[k : k + step]) for k in range(0, len(in_order), step)]
+    parts = (in_order[k : k + step] for k in range(0, len(in_order), step))
+    peaks = [worst_of(filter(math.isfinite, part), default=-math.inf) for part in parts]
     peaks *= 2 if len(peaks) == 1 else 1  # a point has no length
     across = _WIDTH / (len(peaks) - 1)
     points = " ".join(
@@ -331,8 +333,8 @@ def _curve(column: Column, values: Mapping[str, float], top: float) -> Curve:
         for k, peak in enumerate(peaks)
         if math.isfinite(peak)
     )
-    mean, worst = sum(known) / len(known), max(values, key=lambda name: values[name])
-    shown = column.shown(max(known)), column.shown(mean)
+    mean, worst = sum(known.values()) / len(known), worst_of(known, key=lambda name: known[name])
+    shown = column.shown(known[worst]), column.shown(mean)
     return Curve(column.title, column.unit, points, *shown, worst)
 
 

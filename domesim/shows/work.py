@@ -92,7 +92,7 @@ class Work(Generic[P, S]):
 @final
 @dataclass(frozen=True)
 class Column:
-    """A figure of each frame that the report shows; the more, the worse.
+    """A figure of each frame that the report shows.
 
     Parameters
     ----------
@@ -102,11 +102,14 @@ class Column:
         For a person.
     unit
         Unit of the figure; columns of one unit are drawn together. "%" for a share.
+    less
+        Whether less is worse; more is, by default.
     """
 
     key: str
     title: str
     unit: str
+    less: bool = False
 
     def shown(self, value: Any) -> str:
         """A figure as text."""

@@ -141,7 +141,7 @@ def test_the_worst_seat_is_better_off_if_it_decides():
 
     assert largest(worst) < largest(mean)
     for answer in (mean, worst):
-        by_seat = Appraisal(posed).loss_by_seat(answer)
+        by_seat = Appraisal(posed).look(answer).by_seat
         assert list(by_seat) == ["sweet spot", "left", "right"]
         assert np.mean(list(by_seat.values())) == pytest.approx(Appraisal(posed).loss(answer))
     assert Appraisal(posed).visible_error(mean) < Appraisal(posed).visible_error(worst)

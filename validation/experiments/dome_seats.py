@@ -7,7 +7,7 @@ Rationale
     at from its seats in the middle, in the front, in the back, and at the ends of both rows. What
     is left by subtraction is weighed by Daly's sensitivity, at the seat's own pixels per degree in
     each place (`compensate.vision.resolution`) and at the assumed ones, in just-noticeable
-    differences; by the reference model, in JOD; and predicted to be seen or not.
+    differences; by ColorVideoVDP, in JOD; and predicted to be seen or not.
 Expected
     Seats see 0.3 to 2.4 times the assumed pixels per degree. Ignoring it changes the visible error
     of a seat by at most a quarter, and the quality lost by at most 0.3 JOD; at most 5 % of the

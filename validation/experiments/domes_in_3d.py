@@ -446,7 +446,7 @@ def _tables(
         ),
     )
     yield Table(
-        caption="Quality lost (JOD, reference model) of traced light, light that is seen over the "
+        caption="Quality lost (JOD, by ColorVideoVDP) of traced light, light that is seen over the "
         "master's, and the share of the ghost's edges that is left, with what lifted edges of the "
         "picture's own have in common with it, by what is answered.",
         columns=(

@@ -9,13 +9,13 @@ Rationale
     contrast". *Dark* is the half of the screen where the master is below its median. *Detail* is
     what differs from the dark pixels' mean within about a degree (a Gaussian's sigma); its share
     that is seen is the slope of what is seen against the master. *Relative contrast* is the rms
-    difference from the mean of all pixels within about a degree, over that mean. *Coarse detail*,
-    such as the Milky Way, is the band of 2 to 10 degrees of the darker four fifths of the screen
-    (`validation.seen`). How much worse it looks is the reference model's (`compensate.ruler`).
+    difference from the mean of all pixels within about a degree, over that mean. Weber contrast of
+    0.25 to 1 and of 2 to 10 degrees (such as the Milky Way), stars, and black over the untouched
+    one's are `compensate.plain`'s. How much worse it looks is ColorVideoVDP's (`compensate.ruler`).
 Expected
     Subtraction loses more than nine tenths of the dark detail. Perceptual compensation shows at
-    least nine tenths of it and of the coarse detail, and in the demo's theatre three quarters of
-    the dark half's saturation, with a hue shift of at most 6 degrees. Its relative contrast in the
+    least nine tenths of it, and in the demo's theatre three quarters of the dark half's
+    saturation, with a hue shift of at most 6 degrees. Its relative contrast in the
     dark is higher than with subtraction and without compensation, and it loses less than half of
     the quality that either loses.
 """
@@ -30,13 +30,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.page.comparison import Comparison, compare_methods
+from compensate.plain import PlainFigures, PlainRuler
 from domesim.light import Light
 from domesim.scene import load_dome
 from validation.drawing import pictures
 from validation.experiment import Check, Column, Finding, Pictures, Table, Work, at_least, at_most
 from validation.judges import luminance
 from validation.masters import bundled_night
-from validation.seen import BANDS, halos, mean_within, saturation_and_hue, structure_seen
+from validation.seen import halos, mean_within, saturation_and_hue
 
 Floats = NDArray[np.floating[Any]]
 
@@ -67,8 +68,8 @@ class Seen:
         Quality lost, JOD.
     detail
         Slope of the dark detail seen against the master's.
-    coarse_detail
-        The same of structure of 2 to 10 degrees, outside the lit buildings.
+    plain
+        Black, Weber contrast, stars.
     correlation
         Correlation of the (fine) dark detail with that of the master.
     fine_contrast
@@ -85,7 +86,7 @@ class Seen:
 
     lost: float
     detail: float
-    coarse_detail: float
+    plain: PlainFigures
     correlation: float
     fine_contrast: float
     contrast: float
@@ -125,12 +126,17 @@ def measure(scene: str = THEATRE) -> Outcome:
         name: problem.observation.observe(one.light) for name, one in comparison.outcomes.items()
     }
     lights = {"master": problem.desired, **observed}
+    own = PlainRuler(comparison.posed.wanted, theatre, comparison.posed.screen)
+    black = own.black(observed["none"])
     caption = (
         f"The bundled night in {scene}, shown {BRIGHTER} times brighter than it is: exaggerated, "
         f"so that the dark half can be judged on a display."
     )
     return Outcome(
-        {name: _measured(name, light, comparison) for name, light in lights.items()},
+        {
+            name: _measured(name, light, comparison, own.figures(light, black))
+            for name, light in lights.items()
+        },
         best.clipped,
         pictures(
             caption,
@@ -141,7 +147,7 @@ def measure(scene: str = THEATRE) -> Outcome:
     )
 
 
-def _measured(name: str, light: Light, comparison: Comparison) -> Seen:
+def _measured(name: str, light: Light, comparison: Comparison, plain: PlainFigures) -> Seen:
     scene, screen = comparison.posed.scene, comparison.posed.screen
     seen, wanted = (
         luminance(one, scene)[0] * scene.projector.white
@@ -155,13 +161,11 @@ def _measured(name: str, light: Light, comparison: Comparison) -> Seen:
     detail_wanted = (wanted - mean_within(wanted, dark, sigma))[dark]
     desired = comparison.posed.wanted
     colours = saturation_and_hue(desired, light, scene)
-    coarse = structure_seen(desired, light, scene, *BANDS[1])
     assert colours is not None
-    assert coarse is not None
     return Seen(
         0.0 if name == "master" else comparison.outcomes[name].figures.loss_after,
         float(np.sum(detail * detail_wanted) / np.sum(detail_wanted**2)),
-        coarse,
+        plain,
         float(np.corrcoef(detail, detail_wanted)[0, 1]),
         float(np.sqrt(np.mean((detail / near[dark]) ** 2))),
         float(np.sqrt(np.mean((seen / around - 1)[dark] ** 2))),
@@ -198,7 +202,12 @@ def run(work: Work) -> Finding:
             **{f"demo.{name}.lost": s.lost for name, s in outcome.seen.items() if name != "master"},
             "demo.clipped": outcome.clipped,
             **{f"demo.{name}.dark_detail": seen.detail for name, seen in outcome.seen.items()},
-            **{f"demo.{n}.coarse_detail": seen.coarse_detail for n, seen in outcome.seen.items()},
+            **{
+                f"demo.{name}.{key}": value
+                for name, seen in outcome.seen.items()
+                for key, value in vars(seen.plain).items()
+                if key != "hue_shift"
+            },
             **{f"demo.{name}.hue": seen.hue for name, seen in outcome.seen.items()},
             **{f"demo.{name}.saturation": seen.saturation for name, seen in outcome.seen.items()},
             **{f"demo.{name}.dark": seen.dark for name, seen in outcome.seen.items()},
@@ -229,9 +238,11 @@ def _result(outcome: Outcome) -> str:
         f'The paper: perceptual compensation "retains more of these dark details" and is '
         f'"perceptually closer to the unpolluted original". '
         f"{_held(subtractive.detail < ours.detail, closer)}: {ours.detail:.0%} of the fine dark "
-        f"detail (within about a degree) is seen, for light is lifted with its surroundings, and "
-        f"{ours.coarse_detail:.0%} of faint structure of 2 to 10 degrees, such as the Milky Way "
-        f"(untouched {none.coarse_detail:.0%}, subtraction {subtractive.coarse_detail:.0%}). "
+        f"detail (within about a degree) is seen, for light is lifted with its surroundings. Of "
+        f"the Weber contrast of 2 to 10 degrees, such as the Milky Way's, "
+        f"{ours.plain.contrast_coarse:.0%} are seen (untouched {none.plain.contrast_coarse:.0%}, "
+        f"subtraction {subtractive.plain.contrast_coarse:.0%}), and "
+        f"{ours.plain.stars_in_order:.0%} of the stars are in order. "
         f"{ours.lost:.2f} JOD of quality are lost instead of {subtractive.lost:.2f} (untouched "
         f"{none.lost:.2f}, raised black {raised.lost:.2f}).\n\n"
         f"The dark half keeps {ours.saturation:.0%} of its saturation (subtraction "
@@ -265,7 +276,6 @@ def _checks(theatre: str, outcome: Outcome) -> Iterator[Check]:
     yield at_least(f"{theatre}: share of the screen clamped", outcome.clipped, 0.5)
     yield at_most(f"{theatre}: dark detail seen, subtractive", subtractive.detail, 0.1)
     yield at_least(f"{theatre}: dark detail seen, perceptual", ours.detail, 0.9)
-    yield at_least(f"{theatre}: coarse detail seen, perceptual", ours.coarse_detail, 0.9)
     if theatre == THEATRE:
         yield at_least(f"{theatre}: saturation of the dark half", ours.saturation, 0.75)
         yield at_most(f"{theatre}: hue shift of the dark half", ours.hue, 6, "°")
@@ -285,7 +295,10 @@ def _table(theatre: str, outcome: Outcome) -> Table:
             Column(name="seen"),
             Column(name="quality lost", unit="JOD"),
             Column(name="fine dark detail seen", unit="%", digits=".1f"),
-            Column(name="coarse detail seen", unit="%", digits=".1f"),
+            Column(name="contrast seen, 0.25 to 1°", unit="%", digits=".1f"),
+            Column(name="contrast seen, 2 to 10°", unit="%", digits=".1f"),
+            Column(name="stars in order", unit="%", digits=".1f"),
+            Column(name="black over untouched", digits=".2f"),
             Column(name="correlation of detail"),
             Column(name="relative contrast in the dark", digits=".3f"),
             Column(name="contrast among dark pixels", digits=".4f"),
@@ -299,7 +312,15 @@ def _table(theatre: str, outcome: Outcome) -> Table:
                 ROWS[name],
                 one.lost,
                 100 * one.detail,
-                100 * one.coarse_detail,
+                *(
+                    None if share is None else 100 * share
+                    for share in (
+                        one.plain.contrast_fine,
+                        one.plain.contrast_coarse,
+                        one.plain.stars_in_order,
+                    )
+                ),
+                one.plain.black,
                 one.correlation,
                 one.contrast,
                 one.fine_contrast,

@@ -428,7 +428,7 @@ def _tables(
         ),
     )
     yield Table(
-        caption="Quality lost (JOD, reference model), and light that is seen over the master's.",
+        caption="Quality lost (JOD, by ColorVideoVDP), and light that is seen over the master's.",
         columns=(
             Column(name="frame"),
             *(Column(name=f"lost, {what}", digits=".3f") for what in WAYS),

@@ -30,18 +30,17 @@ const domesimVisible = (() => {
     }
   }
 
-  // Share of the screen above the line, and what is lost of the quality, JOD on average.
-  function summary(view, eye, line, alpha) {
+  // Share of the screen above the line.
+  function above(view, eye, line, alpha) {
     const codes = differences.get(`${view} ${eye}`);
     if (!codes) return null;
-    let count = 0, above = 0, lost = 0;
+    let count = 0, found = 0;
     for (let i = 0; i < codes.length; i++) {
       if (!alpha[i]) continue;
       count++;
-      above += jnd[codes[i]] >= line;
-      lost += jodOf(jnd[codes[i]]);
+      found += jnd[codes[i]] >= line;
     }
-    return { above: above / count, lost: lost / count };
+    return found / count;
   }
 
   // At a pixel of the picture: JND, or null without a map.
@@ -51,5 +50,5 @@ const domesimVisible = (() => {
     return jnd[codes[Math.floor((row * maps.rows) / page.rows) * maps.cols + Math.floor((col * maps.cols) / page.cols)]];
   }
 
-  return { maps, LINES, MOST, share, jodOf, has, fill, summary, at };
+  return { maps, LINES, MOST, share, jodOf, has, fill, above, at };
 })();

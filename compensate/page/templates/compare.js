@@ -514,9 +514,8 @@
     byId("line").value = visible.LINES.indexOf(state.line);
     byId("line-value").textContent = `${state.line} JND`;
     for (const row of all("#visible-share tbody tr")) {
-      const found = visible.summary(Number(row.dataset.view), row.dataset.eye, state.line, mapAlpha);
-      const texts = !found ? ["–", "–"] : [`${Number((100 * found.above).toPrecision(3))} %`, String(Number(found.lost.toPrecision(3)))];
-      row.querySelectorAll("td").forEach((field, i) => (field.textContent = texts[i]));
+      const above = visible.above(Number(row.dataset.view), row.dataset.eye, state.line, mapAlpha);
+      row.querySelector("td").textContent = above === null ? "–" : `${Number((100 * above).toPrecision(3))} %`;
     }
   }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,9 @@ from compensate.shows.compensating import Compensating
 from compensate.shows.predicting import Predicting
 from domesim.frames import read_master
 from domesim.scene.choice import SceneChoice
+from domesim.shows.report import _curve
 from domesim.shows.small import SIDE, small_of, write_small
-from domesim.shows.work import Writing
+from domesim.shows.work import Column, Writing
 
 NAMES = ("dark.1.png", "dark.2.png", "dark.3.png")
 
@@ -112,10 +114,13 @@ LOST = {"loss_before": 1.0, "loss_subtractive": 0.6, "loss_after": 0.3, "loss_st
     [
         ({}, "better than subtraction", 0),
         ({"loss_before": None, "loss_stored": None}, "as the master", 0),
-        ({"loss_after": 0.005, "loss_stored": 0.005}, "as the master, to the eye", 0),
+        ({"loss_after": 0.01, "loss_stored": 0.01}, "as the master, to the eye", 0),
         ({"loss_stored": 0.4}, "rounding shows", 2),
-        ({"loss_after": 0.7, "loss_stored": None}, "no better than subtraction", 1),
-        ({"loss_after": 1.2, "loss_stored": 1.2}, "no better than untouched", 2),
+        ({"loss_after": 0.05, "loss_stored": 0.065}, "better than subtraction", 0),
+        ({"loss_after": 0.59, "loss_stored": None}, "no different from subtraction", 0),
+        ({"loss_after": 0.7, "loss_stored": None}, "worse than subtraction", 1),
+        ({"loss_after": 0.99, "loss_stored": None}, "no different from untouched", 1),
+        ({"loss_after": 1.2, "loss_stored": 1.2}, "worse than untouched", 2),
     ],
 )
 def test_verdicts_rest_on_their_figures(change: dict[str, Any], verdict: str, needs: int) -> None:
@@ -123,8 +128,15 @@ def test_verdicts_rest_on_their_figures(change: dict[str, Any], verdict: str, ne
     found = Compensating(SceneChoice("dome_imax"), "perceptual").judged(figures)
     assert found is not None
     assert (found.verdict, found.needs) == (verdict, needs)
-    named = [f"{v:.3g}" for k, v in figures.items() if v is not None and k in ("loss_after",)]
+    named = [f"{v:.2f}" for k, v in figures.items() if v is not None and k in ("loss_after",)]
     assert figures["loss_before"] is None or all(value in found.reason for value in named)
+
+
+def test_a_curve_tells_the_worst() -> None:
+    values = {"a": 0.9, "b": 0.4, "not measured": -math.inf}
+    more, less = (_curve(Column("k", "K", "%", less), values, 0.9) for less in (False, True))
+    assert (more.most, more.mean, more.worst) == ("90", "65", "a")
+    assert (less.most, less.mean, less.worst) == ("40", "65", "b")
 
 
 @pytest.mark.parametrize(("verdict", "needs"), [("nothing", 0), ("subtract", 1), ("compensate", 2)])

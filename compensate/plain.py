@@ -1,0 +1,366 @@
+"""Plain figures of what is seen: what ColorVideoVDP cannot see, in ratios and degrees.
+
+ColorVideoVDP (`compensate.ruler`) compares each picture with its own light. So it hardly sees that
+black has become grey, that contrast is gone from what is dark, or that all stars are one. These
+figures say so, without a vision model. The master's *darker half* are the pixels of a view at or
+below the median of its luminance on the screen.
+
+*Black* is the mean luminance of the darker half, over the same as it is seen untouched.
+
+*Contrast* is Weber's: with L_fine and L_coarse the mean luminances of a block and of the larger one
+around it, both of the pixels of the darker four fifths only (`FAINT`), where lit things are not,
+
+    c = (L_fine - L_coarse) / L_coarse,    L_coarse at least `BLACK`
+
+What is seen of it is the slope of what is seen against the master, sum c c' / sum c^2: 1 is all, 0
+is none, below 0 it is reversed. It is told of 0.25 to 1 degree (texture) and of 2 to 10 degrees
+(the Milky Way).
+
+*Stars* are points of the master: pixels `POINT` times as bright as all that lie two pixels away.
+Their light is that of 3 x 3 pixels, less what lies around. Told are the median of seen light over
+the master's, and the share of pairs of stars in order: of two stars of which one has `STEP` times
+the light of the other, it is seen brighter, by at least `SEEN_STEP`.
+
+*Hue shift* is the mean angle between hues, (R - Y) / Y and (B - Y) / Y of the projector's R and B
+and the luminance Y. Pixels count by the master's luminance times saturation.
+
+All but stars is measured in pictures of at most `ruler.FINEST` pixels a side: larger ones are
+averaged first. A figure is None where the master has nothing that it could be measured on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.ruler import BLACK, averaged
+from compensate.vision.blocks import block_sums
+from domesim.light import Light
+from domesim.light.strips import in_strips
+from domesim.scene import Scene
+
+FINE, COARSE = (0.25, 1.0), (2.0, 10.0)
+"""Sides of a block, at least, and of the one around it, degrees."""
+DARK, FAINT = 0.5, 0.8
+"""Shares of the screen: the darker half, and where contrast is looked for."""
+FLAT = 0.01
+"""Root-mean-square contrast of a master below which it has none."""
+POINT = 3.0
+"""Ratio of a star to the brightest pixel around it, at least."""
+STEP, SEEN_STEP = 1.25, 1.02
+"""Ratio of the light of two stars that are told apart: in the master, and seen."""
+STARS = 1000
+"""Most stars that are compared in pairs."""
+COLOURED = 20_000
+"""Most pixels of which hues are compared, of all views."""
+GREY = 1e-4
+"""Mean relative distance from grey below which a picture has no hue and no saturation."""
+
+_BLOCK = 4  # pixels: stars are looked for in blocks that are twice as bright somewhere as in all
+
+Floats = NDArray[np.floating[Any]]
+Mask = NDArray[np.bool_]
+
+
+@final
+@dataclass(frozen=True)
+class PlainFigures:
+    """What is seen, in plain figures; see the module's docstring.
+
+    Attributes
+    ----------
+    black
+        Luminance of the darker half over the untouched one's.
+    contrast_fine, contrast_coarse
+        Share of the contrast that is seen, of 0.25 to 1 degree and of 2 to 10 degrees.
+    stars, stars_in_order
+        Light of stars over the master's, and share of pairs in order.
+    hue_shift
+        Degrees, 0 to 180.
+    """
+
+    black: float | None = None
+    contrast_fine: float | None = None
+    contrast_coarse: float | None = None
+    stars: float | None = None
+    stars_in_order: float | None = None
+    hue_shift: float | None = None
+
+
+@final
+@dataclass(frozen=True)
+class Colours:
+    """Hue and saturation of some pixels.
+
+    Attributes
+    ----------
+    hue_shift
+        Mean angle between hues, degrees, 0 to 180.
+    saturation
+        Saturation seen over the master's: 1 is kept, 0 is grey.
+    """
+
+    hue_shift: float
+    saturation: float
+
+
+@final
+class PlainRuler:
+    """Plain figures of what is seen of one master.
+
+    Parameters
+    ----------
+    wanted
+        (view, row, col, primary) what should be seen.
+    scene
+        Where.
+    screen
+        (row, col) pixels that count.
+    """
+
+    def __init__(self, wanted: Light, scene: Scene, screen: Mask) -> None:
+        self._wanted, self._scene, self._screen = wanted, scene, screen
+
+    def black(self, seen: Light) -> float:
+        """Mean luminance of the darker half as it is seen, cd/m².
+
+        Parameters
+        ----------
+        seen
+            (view, row, col, primary).
+        """
+        return self._black(self._luminance(averaged(seen, self._screen)))
+
+    def figures(self, seen: Light, untouched: float) -> PlainFigures:
+        """All figures.
+
+        Parameters
+        ----------
+        seen
+            (view, row, col, primary).
+        untouched
+            `black` of what is seen untouched, cd/m².
+        """
+        found = averaged(seen, self._screen)
+        light = self._luminance(found)
+        colours = of_colours(self._sampled(self._small), self._sampled(found), self._weights)
+        return PlainFigures(
+            self._black(light) / untouched if untouched > 0 else None,
+            *(band and band.seen(light) for band in self._bands),
+            *self._stars(seen),
+            None if colours is None else colours.hue_shift,
+        )
+
+    @property
+    def _weights(self) -> Floats:
+        return self._scene.projector.luminance_weights
+
+    @cached_property
+    def _small(self) -> Light:
+        return averaged(self._wanted, self._screen)
+
+    @cached_property
+    def _dark(self) -> Mask:
+        """(view, row, col) the darker half."""
+        return self._darker(DARK)
+
+    def _darker(self, share: float) -> Mask:
+        """(view, row, col) the darker `share` of the screen: of pixels that wholly lie on it."""
+        found = np.zeros(self._master.shape, np.bool_)
+        if self._whole.any():
+            for view, dark in zip(self._master, found, strict=True):
+                np.less_equal(view, np.quantile(view[self._whole], share), out=dark)
+        return found & self._whole
+
+    @cached_property
+    def _whole(self) -> Mask:
+        """(row, col) pixels that wholly lie on the screen."""
+        ones = np.broadcast_to(np.float32(1), (1, *self._screen.shape, 1))
+        return np.asarray(averaged(ones, self._screen)[0, ..., 0] > 1 - 1e-6)
+
+    @cached_property
+    def _master(self) -> Floats:
+        return self._luminance(self._small)
+
+    def _black(self, luminance: Floats) -> float:
+        total = np.sum(luminance, where=self._dark, dtype=np.float64)
+        return float(total) / max(int(np.count_nonzero(self._dark)), 1)
+
+    @cached_property
+    def _bands(self) -> list[_Contrast | None]:
+        """Fine and coarse contrast."""
+        per_degree = self._scene.viewing.pixels_per_degree(*self._small.shape[1:3])
+        faint = self._darker(FAINT)
+        found: list[_Contrast | None] = []
+        for fine, coarse in (FINE, COARSE):
+            block = int(np.ceil(fine * per_degree))
+            times = round(coarse * per_degree / block)
+            band = _Contrast(self._master, faint, block, times) if times > 1 else None
+            found.append(band if band and band.is_there else None)
+        return found
+
+    def _sampled(self, light: Light) -> Light:
+        """(pixel, primary) at most `COLOURED` pixels of the darker half."""
+        return np.concatenate(
+            [view[rows, cols] for view, (rows, cols) in zip(light, self._sample, strict=True)]
+        )
+
+    @cached_property
+    def _sample(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        step = -(-np.count_nonzero(self._dark) // COLOURED) or 1
+        places = (np.nonzero(view) for view in self._dark)
+        return [(rows[::step], cols[::step]) for rows, cols in places]
+
+    def _luminance(self, light: Light) -> Floats:
+        """(view, row, col), cd/m²."""
+        found = np.empty(light.shape[:3], np.float32)
+        weights = (self._weights * self._scene.projector.white).astype(np.float32)
+        in_strips(
+            lambda view, rows: np.matmul(light[view, rows], weights, out=found[view, rows]),
+            light.shape,
+        )
+        return found
+
+    @cached_property
+    def _points(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Floats]]:
+        """Rows, cols and light of the stars of each view."""
+        found = []
+        for view in self._luminance(self._wanted):
+            rows, cols = _points(view, self._screen)
+            found.append((rows, cols, _light_of(view, rows, cols)))
+        return found
+
+    def _stars(self, seen: Light) -> tuple[float | None, float | None]:
+        """Light of stars over the master's, and share of pairs in order."""
+        wanted = np.concatenate([light for _, _, light in self._points])
+        if not wanted.size:
+            return None, None
+        weights = (self._weights * self._scene.projector.white).astype(np.float32)
+        shown = np.concatenate(
+            [
+                _light_of(view, rows, cols, weights)
+                for view, (rows, cols, _) in zip(seen, self._points, strict=True)
+            ]
+        )
+        ranks = np.argsort(wanted, kind="stable")[:: -(-wanted.size // STARS)]
+        master, other = wanted[ranks], shown[ranks]
+        told = master[:, None] >= STEP * master
+        kept = told & (other[:, None] >= SEEN_STEP * np.maximum(other, 0))
+        pairs = np.count_nonzero(told)
+        order = float(np.count_nonzero(kept) / pairs) if pairs else None
+        return float(np.median(shown / wanted)), order
+
+
+def of_colours(master: Floats, seen: Floats, luminance_weights: Floats) -> Colours | None:
+    """Hue shift and saturation of some pixels, (pixel, primary); None if all are grey or black.
+
+    Parameters
+    ----------
+    master, seen
+        (pixel, primary) light.
+    luminance_weights
+        (primary,): share of each in the luminance of white.
+    """
+    wanted, light = _opponent(master, luminance_weights)
+    shown, _ = _opponent(seen, luminance_weights)
+    weight = np.abs(wanted) * light
+    if not weight.sum() > GREY * light.sum():
+        return None
+    turned = weight @ np.abs(np.angle(shown * np.conj(wanted), deg=True)) / weight.sum()
+    return Colours(float(turned), float(weight @ np.abs(shown) / (weight @ np.abs(wanted))))
+
+
+def _opponent(colours: Floats, luminance_weights: Floats) -> tuple[NDArray[Any], Floats]:
+    """Complex (R - Y) / Y + i (B - Y) / Y of (pixel, primary) light, and Y."""
+    light = np.asarray(colours, np.float64)
+    brightness = light @ luminance_weights
+    red_blue = light[:, 0] + 1j * light[:, 2] - (1 + 1j) * brightness
+    return red_blue / np.maximum(brightness, 1e-6), brightness
+
+
+@final
+class _Contrast:
+    """Contrast of blocks against blocks of `times` x `times` of them, where a master is faint."""
+
+    def __init__(self, master: Floats, faint: Mask, block: int, times: int) -> None:
+        self._faint, self._block, self._times = faint, block, times
+        self._count = [block_sums(view.astype(np.float32), block) for view in faint]
+        self._more = [np.maximum(block_sums(count, times), 1) for count in self._count]
+        found = self._of(master)
+        # The master's contrast, which counts by how many pixels a block has
+        self._weighted = [c * count for c, count in zip(found, self._count, strict=True)]
+        self._power = sum(
+            float(np.sum(w * c, dtype=np.float64))
+            for w, c in zip(self._weighted, found, strict=True)
+        )
+        pixels = sum(float(count.sum(dtype=np.float64)) for count in self._count)
+        self.is_there = self._power > FLAT**2 * pixels
+
+    def seen(self, luminance: Floats) -> float:
+        """Share of the master's contrast in (view, row, col) luminance, cd/m²."""
+        found = self._of(luminance)
+        product = sum(
+            float(np.sum(w * c, dtype=np.float64))
+            for w, c in zip(self._weighted, found, strict=True)
+        )
+        return product / self._power
+
+    def _of(self, luminance: Floats) -> list[Floats]:
+        """Weber contrast of the blocks of each view; 0 where none is faint."""
+        found = []
+        for view, faint, count, more in zip(
+            luminance, self._faint, self._count, self._more, strict=True
+        ):
+            sums = block_sums(np.where(faint, view, np.float32(0)), self._block)
+            rows, cols = sums.shape
+            around = np.maximum(block_sums(sums, self._times) / more, np.float32(BLACK))
+            around = around.repeat(self._times, 0).repeat(self._times, 1)[:rows, :cols]
+            found.append(np.where(count > 0, sums / (np.maximum(count, 1) * around) - 1, 0))
+        return found
+
+
+def _points(plane: Floats, screen: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and cols of the stars of a (row, col) plane of luminance, cd/m²."""
+    rows, cols = (side // _BLOCK for side in plane.shape)
+    blocks = plane[: rows * _BLOCK, : cols * _BLOCK].reshape(rows, _BLOCK, cols, _BLOCK)
+    brightest = blocks.max(axis=1).max(axis=2)
+    lone = (brightest > BLACK) & (brightest > 2 * blocks.mean(axis=1).mean(axis=2))
+    row, col = np.nonzero(lone)
+    within = blocks[row, :, col].reshape(row.size, _BLOCK**2).argmax(axis=1)
+    row, col = _BLOCK * row + within // _BLOCK, _BLOCK * col + within % _BLOCK
+    inside = (row >= 2) & (col >= 2) & (row < plane.shape[0] - 2) & (col < plane.shape[1] - 2)
+    row, col = row[inside], col[inside]
+    near, on_screen = (_around(each, row, col) for each in (plane, screen))
+    peak = plane[row, col]
+    found = on_screen.all(axis=(1, 2)) & (peak >= near.max(axis=(1, 2)))
+    found &= peak >= POINT * near[:, _RING].max(axis=1)
+    return row[found], col[found]
+
+
+_RING = np.pad(np.zeros((3, 3), np.bool_), 1, constant_values=True)
+"""(5, 5): the pixels two pixels away."""
+
+
+def _around(plane: NDArray[Any], rows: NDArray[np.intp], cols: NDArray[np.intp]) -> NDArray[Any]:
+    """(place, 5, 5, ...) what lies within two pixels of places."""
+    steps = np.arange(-2, 3)
+    return np.asarray(
+        plane[rows[:, None, None] + steps[:, None], cols[:, None, None] + steps[None, :]]
+    )
+
+
+def _light_of(
+    plane: NDArray[Any],
+    rows: NDArray[np.intp],
+    cols: NDArray[np.intp],
+    weights: Floats | None = None,
+) -> Floats:
+    """Light of 3 x 3 pixels less what lies around; `weights` make luminance of primaries."""
+    near = _around(plane, rows, cols)
+    near = np.asarray(near if weights is None else near @ weights, np.float64)
+    around = near[:, _RING].mean(axis=1)
+    return np.asarray(near[:, 1:-1, 1:-1].sum(axis=(1, 2)) - 9 * around)

@@ -1,0 +1,163 @@
+"""Plain figures of made-up pictures whose figures are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from ruler_pictures import stars
+from scipy.ndimage import gaussian_filter
+
+from compensate import ruler
+from compensate.plain import POINT, PlainFigures, PlainRuler, of_colours
+from compensate.ruler import NO_DIFFERENCE, compared
+from domesim.light import Light
+from domesim.scene import Scene, load_scene
+
+DOME, PAIR = load_scene("dome_imax"), load_scene("stereo_cinema_silver")
+SIZE = 360  # two pixels a degree of the dome
+
+
+def night(scene: Scene = DOME, shape: tuple[int, ...] = (1, SIZE, SIZE)) -> Light:
+    """Coloured clouds of all sizes, and the lit third of them."""
+    random = np.random.default_rng(7)
+    grain = random.uniform(0.2, 1, (*shape, 1))
+    rows, cols = np.mgrid[: shape[1], : shape[2]]
+    clouds = 1 + 0.6 * np.sin(cols / 11) * np.sin(rows / 9)
+    light = 0.004 * clouds[None, ..., None] * grain * np.array([0.5, 0.7, 1.0])
+    light[:, :, : shape[2] // 8] = 0.5
+    return light.astype(np.float32)
+
+
+def figures(
+    wanted: Light, seen: Light, scene: Scene, untouched: float | None = None
+) -> PlainFigures:
+    own = PlainRuler(wanted, scene, scene.screen(*wanted.shape[1:3]))
+    return own.figures(seen, own.black(seen) if untouched is None else untouched)
+
+
+@pytest.mark.parametrize("scene", [DOME, PAIR])
+def test_the_master_keeps_all(scene: Scene) -> None:
+    light = night(scene, (scene.views, SIZE, SIZE))
+    light[:, 100::40, 100::40] = 0.3
+    found = figures(light, light, scene)
+    assert vars(found) == pytest.approx(
+        {
+            "black": 1,
+            "contrast_fine": 1,
+            "contrast_coarse": 1,
+            "stars": 1,
+            "stars_in_order": None,
+            "hue_shift": 0,
+        },
+        abs=1e-6,
+    )
+
+
+@pytest.mark.parametrize("veil", [0.001, 0.004, 0.02])
+def test_a_veil_takes_contrast_and_raises_black(veil: float) -> None:
+    level, white = 0.004, DOME.projector.white
+    rows, cols = np.mgrid[:SIZE, :SIZE]
+    waves = level * (1 + 0.1 * np.sin(cols / 1.5) + 0.1 * np.sin(rows / 5))
+    waves[:, : SIZE // 5] = 0.5
+    light = np.repeat(waves[None, ..., None], 3, axis=-1).astype(np.float32)
+    own = PlainRuler(light, DOME, DOME.screen(SIZE, SIZE))
+    found = own.figures((light + veil).astype(np.float32), own.black(light))
+    assert found.black == pytest.approx(1 + veil * white / own.black(light), rel=1e-5)
+    for contrast in (found.contrast_fine, found.contrast_coarse):
+        assert contrast == pytest.approx(level / (level + veil), rel=0.02)
+
+
+def test_contrast_is_of_ratios_not_of_differences() -> None:
+    """Twice the light has the contrast that it had; reversed light has less than none."""
+    light = night()
+    twice = figures(light, (2 * light).astype(np.float32), DOME)
+    assert twice.contrast_coarse == pytest.approx(1, abs=1e-3)
+    turned = np.where(light < 0.1, 0.012 - light, light).astype(np.float32)
+    assert figures(light, turned, DOME).contrast_coarse < 0
+
+
+def test_fine_contrast_is_of_fine_things() -> None:
+    """Of a picture that is smooth within a degree only the coarse is left."""
+    light = night(PAIR, (2, 270, 480))
+    light[:, 60:200, 200:330] *= 2
+    sigma = 1.0 * PAIR.viewing.pixels_per_degree(270, 480)
+    found = figures(light, gaussian_filter(light, (0, sigma, sigma, 0)), PAIR)
+    assert found.contrast_fine is not None
+    assert abs(found.contrast_fine) < 0.15
+    assert found.contrast_coarse is not None
+    assert found.contrast_coarse > 0.5
+
+
+def test_flat_light_has_no_contrast_no_stars_and_grey_no_hue() -> None:
+    grey = np.full((1, SIZE, SIZE, 3), 0.1, np.float32)
+    found = figures(grey, grey + np.float32(0.01), DOME, untouched=0.0)
+    assert found == PlainFigures()
+
+
+def test_light_off_the_screen_does_not_count() -> None:
+    light = night()
+    on = DOME.screen(SIZE, SIZE)[..., None]
+    other = np.where(on, light, np.float32(0.9))
+    assert figures(light, other, DOME) == figures(light, light, DOME)
+
+
+def test_stars_have_light_and_order() -> None:
+    light = stars()
+    assert figures(light, light, DOME).stars_in_order == 1
+    veiled = figures(light, light + np.float32(0.01), DOME)
+    assert (veiled.stars, veiled.stars_in_order) == pytest.approx((1, 1), abs=1e-5)
+    assert figures(light, 0.4 * light, DOME).stars == pytest.approx(0.4, rel=1e-4)
+    # What is above a level is one
+    levelled = figures(light, np.minimum(light, np.float32(0.1)), DOME)
+    bright = np.geomspace(0.01, 1, 10)
+    shown = np.minimum(bright, 0.1)
+    pairs = [(i, j) for i in range(10) for j in range(i)]
+    kept = [shown[i] > 1.02 * shown[j] for i, j in pairs]
+    assert levelled.stars_in_order == pytest.approx(np.mean(kept), abs=1e-6)
+    assert levelled.stars_in_order < 0.9
+
+
+@pytest.mark.parametrize(("ratio", "is_star"), [(1.1 * POINT, True), (0.9 * POINT, False)])
+def test_a_star_stands_out_from_all_around(ratio: float, is_star: bool) -> None:
+    light = np.full((1, SIZE, SIZE, 3), 0.01, np.float32)
+    light[0, 101, 203] = 0.01 * ratio
+    assert (figures(light, light, DOME).stars is not None) == is_star
+    light[0, 101:103, 203:205] = 0.01 * ratio
+    assert (figures(light, light, DOME).stars is not None) == is_star
+    # The rim of what is larger is no star
+    light[0, 97:106, 199:208] = 0.01 * ratio
+    assert figures(light, light, DOME).stars is None
+
+
+def test_hue_turns_and_fades() -> None:
+    red, turned = np.array([[0.02, 0.01, 0.01]]), np.array([[0.01, 0.01, 0.02]])
+    weights = np.array([0.2, 0.7, 0.1])
+    assert of_colours(red, 3 * red, weights).hue_shift == pytest.approx(0, abs=1e-6)
+    faded = of_colours(red, red + 0.01, weights)
+    assert faded.hue_shift == pytest.approx(0, abs=1e-6)
+    brightness = float(red[0] @ weights)
+    assert faded.saturation == pytest.approx(brightness / (brightness + 0.01))
+    assert of_colours(red, turned, weights).hue_shift > 60
+    assert of_colours(turned, red, weights).hue_shift == pytest.approx(
+        of_colours(red, turned, weights).hue_shift
+    )
+
+
+def test_large_pictures_are_averaged_but_for_stars(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ruler, "FINEST", SIZE // 2)
+    light = night().repeat(2, 1).repeat(2, 2)[:, 180:540, 180:540]
+    light[0, 201, 101] = 0.3
+    seen = (0.7 * light + 0.004).astype(np.float32)
+    screen = np.ones((360, 360), bool)
+    found = PlainRuler(light, PAIR, screen).figures(seen, 1.0)
+    small = [each.reshape(1, 180, 2, 180, 2, 3).mean((2, 4)) for each in (light, seen)]
+    half = PlainRuler(small[0], PAIR, screen[::2, ::2]).figures(small[1], 1.0)
+    assert found.stars == pytest.approx(0.7, rel=1e-4)
+    assert found.black == pytest.approx(half.black, rel=1e-5)
+    assert found.contrast_coarse == pytest.approx(half.contrast_coarse, rel=1e-4)
+
+
+def test_small_differences_are_none() -> None:
+    assert compared(0.3, 0.3 + 0.9 * NO_DIFFERENCE) == "no different from"
+    assert compared(0.3, 0.3 + 1.1 * NO_DIFFERENCE) == "better than"
+    assert compared(0.3, 0.3 - 1.1 * NO_DIFFERENCE) == "worse than"
