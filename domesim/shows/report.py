@@ -130,7 +130,7 @@ class Report:
         known = {order.output[0].name: order for order in self._orders}
         return [known[name] for name in self._ranked(self._done())[:count]]
 
-    def _done(self) -> dict[str, Mapping[str, Any]]:
+    def _done(self) -> dict[str, dict[str, Any]]:
         """Figures of the frames that are done, in their order."""
         found = {
             name: each.figures

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pairs import COLOURED, share
 from theatres import BT709
@@ -178,6 +178,7 @@ def test_without_rectangles_subtraction_stays() -> None:
 sides = st.tuples(st.integers(0, 60), st.integers(1, 30)).map(lambda s: slice(s[0], sum(s)))
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(sides, sides), max_size=12), st.integers(0, 9), st.integers(0, 3000))
 def test_joined_rectangles_hold_the_same_apart(
     boxes: list[tuple[slice, slice]], reach: int, overhead: int

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from domesim.light.ties import ascending, root_of, upright
@@ -12,6 +12,7 @@ from domesim.light.ties import ascending, root_of, upright
 NOISE = st.lists(st.floats(-1e-13, 1e-13), min_size=6, max_size=6).map(np.array)
 
 
+@settings(deadline=None)
 @given(NOISE)
 def test_equal_values_stand_as_they_were_given(noise):
     values = np.array([3.0, 1.0, 3.0, 2.0, 1.0, 3.0])
@@ -55,6 +56,7 @@ def test_a_root_is_the_same_for_equal_eigenvalues(values):
     assert again == pytest.approx(root[np.ix_(order, order)], abs=1e-7)
 
 
+@settings(deadline=None)
 @given(NOISE.map(lambda noise: noise.reshape(3, 2)), st.tuples(*2 * [st.sampled_from((-1, 1))]))
 def test_signs_are_those_of_the_first_largest_number(noise, signs):
     vectors = np.array([[-0.6, 0.1], [0.5, 0.7], [0.6, -0.7]])
