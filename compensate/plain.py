@@ -148,9 +148,11 @@ class PlainRuler:
         found = averaged(seen, self._screen)
         light = self._luminance(found)
         colours = of_colours(self._sampled(self._small), self._sampled(found), self._weights)
+        fine, coarse = (None if band is None else band.seen(light) for band in self._bands)
         return PlainFigures(
             self._black(light) / untouched if untouched > 0 else None,
-            *(band and band.seen(light) for band in self._bands),
+            fine,
+            coarse,
             *self._stars(seen),
             None if colours is None else colours.hue_shift,
         )

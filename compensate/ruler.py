@@ -13,7 +13,8 @@ with its own light, so that black that has become grey is nothing to it (`compen
 Three choices are ours:
 
 - Pictures of more than `FINEST` pixels a side are averaged first, for speed. What only finer
-  pixels hold does not count.
+  pixels hold does not count: a photographed dome of 2048 x 2048 pixels loses 1.23 JOD here, 1.28
+  by ColorVideoVDP; a pair of 1920 x 1080 loses 0.49 by both.
 - Pixels of pictures coarser than `COARSEST` are squares of even light, which are seen.
 - Seen from a seat, pixels per degree differ from place to place. Q is pooled over places by their
   own resolution (`compensate.vision.resolution`), as over the pixels of one picture.
@@ -113,7 +114,8 @@ class Ruler:
         projector = self._scene.projector
         small = projector.to_display(averaged(light, self._screen).astype(np.float32))
         shown = np.maximum(small * np.float32(projector.white), np.float32(BLACK))
-        return self._repeated(shown @ conversion("BT.709", "XYZ").T.astype(np.float32))
+        to_xyz = conversion("BT.709", "XYZ").T.astype(np.float32)
+        return np.asarray(self._repeated(shown @ to_xyz), np.float32)
 
     def _repeated(self, light: Light) -> Light:
         """Averaged light in pixels that are not coarser than `COARSEST`."""

@@ -184,8 +184,8 @@ def saturation_and_hue(master: Light, seen: Light, scene: Scene) -> Colours | No
     for view, wanted in enumerate(luminance(master, scene)):
         dark = screen & (wanted < np.median(wanted[screen]))
         pixels.append([light[view][dark] for light in (master, seen)])
-    both = (np.concatenate(each) for each in zip(*pixels, strict=True))
-    return of_colours(*both, scene.projector.luminance_weights)
+    wanted, shown = (np.concatenate(each) for each in zip(*pixels, strict=True))
+    return of_colours(wanted, shown, scene.projector.luminance_weights)
 
 
 def halos(master: Light, seen: Light, scene: Scene) -> float:

@@ -310,7 +310,7 @@ class Reference:
         total = np.zeros(wanted.shape[:2])
         for view, part in self._compare(levels, number, square):
             total[view] += part
-        return total / (wanted.shape[-2] * wanted.shape[-1])
+        return np.asarray(total / (wanted.shape[-2] * wanted.shape[-1]))
 
     def _compare(
         self, levels: list[Planes], number: int, use: Callable[[int, slice, Planes], T]
@@ -528,7 +528,7 @@ def _base_band(wanted: Planes, seen: Planes) -> Planes:
     found = _sensitivities(BASE_FREQUENCY, means[0][:, 0])
     for k, sensitivity in enumerate(found):
         difference[:, k] *= np.float32(_CALIBRATION) * sensitivity
-    return difference
+    return np.asarray(difference)
 
 
 def _of_all(differences: Planes) -> Planes:

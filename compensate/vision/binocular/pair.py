@@ -131,7 +131,7 @@ class Pair:
         for band in bands(wanted, seen, density):
             energies = [_energies(signals) for signals in (band.wanted, band.seen)]
             difference = _fused_difference(band, energies)
-            squares.append(np.mean(difference**2, (-2, -1), dtype=np.float64))
+            squares.append(np.asarray(np.mean(difference**2, (-2, -1), dtype=np.float64)))
             roots = [np.sqrt(energy[:, 0]) for energy in energies]
             fourth += _fitted(_contrast_change(*roots) ** 4, size)
             new = rivals(*roots[1]) & ~rivals(*roots[0])
