@@ -113,24 +113,31 @@ class Law:
 def order(shown: Shown) -> float | None:
     """Largest share by which a pixel is seen darker than one that it should outshine.
 
-    Compared are pixels that touch along a row or a column, and points (`points`) whose surroundings
-    are `ALIKE`. One should outshine the other if no primary of its master is less, and it is
+    Compared are pixels that touch along a row or a column, and points (`points`), whose
+    surroundings are `ALIKE`: their mean and harmonic mean, of points their median, too, and the
+    veil over them. One should outshine the other if no primary of its master is less, and it is
     brighter by `ALIKE` and by `HARDLY`. The tolerance is `ALIKE`, too. Where light ends at white,
     both are equal.
     """
     found = [0.0]
     for view, (master, untouched, now) in enumerate(shown.luminances()):
         light = shown.master[view]
+        at, around = points(shown, view)
+        others = shown.screen & ~maximum_filter(at, 3)
+        means = [
+            seen.mean_within(plane, others, shown.pixels(PLACE))
+            for plane in (master, 1 / np.maximum(master, HARDLY))
+        ]
         for offset in ((0, 1), (1, 0)):
             here, there = _moved(offset, now.shape)
             on = shown.screen[here] & shown.screen[there]
+            for plane in means:
+                apart = np.abs(plane[here] - plane[there])
+                on = on & (apart <= ALIKE * np.maximum(plane[here], plane[there]))
             for first, second in ((here, there), (there, here)):
                 should = on & _outshines(light[first], light[second], master[first], master[second])
                 found.append(_fall(now[first][should], now[second][should]))
-        at, around = points(shown, view)
-        others = shown.screen & ~maximum_filter(at, 3)
-        place = seen.mean_within(master, others, shown.pixels(PLACE))
-        alike = [_alike(each[at]) for each in (around, place, untouched - master)]
+        alike = [_alike(each[at]) for each in (around, *means, untouched - master)]
         should = np.logical_and.reduce(alike) & _outshines(
             light[at][:, None], light[at][None], master[at][:, None], master[at][None]
         )

@@ -31,12 +31,10 @@ that light rises with light; the slope at m = B is that of texture:
     m' = m (1 + (B' - B) / B  t (2 - t))       t = min(B / m, 1)            (both in one)
 
 *Colour.* The floor leaves too much of some primaries. To lift the others alone would show a blue
-sky as purple. So a lifted colour of luminance Y' is mixed with grey until no primary lies below the
-floor, where any mixture is that bright:
+sky as purple. So a lifted colour of luminance Y' is mixed with grey, as far as its least primary
+lies below the floor, and as far as it is lifted:
 
-    m'_p = Y' + k (m'_p - Y'),         k = min over p of (Y' - floor_p) / (Y' - m'_p), in 0..1
-
-It is mixed as far as it is lifted, by 1 - m / m'.
+    m'_p = Y' + k (m'_p - Y'),         k = 1 - (1 - m / m') (1 - min over p of m'_p / floor_p, 1)
 
 *No harm.* What is over the floor, which is what will be projected, never has more luminance than
 the master. So nothing is seen brighter than untouched, where all the light that is now subtracted
@@ -140,10 +138,10 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
         # Limited to what brings the brightest primary to white, so that hues stay
         room = (w / xp.maximum(x, tiny) for w, x in zip(white, own, strict=True))
         gain = xp.maximum(xp.minimum(gain, reduce(xp.minimum, room)), one)
-        Y, lit, k = luminance * gain, [x * gain for x in own], one
-        for x, f in zip(lit, low, strict=True):
-            share = xp.maximum(Y - f, none) / xp.maximum(Y - x, tiny)
-            k = xp.where(x < Y, xp.minimum(k, share), k)
+        Y, lit = luminance * gain, [x * gain for x in own]
+        k = reduce(
+            xp.minimum, (x / xp.maximum(f, tiny) for x, f in zip(lit, low, strict=True)), one
+        )
         k = 1 - (1 - 1 / gain) * (1 - k)
         lit = [Y + k * (x - Y) for x in lit]
         over = [xp.maximum(x - f, none) for x, f in zip(lit, low, strict=True)]
