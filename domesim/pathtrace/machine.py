@@ -134,6 +134,10 @@ class Machine(ABC):
         """The same lanes, computed: waits for it."""
 
     @abstractmethod
+    def release(self) -> None:
+        """Give memory back that no lanes need any more."""
+
+    @abstractmethod
     def randomness(self, seed: int, count: int) -> Any:
         """A source of random numbers for `count` lanes."""
 
@@ -285,6 +289,10 @@ class DrJit(Machine):
         self.dr.sync_thread()
         return state
 
+    def release(self) -> None:
+        """Give memory back that no lanes need any more."""
+        self.dr.flush_malloc_cache()
+
     def randomness(self, seed: int, count: int) -> Any:
         """A source of random numbers for `count` lanes."""
         return self.mi.PCG32(size=count, initstate=self.dr.opaque(self.mi.UInt64, seed))
@@ -408,6 +416,9 @@ class NumPy(Machine):
     def computed(self, state: State) -> State:
         """The same lanes: nothing is waited for here."""
         return state
+
+    def release(self) -> None:
+        """Nothing is kept."""
 
     def randomness(self, seed: int, count: int) -> Any:
         """A source of random numbers for `count` lanes."""

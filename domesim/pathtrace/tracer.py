@@ -390,7 +390,8 @@ class Tracer:
         limit = settings.bounces or bounce_limit(self.room, settings.tolerance)
         tiles = np.array_split(pixels, -(-len(pixels) // settings.tile))
         kept = limit if settings.per_bounce else None
-        sums = _Sums([_Tile(self.machine, tile, kept) for tile in tiles], kept, reference)
+        parts = [_Tile(self.machine, tile, kept) for tile in tiles]
+        sums = _Sums(self.machine, parts, kept, reference)
         # Later passes at most double what there is, so that no tile is far ahead of another.
         at_first = max(2, WALKS_A_PASS // len(pixels))
         most = _MOST_A_LANE * max(1, self.machine.width // len(tiles[0]))
@@ -606,7 +607,14 @@ class _Tile:
 class _Sums:
     """Means and spreads over the walks of all tiles of a picture."""
 
-    def __init__(self, tiles: list[_Tile], bounces: int | None, reference: float | None) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        tiles: list[_Tile],
+        bounces: int | None,
+        reference: float | None,
+    ) -> None:
+        self._machine = machine
         self.tiles, self._bounces, self._reference = tiles, bounces, reference
         self._pixels = sum(len(tile.pixels) for tile in tiles)
 
@@ -654,6 +662,7 @@ class _Sums:
             bounces = np.zeros((self._bounces + 1, 3, size), np.float32)
         while self.tiles:
             self.tiles.pop().write(mean, error, bounces)
+            self._machine.release()
 
         def image(values: NDArray[Any]) -> Image:
             planes = values.reshape(*values.shape[:-2], 3, *shape)
