@@ -36,7 +36,7 @@ def on_device(solver: Solver, device: str) -> Solver:
         The solver to run there.
     device
         ``cpu``: here, as it is; ``cuda`` or ``cuda:1``: a GPU, by PyTorch; ``torch``: the
-        processor, by PyTorch, which is slower than ``cpu`` and meant for tests without a GPU.
+        processor, by PyTorch, for tests without a GPU.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.pathtrace.loop import bounce_limit, cosine_direction, walks
+from domesim.pathtrace.loop import Walks, bounce_limit, cosine_direction
 from domesim.pathtrace.room import BACK, BLACK, FLOOR, NOTHING, SHELL, SOLID, WALL, Hit
 from domesim.pathtrace.room import SCREEN as FRONT
 from domesim.pathtrace.tracer import Tracer
@@ -183,10 +183,11 @@ def gathered(
         lost = (met.surface == NOTHING) | (met.surface == BLACK)
         return Hit(m.where(lost, surface, NOTHING), position, upright), ray
 
-    tally = walks(
+    walks = Walks(
         tracer.room, start, source, count=1, lanes=count, seed=seed, bounces=limit, first=0
     )
-    light = np.stack([m.array(part) for part in tally.total], -1) * weight[:, None]
+    walks.follow(1)
+    light = np.stack([m.array(part) for part in walks.tally.total], -1) * weight[:, None]
     areas = np.array([patch.area for patch in surfaces])
     means = light.reshape(len(surfaces), LANES, 3).mean(1) * areas[:, None]
     return np.asarray(means * np.array(tracer.theatre.screen_albedo))

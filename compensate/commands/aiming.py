@@ -61,7 +61,8 @@ class Aiming:
         str,
         typer.Option(
             "--device",
-            help="Perceptual: what computes: cpu; cuda or cuda:1, a GPU by PyTorch (extra gpu).",
+            help="Perceptual: what computes: cpu; cuda or cuda:1, a GPU by PyTorch (extra gpu), "
+            "which starts 5 s later and pays for sequences.",
         ),
     ] = CPU
 

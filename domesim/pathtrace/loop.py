@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.pathtrace.machine import Lanes, Machine, Vector
@@ -83,7 +84,7 @@ class Scatter(ABC):
 @final
 @dataclass(frozen=True)
 class Tally:
-    """Sums over walks.
+    """Sums over walks, lane by lane.
 
     Attributes
     ----------
@@ -101,21 +102,11 @@ class Tally:
     steps: Lanes
 
 
-def walks(
-    room: Room,
-    start: Start,
-    source: Source,
-    *,
-    count: int,
-    lanes: int,
-    seed: int,
-    bounces: int,
-    first: int,
-    scatter: Scatter | None = None,
-    aim: Aim | None = None,
-    per_bounce: bool = False,
-) -> Tally:
-    """Follow `count` walks in each lane.
+@final
+class Walks:
+    """Walks that begin at some points, one after the other in each lane.
+
+    A launch goes on where the last one ended. So sums do not depend on the number of launches.
 
     Parameters
     ----------
@@ -123,8 +114,10 @@ def walks(
         The theatre, the light in it, and its screen (Lambertian if absent).
     start
         Where walks begin.
-    count, lanes
-        Walks a lane, and lanes.
+    count
+        Walks of each lane, in (lane,) whole numbers or one for all.
+    lanes
+        Number of lanes.
     seed
         Seed of the random numbers.
     bounces
@@ -136,49 +129,89 @@ def walks(
     per_bounce
         Keep sums by bounce as well.
     """
-    m = room.machine
-    rng = m.randomness(seed, lanes)
-    lane = m.lanes(np.arange(lanes))
-    wanted = m.parameter(count)
-    table = None
-    if per_bounce:
-        table = tuple(m.full(0.0, (bounces + 1) * lanes) for _ in range(3))
-    none = (m.full(0.0, lanes),) * 3
 
-    def begin(rng: Any, active: Lanes) -> tuple[Hit, Vector, Colour]:
-        hit, to_eye = start(rng)
+    def __init__(
+        self,
+        room: Room,
+        start: Start,
+        source: Source,
+        *,
+        count: NDArray[np.int64] | int,
+        lanes: int,
+        seed: int,
+        bounces: int,
+        first: int,
+        scatter: Scatter | None = None,
+        aim: Aim | None = None,
+        per_bounce: bool = False,
+    ) -> None:
+        m = room.machine
+        self._room, self._start, self._source = room, start, source
+        self._scatter, self._aim = scatter, aim
+        self._lanes, self._bounces, self._first = lanes, bounces, first
+        self._lane = m.lanes(np.arange(lanes))
+        self._count = m.lanes(np.broadcast_to(count, lanes))
+        self._none = (m.full(0.0, lanes),) * 3
+        self._table = None
+        if per_bounce:
+            self._table = tuple(m.full(0.0, (bounces + 1) * lanes) for _ in range(3))
+        rng = m.randomness(seed, lanes)
+        hit, to_eye, value = self._begun(rng, self._count > 0)
+        state = {
+            "rng": rng,
+            "surface": hit.surface,
+            "position": hit.position,
+            "normal": hit.normal,
+            "to_eye": to_eye,
+            "weight": (m.full(1.0, lanes),) * 3,
+            "value": value,
+            "total": self._none,
+            "square": self._none,
+            "bounce": m.whole(0, lanes),
+            "done": m.whole(0, lanes),
+            "steps": m.whole(0, lanes),
+        }
+        # Before the loop, which is then compiled but once for all launches
+        self._state = m.computed(state)
+
+    def follow(self, count: int) -> None:
+        """Go on until each lane has followed `count` walks since the beginning, or all of its."""
+        m = self._room.machine
+        until = m.minimum(self._count, m.parameter(count))
+
+        def goes_on(state: dict[str, Any]) -> Lanes:
+            return state["done"] < until
+
+        end = m.loop(self._state, goes_on, lambda state: self._step(state, goes_on(state)))
+        self._state = m.computed(end)
+
+    @property
+    def tally(self) -> Tally:
+        """Sums over the walks so far."""
+        state = self._state
+        return Tally(state["total"], state["square"], self._table, state["steps"])
+
+    def _begun(self, rng: Any, active: Lanes) -> tuple[Hit, Vector, Colour]:
+        m = self._room.machine
+        hit, to_eye = self._start(rng)
         alive = active & (hit.surface != NOTHING)
-        value = source.value(room, hit, to_eye, alive, rng) if first == 0 else none
-        if table is not None and first == 0:
-            for column, part in zip(table, value, strict=True):
-                m.add_at(column, lane, part, alive)
+        if self._first > 0:
+            return hit, to_eye, self._none
+        value = self._source.value(self._room, hit, to_eye, alive, rng)
+        if self._table is not None:
+            for column, part in zip(self._table, value, strict=True):
+                m.add_at(column, self._lane, part, alive)
         return hit, to_eye, value
 
-    hit, to_eye, value = begin(rng, lane >= 0)
-    state = {
-        "rng": rng,
-        "surface": hit.surface,
-        "position": hit.position,
-        "normal": hit.normal,
-        "to_eye": to_eye,
-        "weight": (m.full(1.0, lanes),) * 3,
-        "value": value,
-        "total": none,
-        "square": none,
-        "bounce": m.whole(0, lanes),
-        "done": m.whole(0, lanes),
-        "steps": m.whole(0, lanes),
-    }
-
-    def step(state: dict[str, Any]) -> dict[str, Any]:
+    def _step(self, state: dict[str, Any], active: Lanes) -> dict[str, Any]:
+        room, m, aim = self._room, self._room.machine, self._aim
         rng, surface = state["rng"], state["surface"]
-        active = state["done"] < wanted
         here = Hit(surface, state["position"], state["normal"])
         direction, weight, leaving = scattered(
-            room, here, state["to_eye"], state["weight"], rng, scatter, active
+            room, here, state["to_eye"], state["weight"], rng, self._scatter, active
         )
         bounce = state["bounce"] + 1
-        aimed = none
+        aimed = self._none
         if aim is not None:
             # Through a hole, and from behind the screen, no aim is taken.
             takes = active & (surface != NOTHING) & (leaving == surface)
@@ -189,7 +222,7 @@ def walks(
         alive = active & (found.surface != NOTHING) & (surface != NOTHING) & (surface != BLACK)
         bright = alive & (found.surface != BLACK)
         if aim is None:
-            light = source.value(room, found, back, bright, rng)
+            light = self._source.value(room, found, back, bright, rng)
         else:
             gap = difference(found.position, here.position)
             cosines = dot(here.normal, direction) * -dot(found.normal, direction)
@@ -201,23 +234,22 @@ def walks(
         parts = (m.where(alive, parts[0], 0.0) + aimed[0], m.where(alive, parts[1], 0.0) + aimed[1],
                  m.where(alive, parts[2], 0.0) + aimed[2])  # fmt: skip
         value = tuple(v + part for v, part in zip(state["value"], parts, strict=True))
-        if table is not None:
-            for column, part in zip(table, parts, strict=True):
-                m.add_at(column, bounce * lanes + lane, part, active)
-        ends = ~alive | (bounce >= bounces) | (found.surface == BLACK)
+        if self._table is not None:
+            for column, part in zip(self._table, parts, strict=True):
+                m.add_at(column, bounce * self._lanes + self._lane, part, active)
+        ends = ~alive | (bounce >= self._bounces) | (found.surface == BLACK)
         ends, weight = roulette(m, rng, weight, bounce, ends)
         over = ends & active
         # The last walk of a lane is followed by none.
-        fresh, towards, first_value = begin(rng, over & (state["done"] + 1 < wanted))
-        renewed = tuple(m.where(over, 1.0, w) for w in weight)
+        fresh, towards, first = self._begun(rng, over & (state["done"] + 1 < self._count))
         return {
             "rng": rng,
             "surface": m.where(over, fresh.surface, found.surface),
             "position": chosen(m, over, fresh.position, found.position),
             "normal": chosen(m, over, fresh.normal, found.normal),
             "to_eye": chosen(m, over, towards, back),
-            "weight": renewed,
-            "value": tuple(m.where(over, f, v) for f, v in zip(first_value, value, strict=True)),
+            "weight": tuple(m.where(over, 1.0, w) for w in weight),
+            "value": tuple(m.where(over, f, v) for f, v in zip(first, value, strict=True)),
             "total": tuple(
                 t + m.where(over, v, 0.0) for t, v in zip(state["total"], value, strict=True)
             ),
@@ -228,9 +260,6 @@ def walks(
             "done": state["done"] + m.where(over, 1, 0),
             "steps": state["steps"] + m.where(active, 1, 0),
         }
-
-    end = m.loop(state, lambda state: state["done"] < wanted, step)
-    return Tally(end["total"], end["square"], table, end["steps"])
 
 
 def times(left: Colour, right: Colour) -> Colour:

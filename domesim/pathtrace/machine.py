@@ -14,6 +14,7 @@ from typing import Any, TypeAlias, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.host.cores import cores
 from domesim.room.theatre import Solid
 
 Lanes: TypeAlias = Any
@@ -34,6 +35,8 @@ class Machine(ABC):
     name: str
     launch: int
     """Walks that are computed before anyone may interrupt: a second or few."""
+    width: int
+    """Lanes that keep it busy."""
 
     @abstractmethod
     def lanes(self, values: NDArray[Any]) -> Lanes:
@@ -52,8 +55,11 @@ class Machine(ABC):
         """`count` lanes of the same whole number."""
 
     @abstractmethod
-    def parameter(self, value: int) -> Lanes:
-        """A whole number, the same for all lanes, that may change without compiling anew."""
+    def parameter(self, value: float) -> Lanes:
+        """A number, the same for all lanes, that may change without compiling anew.
+
+        Integers are whole numbers; others have double precision.
+        """
 
     @abstractmethod
     def where(self, condition: Lanes, yes: Any, no: Any) -> Lanes:
@@ -109,7 +115,27 @@ class Machine(ABC):
 
     @abstractmethod
     def add_at(self, table: Lanes, index: Lanes, value: Lanes, active: Lanes) -> None:
-        """table[index] += value in the active lanes, in place."""
+        """table[index] += value in the active lanes, in place; each has an index of its own."""
+
+    @abstractmethod
+    def pooled(self, values: Lanes, count: int) -> Lanes:
+        """Sums of each `count` lanes in a row, in double precision."""
+
+    @abstractmethod
+    def single(self, values: Lanes) -> Lanes:
+        """Lanes of double precision as any others."""
+
+    @abstractmethod
+    def sum(self, values: Lanes) -> float:
+        """Sum of all lanes, in double precision."""
+
+    @abstractmethod
+    def computed(self, state: State) -> State:
+        """The same lanes, computed: waits for it."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Give memory back that no lanes need any more."""
 
     @abstractmethod
     def randomness(self, seed: int, count: int) -> Any:
@@ -123,10 +149,9 @@ class Machine(ABC):
     def loop(
         self, state: State, goes_on: Callable[[State], Lanes], step: Callable[[State], State]
     ) -> State:
-        """Repeat `step` on `state` while `goes_on` holds in any lane.
+        """Repeat `step` on the lanes of `state` in which `goes_on` holds, until there are none.
 
-        `step` may be run in lanes where it does not hold any more, and must not change their
-        results.
+        Random numbers and tables that `step` changes in place are its own care.
         """
 
     @abstractmethod
@@ -153,12 +178,16 @@ class DrJit(Machine):
     """
 
     name = "Dr.Jit"
-    launch = 1 << 21
+    # The same on all devices: a lane has its own random numbers
+    width = 1 << 16
 
     def __init__(self, mitsuba: Any) -> None:
         import drjit  # noqa: PLC0415
 
         self.mi, self.dr = mitsuba, drjit
+        on_gpu = mitsuba.variant().startswith("cuda")
+        self.launch = 1 << 26 if on_gpu else cores() << 21
+        self._double: Any = drjit.float64_array_t(mitsuba.Float)
 
     def lanes(self, values: NDArray[Any]) -> Lanes:
         """An array (float, or int for indices) as lanes."""
@@ -178,9 +207,9 @@ class DrJit(Machine):
         """`count` lanes of the same whole number."""
         return self.dr.full(self.mi.UInt32, value, count)
 
-    def parameter(self, value: int) -> Lanes:
-        """A whole number, the same for all lanes, that may change without compiling anew."""
-        return self.dr.opaque(self.mi.UInt32, value)
+    def parameter(self, value: float) -> Lanes:
+        """A number, the same for all lanes, that may change without compiling anew."""
+        return self.dr.opaque(self.mi.UInt32 if isinstance(value, int) else self._double, value)
 
     def where(self, condition: Lanes, yes: Any, no: Any) -> Lanes:
         """`yes` in the lanes where `condition` holds, `no` in the others."""
@@ -238,8 +267,31 @@ class DrJit(Machine):
         return (found.x, found.y, found.z), found.w
 
     def add_at(self, table: Lanes, index: Lanes, value: Lanes, active: Lanes) -> None:
-        """table[index] += value in the active lanes, in place."""
-        self.dr.scatter_add(table, value, index, active)
+        """table[index] += value in the active lanes, in place; each has an index of its own."""
+        mode = self.dr.ReduceMode.NoConflicts
+        self.dr.scatter_reduce(self.dr.ReduceOp.Add, table, value, index, active, mode)
+
+    def pooled(self, values: Lanes, count: int) -> Lanes:
+        """Sums of each `count` lanes in a row, in double precision."""
+        return self.dr.block_sum(self._double(values), count)
+
+    def single(self, values: Lanes) -> Lanes:
+        """Lanes of double precision as any others."""
+        return self.mi.Float(values)
+
+    def sum(self, values: Lanes) -> float:
+        """Sum of all lanes, in double precision."""
+        return float(self.dr.sum(self._double(values))[0])
+
+    def computed(self, state: State) -> State:
+        """The same lanes, computed: waits for it."""
+        self.dr.make_opaque(state)
+        self.dr.sync_thread()
+        return state
+
+    def release(self) -> None:
+        """Give memory back that no lanes need any more."""
+        self.dr.flush_malloc_cache()
 
     def randomness(self, seed: int, count: int) -> Any:
         """A source of random numbers for `count` lanes."""
@@ -267,6 +319,7 @@ class NumPy(Machine):
 
     name = "NumPy"
     launch = 1 << 16
+    width = 1 << 12
 
     def lanes(self, values: NDArray[Any]) -> Lanes:
         """An array (float, or int for indices) as lanes."""
@@ -286,8 +339,8 @@ class NumPy(Machine):
         """`count` lanes of the same whole number."""
         return np.full(count, value, np.int64)
 
-    def parameter(self, value: int) -> Lanes:
-        """A whole number, the same for all lanes."""
+    def parameter(self, value: float) -> Lanes:
+        """A number, the same for all lanes."""
         return value
 
     def where(self, condition: Lanes, yes: Any, no: Any) -> Lanes:
@@ -345,8 +398,27 @@ class NumPy(Machine):
         return (x, y, z), w
 
     def add_at(self, table: Lanes, index: Lanes, value: Lanes, active: Lanes) -> None:
-        """table[index] += value in the active lanes, in place."""
-        np.add.at(table, index[active], value[active])
+        """table[index] += value in the active lanes, in place; each has an index of its own."""
+        table[index[active]] += value[active]
+
+    def pooled(self, values: Lanes, count: int) -> Lanes:
+        """Sums of each `count` lanes in a row."""
+        return values.reshape(-1, count).sum(axis=1)
+
+    def single(self, values: Lanes) -> Lanes:
+        """Lanes as they are."""
+        return values
+
+    def sum(self, values: Lanes) -> float:
+        """Sum of all lanes."""
+        return float(values.sum())
+
+    def computed(self, state: State) -> State:
+        """The same lanes: nothing is waited for here."""
+        return state
+
+    def release(self) -> None:
+        """Nothing is kept."""
 
     def randomness(self, seed: int, count: int) -> Any:
         """A source of random numbers for `count` lanes."""
@@ -360,16 +432,25 @@ class NumPy(Machine):
     def loop(
         self, state: State, goes_on: Callable[[State], Lanes], step: Callable[[State], State]
     ) -> State:
-        """Repeat `step` on `state` while `goes_on` holds in any lane."""
+        """Repeat `step` on the lanes of `state` in which `goes_on` holds, until there are none."""
         # Lanes that have left for good divide by zero on their way.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            while np.any(goes_on(state)):
-                state = step(state)
+            while np.any(going := goes_on(state)):
+                state = _where(going, step(state), state)
         return state
 
     def mesh(self, solids: Sequence[Solid], radius: float) -> Mesh:
         """The solids, in units of `radius`, to intersect rays with."""
         return _TrimeshMesh(solids, radius)
+
+
+def _where(going: NDArray[np.bool_], new: Any, old: Any) -> Any:
+    """`new` in some lanes and `old` in the others, of all arrays in dicts, lists and tuples."""
+    if isinstance(new, dict):
+        return {name: _where(going, value, old[name]) for name, value in new.items()}
+    if isinstance(new, list | tuple):
+        return type(new)(_where(going, *pair) for pair in zip(new, old, strict=True))
+    return np.where(going, new, old) if isinstance(new, np.ndarray) else new
 
 
 @final

@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from types import FrameType
 from typing import Any, final
 
@@ -27,7 +28,7 @@ from scipy.ndimage import distance_transform_edt
 
 from domesim.errors import InputError
 from domesim.pathtrace.llvm import backend, load_mitsuba
-from domesim.pathtrace.loop import Source, Start, Tally, bounce_limit, eye_directions, walks
+from domesim.pathtrace.loop import Source, Start, Tally, Walks, bounce_limit, eye_directions
 from domesim.pathtrace.machine import DrJit, Lanes, Machine, NumPy, Vector
 from domesim.pathtrace.room import NOTHING, SCREEN, Hit, Room, dot, scaled
 from domesim.pathtrace.sources import GainLobe, Lamps, Picture, Throw
@@ -43,7 +44,11 @@ LARGEST_SOURCE = 2048
 _SHADOW_SIZE = 512
 """Least size a side at which shadows on the screen are looked for."""
 WALKS_A_PASS = 1 << 24
-"""Most walks of a pass over a small picture, after which the accuracy is looked at."""
+"""Most walks of the first pass over a small picture, after which the accuracy is looked at."""
+_LEAST_A_LANE = 16
+"""Walks of a lane that keep it busy while others of its vector end theirs."""
+_MOST_A_LANE = 1 << 10
+"""Walks of a lane in a pass: more would round too much in sums of single precision."""
 
 Progress = Callable[[float, str], None]
 """Called with the share that is done (0..1) and a line for a person."""
@@ -382,31 +387,50 @@ class Tracer:
         reference: float | None,
         progress: Progress | None,
     ) -> Traced:
-        tiles = np.array_split(pixels, -(-len(pixels) // settings.tile))
         limit = settings.bounces or bounce_limit(self.room, settings.tolerance)
-        size = shape[0] * shape[1]
-        sums = _Sums(size, limit if settings.per_bounce else None, reference)
+        tiles = np.array_split(pixels, -(-len(pixels) // settings.tile))
+        kept = limit if settings.per_bounce else None
+        parts = [_Tile(self.machine, tile, kept) for tile in tiles]
+        sums = _Sums(self.machine, parts, kept, reference)
+        # Later passes at most double what there is, so that no tile is far ahead of another.
+        at_first = max(2, WALKS_A_PASS // len(pixels))
+        most = _MOST_A_LANE * max(1, self.machine.width // len(tiles[0]))
+        begin = partial(
+            Walks,
+            self.room,
+            source=source,
+            bounces=limit,
+            first=1 if indirect_only else 0,
+            scatter=self.lobe,
+            aim=source if settings.aim and isinstance(source, Picture) and source.can_aim else None,
+            per_bounce=settings.per_bounce,
+        )
         started = time.process_time()
         status = Status.EXHAUSTED
         done = 0
         with interruptible() as interrupted:
             while done < settings.most:
-                wanted = sums.samples_for(settings, done, size)
-                count = int(min(wanted, settings.most - done, max(2, WALKS_A_PASS // size)))
-                for number, tile in enumerate(tiles):
+                count = min(
+                    sums.walks_for(settings, done),
+                    settings.most - done,
+                    max(at_first, done),
+                    most,
+                )
+                for number, tile in enumerate(sums.tiles):
+                    seed = launch_seed(settings.seed, done, number)
+                    for taken in self._tile(tile, begin, start_of, count, seed, interrupted):
+                        if progress is not None:
+                            share = (number + taken / count) / len(tiles)
+                            progress(
+                                sums.progress(settings, done + count * share),
+                                f"{done + count} walks a pixel, {sums.steps:.3g} segments",
+                            )
                     # Every pixel gets its first walks, whoever waits.
-                    stop = interrupted if done > 0 else None
-                    self._tile(sums, tile, start_of, source, count, done, number, limit,
-                               indirect_only, settings, stop)  # fmt: skip
-                    if progress is not None:
-                        share = sums.progress(settings, done + count * (number + 1) / len(tiles))
-                        progress(share, f"{done + count} walks a pixel, {sums.steps:.3g} segments")
                     if interrupted() and done > 0:
                         break
-                else:
+                if all(tile.count == done + count for tile in sums.tiles):
                     done += count
-                    error = sums.relative_error(done)
-                    if done >= settings.least and error <= settings.error:
+                    if done >= settings.least and sums.relative_error() <= settings.error:
                         status = Status.CONVERGED
                         break
                 if interrupted():
@@ -416,41 +440,37 @@ class Tracer:
 
     def _tile(
         self,
-        sums: _Sums,
-        pixels: NDArray[np.int64],
+        tile: _Tile,
+        begin: Callable[..., Walks],
         start_of: Callable[[NDArray[np.int64]], Start],
-        source: Source,
         count: int,
-        done: int,
-        number: int,
-        limit: int,
-        indirect_only: bool,
-        settings: Settings,
-        stop: Callable[[], bool] | None,
-    ) -> None:
-        """Add `count` walks from each of some pixels to the sums, fewer if told to stop."""
-        lanes = len(pixels)
-        each = max(1, min(count, self.machine.launch // max(1, lanes)))
-        start = start_of(pixels)
-        for part, taken in enumerate(range(0, count, each)):
-            if stop is not None and stop():
+        seed: int,
+        stop: Callable[[], bool],
+    ) -> Iterator[int]:
+        """Add `count` walks from each pixel of a tile; tells after each launch how many there are.
+
+        If told to stop, there are no more launches than one.
+        """
+        each = max(1, min(self.machine.width // len(tile.pixels), count // _LEAST_A_LANE))
+        # The first lanes of a pixel take what does not divide.
+        shares = count // each + (np.arange(each) < count % each)
+        lanes = each * len(tile.pixels)
+        walks = begin(
+            start=start_of(np.repeat(tile.pixels, each)),
+            count=np.tile(shares, len(tile.pixels)),
+            lanes=lanes,
+            seed=seed,
+        )
+        launch = max(2, self.machine.launch // lanes)
+        for followed in range(launch, int(shares[0]) + launch, launch):
+            walks.follow(followed)
+            taken = int(np.minimum(shares, followed).sum())
+            ends = taken == count or stop()
+            if ends:
+                tile.add(walks.tally, taken, each)
+            yield taken
+            if ends:
                 return
-            tally = walks(
-                self.room,
-                start,
-                source,
-                count=min(each, count - taken),
-                lanes=lanes,
-                seed=launch_seed(settings.seed, done, number, part),
-                bounces=limit,
-                first=1 if indirect_only else 0,
-                scatter=self.lobe,
-                aim=source
-                if settings.aim and isinstance(source, Picture) and source.can_aim
-                else None,
-                per_bounce=settings.per_bounce,
-            )
-            sums.add(pixels, tally, self.machine, min(each, count - taken))
 
     def _pixel_start(
         self, row: Lanes, col: Lanes, size: int, eye: tuple[float, float, float]
@@ -531,89 +551,131 @@ class Tracer:
 
 
 @final
-class _Sums:
-    """Means and spreads over the walks of each pixel of a picture: float32, and no more a pixel."""
+class _Tile:
+    """Means and spreads over the walks of some pixels of a picture, kept where they are computed.
 
-    def __init__(self, size: int, bounces: int | None, reference: float | None) -> None:
-        self.reference = reference
-        self.mean = np.zeros((3, size), np.float32)
-        self.spread = np.zeros((3, size), np.float32)
-        self.count = np.zeros(size, np.int32)
-        self.bounces = None if bounces is None else np.zeros((bounces + 1, 3, size), np.float32)
-        self.steps = 0
+    They are float32, and no more a pixel.
+    """
 
-    def add(self, pixels: NDArray[np.int64], tally: Tally, machine: Machine, count: int) -> None:
-        """Merge the sums of `count` walks from each of some pixels [1]."""
-        lanes = len(pixels)
-        before = self.count[pixels]
-        share = count / (before + count)
+    def __init__(self, machine: Machine, pixels: NDArray[np.int64], bounces: int | None) -> None:
+        self.pixels, self.count, self.steps = pixels, 0, 0
+        self.light, self.noise = 0.0, 0.0
+        self._machine, m, size = machine, machine, len(pixels)
+        self._mean = [m.full(0.0, size) for _ in range(3)]
+        self._spread = [m.full(0.0, size) for _ in range(3)]
+        self._bounces: list[Lanes] | None = None
+        if bounces is not None:
+            self._bounces = [m.full(0.0, (bounces + 1) * size) for _ in range(3)]
+
+    def add(self, tally: Tally, count: int, each: int) -> None:
+        """Merge the sums of `count` walks from each pixel, which `each` lanes have followed [1]."""
+        m = self._machine
+        n, before = m.parameter(float(count)), m.parameter(float(self.count))
+        self.count += count
         for p in range(3):
-            total = machine.array(tally.total[p])
-            own = machine.array(tally.square[p]) - total**2 / count
-            step = total / count - self.mean[p, pixels]
-            self.mean[p, pixels] += step * share
-            self.spread[p, pixels] += np.maximum(own, 0) + step**2 * before * share
-            if self.bounces is not None and tally.bounces is not None:
-                table = machine.array(tally.bounces[p]).reshape(-1, lanes)
-                self.bounces[:, p, pixels] += table
-        self.count[pixels] += count
-        self.steps += int(machine.array(tally.steps).sum())
+            total = m.pooled(tally.total[p], each)
+            own = m.pooled(tally.square[p], each) - total * total / n
+            step = total / n - self._mean[p]
+            self._mean[p] = m.single(self._mean[p] + step * (n / (before + n)))
+            own = m.maximum(own, 0.0) + step * step * (before * n / (before + n))
+            self._spread[p] = m.single(self._spread[p] + own)
+            if self._bounces is not None and tally.bounces is not None:
+                self._bounces[p] = self._bounces[p] + m.single(m.pooled(tally.bounces[p], each))
+        m.computed((self._mean, self._spread, self._bounces))
+        self.light = sum(m.sum(mean) for mean in self._mean)
+        self.noise = sum(m.sum(spread) for spread in self._spread)
+        self.steps += int(m.sum(tally.steps))
 
-    def _error(self, part: slice) -> NDArray[np.float32]:
-        """(primary, pixel) standard errors of the means of some pixels."""
-        n = np.maximum(self.count[part], 2).astype(np.float32)
-        return np.asarray(np.sqrt(self.spread[:, part] / (n * (n - 1))))
+    @property
+    def variance(self) -> float:
+        """Variance of a pixel's mean over the pixel's spread."""
+        n = max(self.count, 2)
+        return 1 / (n * (n - 1))
 
-    def _parts(self) -> Iterator[slice]:
-        return (slice(at, at + (1 << 20)) for at in range(0, self.count.size, 1 << 20))
+    def write(self, mean: NDArray[Any], error: NDArray[Any], bounces: NDArray[Any] | None) -> None:
+        """Put them into pictures (primary, pixel) and (bounce, primary, pixel)."""
+        m = self._machine
+        for p in range(3):
+            mean[p, self.pixels] = m.array(self._mean[p])
+            error[p, self.pixels] = np.sqrt(m.array(self._spread[p]) * self.variance)
+            if bounces is not None and self._bounces is not None:
+                table = m.array(self._bounces[p]).reshape(len(bounces), -1)
+                bounces[:, p, self.pixels] = table / max(self.count, 1)
 
-    def relative_error(self, done: int) -> float:
+
+@final
+class _Sums:
+    """Means and spreads over the walks of all tiles of a picture."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        tiles: list[_Tile],
+        bounces: int | None,
+        reference: float | None,
+    ) -> None:
+        self._machine = machine
+        self.tiles, self._bounces, self._reference = tiles, bounces, reference
+        self._pixels = sum(len(tile.pixels) for tile in tiles)
+
+    @property
+    def steps(self) -> int:
+        """Segments that were traced."""
+        return sum(tile.steps for tile in self.tiles)
+
+    def relative_error(self) -> float:
         """Rms standard error over the picture, relative to its mean (or the reference)."""
-        if done < 2:
+        if max(tile.count for tile in self.tiles) < 2:
             return np.inf
-        seen = int(np.count_nonzero(self.count))
-        square = sum(
-            float(np.sum(self._error(part) ** 2, dtype=np.float64)) for part in self._parts()
-        )
-        mean = self.reference or float(self.mean.sum(dtype=np.float64)) / (3 * max(1, seen))
-        return float(np.sqrt(square / (3 * max(1, seen))) / mean) if mean > 0 else 0.0
+        seen = 3 * sum(len(tile.pixels) for tile in self.tiles if tile.count > 0)
+        square = sum(tile.noise * tile.variance for tile in self.tiles) / seen
+        mean = self._reference or sum(tile.light for tile in self.tiles) / seen
+        return float(np.sqrt(square) / mean) if mean > 0 else 0.0
 
-    def samples_for(self, settings: Settings, done: int, size: int) -> int:
+    def _needed(self, settings: Settings) -> float:
+        """Walks a pixel that the wanted error takes, by what is known of the noise."""
+        known = sum(tile.count * len(tile.pixels) for tile in self.tiles) / self._pixels
+        return known * (self.relative_error() / settings.error) ** 2
+
+    def walks_for(self, settings: Settings, done: int) -> int:
         """How many more walks a pixel the wanted error will take."""
         if done < 2:
             return settings.least
-        needed = done * (self.relative_error(done) / settings.error) ** 2
-        return max(1, int(min(np.ceil(1.02 * needed), settings.most)) - done)
+        wanted = min(np.ceil(1.02 * self._needed(settings)), settings.most)
+        return max(1, int(max(settings.least, wanted)) - done)
 
     def progress(self, settings: Settings, done: float) -> float:
         """Share of the work that is done, by what is known of the noise so far."""
-        if done < 2:
+        if self.steps == 0:
             return 0.0
-        reached = self.relative_error(int(done))
-        needed = max(settings.least, min(settings.most, done * (reached / settings.error) ** 2))
-        return min(1.0, done / needed)
+        return min(1.0, done / max(settings.least, min(settings.most, self._needed(settings))))
 
     def traced(
         self, shape: tuple[int, int], seed: int, limit: int, status: Status, seconds: float
     ) -> Traced:
-        """The pictures; the sums are of no use afterwards."""
-        for part in self._parts():
-            self.spread[:, part] = self._error(part)
-        if self.bounces is not None:
-            self.bounces /= np.maximum(self.count, 1)
+        """The pictures; the sums are gone afterwards."""
+        size, steps = shape[0] * shape[1], self.steps
+        samples = max(tile.count for tile in self.tiles)
+        mean, error = np.zeros((3, size), np.float32), np.zeros((3, size), np.float32)
+        bounces = None
+        if self._bounces is not None:
+            bounces = np.zeros((self._bounces + 1, 3, size), np.float32)
+        while self.tiles:
+            self.tiles.pop().write(mean, error, bounces)
+            self._machine.release()
 
         def image(values: NDArray[Any]) -> Image:
             planes = values.reshape(*values.shape[:-2], 3, *shape)
             return np.moveaxis(planes, -3, -1)
 
         return Traced(
-            mean=image(self.mean),
-            standard_error=image(self.spread),
-            bounces=None if self.bounces is None else image(self.bounces),
-            samples=int(self.count.max(initial=0)),
+            mean=image(mean),
+            standard_error=image(error),
+            bounces=None if bounces is None else image(bounces),
+            samples=samples,
             seed=seed,
             limit=limit,
-            steps=self.steps,
+            steps=steps,
             status=status,
             seconds=seconds,
         )

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.observation.spherical import bare_gain
-from domesim.pathtrace.loop import Colour, Source, bounce_limit, cosine_direction, walks
+from domesim.pathtrace.loop import Colour, Source, Walks, bounce_limit, cosine_direction
 from domesim.pathtrace.machine import Lanes, Vector
 from domesim.pathtrace.room import NOTHING, SOLID, Hit, Room, dot, scaled
 from domesim.pathtrace.tracer import Settings, Tracer
@@ -187,13 +187,14 @@ def arriving(
         ray = cosine_direction(m, upright, rng)
         return room.hit(position, ray, air, air == NOTHING), scaled(ray, -1)
 
-    tally = walks(
+    walks = Walks(
         room, start, source, count=count, lanes=each * len(places), seed=seed,
         bounces=bounce_limit(room, 1e-6), first=0,
     )  # fmt: skip
+    walks.follow(count)
     total, square = (
         m.array(part[0]).reshape(len(places), each).astype(np.float64).sum(1) / (each * count)
-        for part in (tally.total, tally.square)
+        for part in (walks.tally.total, walks.tally.square)
     )
     return total, np.sqrt(np.maximum(square - total**2, 0) / (each * count))
 

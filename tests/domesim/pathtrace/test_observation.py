@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -13,7 +14,8 @@ from rooms import ALBEDO, room
 
 from domesim.errors import InputError
 from domesim.observation.spherical import ClosedFormDome
-from domesim.pathtrace.machine import NumPy
+from domesim.pathtrace import tracer as tracer_module
+from domesim.pathtrace.machine import Machine, NumPy
 from domesim.pathtrace.observation import Observed, PathTracedDome
 from domesim.pathtrace.room import FLOOR, NOTHING, SCREEN, Room
 from domesim.pathtrace.tracer import Settings, Status, Traced, Tracer
@@ -336,6 +338,91 @@ def test_tiles_bound_memory_and_nothing_else(tile: int) -> None:
     assert found.status is Status.CONVERGED
     assert_unbiased(found, truth, known.screen)
     assert np.all(found.mean[~known.screen] == 0)
+
+
+# Launches.
+
+
+def counted(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Grows by one with each launch of that machine."""
+    launches, real = [], type(machine).loop
+
+    def loop(self: Machine, *arguments: Any) -> Any:
+        launches.append(1)
+        assert len(launches) < 100
+        return real(self, *arguments)
+
+    monkeypatch.setattr(type(machine), "loop", loop)
+    return launches
+
+
+def test_many_walks_take_few_launches(tracer: Tracer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the wanted error is reached early, and the first pass is a small part of all."""
+    monkeypatch.setattr(tracer_module, "WALKS_A_PASS", 1 << 11)
+    launches = counted(tracer.machine, monkeypatch)
+    found = traced(tracer, error=1e3, least=300).indirect
+    assert (found.status, found.samples) == (Status.CONVERGED, 300)
+    # Of 4 walks a pixel at first, and of as many as there are then
+    assert len(launches) == 8
+
+
+def test_a_launch_is_as_large_as_the_machine_likes(
+    tracer: Tracer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tracer.machine, "launch", 1 << 16, raising=False)
+    launches = counted(tracer.machine, monkeypatch)
+    found = traced(tracer, least=1500, most=1500).indirect
+    pixels = on_screen(tracer.theatre).sum()
+    assert found.samples == 1500
+    assert len(launches) == pytest.approx(1500 * pixels / (1 << 16), abs=2)
+
+
+def test_launches_do_not_change_the_light(tracer: Tracer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor do they change errors, bounces and segments: all bytes are the same."""
+    settings = {"least": 997, "most": 997, "per_bounce": True, "seed": 2}
+    whole = traced(tracer, **settings).indirect
+    monkeypatch.setattr(tracer.machine, "launch", 1 << 16, raising=False)
+    launches = counted(tracer.machine, monkeypatch)
+    parts = traced(tracer, **settings).indirect
+    assert len(launches) > 5
+    for name in ("mean", "standard_error", "bounces", "steps", "samples"):
+        np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))
+
+
+@pytest.mark.parametrize("launch", [1 << 10, 1 << 20])
+def test_numpy_goes_on_where_a_launch_ended(launch: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lanes that wait for others do not walk on."""
+    theatre = bare(130.0)
+    known = ClosedFormDome(theatre.dome, 8, 8, albedo=ALBEDO)
+    truth = (known.observe(picture(8)) - known.direct(picture(8)))[0]
+    monkeypatch.setattr(NumPy, "launch", launch)
+    launches = counted(NumPy(), monkeypatch)
+    found = traced(Tracer(theatre, NumPy()), picture(8), least=2000, most=2000).indirect
+    assert len(launches) == {1 << 10: 13, 1 << 20: 1}[launch]
+    assert_unbiased(found, truth, known.screen)
+
+
+def test_an_interrupted_pass_counts_what_it_took(
+    tracer: Tracer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The walks of whole launches, whatever the pass wanted: the light is not biased."""
+    known = ClosedFormDome(tracer.theatre.dome, SIZE, SIZE, albedo=ALBEDO)
+    truth = (known.observe(picture()) - known.direct(picture()))[0]
+    monkeypatch.setattr(tracer.machine, "launch", 1 << 17, raising=False)
+    real, launches = type(tracer.machine).loop, 0
+
+    def loop(self: Machine, *arguments: Any) -> Any:
+        nonlocal launches
+        launches += 1
+        if launches == 3:
+            signal.raise_signal(signal.SIGINT)
+        return real(self, *arguments)
+
+    monkeypatch.setattr(type(tracer.machine), "loop", loop)
+    found = traced(tracer, least=10000, most=10000, seed=3).indirect
+    assert (found.status, launches) == (Status.INTERRUPTED, 3)
+    assert 500 < found.samples < 1500
+    assert_unbiased(found, truth, known.screen)
 
 
 # Lamps.
