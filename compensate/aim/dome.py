@@ -31,10 +31,10 @@ that light rises with light; the slope at m = B is that of texture:
     m' = m (1 + (B' - B) / B  t (2 - t))       t = min(B / m, 1)            (both in one)
 
 *Colour.* The floor leaves too much of some primaries. To lift the others alone would show a blue
-sky as purple. So a lifted colour of luminance Y' is mixed with grey, as far as its least primary
-lies below the floor, and as far as it is lifted:
+sky as purple. So a lifted colour of luminance Y' is mixed with grey, as far as it is lifted, until
+it is grey where its least primary is half of the floor:
 
-    m'_p = Y' + k (m'_p - Y'),         k = 1 - (1 - m / m') (1 - min over p of m'_p / floor_p, 1)
+    m'_p = Y' + k (m'_p - Y'),     k = 1 - (1 - m / m') (1 - max(2 min_p(m'_p / floor_p, 1) - 1, 0))
 
 *No harm.* What is over the floor, which is what will be projected, never has more luminance than
 the master. So nothing is seen brighter than untouched, where all the light that is now subtracted
@@ -142,7 +142,7 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
         k = reduce(
             xp.minimum, (x / xp.maximum(f, tiny) for x, f in zip(lit, low, strict=True)), one
         )
-        k = 1 - (1 - 1 / gain) * (1 - k)
+        k = 1 - (1 - 1 / gain) * (1 - xp.maximum(2 * k - 1, none))
         lit = [Y + k * (x - Y) for x in lit]
         over = [xp.maximum(x - f, none) for x, f in zip(lit, low, strict=True)]
         projected = reduce(xp.add, (w * x for w, x in zip(weights, over, strict=True)))

@@ -97,12 +97,12 @@ def test_a_pixel_that_outshines_another_no_more_breaks_order(night):
     assert "order" in broken(replace(night, seen=seen))
 
 
-def test_a_rim_that_turns_breaks_order_and_limb(night):
+def test_a_rim_that_turns_breaks_limb(night):
     x, y, radius = night.balls[0]
     down, right = (np.mgrid[:SIZE, :SIZE] + 0.5) / SIZE * 2 - 1
     away = np.hypot(right - x, down - y) / radius
     rim = np.exp(-(((away - 0.9) / 0.02) ** 2))[None, ..., None]
-    assert {"order", "limb"} <= broken(replace(night, seen=night.seen * (1 + 0.3 * rim)))
+    assert "limb" in broken(replace(night, seen=night.seen * (1 + 0.3 * rim)))
     assert broken(replace(night, seen=night.seen * (1 + 0.004 * rim))) == set()
 
 
