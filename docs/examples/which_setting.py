@@ -14,13 +14,13 @@ and twice as much (``--lift 2``).
   hide the edges of ghosts are seen.
 - **A scene without black** (street, daylight, snow): subtraction is exact, and all settings are
   alike.
-- **Flashes, and cuts from dark to bright**: a flash lifts the dark rest of a dome by up to the light
-  that it adds there, as it does untouched. ``--lift 0`` takes away what can be taken.
+- **Flashes, and cuts from dark to bright**: a flash lifts the dark rest of a dome by at most the
+  light that it adds there untouched. ``--lift 0`` takes away what can be taken.
 
 *Lost* is what is lost of the picture's quality by ColorVideoVDP, in just-objectionable differences
 (JOD): 0 is the master, and below 0.02 JOD there is no difference. ColorVideoVDP hardly sees that
-black is brighter. So look at the pictures, and then at your screen: ``domesim compare`` makes such a
-page of your frames, with black, contrast and hue in figures.
+black is brighter. So look at the pictures, and then at your screen: ``domesim compare`` makes such
+a page of your frames, with black, contrast and hue in figures.
 
 ``python docs/examples/which_setting.py [SIZE]`` makes the pictures.
 """
