@@ -19,8 +19,8 @@ and twice as much (``--lift 2``).
 
 *Lost* is what is lost of the picture's quality by ColorVideoVDP, in just-objectionable differences
 (JOD): 0 is the master, and below 0.02 JOD there is no difference. ColorVideoVDP hardly sees that
-black is brighter. So look at the pictures, and then at your screen: ``domesim compare`` makes such
-a page of your frames, with black, contrast and hue in figures.
+black is brighter. *Black* tells it: the light of the darker half over the untouched one's. Look at
+the pictures, and then at your screen: ``domesim compare`` makes such a page of your frames.
 
 ``python docs/examples/which_setting.py [SIZE]`` makes the pictures.
 """
