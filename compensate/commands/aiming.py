@@ -8,6 +8,7 @@ from typing import Annotated, final
 import typer
 
 from compensate.aim import Aim
+from compensate.aim.settings import MOST_LIFT
 from compensate.devices import CPU
 from compensate.shows.compensating import Compensating
 from domesim.errors import InputError
@@ -34,8 +35,9 @@ class Aiming:
     lift: Annotated[
         float | None,
         typer.Option(
-            help="Perceptual: from the deepest black (0, plain subtraction) to more contrast (4): "
-            f"how many times the missing light dark places are lifted; {Aim().lift:g} by default.",
+            help="Perceptual: how many times the missing light dark places are lifted, and how "
+            "strong the veils around ghosts are: from 0, plain subtraction with the deepest black, "
+            f"to {MOST_LIFT:g}; {Aim().lift:g} by default.",
             show_default=False,
         ),
     ] = None
@@ -51,9 +53,9 @@ class Aiming:
         str | None,
         typer.Option(
             "--weighting",
-            help="Perceptual: contrast keeps the master's contrasts and hues over the black that "
-            "is left, which is the default; paper minimises the difference of light by one "
-            "adaptation luminance and Daly's sensitivity, with a certificate.",
+            help="Perceptual: contrast, the default, lifts dark places with their surroundings "
+            "where light is missing, and hides the edges of ghosts; paper minimises the difference "
+            "of light by one adaptation luminance and Daly's sensitivity, with a certificate.",
             show_default=False,
         ),
     ] = None
@@ -61,8 +63,8 @@ class Aiming:
         str,
         typer.Option(
             "--device",
-            help="Perceptual: what computes: cpu; cuda or cuda:1, a GPU by PyTorch (extra gpu), "
-            "which starts 5 s later and pays for sequences.",
+            help="--weighting paper: what computes: cpu; cuda or cuda:1, a GPU by PyTorch (extra "
+            "gpu), which starts 5 s later and pays for sequences.",
         ),
     ] = CPU
 

@@ -29,9 +29,9 @@ def compensate(
         bool,
         typer.Option(
             "--only-visible",
-            help="Perceptual: solve only rectangles in which what subtraction leaves is predicted "
-            "to be seen ('domesim predict --combination local-contrast'), and subtract elsewhere: "
-            "faster where that is next to nothing. No certificate.",
+            help="--weighting paper: solve only rectangles in which what subtraction leaves is "
+            "predicted to be seen ('domesim predict --combination local-contrast'), and subtract "
+            "elsewhere: faster where that is next to nothing. No certificate.",
         ),
     ] = False,
     spatial: Annotated[

@@ -21,18 +21,20 @@ from domesim.light import Light
 from domesim.scene import DomeScene, Scene
 from domesim.scene.screening import encoded
 
-PERCEPTUAL = ("Seen, perceptual", "the master's contrasts and hues, over the black that is left")
 DOME = {
     "none": ("Seen, untouched", "the master projected as it is: reflected light greys the blacks"),
     "subtractive": ("Seen, subtractive", "reflected light subtracted, clipped at black"),
     "raised-black": ("Seen, raised black", "the whole picture lifted until nothing clips"),
-    "perceptual": PERCEPTUAL,
+    "perceptual": (
+        "Seen, perceptual",
+        "reflected light subtracted, dark places lifted so that contrast is left",
+    ),
 }
 STEREO = {
     "none": ("Seen, untouched", "the master projected as it is: each eye sees a ghost"),
     "subtractive": ("Seen, subtractive", "the ghost subtracted, clipped at black"),
     "raised-black-local": ("Seen, raised black", "lifted around ghosts until nothing clips"),
-    "perceptual": PERCEPTUAL,
+    "perceptual": ("Seen, perceptual", "the ghost subtracted, the edges of what is left hidden"),
 }
 """Methods that are shown: name -> title and note."""
 PLAIN = {

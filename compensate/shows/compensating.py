@@ -335,7 +335,7 @@ def _plain(f: Figures) -> list[str]:
     told = {
         "black {:.2f} times the untouched": f.black,
         "contrast {:.0%} of the master's (0.25 to 1°)": f.contrast_fine,
-        "{:.0%} (2 to 10°)": f.contrast_coarse,
+        "contrast {:.0%} (2 to 10°)": f.contrast_coarse,
         "stars {:.2f} times as bright": f.stars,
         "{:.0%} of them in order": f.stars_in_order,
         "hue shift {:.0f}°": f.hue_shift,

@@ -3,21 +3,24 @@ Which setting for my content
 ============================
 
 Kinds of picture in a giant dome and on a 3D screen, as the audience sees them: untouched, by plain
-subtraction (``--lift 0``), lifted a little (``--lift 1``), and by default (``--lift 2.5``).
+subtraction (``--lift 0``), half as much as by default (``--lift 0.5``), by default (``--lift 1``),
+and twice as much (``--lift 2``).
 
 - **A dark scene with something in the dark** (night sky, nebula, deep sea, a planet's night side):
-  keep the default. The dark half keeps its contrasts and hues, and gets brighter.
+  keep the default. ``--lift 2`` has more contrast in the dark, and a black that is nearer to that
+  of the untouched picture, but never brighter.
 - **Lit things on pure black** (titles, a window with a film): in a dome the settings hardly differ,
-  and ``--lift 0`` has the deepest black. On a 3D screen take ``--lift 1`` or 0: the veils that hide
-  the edges of ghosts can be seen there.
+  and ``--lift 0`` has the deepest black. On a 3D screen take ``--lift 0.5`` or 0 if the veils that
+  hide the edges of ghosts are seen.
 - **A scene without black** (street, daylight, snow): subtraction is exact, and all settings are
   alike.
-- **Flashes, and cuts from dark to bright**: take ``--lift 1``. A flash lifts the dark rest of a
-  dome by up to the lift times the light that it adds there.
+- **Flashes, and cuts from dark to bright**: a flash lifts the dark rest of a dome by at most the
+  light that it adds there untouched. ``--lift 0`` takes away what can be taken.
 
 *Lost* is what is lost of the picture's quality by ColorVideoVDP, in just-objectionable differences
-(JOD): 0 is the master. It likes contrast, and hardly sees that black is brighter. So look at the
-pictures, and then at your screen: ``domesim compare`` makes such a page of your frames.
+(JOD): 0 is the master, and below 0.02 JOD there is no difference. ColorVideoVDP hardly sees that
+black is brighter. *Black* tells it: the light of the darker half over the untouched one's. Look at
+the pictures, and then at your screen: ``domesim compare`` makes such a page of your frames.
 
 ``python docs/examples/which_setting.py [SIZE]`` makes the pictures.
 """
