@@ -5,9 +5,10 @@ Rationale
     off-axis. It says: "Although an increase in ghosting for left and right off-axis can be
     observed, the off-axis locations still benefit from the perceptual compensation." So do we, in
     the paper's rig and in a cinema with a silver screen, whose crosstalk maps are estimated by
-    hand from its hardware. Beyond the paper ours also projects for the three seats at once: for
-    the least mean of their squared visible errors. The default aims at what the mean seat is shown,
-    and is judged by ColorVideoVDP (`compensate.ruler`), for it minimises no visible error.
+    hand from its hardware. *Ours* is `--weighting paper`. Beyond the paper it also projects for the
+    three seats at once: for the least mean of their squared visible errors. The default aims at
+    what the mean seat is shown, and is judged by ColorVideoVDP (`compensate.ruler`), for it
+    minimises no visible error.
 Expected
     Compensated for the sweet spot, off-axis seats have at least 5 % more visible error than the
     sweet spot, whatever the method. Ours has less than subtraction at the sweet spot; off the axis,
