@@ -364,7 +364,7 @@ def run(work: Work) -> Finding:
         tables=(_table_aimed(aimed_fades, aimed_discs), *_tables(faded, ways, jods)),
         plots=tuple(_plots(faded, ways)),
         figures={
-            **_figures(faded, ways, jods),
+            **dict(_figures(faded, ways, jods)),
             **{f"flicker.{name}.regions": found.regions for name, found in aimed_fades.items()},
         },
         left_out=tuple(left_out),
