@@ -16,7 +16,12 @@ from domesim.light import Light
 from domesim.scene import Scene
 from domesim.scene.screening import within_range
 
-LIFTS = {"subtraction: lift 0": 0.0, f"lift {Aim().lift:g}, the default": Aim().lift, "lift 2": 2.0}
+LIFTS = {
+    "subtraction: lift 0": 0.0,
+    "lift 0.5": 0.5,
+    f"lift {Aim().lift:g}, the default": Aim().lift,
+    "lift 2": 2.0,
+}
 _BRIGHTER = 4
 
 
@@ -38,7 +43,7 @@ def show_settings(pictures: Mapping[str, Light], scene: Scene) -> None:
     print(f"{'JOD lost, black':20}{''.join(f'{head:>12}' for head in heads)}")
     high = sum(0.6 + 2.1 * light.shape[1] / light.shape[2] for light in pictures.values())
     _, axes = plt.subplots(
-        len(pictures), 2 + len(LIFTS), figsize=(11, high), layout="constrained", squeeze=False
+        len(pictures), 2 + len(LIFTS), figsize=(13, high), layout="constrained", squeeze=False
     )
     for row, (name, light) in zip(axes, pictures.items(), strict=True):
         _draw_row(row, name, light, scene)
