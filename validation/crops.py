@@ -49,7 +49,7 @@ class Crop:
         if posed.scene.views == 1:
             return slice(rows), slice(cols)
         side = min(rows // 2, cols)
-        master = luminance(posed.problem.desired[:1], posed.scene)[0]
+        master = luminance(posed.wanted[:1], posed.scene)[0]
         error = np.abs(luminance(posed.residual(posed.subtractive)[:1], posed.scene)[0])
         there = uniform_filter(error * (master < DARK), side, mode="constant")
         half = side // 2
@@ -60,14 +60,14 @@ class Crop:
     @cached_property
     def brighter(self) -> int:
         """Factor by which the crop is brightened."""
-        crop = self._posed.problem.desired[0, *self.window]
+        crop = self._posed.wanted[0, *self.window]
         white = ((times, np.mean(np.max(crop, axis=-1) * times > 1)) for times in BRIGHTER)
         return next((times for times, share in white if share <= TOO_BRIGHT), 1)
 
     @property
     def master(self) -> tuple[Panel, int]:
         """Picture of what should be seen, and the factor by which it is brightened."""
-        return self.panel("master", self._posed.problem.desired), self.brighter
+        return self.panel("master", self._posed.wanted), self.brighter
 
     def panel(self, title: str, light: Light, *, brighter: float | None = None) -> Panel:
         """Picture of what is seen in the crop.

@@ -158,31 +158,6 @@ def colorvideovdp_map(
     return float(np.mean([quality for quality, _ in found])), np.stack([lost for _, lost in found])
 
 
-def climbable(reference: Light, scene: Scene) -> tuple[Any, Callable[[Any], Any]]:
-    """Torch, and `colorvideovdp` of one view as a function of a tensor, which torch differentiates.
-
-    Pixels are not repeated, for speed: what it says is near `colorvideovdp`, and not the same.
-
-    Raises
-    ------
-    Missing
-        If cvvdp is not installed.
-    """
-    _, torch = _colorvideovdp()
-    rows, cols = reference.shape[1:3]
-    inside = torch.tensor(scene.screen(rows, cols)[..., None])
-    to_display = torch.tensor(scene.projector.to_display(np.eye(3)), dtype=torch.float32)
-    wanted = torch.tensor(on_display(reference, scene) * np.float32(scene.projector.white))
-    metric = _metric_of(cols, rows, scene.viewing.pixels_per_degree(rows, cols))
-
-    def quality(light: Any) -> Any:
-        shown = torch.where(inside, torch.clamp(light[0] @ to_display, min=0), 0.0)
-        with _unlogged():
-            return metric.predict(shown * scene.projector.white, wanted, dim_order="HWC")[0]
-
-    return torch, quality
-
-
 def if_installed(
     judge: Callable[[Light, Light, Scene], float], reference: Light, test: Light, scene: Scene
 ) -> float | None:

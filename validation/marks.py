@@ -85,7 +85,7 @@ def agreement(posed: Posed, light: Light) -> Agreement:
         If cvvdp is not installed.
     """
     room = posed.seen(np.zeros_like(posed.desired))
-    wanted = posed.problem.desired[: posed.scene.views] + room
+    wanted = posed.wanted[: posed.scene.views] + room
     _, lost = colorvideovdp_map(wanted, posed.seen(light), posed.scene)
     marked = (lost >= MARKED)[:, posed.screen]
     chance = predict(posed, light, SEEN).prediction[:, posed.screen]

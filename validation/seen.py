@@ -19,13 +19,14 @@ from scipy.ndimage import gaussian_filter, maximum_filter1d
 from compensate.plain import Colours, of_colours
 from domesim.light import Light, require_light
 from domesim.scene import Scene
-from validation.hue import DARKEST, chromaticity
 from validation.judges import luminance
 
 BANDS = ((0.25, 1.0), (2.0, 10.0), (10.0, 30.0))
 """(fine, coarse) sigmas of the bands of structure, degrees: texture, the Milky Way, glows."""
 FAINT = 0.8
 """Share of the screen, the darker one, in which structure is looked for."""
+DARKEST = 1e-4
+"""Luminance, white = 1, below which nobody sees a hue."""
 VISIBLE_CHROMA = 0.01
 """Distance in CIE 1976 u'v' beyond which a colour counts as shifted."""
 EXACT = 1e-5
@@ -95,7 +96,7 @@ def chroma_shift(master: Light, seen: Light, where: Mask, scene: Scene) -> float
     master, seen
         (view, row, col, primary).
     where
-        (row, col) or (view, row, col) pixels that count. Those below `hue.DARKEST` in either
+        (row, col) or (view, row, col) pixels that count. Those below `DARKEST` in either
         picture have no colour and do not count.
     scene
         Where.
@@ -245,6 +246,12 @@ def exact(master: Light, seen: Light, scene: Scene) -> Mask:
     near = np.all(np.abs(seen - master) <= EXACT, axis=-1)
     bright = luminance(master, scene) * scene.projector.white > NOT_BLACK
     return _on_screen(near & bright, master, scene)
+
+
+def chromaticity(xyz: NDArray[Any]) -> NDArray[np.complex128]:
+    """Complex u' + i v' (CIE 15:2004, section 8.2.1) of colours (..., XYZ) that are not black."""
+    x, y, z = np.moveaxis(xyz, -1, 0)
+    return np.asarray((4 * x + 9j * y) / (x + 15 * y + 3 * z))
 
 
 def _require_pair(who: str, master: Light, seen: Light) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from compensate import compensate
 from compensate.aim import Aim
+from compensate.plain import PlainRuler
 from compensate.ruler import Ruler
 from domesim import observe
 from domesim.light import Light
@@ -25,7 +26,9 @@ _BRIGHTER = 4
 
 
 def show_settings(pictures: Mapping[str, Light], scene: Scene) -> None:
-    """Draw masters, and what is seen of each by each setting; print the quality that is lost.
+    """Draw masters and what is seen of each by each setting; print what is lost, and the black.
+
+    Black is the light of the darker half over the untouched one's: ColorVideoVDP cannot see it.
 
     Parameters
     ----------
@@ -37,7 +40,7 @@ def show_settings(pictures: Mapping[str, Light], scene: Scene) -> None:
     from matplotlib import pyplot as plt  # noqa: PLC0415 - takes a second
 
     heads = ("untouched", *(f"lift {lift:g}" for lift in LIFTS.values()))
-    print(f"{'JOD lost':20}{''.join(f'{head:>10}' for head in heads)}")
+    print(f"{'JOD lost, black':20}{''.join(f'{head:>12}' for head in heads)}")
     high = sum(0.6 + 2.1 * light.shape[1] / light.shape[2] for light in pictures.values())
     _, axes = plt.subplots(
         len(pictures), 2 + len(LIFTS), figsize=(13, high), layout="constrained", squeeze=False
@@ -55,11 +58,15 @@ def _draw_row(axes: Any, name: str, light: Light, scene: Scene) -> None:
     seen = {"untouched": observe(wanted, scene)}
     for title, lift in LIFTS.items():
         seen[title] = observe(compensate(wanted, scene, weighting=Aim(lift=lift)).light, scene)
-    lost = {title: ruler.lost(each) for title, each in seen.items()}
-    print(f"{name:20}{''.join(f'{jod:10.2f}' for jod in lost.values())}")
+    plain = PlainRuler(wanted, scene, screen)
+    untouched = plain.black(seen["untouched"])
+    told = {
+        title: (ruler.lost(each), plain.black(each) / untouched) for title, each in seen.items()
+    }
+    print(f"{name:20}{''.join(f'{jod:7.2f}{black:5.2f}' for jod, black in told.values())}")
     for axis, (title, each) in zip(axes, {"master": wanted, **seen}.items(), strict=True):
         brighter = np.clip(_BRIGHTER * each[0], 0, 1) ** (1 / 2.2) * screen[..., None]
         axis.imshow(brighter)
-        told = f"\nlost {lost[title]:.2f} JOD" if title in lost else ""
-        axis.set(xticks=(), yticks=(), title=title + told)
+        figures = "\nlost {:.2f} JOD, black {:.2f}".format(*told[title]) if title in told else ""
+        axis.set(xticks=(), yticks=(), title=title + figures)
     axes[0].set_ylabel(name)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from itertools import count
+from itertools import count, cycle
 
 import numpy as np
 import pytest
 from findings import failed, no_colorvideovdp
 
+from compensate.aim import Aim, dome
 from compensate.methods import perceptual
 from compensate.solver.admm import ADMM
 from domesim.scene import load_scene
@@ -26,6 +27,7 @@ def _quickly(monkeypatch):
     monkeypatch.setattr(flicker, "QUICK_WIDTH", 48)
     monkeypatch.setattr(flicker, "QUICK_SIZE", 40)
     monkeypatch.setattr(flicker, "QUICK_FADE", 12)
+    monkeypatch.setattr(flicker, "FADE", 24)
     monkeypatch.setattr(flicker, "QUICK_MOVES", 3)
 
 
@@ -35,11 +37,11 @@ def test_it_is_as_expected(tmp_path):
     assert failed(finding) == []
     assert flicker.run(Work(store=tmp_path)) == finding  # killed and resumed
     assert finding.left_out[-1] == "ColorVideoVDP: it needs pip install 'domesim[metrics]'"
-    assert [len(table.rows) for table in finding.tables] == [4, 8]
+    assert [len(table.rows) for table in finding.tables] == [6, 4, 8]
     standing = {way: finding.figures[f"flicker.pair, {way}.standing"] for way in flicker.WAYS}
     assert standing[flicker.ALONE] == standing[flicker.TIGHTER] == 0
     assert standing[flicker.WARM] > 0
-    fades = [row[2] for row in finding.tables[0].rows]
+    fades = [row[2] for row in finding.tables[1].rows]
     assert 1 <= min(fades[1], fades[3]) < 11  # from grey: without the solver, then with it
 
 
@@ -118,6 +120,34 @@ def test_mistakes_turn_it_red(mutate, caught, monkeypatch):
     red = failed(flicker.run(Work()))
     for what in caught:
         assert any(what in check for check in red), red
+
+
+@pytest.fixture
+def fading():
+    """A domemaster that fades from a grey of which all pollution can be subtracted."""
+    scene = flicker.dome_at(flicker.ALBEDO, flicker.WHITE)
+    frames = partial(flicker._fade, partial(flicker._domemaster, 40), scene, "grey", 24)
+    return flicker.Film(frames, scene, Aim())
+
+
+def test_a_lift_in_steps_is_a_jump(fading, monkeypatch):
+    honest = dome._darkest
+    assert max(flicker.aimed_fade(fading).jumps) < flicker.JUMP
+    monkeypatch.setattr(dome, "_darkest", lambda *of: np.ceil(honest(*of) / 0.01) * 0.01)
+    assert max(flicker.aimed_fade(fading).jumps) > flicker.JUMP
+
+
+def test_a_lift_of_every_other_frame_changes_what_stands_still(fading, monkeypatch):
+    honest, times = dome._darkest, cycle((1.0, 1.5))
+    disc = partial(flicker.with_disc, partial(flicker._domemaster, 40), 4)
+    film = replace(fading, frames=disc)
+    steady = flicker.aimed_disc(film)
+    assert steady.standing == 0
+    assert steady.rough < flicker.STILL
+    monkeypatch.setattr(dome, "_darkest", lambda *of: next(times) * honest(*of))
+    shaken = flicker.aimed_disc(film)
+    assert shaken.standing > 0
+    assert shaken.rough > flicker.STILL
 
 
 # Films

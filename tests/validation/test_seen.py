@@ -8,7 +8,6 @@ from scipy.ndimage import gaussian_filter
 
 from domesim.scene import load_scene
 from validation import seen
-from validation.hue import chromaticity
 
 DOME = load_scene("dome_imax")
 PAIR = load_scene("stereo_cinema_silver")
@@ -72,7 +71,7 @@ def test_chroma_shift_is_a_share_of_the_pixels_asked_for(distance, expected):
     where = np.zeros((2, 40, 60), bool)
     where[0] = True
     assert seen.chroma_shift(light(u), 2 * light(shifted), where, PAIR) == expected
-    moved = chromaticity(light(shifted) @ to_xyz.T) - chromaticity(light(u) @ to_xyz.T)
+    moved = seen.chromaticity(light(shifted) @ to_xyz.T) - seen.chromaticity(light(u) @ to_xyz.T)
     assert np.abs(moved).max() == pytest.approx(distance)
     assert seen.chroma_shift(0 * light(u), light(u), where, PAIR) is None
 

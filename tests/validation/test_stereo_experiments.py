@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from findings import failed
 
+from compensate.aim import pair
 from compensate.methods import STEREO
 from compensate.problem import Problem
 from domesim.pathtrace import polarised
@@ -73,6 +75,14 @@ def test_mutations_turn_an_experiment_red(name, mutate, monkeypatch):
     mutate(monkeypatch)
     finding = load_experiment(name).run(Work(quick=True))
     assert not finding.passed
+
+
+@pytest.mark.usefixtures("_few")
+def test_veils_that_are_too_bright_harm_the_seats(monkeypatch):
+    monkeypatch.setattr(pair, "SHARE", 12.0)
+    red = failed(load_experiment("fig10_seats").run(Work(quick=True)))
+    assert red
+    assert all("the default" in what or "it gains over subtraction" in what for what in red)
 
 
 def test_without_a_tracer_polarised_light_is_missing(monkeypatch):

@@ -6,7 +6,8 @@ Rationale
     exactly. What the left and right eye see is compared with the master by what compensation
     minimises (the visible error), by how much of the ghost's edges is left (`compensate.ghosts`),
     and by FLIP and ColorVideoVDP, for which nothing here was tuned. Two perceptual methods take
-    part: ours, and the paper's own, kept faithful. Pictures are averaged down by whole numbers of
+    part: ours (`--weighting paper`), and the paper's own, kept faithful. The default minimises no
+    such error: `quality` and `two_eyes` judge it. Pictures are averaged down by whole numbers of
     pixels, for all methods alike, and seen as wide as the scene's screen.
 Expected
     These laws: untouched, the residual is crosstalk times the other eye's picture, plus black;
@@ -231,8 +232,9 @@ def run(work: Work) -> Finding:
         result=_result(cells),
         checks=tuple(_checks(cells, exact)),
         advice=(
-            "Where pictures are mostly black and veils disturb, raise --low-frequency-gain (0.3 "
-            "instead of 0.1): veils shrink, and more of the ghosts' edges stays."
+            "With --weighting paper, where pictures are mostly black and veils disturb, raise "
+            "--low-frequency-gain (0.3 instead of 0.1): veils shrink, and more of the ghosts' "
+            "edges stays."
         ),
         tables=(*(_table(name, shapes[name], cells) for name in wanted), _gains(cells, gained)),
         plots=tuple(_plots(cells)),

@@ -4,15 +4,17 @@ Rationale
     The paper's claim is about two eyes, and all other judges here have one. `compensate.vision.
     binocular` holds published models of two: the fused picture by Ding and Sperling's gain control,
     the contrast of both by two stages (Meese, Georgeson and Baker), and rivalry by the ratio of
-    contrasts (DiCE). Eleven pairs are shown in `stereo_polarised_paper` with crosstalk of 2, 5 and
-    10 %, at a white of 15 cd/m². No constant of these models was chosen on them; the default was
-    chosen on five of them. ColorVideoVDP, the mean of both eyes alone, is asked at 5 %.
+    contrasts (DiCE). The pairs of `quality`, without variants, are shown in
+    `stereo_polarised_paper` with crosstalk of 2, 5 and 10 %, at a white of 15 cd/m². No constant of
+    these models was chosen on them; the default was chosen on some of them, by other judges.
+    ColorVideoVDP, the mean of both eyes alone, is asked at 5 %.
 Expected
     All three figures are 0 for the master, and rise with crosstalk from 0 to 10 % on all pairs.
-    Over pairs the default loses less than nothing done in fused loss and contrast, and its rivalry
-    is that of nothing done, within a hundredth of the picture. The aim of pairs has to answer
-    rivalry if the default leaves more of it than subtraction, with an interval above 0: it does
-    not.
+    The default harms nobody. Over pairs it loses less than nothing done in fused loss and contrast,
+    and its rivalry is that of nothing done, within a hundredth of the picture. By none of the three
+    is it shown to be worse than subtraction: no interval lies above 0. On at most one pair of
+    twelve it loses more than 0.02 JOD of ColorVideoVDP against the better of nothing and
+    subtraction.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from scipy import stats
 
 from compensate.aim import Aim
 from compensate.pose import Eye, Posed, pose
+from compensate.ruler import NO_DIFFERENCE
 from compensate.solve import solved
 from compensate.vision.binocular.pair import Pair, TwoEyes
 from compensate.weighting import PerceptualWeighting
@@ -248,12 +251,27 @@ def _checks(rises: Mapping[str, Rise], cells: Mapping[Any, Cell], *, quick: bool
             found.append(
                 at_most(f"{told}: default less nothing, over pairs", ours.mean, bound, unit)
             )
-    if not quick:
-        more = _over_pairs(cells, DEFAULT, SUBTRACTION, "rivalry")
-        found.append(
-            at_most("rivalry: default less subtraction, lower end of the interval", more.low, 0.0)
-        )
+    if quick:
+        return found
+    for name, (told, unit) in FIGURES.items():
+        more = _over_pairs(cells, DEFAULT, SUBTRACTION, name)
+        what = f"{told}: default less subtraction, lower end of the interval"
+        found.append(at_most(what, more.low, 0.0, unit))
+    if short := _short(cells):
+        what = f"pairs {NO_DIFFERENCE:g} JOD short of the better of nothing and subtraction"
+        share = float(np.mean(np.array(short) < -NO_DIFFERENCE))
+        found.append(at_most(what, 100 * share, 100 / 12, "%"))
     return found
+
+
+def _short(cells: Mapping[Any, Cell]) -> list[float]:
+    """JOD of the default less the better of nothing and subtraction, of each judged pair."""
+    judged = {key: cell.judged for key, cell in cells.items() if cell.judged is not None}
+    return [
+        jod - max(judged[name, share, NOTHING], judged[name, share, SUBTRACTION])
+        for (name, share, way), jod in judged.items()
+        if way == DEFAULT
+    ]
 
 
 def _told(cells: Mapping[Any, Cell], pairs: Mapping[str, Input]) -> str:
