@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
 from typing import TypeAlias, final
 
 import numpy as np
@@ -26,9 +25,9 @@ CROSSTALK = (0.02, 0.05, 0.1)
 ALBEDOS = (0.3, 0.5, 0.7)
 LUMINANCES = (5.0, 15.0, 48.0)
 """Luminances of white, cd/m²: a giant dome's, a planetarium's that is bright, a cinema's."""
-CHOSEN_CROSSTALK = ((0.02, 48.0), (0.05, 15.0), (0.1, 48.0), (0.1, 5.0))
-CHOSEN_ALBEDOS = ((0.3, 5.0), (0.5, 15.0), (0.7, 48.0))
-"""Crosstalk, or albedo, with the luminance of white (cd/m²): where the choosing half is shown."""
+CROSSTALK_PLACES = ((0.02, 48.0), (0.05, 15.0), (0.1, 48.0), (0.1, 5.0))
+ALBEDO_PLACES = ((0.3, 5.0), (0.5, 15.0), (0.7, 48.0))
+"""Crosstalk, or albedo, with the luminance of white, cd/m²."""
 USUAL_CROSSTALK, USUAL_ALBEDO, USUAL_LUMINANCE = 0.05, 0.5, 15.0
 """Usual crosstalk and albedo, at which pictures are shown; and the luminance of white, cd/m², at
 which variants are tried."""
@@ -160,12 +159,11 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
 
 
 def places(work: Work, name: str, one: Input) -> list[Place]:
-    """Places at which an input is shown: all, but fewer in quick runs and in the choosing half."""
-    if not work.quick and name in CHOOSING:
-        chosen = CHOSEN_CROSSTALK if one.kind == PAIRED else CHOSEN_ALBEDOS
-        return [(name, *place) for place in chosen]
-    luminances = (USUAL_LUMINANCE,) if work.quick else LUMINANCES
-    return [(name, *place) for place in product(one.pollutions, luminances)]
+    """Places at which an input is shown; a quick run has one luminance."""
+    if work.quick:
+        return [(name, pollution, USUAL_LUMINANCE) for pollution in one.pollutions]
+    chosen = CROSSTALK_PLACES if one.kind == PAIRED else ALBEDO_PLACES
+    return [(name, *place) for place in chosen]
 
 
 def kinds(inputs: Mapping[str, Input]) -> dict[str, list[str]]:

@@ -48,8 +48,8 @@ def few(monkeypatch, tmp_path, kept):
     monkeypatch.setattr(inputs, "CROSSTALK", (0.05,))
     monkeypatch.setattr(inputs, "ALBEDOS", (0.5,))
     monkeypatch.setattr(inputs, "LUMINANCES", (15.0,))
-    monkeypatch.setattr(inputs, "CHOSEN_CROSSTALK", ((0.05, 15.0),))
-    monkeypatch.setattr(inputs, "CHOSEN_ALBEDOS", ((0.5, 15.0),))
+    monkeypatch.setattr(inputs, "CROSSTALK_PLACES", ((0.05, 15.0),))
+    monkeypatch.setattr(inputs, "ALBEDO_PLACES", ((0.5, 15.0),))
     monkeypatch.setattr(inputs, "WIDEST", 48)
     monkeypatch.setattr(inputs, "DOME_SIZE", 32)
     wanted = inputs.wanted

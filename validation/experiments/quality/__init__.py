@@ -3,10 +3,10 @@
 Rationale
     Inputs are of two halves: settings were chosen, and pictures looked at, on the one; all that is
     claimed is of the other. Stereo pairs are shown in `stereo_polarised_paper` with crosstalk of 2,
-    5 and 10 %, domemasters in `dome_hemisphere` with albedos of 0.3, 0.5 and 0.7, each at a white
-    of 5, 15 and 48 cd/m², a black of 1/2000 of it (the least sequential contrast of SMPTE RP
-    431-2's reference projector) and an adaptation to 1/10 of it. Every method knows the pollution
-    exactly. Before any figure counts, what is seen must keep the laws (`laws`), on every case of
+    5 and 10 %, domemasters in `dome_hemisphere` with albedos of 0.3, 0.5 and 0.7, at a white of 5,
+    15 or 48 cd/m² (`inputs.CROSSTALK_PLACES`, `ALBEDO_PLACES`), a black of 1/2000 of it (the least
+    sequential contrast of SMPTE RP 431-2's reference projector) and an adaptation to 1/10 of it.
+    Every method knows the pollution exactly. Before any figure counts, what is seen must keep the laws (`laws`), on every case of
     both halves. Nine judges compare it with the master (`panel`) and have one vote each; six of
     them judge structure and contrast. Plain figures stand beside them (`seen`). The paper's
     weighting and other lifts are tried at the usual place only: an albedo of 0.5 or a crosstalk of
