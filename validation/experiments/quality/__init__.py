@@ -7,11 +7,11 @@ Rationale
     15 or 48 cd/m² (`inputs.CROSSTALK_PLACES`, `ALBEDO_PLACES`), a black of 1/2000 of it (the least
     sequential contrast of SMPTE RP 431-2's reference projector) and an adaptation to 1/10 of it.
     Every method knows the pollution exactly. Before any figure counts, what is seen must keep the
-    laws (`laws`), on every case of both halves. Nine judges compare it with the master (`panel`) and have one vote each; six of
-    them judge structure and contrast. Plain figures stand beside them (`seen`). The paper's
-    weighting and other lifts are tried at the usual place only: an albedo of 0.5 or a crosstalk of
-    5 %, at 15 cd/m². Gains are averaged over an input's cases first, and intervals are Student's
-    over inputs.
+    laws (`laws`), on every case of both halves. Nine judges compare it with the master (`panel`)
+    and have one vote each; six of them judge structure and contrast. Plain figures stand beside
+    them (`seen`). The paper's weighting and other lifts are tried at the usual place only: an
+    albedo of 0.5 or a crosstalk of 5 %, at 15 cd/m². Gains are averaged over an input's cases
+    first, and intervals are Student's over inputs.
 Expected
     The default keeps every law, as nothing and subtraction do. Domes: in the mean it is better than
     nothing by every judge (by FovVideoVDP at least -0.02 JOD) and better than subtraction by every
