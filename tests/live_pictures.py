@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -105,6 +108,23 @@ def engine_for(
             scene, rows, cols, coding, PIXEL_FORMATS[pixels],
             beside=beside, aim=Aim(), dithers=dithers, device=device,
         )  # fmt: skip
+
+
+@contextmanager
+def uncompiled() -> Iterator[None]:
+    """Loops are run by Python itself: the same formulas, with no minute to compile them."""
+    config = pytest.importorskip("numba").config
+    names = [f"compensate.live.{name}" for name in ("dome", "pair", "dome_loops", "pair_loops")]
+    names.append("compensate.live.tile_loops")
+    kept = {name: sys.modules.pop(name) for name in names if name in sys.modules}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(config, "DISABLE_JIT", True)
+        try:
+            yield
+        finally:
+            for name in names:
+                sys.modules.pop(name, None)
+            sys.modules.update(kept)
 
 
 def require_vulkan() -> None:
