@@ -14,7 +14,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim.dome import DARKEST, EDGE, raised
+from compensate.aim.dome import DARKEST, EDGE
 from compensate.blocks import block_sums, box_sum
 from compensate.live import dome_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
@@ -177,7 +177,7 @@ class CompiledDome:
             if found[1] - (low[1] + low[2] * (level - low[0])) < _EXACT * high[0]:
                 break
             low, high = (found, high) if found[2] < 0 else (low, found)
-        return raised(k.aim.lift, least, k.dark)
+        return k.aim.lift * least
 
 
 def _spans(screen: NDArray[np.bool_]) -> NDArray[np.uint64]:

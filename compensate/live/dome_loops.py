@@ -121,17 +121,23 @@ def _grey(own: Any, low: Any, y: Any, most: Any) -> Any:
 def _aimed(
     k: Any, below: Any, lifts: Any, i: Any, at: Any, first: Any, a: Any, b: Any, w: Any
 ) -> None:
-    """The aim in the place of the light, mixed with grey as far as it is lifted."""
+    """The aim in the place of the light: mixed with grey as far as it is lifted, and no harm."""
     for j in range(a, b):
         c = first + j
         gain = lifts[i, c]
         red, green, blue = w[0, j] * gain, w[1, j] * gain, w[2, j] * gain
         y = _luminance(k, red, green, blue)
-        own = _grey(red, between(below, 0, at, c), y, ONE)
-        own = _grey(green, between(below, 1, at, c), y, own)
-        own = _grey(blue, between(below, 2, at, c), y, own)
+        low_red, low_green = between(below, 0, at, c), between(below, 1, at, c)
+        low_blue = between(below, 2, at, c)
+        own = _grey(blue, low_blue, y, _grey(green, low_green, y, _grey(red, low_red, y, ONE)))
         own = ONE - (ONE - ONE / gain) * (ONE - own)
-        w[0, j], w[1, j], w[2, j] = y + own * (red - y), y + own * (green - y), y + own * (blue - y)
+        red, green, blue = y + own * (red - y), y + own * (green - y), y + own * (blue - y)
+        over_red, over_green = max(red - low_red, NO), max(green - low_green, NO)
+        over_blue = max(blue - low_blue, NO)
+        over = max(_luminance(k, over_red, over_green, over_blue), TINY)
+        less = ONE - min(y / (gain * over), ONE)
+        w[0, j], w[1, j] = red - less * over_red, green - less * over_green
+        w[2, j] = blue - less * over_blue
 
 
 @INSIDE

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.aim import Aim
-from compensate.aim.dome import DARKEST, EDGE, raised
+from compensate.aim.dome import DARKEST, EDGE
 from compensate.live.coding import Coding
 from compensate.live.constants import (
     DomeConstants,
@@ -182,7 +182,6 @@ def _about_dome(k: DomeConstants) -> dict[str, Any]:
         "darkest": _glsl(DARKEST),
         "levels": _LEVELS,
         "lift": _glsl(k.aim.lift),
-        "hardly": _glsl(k.dark**2 / raised(1.0, k.dark, k.dark) - k.dark),  # of u² / (u + it)
     }
 
 
