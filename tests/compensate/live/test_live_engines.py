@@ -31,7 +31,7 @@ from domesim.scene import CinemaScene, load_scene
 from domesim.scene.flat import ROOM
 from validation.inputs import stereo_at
 
-SMALL = [load_scene("dome_imax"), stereo_at(0.1, 15.0)]
+SMALL = [load_scene("dome_led"), stereo_at(0.1, 15.0)]
 """Scenes whose formulas a few pixels show."""
 
 
