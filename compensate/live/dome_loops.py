@@ -111,13 +111,6 @@ def _lifted(
 
 
 @INSIDE
-def _grey(own: Any, low: Any, y: Any, most: Any) -> Any:
-    """How much of a primary's own colour stays, so that it does not lie below its floor."""
-    k = max(y - low, NO) / max(y - own, TINY)
-    return min(k, most) if own < y else most
-
-
-@INSIDE
 def _aimed(
     k: Any, below: Any, lifts: Any, i: Any, at: Any, first: Any, a: Any, b: Any, w: Any
 ) -> None:
@@ -129,8 +122,9 @@ def _aimed(
         y = _luminance(k, red, green, blue)
         low_red, low_green = between(below, 0, at, c), between(below, 1, at, c)
         low_blue = between(below, 2, at, c)
-        own = _grey(blue, low_blue, y, _grey(green, low_green, y, _grey(red, low_red, y, ONE)))
-        own = ONE - (ONE - ONE / gain) * (ONE - own)
+        least = min(red / max(low_red, TINY), green / max(low_green, TINY))
+        least = min(least, blue / max(low_blue, TINY), ONE)
+        own = ONE - (ONE - ONE / gain) * (ONE - max(_TWO * least - ONE, NO))
         red, green, blue = y + own * (red - y), y + own * (green - y), y + own * (blue - y)
         over_red, over_green = max(red - low_red, NO), max(green - low_green, NO)
         over_blue = max(blue - low_blue, NO)
