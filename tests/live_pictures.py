@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -24,6 +27,8 @@ from validation.masters import night
 from validation.pairs import generated
 
 SRGB = encoding_named("srgb")
+STRONG = Aim(lift=2.5)
+"""Every line of the aim's formulas counts: some of them only bound what a strong one does."""
 DEVICE = ["-init_hw_device", "vulkan=v:llvmpipe", "-filter_hw_device", "v"]
 
 
@@ -58,10 +63,15 @@ def frame_of(
 
 
 def expected(
-    scene: Scene, frame: NDArray[Any], pixels: str = "rgb24", *, beside: bool = True
+    scene: Scene,
+    frame: NDArray[Any],
+    pixels: str = "rgb24",
+    *,
+    beside: bool = True,
+    aim: Aim | None = None,
 ) -> NDArray[Any]:
     """What the library makes of a frame, in NumPy."""
-    return made(scene, frame, pixels, beside=beside, by="numpy")
+    return made(scene, frame, pixels, beside=beside, by="numpy", aim=aim)
 
 
 def made(
@@ -73,13 +83,14 @@ def made(
     by: str,
     device: str = "cpu",
     colour: str = "srgb",
+    aim: Aim | None = None,
 ) -> NDArray[Any]:
     """What `device` makes of a frame, which has to be called `by`."""
     rows, cols = frame.shape[:2]
     if scene.views == 2:
         rows, cols = (rows, cols // 2) if beside else (rows // 2, cols)
     name, engine = engine_for(
-        scene, rows, cols, pixels, beside=beside, by=by, device=device, colour=colour
+        scene, rows, cols, pixels, beside=beside, by=by, device=device, colour=colour, aim=aim
     )
     assert name == by
     return np.array(engine(frame, 0))
@@ -96,6 +107,7 @@ def engine_for(
     device: str | None = "cpu",
     colour: str = "srgb",
     dithers: bool = False,
+    aim: Aim | None = None,
 ) -> tuple[str, Engine]:
     """What computes frames, and its name; tests have no compiled loops else."""
     coding = Coding(scene.projector, encoding_named(colour))
@@ -103,8 +115,25 @@ def engine_for(
         patch.setenv("DOMESIM_FAST", "0" if by == "numpy" else "1")
         return engine_of(
             scene, rows, cols, coding, PIXEL_FORMATS[pixels],
-            beside=beside, aim=Aim(), dithers=dithers, device=device,
+            beside=beside, aim=aim or Aim(), dithers=dithers, device=device,
         )  # fmt: skip
+
+
+@contextmanager
+def uncompiled() -> Iterator[None]:
+    """Loops are run by Python itself: the same formulas, with no minute to compile them."""
+    config = pytest.importorskip("numba").config
+    names = [f"compensate.live.{name}" for name in ("dome", "pair", "dome_loops", "pair_loops")]
+    names.append("compensate.live.tile_loops")
+    kept = {name: sys.modules.pop(name) for name in names if name in sys.modules}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(config, "DISABLE_JIT", True)
+        try:
+            yield
+        finally:
+            for name in names:
+                sys.modules.pop(name, None)
+            sys.modules.update(kept)
 
 
 def require_vulkan() -> None:

@@ -1,7 +1,7 @@
 """Live pictures by arrays of any library: on a GPU by PyTorch, with the formulas of the library.
 
 `compensate.aim` computes with any array library. Exact clipped subtraction is here for them, as
-`compensate.subtract` has it of domes, and `deghosting` of pairs. A frame's bytes go to the
+`compensate.subtract` has it for NumPy. A frame's bytes go to the
 device, and those of what is projected come back: nothing else does, but the sums that tell a dome's
 floors. On the device a primary's plane lies in one piece.
 """
@@ -13,7 +13,9 @@ from typing import Any, NamedTuple, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim import Sight, lifted, veiled
+from compensate.aim import Sight
+from compensate.aim.dome import lifted
+from compensate.aim.pair import veiled
 from compensate.devices import fetched, sender_to
 from compensate.live.coding import Coding, PixelFormat, stored, views_of
 from compensate.live.constants import SETTLED, STEPS, Constants, PairConstants, turns_of
@@ -172,7 +174,7 @@ class ByArrays:
         return self._of_aim(lifted(aim, sight, wanted, floor, white)).light
 
     def _of_pair(self, observation: Crosstalk, seen: Light) -> Light:
-        """The light within 0..1 that shows `seen`: see `deghosting`."""
+        """The light within 0..1 that shows `seen`: see `compensate.subtract`."""
         xp = namespace(seen)
         black = observation.black[:, None, None, :]
         wanted = seen - xp.asarray(black, dtype=seen.dtype, device=seen.device)

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from compensate.aim import NEARBY, Aim, Sight, dome_block, scales, veil_block
-from compensate.blocks import block_sums
+from compensate.aim import Aim, Sight, dome, pair
+from compensate.blocks import block_sums, smooth
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.lowrank import LowRankObservation
@@ -100,14 +100,10 @@ class PairConstants:
         Of each view.
     weights
         (primary,) of luminance.
-    dark
-        Luminance below which the eye loses contrast, of white.
-    sigmas
-        Standard deviations of the veils' means, pixels, from the coarsest.
-    blocks
-        Pixels of a block's side, of each.
-    nearby
-        Standard deviation of the mean that a veil stands out from, pixels.
+    block
+        Pixels of a block's side, of which veils are known.
+    down, across
+        (place, of) by which a ghost's local mean weighs a column of blocks, and a row.
     cell
         Pixels of a cell's side; 0 if the map is flat.
     share
@@ -122,10 +118,9 @@ class PairConstants:
     rows: int
     cols: int
     weights: Floats
-    dark: float
-    sigmas: tuple[float, ...]
-    blocks: tuple[int, ...]
-    nearby: float
+    block: int
+    down: Floats
+    across: Floats
     cell: int
     share: Floats
     matrices: Floats
@@ -135,6 +130,11 @@ class PairConstants:
     def shape(self) -> tuple[int, int]:
         """(row, col) of a view."""
         return self.rows, self.cols
+
+    @property
+    def veil(self) -> float:
+        """Light of a veil over its ghost's local mean."""
+        return pair.SHARE * self.aim.lift
 
 
 Constants: TypeAlias = DomeConstants | PairConstants
@@ -184,7 +184,7 @@ def turns_of(k: PairConstants) -> int:
 
 def _of_dome(observation: LowRankObservation, sight: Sight, aim: Aim) -> DomeConstants:
     f, screen = observation.factors, observation.screen
-    block = dome_block(sight.density)
+    block, radius = dome.block_of(sight.density)
     cell = block * -(-max(screen.shape) // (CELLS * block))
     on = screen.astype(np.float64)
     count = block_sums(on, cell)
@@ -203,9 +203,9 @@ def _of_dome(observation: LowRankObservation, sight: Sight, aim: Aim) -> DomeCon
         aim=aim,
         screen=screen,
         weights=sight.weights,
-        dark=aim.dark / sight.white,
+        dark=dome.DARK / sight.white,
         block=block,
-        radius=max(1, round(aim.reach * sight.density / block)),
+        radius=radius,
         cell=cell,
         gain=by_cells(gain),
         ambient=by_cells(f.ambient / gain),
@@ -217,7 +217,7 @@ def _of_dome(observation: LowRankObservation, sight: Sight, aim: Aim) -> DomeCon
 
 def _of_pair(observation: Crosstalk, sight: Sight, aim: Aim) -> PairConstants:
     rows, cols = observation.shape[1:3]
-    sigmas = scales(aim, sight)
+    block, sigma = pair.block_of(sight.density)
     cell, share = 0, observation.share.max(axis=(1, 2), keepdims=True)
     if np.ptp(observation.share, axis=(1, 2)).any():
         cell = -(-max(rows, cols) // CELLS)
@@ -227,12 +227,16 @@ def _of_pair(observation: Crosstalk, sight: Sight, aim: Aim) -> PairConstants:
         rows=rows,
         cols=cols,
         weights=sight.weights,
-        dark=aim.dark / sight.white,
-        sigmas=tuple(sigmas),
-        blocks=tuple(veil_block(sigma) for sigma in sigmas),
-        nearby=NEARBY * sight.density,
+        block=block,
+        down=_means(-(-rows // block), sigma),
+        across=_means(-(-cols // block), sigma),
         cell=cell,
         share=share,
         matrices=observation.matrices,
         black=observation.black,
     )
+
+
+def _means(count: int, sigma: float) -> Floats:
+    """(place, of) weights of the local means of a line of `count` values."""
+    return np.asarray(smooth(np.eye(count)[:, None, :], sigma)[:, 0, :].T)

@@ -14,6 +14,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.aim.dome import DARKEST, EDGE
 from compensate.blocks import block_sums, box_sum
 from compensate.live import dome_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
@@ -60,17 +61,14 @@ class CompiledDome:
             block=np.uint64(k.block),
             weights=k.weights.astype(np.float32),
             dark=np.float32(k.dark),
-            hue=np.float32(k.aim.hue),
-            over_fade=np.float32(1 / k.aim.fade),
-            over_edge=np.float32(1 / k.aim.edge),
         )
         self._cells = places_along(cols, k.cell, k.gain.shape[1])
         self._blocks = places_along(cols, k.block, shape[1])
         self._blocks_cells = places_along(shape[1], k.cell // k.block, k.gain.shape[1])
-        self._heap = np.zeros((6, *shape), np.float32)
-        self._work = np.zeros((12, *shape), np.float32)
-        self._coarse = np.empty((4, *shape), np.float32)
-        self._bases = np.empty((4, shape[0], cols), np.float32)
+        self._heap = np.zeros((4, *shape), np.float32)
+        self._work = np.zeros((5, *shape), np.float32)
+        self._coarse = np.empty((2, *shape), np.float32)
+        self._base = np.empty((2, shape[0], cols), np.float32)
         self._lifts = np.empty((rows, cols), np.float32)
         self._sums = np.zeros((6, *k.gain.shape), np.float32)
         self._room = room_for(rows, cols, pixels)
@@ -93,18 +91,22 @@ class CompiledDome:
         """
         k = self._k
         frame = (codes.view("<u2") if self._pixels.floating else codes).reshape(len(codes), -1)
-        out, missing = next(self._room), np.float32(0)
-        noise, below = shifts_of(number, len(codes)), self._bases[:, :0]
+        out, v = next(self._room), np.float32(0)
+        noise, below = shifts_of(number, len(codes)), self._base[:, :0]
 
         def sweep(stage: int, floors: NDArray[np.float32]) -> None:
             loops.sweep(
-                stage, self._code, self._dome, frame, floors, below, self._bases, missing,
-                self._lifts, self._heap, self._sums, noise, out.reshape(frame.shape),
+                stage, self._code, self._dome, frame, floors, below, self._base, v, self._lifts,
+                self._heap, self._sums, noise, out.reshape(frame.shape),
             )  # fmt: skip
 
         floors = self._settled(loops.MASTER, sweep)
-        missing, below = np.float32(self._missing(floors)), self._wide(floors)
-        self._find_bases()
+        v, below = np.float32(self._raised(floors)), self._wide(floors)
+        loops.guided(
+            self._counted, self._around, self._heap, k.radius, np.float32(EDGE**2), self._work,
+            self._coarse,
+        )  # fmt: skip
+        widened(self._coarse, *self._blocks, self._base)
         sweep(loops.WRITTEN, self._wide(self._settled(loops.AIMED, sweep)))
         if not self._pixels.floating:
             return out
@@ -145,32 +147,23 @@ class CompiledDome:
         widened(floors, *self._cells, found)
         return found
 
-    def _find_bases(self) -> None:
-        """Fill `_bases` from what the sweep over the master has found."""
-        self._work[:3] = self._heap[[0, 1, 3]]
-        edge = np.float32(self._k.aim.edge)
-        loops.bases(
-            self._counted, self._around, self._heap, self._k.radius, edge, self._work, self._coarse
-        )
-        widened(self._coarse, *self._blocks, self._bases)
-
-    def _missing(self, floors: NDArray[np.float32]) -> float:
-        """See `compensate.aim`: v, by the mean over the darkest share of the screen.
+    def _raised(self, floors: NDArray[np.float32]) -> float:
+        """How far black is lifted, v of `compensate.aim.dome`.
 
         The mean of the highest share a of values u is the least of t + E[max(u - t, 0)] / a over t,
         at their quantile (R. T. Rockafellar, S. Uryasev, "Optimization of conditional value-at-
         risk", J. Risk 2(3), 2000). It is convex, so that it lies below tangents that cross.
         """
-        k, share = self._k, self._k.aim.darkest
+        k = self._k
         floor = np.tensordot(k.weights, floors[:3], 1) * floors[3]
         wide = np.empty((1, len(floor), self._counted.shape[1]), np.float32)
         widened(floor[None].astype(np.float32), *self._blocks_cells, wide)
         lacking = np.empty_like(self._counted)
-        loops.lacking(wide, k.cell // k.block, self._heap[5], self._counted, lacking)
+        loops.lacking(wide, k.cell // k.block, self._heap[3], self._counted, lacking)
 
         def tangent(level: float) -> tuple[float, float, float]:
             above, more = loops.excess(self._counted, lacking, np.float32(level))
-            return level, level + more / share, 1 - above / share
+            return level, level + more / DARKEST, 1 - above / DARKEST
 
         low, high = tangent(0.0), tangent(float(lacking.max()))
         least = low[1]
@@ -184,7 +177,7 @@ class CompiledDome:
             if found[1] - (low[1] + low[2] * (level - low[0])) < _EXACT * high[0]:
                 break
             low, high = (found, high) if found[2] < 0 else (low, found)
-        return float(k.aim.raised(least, k.dark))
+        return k.aim.lift * least
 
 
 def _spans(screen: NDArray[np.bool_]) -> NDArray[np.uint64]:

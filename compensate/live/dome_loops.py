@@ -40,7 +40,9 @@ _WIDE, _PITCH = np.uint64(2048), 2064
 """Columns of a tile, and of its planes."""
 
 # Planes of a tile: light; 1 on the screen; sums by cells; sums by blocks
-_HERE, _SUMS, _HEAP, _PLANES = 3, 4, 10, 16
+_HERE, _SUMS, _HEAP, _PLANES = 3, 4, 10, 14
+_OF_CELLS, _OF_BLOCKS = _HEAP - _SUMS, _PLANES - _HEAP
+_TWO, _LEAST = np.float32(2), np.float32(1e-30)
 
 
 class Dome(NamedTuple):
@@ -54,10 +56,8 @@ class Dome(NamedTuple):
         (row, piece, 2) columns between which a row has screen.
     cell, block
         As there.
-    weights, dark, hue
+    weights, dark
         As there, of float32.
-    over_fade, over_edge
-        One over the aim's.
     """
 
     cols: np.uint64
@@ -66,9 +66,6 @@ class Dome(NamedTuple):
     block: np.uint64
     weights: NDArray[np.float32]
     dark: np.float32
-    hue: np.float32
-    over_fade: np.float32
-    over_edge: np.float32
 
 
 @INSIDE
@@ -78,64 +75,63 @@ def _set(w: Any, k: int, a: Any, b: Any, value: Any) -> None:
 
 
 @INSIDE
-def _adapting(k: Any, w: Any, j: Any, gain: Any) -> Any:
-    """Luminance that is seen of the light, and what the eye loses."""
-    mean = k.weights[0] * w[0, j] + k.weights[1] * w[1, j] + k.weights[2] * w[2, j]
-    return max(mean * gain, NO) + k.dark
+def _luminance(k: Any, red: Any, green: Any, blue: Any) -> Any:
+    return max(k.weights[0] * red + k.weights[1] * green + k.weights[2] * blue, NO)
 
 
 @INSIDE
 def _moments(k: Any, floors: Any, at: Any, first: Any, a: Any, b: Any, w: Any) -> None:
     """Add what the base is made of, by columns."""
     for j in range(a, b):
-        seen = _adapting(k, w, j, between(floors, 3, at, first + j))
-        log = logarithm(seen)
-        here = w[_HERE, j]
-        importance = here * k.dark / seen
+        seen = _luminance(k, w[0, j], w[1, j], w[2, j]) * between(floors, 3, at, first + j)
+        m = seen + k.dark
+        log, here = logarithm(m), w[_HERE, j]
+        importance = here * k.dark / m
         w[_HEAP, j] += importance
-        w[_HEAP + 1, j] += here * log
-        w[_HEAP + 2, j] += here * log * log
-        w[_HEAP + 3, j] += importance * log
-        w[_HEAP + 4, j] += importance * log * log
-        w[_HEAP + 5, j] += here * (seen - k.dark)
+        w[_HEAP + 1, j] += importance * log
+        w[_HEAP + 2, j] += importance * log * log
+        w[_HEAP + 3, j] += here * seen
 
 
 @INSIDE
 def _lifted(
-    k: Any, below: Any, bases: Any, missing: Any, lifts: Any, i: Any, at: Any, up: Any, first: Any,
+    k: Any, below: Any, base: Any, v: Any, lifts: Any, i: Any, at: Any, up: Any, first: Any,
     a: Any, b: Any, w: Any,
 ) -> None:  # fmt: skip
-    """How much the light is lifted: B' / B."""
+    """How much the light is lifted: m' / m."""
     for j in range(a, b):
         c = first + j
-        log = logarithm(_adapting(k, w, j, between(below, 3, at, c)))
-        of_all = between(bases, 0, up, c) * log + between(bases, 1, up, c)
-        of_dark = between(bases, 2, up, c) * log + between(bases, 3, up, c)
-        of_both = of_dark + (of_all - of_dark) * within((log - of_dark) * k.over_edge)
-        gain = ONE + max(missing * exponential(-of_both) - k.over_fade, NO)
-        top = max(w[0, j], w[1, j], w[2, j])
-        lifts[i, c] = max(min(gain, ONE / max(top, TINY)), ONE)
+        red, green, blue = w[0, j], w[1, j], w[2, j]
+        m = _luminance(k, red, green, blue) * between(below, 3, at, c) + k.dark
+        over_b = exponential(-between(base, 0, up, c) * logarithm(m) - between(base, 1, up, c))
+        t = min(ONE / (over_b * m), ONE)
+        raised = np.sqrt(ONE + v * over_b * (v * over_b)) - ONE
+        gain = ONE + raised * t * (_TWO - t)
+        lifts[i, c] = max(min(gain, ONE / max(red, green, blue, TINY)), ONE)
 
 
 @INSIDE
 def _aimed(
     k: Any, below: Any, lifts: Any, i: Any, at: Any, first: Any, a: Any, b: Any, w: Any
 ) -> None:
-    """The aim in the place of the light, with hues kept over what is there.
-
-    A primary that lacks more than it gets stays below its floor: none of it is projected.
-    """
+    """The aim in the place of the light: mixed with grey as far as it is lifted, and no harm."""
     for j in range(a, b):
         c = first + j
         gain = lifts[i, c]
-        red, green, blue = w[0, j], w[1, j], w[2, j]
-        top = max(red, green, blue)
-        raised = ONE - top / max(top * gain, TINY)
-        red, green, blue = red * gain, green * gain, blue * gain
-        lack = max(between(below, 0, at, c) - red, between(below, 1, at, c) - green)
-        lack = max(lack, between(below, 2, at, c) - blue, NO)
-        shared = k.hue * raised * lack
-        w[0, j], w[1, j], w[2, j] = red + shared, green + shared, blue + shared
+        red, green, blue = w[0, j] * gain, w[1, j] * gain, w[2, j] * gain
+        y = _luminance(k, red, green, blue)
+        low_red, low_green = between(below, 0, at, c), between(below, 1, at, c)
+        low_blue = between(below, 2, at, c)
+        least = min(red / max(low_red, TINY), green / max(low_green, TINY))
+        least = min(least, blue / max(low_blue, TINY), ONE)
+        own = ONE - (ONE - ONE / gain) * (ONE - max(_TWO * least - ONE, NO))
+        red, green, blue = y + own * (red - y), y + own * (green - y), y + own * (blue - y)
+        over_red, over_green = max(red - low_red, NO), max(green - low_green, NO)
+        over_blue = max(blue - low_blue, NO)
+        over = max(_luminance(k, over_red, over_green, over_blue), TINY)
+        less = ONE - min(y / (gain * over), ONE)
+        w[0, j], w[1, j] = red - less * over_red, green - less * over_green
+        w[2, j] = blue - less * over_blue
 
 
 @INSIDE
@@ -175,8 +171,8 @@ def sweep(
     codes: Any,
     floors: Any,
     below: Any,
-    bases: Any,
-    missing: Any,
+    base: Any,
+    v: Any,
     lifts: Any,
     heap: Any,
     sums: Any,
@@ -187,17 +183,17 @@ def sweep(
 
     `floors`: (4, cell row, col): ambient and reflected light that is taken off the light of
     `stage`, and the direct gain.
-    `below`: those of MASTER, over which the aim keeps hues.
-    `bases`, `missing`: (4, block row, col) slopes and offsets of the base of all, and of the dark;
-    and the missing light: of AIMED, which writes `lifts`: (row, col) B' / B.
-    `heap`: (6, block row, block col) of MASTER: sums of importance, of logarithms and their
-    squares, without and with it, and of luminance.
+    `below`: those of MASTER, below which the aim has no primary.
+    `base`, `v`: (2, block row, col) slope and offset of the base, and how far black is lifted: of
+    AIMED, which writes `lifts`: (row, col) m' / m.
+    `heap`: (4, block row, block col) of MASTER: sums of importance, of logarithms and of their
+    squares by it, and of luminance.
     `sums`: (6, cell row, cell col): of light, and of the pixels that move with the floor.
     `noise`: (row,) places at which noise begins.
     """
     rows = codes.shape[0]
-    _begun(sums, 6)
-    _begun(heap, 6 if stage == MASTER else 0)
+    _begun(sums, _OF_CELLS)
+    _begun(heap, _OF_BLOCKS if stage == MASTER else 0)
     for band in numba.prange(sums.shape[1]):
         w = np.zeros((_PLANES, _PITCH), np.float32)
         places, found = np.empty(_WIDE, np.uint32), np.empty((3, _WIDE), out.dtype)
@@ -222,8 +218,8 @@ def sweep(
                         _moments(k, floors, at, first, a, b, w)
                     else:
                         if stage == AIMED:
-                            up = about(i, k.block, bases)
-                            _lifted(k, below, bases, missing, lifts, i, at, up, first, a, b, w)
+                            up = about(i, k.block, base)
+                            _lifted(k, below, base, v, lifts, i, at, up, first, a, b, w)
                         _aimed(k, below, lifts, i, at, first, a, b, w)
                     if stage != WRITTEN:
                         _counted(floors, at, first, begin, end, a, b, w)
@@ -236,9 +232,9 @@ def sweep(
                 if stage == WRITTEN:
                     copied(code, codes, i, first + done, first + wide, out)
                 elif stage == MASTER and ((i + 1) % k.block == 0 or i == last):
-                    summed(w, _HEAP, first, wide, k.block, i // k.block, heap)
+                    summed(w, _HEAP, _OF_BLOCKS, first, wide, k.block, i // k.block, heap)
             if stage != WRITTEN:
-                summed(w, _SUMS, first, wide, k.cell, band, sums)
+                summed(w, _SUMS, _OF_CELLS, first, wide, k.cell, band, sums)
 
 
 @INSIDE
@@ -257,47 +253,39 @@ def _boxed(planes: Any, i: Any, radius: int, line: Any, found: Any) -> None:
 
 
 @COMPILED
-def bases(
-    counted: Any, around: Any, heap: Any, radius: int, edge: Any, work: Any, result: Any
+def guided(
+    counted: Any, around: Any, heap: Any, radius: int, variance: Any, work: Any, result: Any
 ) -> None:
-    """`compensate.blocks.coefficients` of all, and by importance, from what `sweep` has found.
+    """`compensate.blocks.guided` from what `sweep` has found.
 
     `counted`, `around`: (row, col) of blocks: pixels that count, and their sums over boxes.
-    `work`: (12, row, col), for use in between; the first three are planes 0, 1 and 3 of `heap`.
-    `result`: (4, row, col): slopes and offsets.
+    `variance`: of an edge.
+    `work`: (5, row, col), for use in between.
+    `result`: (2, row, col): slope and offset.
     """
     rows, cols = counted.shape
-    variance = edge * edge
-    least = np.float32(1e-30)
-    for i in numba.prange(rows):
-        line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((3, cols), np.float32)
-        _boxed(work[:3], i, radius, line, sums)
-        for j in range(cols):
-            count, weight = max(around[i, j], least), max(sums[0, j], least)
-            of_all, of_dark = sums[1, j] / count, sums[2, j] / weight
-            spread = heap[2, i, j] + (of_all * counted[i, j] - 2 * heap[1, i, j]) * of_all
-            work[3, i, j] = max(spread, NO)
-            spread = heap[4, i, j] + (of_dark * heap[0, i, j] - 2 * heap[3, i, j]) * of_dark
-            work[4, i, j] = max(spread, NO)
-            work[5, i, j], work[6, i, j], work[7, i, j] = of_all, of_dark, weight
     for i in numba.prange(rows):
         line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((2, cols), np.float32)
-        _boxed(work[3:5], i, radius, line, sums)
+        _boxed(heap[:2], i, radius, line, sums)
         for j in range(cols):
-            spread = sums[0, j] / max(around[i, j], least)
-            slope = spread / (spread + variance)
-            work[8, i, j] = counted[i, j] * slope
-            work[9, i, j] = counted[i, j] * (ONE - slope) * work[5, i, j]
-            spread = sums[1, j] / work[7, i, j]
-            slope = spread / (spread + variance)
-            work[10, i, j] = counted[i, j] * slope
-            work[11, i, j] = counted[i, j] * (ONE - slope) * work[6, i, j]
+            weight = max(sums[0, j], _LEAST)
+            middle = sums[1, j] / weight
+            spread = heap[2, i, j] + (middle * heap[0, i, j] - 2 * heap[1, i, j]) * middle
+            work[0, i, j], work[1, i, j], work[2, i, j] = max(spread, NO), middle, weight
     for i in numba.prange(rows):
-        line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((4, cols), np.float32)
-        _boxed(work[8:12], i, radius, line, sums)
-        for k in range(4):
+        line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((1, cols), np.float32)
+        _boxed(work[:1], i, radius, line, sums)
+        for j in range(cols):
+            spread = sums[0, j] / work[2, i, j]
+            slope = spread / (spread + variance)
+            work[3, i, j] = counted[i, j] * slope
+            work[4, i, j] = counted[i, j] * (ONE - slope) * work[1, i, j]
+    for i in numba.prange(rows):
+        line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((2, cols), np.float32)
+        _boxed(work[3:], i, radius, line, sums)
+        for k in range(2):
             for j in range(cols):
-                result[k, i, j] = sums[k, j] / max(around[i, j], least)
+                result[k, i, j] = sums[k, j] / max(around[i, j], _LEAST)
 
 
 @COMPILED

@@ -16,7 +16,6 @@ from compensate.live import pair_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
 from compensate.live.constants import PairConstants, turns_of
 from compensate.live.noise import shifts_of
-from compensate.live.smoothing import weights_of
 from compensate.live.tile_loops import code_of, places_along, widened
 
 
@@ -50,14 +49,13 @@ class CompiledPair:
         k = self._k = constants
         self._pixels = pixels
         self._code = code_of(coding, pixels, k.cols, dithers=dithers)
-        self._fine = k.blocks[-1]
         cell = k.cell or max(k.rows, k.cols)
         self._pair = loops.Pair(
             rows=k.rows,
             cols=np.uint64(k.cols),
             down=np.uint64(0 if beside else k.rows),
             across=np.uint64(k.cols if beside else 0),
-            block=np.uint64(self._fine),
+            block=np.uint64(k.block),
             cell=cell,
             rounds=-(-turns_of(k) // 2),
             weights=k.weights.astype(np.float32),
@@ -67,17 +65,12 @@ class CompiledPair:
         self._shares = np.empty((*k.share.shape[:2], k.cols), np.float32)
         places = places_along(k.cols, cell, k.share.shape[2])
         widened(k.share.astype(np.float32), *places, self._shares)
-        self._counts = 1 / block_sums(np.ones((k.rows, k.cols), np.float32), self._fine)
+        self._counts = 1 / block_sums(np.ones((k.rows, k.cols), np.float32), k.block)
         size = self._counts.shape
-        self._places = places_along(k.cols, self._fine, size[1])
-        self._found = np.empty((14, *size), np.float32)
-        self._work = np.empty((14, *size), np.float32)
-        self._veils = np.empty((8, *size), np.float32)
-        self._nearby = _weights(size, k.nearby / self._fine)
-        self._octaves = [
-            _Octave(size, block // self._fine, sigma / block)
-            for sigma, block in zip(k.sigmas, k.blocks, strict=True)
-        ]
+        self._places = places_along(k.cols, k.block, size[1])
+        self._found, self._veils = np.zeros((2, 6, *size), np.float32)
+        self._down = np.asarray(k.veil * k.down, np.float32)
+        self._across = np.asarray(k.across.T, np.float32)
         down, across = (1, 2) if beside else (2, 1)
         self._room = room_for(down * k.rows, across * k.cols, pixels)
 
@@ -87,7 +80,7 @@ class CompiledPair:
         out, noise = next(self._room), shifts_of(number, self._k.rows)
         for writes in (False, True):
             if writes:
-                self._find_veils()
+                np.matmul(self._down @ self._found, self._across, out=self._veils)
             loops.sweep(
                 writes, self._code, self._pair, frame, self._shares, self._counts, self._found,
                 self._veils, *self._places, noise, out.reshape(frame.shape),
@@ -97,57 +90,3 @@ class CompiledPair:
         out = out.astype("<f2")
         out[..., 3:] = codes[..., 3:]
         return out
-
-    def _find_veils(self) -> None:
-        """Fill `_veils` from what the first sweep has found."""
-        aim, dark = self._k.aim, np.float32(self._k.dark)
-        ghosts, near = self._found[:12], self._found[12:]
-        loops.smoothed(near, *self._nearby, self._work[12:])
-        sums = self._octaves[-1].sums = ghosts
-        for octave in reversed(self._octaves[:-1]):
-            if octave.sums.shape == sums.shape:
-                np.copyto(octave.sums, sums)
-            else:
-                loops.halved(sums, octave.sums)
-            sums = octave.sums
-        for octave in self._octaves:
-            means = octave.sums
-            if octave.block > 1:
-                means *= octave.counts
-            loops.smoothed(means, *octave.weights, octave.work)
-            loops.peaks(means, np.float32(aim.lift), self._pair.weights, octave.peaks)
-            if octave.block > 1:
-                widened(octave.peaks, *octave.places, octave.wide)
-            loops.raised(
-                octave.wide, octave.block, octave is self._octaves[0], near, dark,
-                np.float32(aim.faint), self._veils,
-            )  # fmt: skip
-
-
-def _weights(size: tuple[int, ...], sigma: float) -> tuple[NDArray[np.float32], ...]:
-    """Weights of means across, and down, of (row, col) `size`."""
-    across, down = (weights_of(count, sigma).astype(np.float32) for count in reversed(size))
-    return across, down
-
-
-class _Octave:
-    """Room for an octave of veils.
-
-    Parameters
-    ----------
-    size
-        (row, col) of the finest blocks.
-    block
-        How many of them along a side of the octave's blocks.
-    sigma
-        Of its means, in its blocks.
-    """
-
-    def __init__(self, size: tuple[int, ...], block: int, sigma: float) -> None:
-        rows, cols = (-(-count // block) for count in size)
-        self.block, self.weights = block, _weights((rows, cols), sigma)
-        self.counts = 1 / block_sums(np.ones(size, np.float32), block)
-        self.sums, self.work = np.empty((2, 12, rows, cols), np.float32)
-        self.peaks = np.empty((8, rows, cols), np.float32)
-        self.places = places_along(size[1], block, cols)
-        self.wide = np.empty((8, rows, size[1]), np.float32) if block > 1 else self.peaks

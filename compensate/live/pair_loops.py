@@ -18,7 +18,6 @@ from compensate.live.tile_loops import (
     NEXT,
     NO,
     NONE,
-    ONE,
     TINY,
     about,
     between,
@@ -33,11 +32,9 @@ _WIDE, _PITCH = np.uint64(512), 528
 """Columns of a tile, and of its planes: fewer than of a dome, for it has many."""
 
 # Planes of a tile: light; what is shown of it; the map; rows of veils; sums, and room to add up
-_SHOWN, _SHARE, _VEILS, _SUMS, _ROOM, _PLANES = 6, 12, 14, 30, 44, 46
+_SHOWN, _SHARE, _VEILS, _SUMS, _ROOM, _PLANES = 6, 12, 14, 26, 32, 34
 _BAND = 32
 """Rows that a thread does at once: whole blocks."""
-_TAPS = 4
-"""Neighbours that are added at once."""
 
 
 class Pair(NamedTuple):
@@ -50,7 +47,7 @@ class Pair(NamedTuple):
     down, across
         Where the right view begins in a frame.
     block
-        Pixels along a side of the finest blocks: a power of two.
+        Pixels along a side of the blocks: a power of two.
     cell
         Pixels along a side of the cells of the map, or of the picture.
     rounds
@@ -110,14 +107,10 @@ def _ghost(k: Any, w: Any, view: int, p: int, j: Any) -> Any:
 
 @INSIDE
 def _counted(k: Any, view: int, wide: Any, w: Any) -> None:
-    """Add ghosts, their squares and the luminance of a view, by columns."""
-    mine = 3 * view
+    """Add ghosts of a view, by columns."""
     for j in range(NONE, wide):
         for p in range(3):
-            ghost = _ghost(k, w, view, p, j)
-            w[_SUMS + mine + p, j] += ghost
-            w[_SUMS + 6 + mine + p, j] += ghost * ghost
-        w[_SUMS + 12 + view, j] += _luminance(k, w, mine, j)
+            w[_SUMS + 3 * view + p, j] += _ghost(k, w, view, p, j)
 
 
 @INSIDE
@@ -125,9 +118,8 @@ def _veiled(k: Any, up: Any, view: int, wide: Any, w: Any) -> None:
     """Add a view's veils to its light, where they are brighter than its ghosts."""
     mine = 3 * view
     for j in range(NONE, wide):
-        faint = _row_between(w, 6 + view, up, j)
-        red, green = _rim(k, w, view, 0, up, j) * faint, _rim(k, w, view, 1, up, j) * faint
-        blue = _rim(k, w, view, 2, up, j) * faint
+        red, green = _rim(k, w, view, 0, up, j), _rim(k, w, view, 1, up, j)
+        blue = _rim(k, w, view, 2, up, j)
         rim = k.weights[0] * red + k.weights[1] * green + k.weights[2] * blue
         part = rim / max(_luminance(k, w, mine, j) + rim, TINY)
         w[mine, j] += (w[mine, j] + red) * part
@@ -152,7 +144,7 @@ def _rim(k: Any, w: Any, view: int, p: int, up: Any, j: Any) -> Any:
 def _row_between(w: Any, plane: int, part: Any, j: Any) -> Any:
     """Veils between the two rows of them that a tile holds."""
     low = w[_VEILS + plane, j]
-    return low + (w[_VEILS + 8 + plane, j] - low) * part
+    return low + (w[_VEILS + 6 + plane, j] - low) * part
 
 
 @INSIDE
@@ -192,8 +184,8 @@ def sweep(
 
     `shares`: (2, cell row, col): the map.
     `counts`: (block row, block col): one over the pixels of each block.
-    `found`: (14, block row, block col): means of ghosts, of their squares, and of luminance.
-    `veils`: (8, block row, block col): of both views, and how much fainter they are.
+    `found`: (6, block row, block col): means of ghosts, of both views.
+    `veils`: the same, of veils.
     `lows`, `parts`: (col,) blocks' columns below, see `places_along`.
     `noise`: (row,) places at which noise begins.
     """
@@ -223,13 +215,13 @@ def sweep(
                     continue
                 up = about(i, block, veils)
                 low = np.int64(up.low)
-                for p in range(8 if held != low else 0):
+                for p in range(6 if held != low else 0):
                     if held == low - 1:
                         for j in range(wide):
-                            w[_VEILS + p, j] = w[_VEILS + 8 + p, j]
+                            w[_VEILS + p, j] = w[_VEILS + 6 + p, j]
                     else:
                         widened_row(veils, p, up.low, lows, parts, first, wide, w, _VEILS + p)
-                    widened_row(veils, p, up.high, lows, parts, first, wide, w, _VEILS + 8 + p)
+                    widened_row(veils, p, up.high, lows, parts, first, wide, w, _VEILS + 6 + p)
                 held = low
                 _veiled(k, up.part, 0, wide, w)
                 _veiled(k, up.part, 1, wide, w)
@@ -240,133 +232,3 @@ def sweep(
                 begin += np.uint64(3 * APART)
                 encoded(code, w, _SHOWN + 3, NONE, wide, begin, places, kept)
                 stored(code, codes, right, first + k.across, NONE, wide, kept, out)
-
-
-@COMPILED
-def halved(planes: Any, found: Any) -> None:
-    """Sums of (plane, row, col) over squares of two, the last cut off."""
-    rows, cols = planes.shape[1], np.uint64(planes.shape[2])
-    for i in numba.prange(found.shape[1]):
-        line = np.zeros(cols + NEXT, np.float32)
-        upper, lower = NONE + np.uint64(i + i), NONE + np.uint64(min(i + i + 1, rows - 1))
-        part = ONE if i + i + 1 < rows else NO
-        for k in range(found.shape[0]):
-            for j in range(cols):
-                line[j] = planes[k, upper, j] + part * planes[k, lower, j]
-            for j in range(np.uint64(found.shape[2])):
-                found[k, i, j] = line[j + j] + line[j + j + NEXT]
-
-
-@INSIDE
-def _weighed(line: Any, table: Any, found: Any) -> None:
-    """Local means of a row, by weights of `compensate.live.smoothing`, 0 beyond both its ends.
-
-    `line` begins and ends with as many zeros as a mean reaches, and `_TAPS` more.
-    """
-    count, kept, taps = np.uint64(len(found)), np.uint64(table.shape[0]), np.uint64(table.shape[1])
-    reach = taps // np.uint64(2)
-    found[:] = NO
-    for d in range(NONE, taps, np.uint64(_TAPS)):
-        a, b, c, e = _four(table[kept - NEXT], d, taps)
-        for j in range(count):
-            near = j + d
-            some = a * line[near] + b * line[near + NEXT] + c * line[near + np.uint64(2)]
-            found[j] += some + e * line[near + np.uint64(3)]
-    for j in range(min(reach, count)):
-        for place in (j, count - NEXT - j):
-            row, some = min(place, count - NEXT - place, kept - NEXT), NO
-            for d in range(taps):
-                d_there = d if place <= count - NEXT - place else taps - NEXT - d
-                some += table[row, d_there] * line[place + d]
-            found[place] = some
-
-
-@INSIDE
-def _four(weights: Any, d: Any, taps: Any) -> Any:
-    """Four weights from `d` on; 0 beyond the last."""
-    one, two, three = d + NEXT, d + np.uint64(2), d + np.uint64(3)
-    return (
-        weights[d],
-        weights[one] if one < taps else NO,
-        weights[two] if two < taps else NO,
-        weights[three] if three < taps else NO,
-    )
-
-
-@COMPILED
-def smoothed(planes: Any, across: Any, down: Any, work: Any) -> None:
-    """Local means of (plane, row, col), in their place."""
-    count, rows, cols = planes.shape
-    kept, reach = down.shape[0], down.shape[1] // 2
-    far_across = np.uint64(across.shape[1] // 2)
-    for at in numba.prange(count * rows):
-        k, i = at // rows, at % rows
-        line = np.zeros(cols + across.shape[1] + _TAPS, np.float32)
-        most = NO
-        for j in range(np.uint64(cols)):
-            value = planes[k, i, j]
-            line[far_across + j] = value
-            most = max(most, value)
-        if most > NO:
-            _weighed(line, across, work[k, i])
-        else:
-            work[k, i] = NO
-    for at in numba.prange(count * rows):
-        k, i = at // rows, at % rows
-        far = rows - 1 - i
-        row, sign = min(i, far, kept - 1), -1 if far < i else 1
-        begin, end = max(-reach, -i), min(reach, far)
-        for j in range(np.uint64(cols)):
-            planes[k, i, j] = NO
-        for d in range(begin, end + 1, _TAPS):
-            a = down[row, reach + sign * d]
-            b = down[row, reach + sign * (d + 1)] if d + 1 <= end else NO
-            c = down[row, reach + sign * (d + 2)] if d + 2 <= end else NO
-            e = down[row, reach + sign * (d + 3)] if d + 3 <= end else NO
-            second, third, fourth = min(d + 1, end), min(d + 2, end), min(d + 3, end)
-            for j in range(np.uint64(cols)):
-                some = a * work[k, i + d, j] + b * work[k, i + second, j]
-                planes[k, i, j] += some + c * work[k, i + third, j] + e * work[k, i + fourth, j]
-
-
-@COMPILED
-def peaks(means: Any, lift: Any, weights: Any, found: Any) -> None:
-    """Veils of an octave, and how bright ghosts are that they hide.
-
-    `means`: (12, row, col) of ghosts and their squares, smoothed.
-    `found`: (8, row, col): of both views, and luminance of each.
-    """
-    for i in numba.prange(means.shape[1]):
-        for view in range(2):
-            for j in range(np.uint64(means.shape[2])):
-                own = NO
-                for p in range(3):
-                    mean = means[3 * view + p, i, j]
-                    peak = means[6 + 3 * view + p, i, j] / max(mean, TINY)
-                    found[3 * view + p, i, j] = min(lift * mean, peak)
-                    own += weights[p] * peak
-                found[6 + view, i, j] = own
-
-
-@COMPILED
-def raised(
-    octave: Any, block: int, first: bool, near: Any, dark: Any, faint: Any, veils: Any
-) -> None:
-    """Raise veils to those of an octave; the `first`, of (8, row, col), says how faint they are.
-
-    `octave`: (8, row, block col) as of `peaks`, widened.
-    `near`: (2, block row, block col) luminance around.
-    `veils`: (8, block row, block col).
-    """
-    for i in numba.prange(veils.shape[1]):
-        at = about(i, block, octave)
-        for k in range(6):
-            for j in range(np.uint64(veils.shape[2])):
-                veil = between(octave, k, at, j)
-                veils[k, i, j] = veil if first else max(veils[k, i, j], veil)
-        if first:
-            for view in range(2):
-                for j in range(np.uint64(veils.shape[2])):
-                    own = max(between(octave, 6 + view, at, j), NO)
-                    stands_out = own / (near[view, i, j] + dark)
-                    veils[6 + view, i, j] = ONE / (ONE + stands_out / faint)

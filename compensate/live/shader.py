@@ -17,7 +17,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim import HARDLY, Aim
+from compensate.aim import Aim
+from compensate.aim.dome import DARKEST, EDGE
 from compensate.live.coding import Coding
 from compensate.live.constants import (
     DomeConstants,
@@ -25,7 +26,6 @@ from compensate.live.constants import (
     constants_of,
     turns_of,
 )
-from compensate.live.smoothing import weights_of
 from domesim import __version__
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
@@ -35,6 +35,8 @@ from domesim.scene import Scene
 _EXACT = 1e-4
 """Share of their first error to which floors are found."""
 _SIDE = 256  # texels of a row of spans
+_LEVELS = 256
+"""Levels of missing light, from 0 to white, between which the darkest places are looked for."""
 
 
 @final
@@ -176,62 +178,35 @@ def _about_dome(k: DomeConstants) -> dict[str, Any]:
         "weights": _vector(k.weights),
         "dark": _glsl(k.dark),
         "middle": _glsl(math.log(k.dark) / 2),
-        "edge": k.aim.edge,
-        "darkest": _glsl(k.aim.darkest),
+        "variance": _glsl(EDGE**2),
+        "darkest": _glsl(DARKEST),
+        "levels": _LEVELS,
         "lift": _glsl(k.aim.lift),
-        "hardly": _glsl(HARDLY * k.dark),
-        "fade": _glsl(k.aim.fade),
-        "hue": _glsl(k.aim.hue),
     }
 
 
 def _about_pair(k: PairConstants, *, beside: bool) -> dict[str, Any]:
     """What the pair's template says of its constants."""
-    fine = k.blocks[-1]
-    fine_cols, fine_rows = -(-k.cols // fine), -(-k.rows // fine)
-    octaves = []
-    for sigma, block in zip(k.sigmas, k.blocks, strict=True):
-        within = block // fine
-        octaves.append(
-            _smoothing(-(-fine_cols // within), -(-fine_rows // within), within, sigma / block)
-        )
-    near = _smoothing(fine_cols, fine_rows, 1, k.nearby / fine)
-    numbers = range(len(octaves))
     return {
-        "textures": (
-            *("SHARE", "ACROSSNEAR", "DOWNNEAR"),
-            *(f"{name}{number}" for name in ("ACROSS", "DOWN") for number in numbers),
-        ),
+        "textures": ("SHARE", "ACROSS", "DOWN"),
         "share": _texture(k.share.reshape(-1, k.share.shape[2], 1)),
+        "across": _texture(k.across[..., None]),
+        "down": _texture(k.down[..., None]),
         "cell": k.cell,
         "cell_rows": k.share.shape[1],
         "cell_cols": k.share.shape[2],
         "rows": k.rows,
         "cols": k.cols,
-        "fine": fine,
-        "fine_rows": fine_rows,
-        "fine_cols": fine_cols,
+        "block": k.block,
+        "block_rows": len(k.down),
+        "block_cols": len(k.across),
         "beside": beside,
-        "octaves": octaves,
-        "near": near,
         "matrices": [_matrix(matrix) for matrix in k.matrices],
         "black": [_vector(black) for black in k.black],
         "rounds": -(-turns_of(k) // 2),
         "weights": _vector(k.weights),
-        "dark": _glsl(k.dark),
-        "lift": _glsl(k.aim.lift),
-        "faint": _glsl(k.aim.faint),
+        "veil": _glsl(k.veil),
     }
-
-
-def _smoothing(cols: int, rows: int, block: int, sigma: float) -> SimpleNamespace:
-    """A plane's size, and how `compensate.blocks.smooth` weighs its neighbours near its edges."""
-    about: dict[str, Any] = {"cols": cols, "rows": rows, "block": block, "reach": {}, "kept": {}}
-    for name, axis, count in (("across", "x", cols), ("down", "y", rows)):
-        table = weights_of(count, sigma)
-        about[name] = _texture(table[..., None])
-        about["kept"][axis], about["reach"][axis] = len(table), table.shape[1] // 2
-    return SimpleNamespace(**about)
 
 
 def _feedback(k: DomeConstants) -> float:
@@ -255,10 +230,6 @@ def _of_four(values: NDArray[np.floating]) -> NDArray[np.floating]:
 
 def _told(value: Any) -> Any:
     """What a digest is made of."""
-    if isinstance(value, SimpleNamespace):
-        return [(key, _told(each)) for key, each in sorted(vars(value).items())]
-    if isinstance(value, list):
-        return [_told(each) for each in value]
     return value.hex if isinstance(value, _Texture) else value
 
 

@@ -273,21 +273,19 @@ def between(planes: Any, k: int, row: Any, j: Any) -> Any:
 
 
 @INSIDE
-def summed(w: Any, k: int, first: Any, wide: Any, side: Any, row: Any, found: Any) -> None:
-    """Add six planes of a tile to sums over the columns of cells or blocks, and begin anew."""
-    j, c = NONE, first // side
-    while j < wide:
-        end = min((c + NEXT) * side - first, wide)
-        some = (NO, NO, NO, NO, NO, NO)
-        while j < end:
-            some = (
-                some[0] + w[k, j], some[1] + w[k + 1, j], some[2] + w[k + 2, j],
-                some[3] + w[k + 3, j], some[4] + w[k + 4, j], some[5] + w[k + 5, j],
-            )  # fmt: skip
-            j += NEXT
-        for p in range(6):
-            found[p, row, c] += some[p]
-        c += NEXT
-    for p in range(6):
+def summed(
+    w: Any, k: int, planes: int, first: Any, wide: Any, side: Any, row: Any, found: Any
+) -> None:
+    """Add planes of a tile to sums over the columns of cells or blocks, and begin anew."""
+    for p in range(planes):
+        j, c = NONE, first // side
+        while j < wide:
+            end = min((c + NEXT) * side - first, wide)
+            some = NO
+            while j < end:
+                some += w[k + p, j]
+                j += NEXT
+            found[p, row, c] += some
+            c += NEXT
         for place in range(NONE, wide):
             w[k + p, place] = NO

@@ -384,8 +384,10 @@ def cost_of(text: str) -> Cost:
         texels = int(saved[2]) * int(saved[3]) if saved else sizes["HOOKED"]
         body = part[part.index("vec2 clip_to(") :]
         costs = _functions(body)
+        block, group = re.findall(r"//!COMPUTE (\d+) \1 (\d+) \2\n", part)[0]
+        threads = texels * (int(group) / int(block)) ** 2
         moved += TEXEL * (texels + sum(sizes[name] for name in read if f"fetch_{name}(" in body))
-        fetched += texels * costs["texel"]
+        fetched += threads * costs["hook"]
         if saved:
             sizes[saved[1]] = texels
     return Cost(len(passes), moved, fetched)
@@ -400,8 +402,9 @@ def _size_of(text: str) -> int:
 def _functions(body: str) -> dict[str, float]:
     """Texels that each function of GLSL fetches, with those that it calls."""
     costs: dict[str, float] = {}
-    for found in re.finditer(r"(?:vec\d|float|void|int) (\w+)\([^;{}()]*\) \{", body):
-        costs[found[1]] = _fetches(body, found.end() - 1, costs)[0]
+    for _ in range(2):  # the first of them calls what follows
+        for found in re.finditer(r"(?:vec\d|float|void|int) (\w+)\([^;{}()]*\) \{", body):
+            costs[found[1]] = _fetches(body, found.end() - 1, costs)[0]
     return costs
 
 

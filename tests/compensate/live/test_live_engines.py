@@ -4,37 +4,35 @@ from __future__ import annotations
 
 import importlib.util
 from dataclasses import replace
+from typing import Any
 
+import array_api_strict
 import numpy as np
 import pytest
-from live_pictures import SRGB, engine_for, expected, frame_of, made, tabulated
+from live_pictures import (
+    SRGB,
+    STRONG,
+    engine_for,
+    expected,
+    frame_of,
+    made,
+    tabulated,
+    uncompiled,
+)
 from numpy.typing import NDArray
 
-from compensate.blocks import smooth
-from compensate.live import engines
+from compensate.live import arrays, engines
 from compensate.live.coding import PIXEL_FORMATS, Coding
 from compensate.live.constants import DomeConstants, constants_of, turns_of
 from compensate.live.shader import shader_of
-from compensate.live.smoothing import weights_of
 from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
 from domesim.scene import CinemaScene, load_scene
 from domesim.scene.flat import ROOM
 from validation.inputs import stereo_at
 
-
-@pytest.mark.parametrize(("count", "sigma"), [(40, 2.2), (41, 0.7), (7, 3.0), (1, 2.0)])
-def test_weights_are_those_of_the_means(count, sigma):
-    line = np.random.default_rng(0).random(count)
-    table = weights_of(count, sigma)
-    reach = table.shape[1] // 2
-    found = []
-    for place in range(count):
-        far = count - 1 - place
-        row, sign = min(place, far, len(table) - 1), -1 if far < place else 1
-        near = range(max(-reach, -place), min(reach, far) + 1)
-        found.append(sum(table[row, reach + sign * d] * line[place + d] for d in near))
-    np.testing.assert_allclose(found, smooth(line[None], sigma)[0], rtol=1e-6)
+SMALL = [load_scene("dome_led"), stereo_at(0.1, 15.0)]
+"""Scenes whose formulas a few pixels show."""
 
 
 def test_cells_hold_what_varies_over_the_screen():
@@ -106,6 +104,37 @@ def test_plain_frames_are_what_the_master_path_makes():
     off = ~scene.screen(48, 48)
     assert (found[off] == frame[off]).all()
     assert (found != frame).any()
+
+
+@pytest.mark.parametrize("scene", SMALL, ids=lambda scene: scene.name)
+def test_formulas_of_the_loops_are_the_librarys(scene):
+    """Run by Python itself, after another frame: nothing of that is left."""
+    frame = frame_of(scene, 36, "rgb48le")
+    wanted = expected(scene, frame, "rgb48le", aim=STRONG).astype(int)
+    with uncompiled():
+        rows, cols = frame.shape[0], frame.shape[1] // scene.views
+        by, engine = engine_for(scene, rows, cols, "rgb48le", by="numba", aim=STRONG)
+        engine(frame[::-1].copy(), 0)
+        found = engine(frame, 1).astype(int)
+    assert by == "numba"
+    assert np.abs(found - wanted).max() <= 5
+    assert np.mean(frame != wanted) > 0.1
+
+
+@pytest.mark.parametrize("scene", SMALL, ids=lambda scene: scene.name)
+def test_arrays_of_any_library(scene, monkeypatch):
+    """By the standard alone, which has no device; after another frame, too."""
+    frame = frame_of(scene, 48, "rgba64le")
+    wanted = expected(scene, frame, "rgba64le", aim=STRONG).astype(int)
+    rows, cols = frame.shape[0], frame.shape[1] // scene.views
+    monkeypatch.setattr(arrays, "sender_to", lambda device: _strict)
+    _, engine = engine_for(scene, rows, cols, "rgba64le", by="cuda", device="cuda", aim=STRONG)
+    engine(frame[::-1].copy(), 0)
+    assert np.abs(engine(frame, 1).astype(int) - wanted).max() <= 5
+
+
+def _strict(array: NDArray[Any]) -> Any:
+    return array_api_strict.asarray(np.ascontiguousarray(array))
 
 
 @pytest.mark.long

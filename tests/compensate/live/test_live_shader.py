@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from live_pictures import (
     SRGB,
+    STRONG,
     expected,
     frame_of,
     made,
@@ -25,6 +26,7 @@ from live_pictures import (
 from numpy.typing import NDArray
 from PIL import Image
 
+from compensate.aim import Aim
 from compensate.live.shader import shader_of
 from compensate.live.y4m import header_of
 from domesim.errors import InputError
@@ -52,37 +54,44 @@ def off(found: NDArray[Any], wanted: NDArray[Any], scene: Scene) -> None:
     assert np.mean(apart > 0) < 0.5
 
 
-def run(scene: Scene, frame: NDArray[Any], folder: Path, *, beside: bool = True) -> NDArray[Any]:
+def run(
+    scene: Scene,
+    frame: NDArray[Any],
+    folder: Path,
+    *,
+    beside: bool = True,
+    aim: Aim | None = None,
+) -> NDArray[Any]:
     require_vulkan()
     height, width = frame.shape[:2]
     rows, cols = height, width
     if scene.views == 2:
         rows, cols = (height, width // 2) if beside else (height // 2, width)
-    text = shader_of(scene, rows, cols, SRGB, beside=beside)
+    text = shader_of(scene, rows, cols, SRGB, beside=beside, aim=aim)
     data = shaded(text, folder, frame.tobytes(), f"{width}x{height}", "rgb24", "rgba")
     return np.frombuffer(data, "u1").reshape(frame.shape)
 
 
 def test_a_dome_in_libplacebo(tmp_path):
-    scene = load_scene("dome_imax")
+    scene = load_scene("dome_led")  # the most feedback
     frame = frame_of(scene, 192)  # blocks of one pixel
-    found = run(scene, frame, tmp_path)
-    off(found, expected(scene, frame), scene)
+    found = run(scene, frame, tmp_path, aim=STRONG)
+    off(found, expected(scene, frame, aim=STRONG), scene)
     assert np.abs(found.astype(int) - frame).mean() > 3  # it did something
 
 
 def test_a_pair_with_a_map_in_libplacebo(tmp_path):
     scene = load_scene("stereo_cinema_silver")
     frame = frame_of(scene, 160)
-    found = run(scene, frame, tmp_path)
-    off(found, expected(scene, frame), scene)
+    found = run(scene, frame, tmp_path, aim=STRONG)
+    off(found, expected(scene, frame, aim=STRONG), scene)
     assert np.abs(found.astype(int) - frame).mean() > 0.3
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("size", [512, 1000])
 def test_blocks_of_several_pixels_and_the_last_cut_off(tmp_path, size):
-    scene = load_scene("dome_led")  # other primaries, and the most feedback
+    scene = load_scene("dome_imax")
     frame = frame_of(scene, size)
     off(run(scene, frame, tmp_path), expected(scene, frame), scene)
 
