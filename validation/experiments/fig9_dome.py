@@ -284,12 +284,13 @@ def _checks(theatre: str, outcome: Outcome) -> Iterator[Check]:
     yield at_most(
         f"{theatre}: dark half, over that of no compensation", ours.dark / none.dark, 0.95
     )
-    for what, found, other in (
+    for what, shown, before in (
         ("contrast of 2 to 10°", ours.plain.contrast_coarse, subtractive.plain.contrast_coarse),
         ("stars in order", ours.plain.stars_in_order, none.plain.stars_in_order),
     ):
-        if found is not None and other is not None:
-            yield at_least(f"{theatre}: {what}, over subtraction or untouched", found / other, 0.99)
+        if shown is not None and before is not None:
+            ratio = shown / before
+            yield at_least(f"{theatre}: {what}, over subtraction or untouched", ratio, 0.99)
     for name, other in (("no compensation", none), ("subtraction", subtractive)):
         yield at_least(
             f"{theatre}: relative contrast in the dark, over that of {name}",
