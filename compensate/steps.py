@@ -59,5 +59,5 @@ def visible_steps(
         step = near & (np.abs(np.diff(light, axis=1)) > VISIBLE * lower)
         return int(np.count_nonzero(step)), int(np.count_nonzero(on))
 
-    steps, all_of_them = (sum(each) for each in zip(*in_strips(count, seen.shape), strict=True))
-    return steps / max(all_of_them, 1)
+    found = in_strips(count, seen.shape)
+    return sum(steps for steps, _ in found) / max(sum(pairs for _, pairs in found), 1)
