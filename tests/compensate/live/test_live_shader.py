@@ -85,6 +85,7 @@ def test_a_pair_with_a_map_in_libplacebo(tmp_path):
     frame = frame_of(scene, 160)
     found = run(scene, frame, tmp_path, aim=STRONG)
     off(found, expected(scene, frame, aim=STRONG), scene)
+    assert np.mean(found != expected(scene, frame, aim=STRONG)) < 0.03  # veils are small
     assert np.abs(found.astype(int) - frame).mean() > 0.3
 
 
