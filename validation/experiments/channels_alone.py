@@ -33,7 +33,7 @@ def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[st
     posed = pose(night(size, seed), theatre, PerceptualWeighting())
     problem, screen, lambda_ = posed.problem, posed.screen, posed.problem.weighting
     assert isinstance(lambda_, CsfWeighting)
-    joint = ADMM()(problem, posed.subtractive)
+    joint = problem.cost(ADMM()(problem, posed.subtractive).light)
     channels = posed.desired @ lambda_.opponent.T.astype(np.float32)
     alone = np.empty_like(channels)
     for c, (low, high) in enumerate(_RANGES):
@@ -57,8 +57,8 @@ def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[st
     return {
         "clipped": Appraisal(posed).clipped,
         "out_of_gamut": float(outside[screen].mean()),
-        "excess_clipped": problem.cost(problem.project(rgb)) / joint.cost - 1,
-        "excess_subtractive": problem.cost(posed.subtractive) / joint.cost - 1,
+        "excess_clipped": problem.cost(problem.project(rgb)) / joint - 1,
+        "excess_subtractive": problem.cost(posed.subtractive) / joint - 1,
     }
 
 
