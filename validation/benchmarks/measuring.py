@@ -206,7 +206,7 @@ def least_cost(case: Case, tolerance: float = 1e-7) -> tuple[float, float | None
     task = case.double
     solver = ADMM(tolerance=tolerance, max_iterations=2000, stop_when_invisible=False)
     result = solver(task.problem, task.start)
-    return result.cost, result.gap
+    return result.minimised, result.gap
 
 
 def measure(case: Case, name: str, least: float | None, settings: Settings) -> Cost:

@@ -57,8 +57,8 @@ def measure(size: int = 256, scene: str = "dome_imax", seed: int = 0) -> dict[st
     return {
         "clipped": Appraisal(posed).clipped,
         "out_of_gamut": float(outside[screen].mean()),
-        "excess_clipped": problem.cost(problem.project(rgb)) / joint.cost - 1,
-        "excess_subtractive": problem.cost(posed.subtractive) / joint.cost - 1,
+        "excess_clipped": problem.cost(problem.project(rgb)) / joint.minimised - 1,
+        "excess_subtractive": problem.cost(posed.subtractive) / joint.minimised - 1,
     }
 
 

@@ -96,13 +96,13 @@ def two_numbers() -> dict[str, tuple[float, float]]:
 def _excesses(posed: Posed) -> dict[str, float]:
     problem, start = posed.problem, posed.subtractive
     certified = ADMM(tolerance=1e-7, max_iterations=1500, stop_when_invisible=False)
-    least = certified(problem, start).cost
+    least = certified(problem, start).minimised
     frozen = GPCG(frozen=True, tolerance=1e-5, max_iterations=60)(problem, start)
     exact = GPCG(tolerance=1e-5, max_iterations=120)(problem, start)
     return {
         "clipped": Appraisal(posed).clipped,
-        "excess_frozen": frozen.cost / least - 1,
-        "excess_exact": exact.cost / least - 1,
+        "excess_frozen": frozen.minimised / least - 1,
+        "excess_exact": exact.minimised / least - 1,
         "excess_subtractive": problem.cost(start) / least - 1,
     }
 
