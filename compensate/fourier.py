@@ -130,8 +130,8 @@ def transforms() -> Any:
 def padded_size(size: int, padding: int) -> int:
     """The next size with fast transforms that leaves at least `padding` pixels.
 
-    It is four times a product of 2, 3 and 5: solvers begin on coarser planes. (`scipy.fft` knows
-    such sizes too, and takes a fifth of a second to load.)
+    It is four times a product of 2, 3 and 5: models of vision halve it. (`scipy.fft` knows such
+    sizes too, and takes a fifth of a second to load.)
     """
     quarter = -(-(size + padding) // 4)
     while _without(2, _without(3, _without(5, quarter))) > 1:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TypeAlias
 
 from compensate.problem import Problem
@@ -17,9 +16,7 @@ from compensate.solver.deghosting import (
 )
 from compensate.solver.fitting import Fitted
 from compensate.solver.paper import PaperMethod
-from compensate.solver.relinearised import Relinearised
 from compensate.solver.result import Result
-from compensate.solver.worst_seat import WorstSeat
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.scene import DomeScene, FlatScene, Scene, StereoScene
@@ -34,7 +31,6 @@ def perceptual(
     scene: Scene,
     tolerance: float = 1e-3,
     *,
-    worst: bool = False,
     progress: Callable[[int, float], None] | None = None,
 ) -> Solver:
     """The solver of the paper's weighting: the least visible error.
@@ -42,25 +38,14 @@ def perceptual(
     Parameters
     ----------
     scene
-        What kind of problem it will be: of a table, of several seats, or plain.
+        The theatre, or stereo system.
     tolerance
-        Certified relative gap of the cost at which to stop; of the worst seat, five times that.
-    worst
-        Of several seats, minimise the largest error instead of the weighted mean.
+        Certified relative gap of the cost at which to stop.
     progress
         As for `ADMM`.
     """
     admm = ADMM(tolerance=tolerance, progress=progress)
-    if _in_a_room(scene):
-        return Fitted(admm)
-    if not isinstance(scene, StereoScene):
-        return admm
-    if scene.table is not None:
-        return Relinearised(admm, tolerance)
-    if worst and scene.several_seats:
-        inner = replace(admm, tolerance=tolerance / 5, stop_when_invisible=False)
-        return WorstSeat(inner, tolerance=5 * tolerance)
-    return admm
+    return Fitted(admm) if _in_a_room(scene) else admm
 
 
 def _perceptual(scene: Scene, problem: Problem) -> Solver:

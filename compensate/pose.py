@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from compensate.aim import Aim, Sight, aimed_light
 from compensate.aim.seats import seat_of
 from compensate.problem import Problem
-from compensate.solver.worst_seat import seat_importance
 from compensate.subtract import reflecting, subtracted
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
@@ -263,7 +262,9 @@ class Setting:
         if not isinstance(self.observation, SeveralSeats):
             return self.plain
         assert isinstance(self.scene, StereoScene)
-        return self.plain.with_importance(seat_importance(self.scene.weights))
+        return self.plain.with_importance(
+            np.repeat(self.scene.weights, 2) / np.sum(self.scene.weights)
+        )
 
     @cached_property
     def judge(self) -> CsfWeighting:

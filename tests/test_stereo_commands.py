@@ -182,15 +182,15 @@ def test_a_page(run: Run, tmp_path: Path, out: Path) -> None:
     assert "seen from 3 m" in page
 
 
-def test_all_seats_and_the_worst(run: Run, tmp_path: Path, out: Path) -> None:
+def test_all_seats(run: Run, tmp_path: Path, out: Path) -> None:
     arguments = ("compensate", *pair(tmp_path / "in"), "--scene", SCENE, "--weighting", "paper")
     found = {
         seat: figures(run, *arguments, "--seat", seat, "--out", out / seat)
-        for seat in ("sweet spot", "left", "all", "worst")
+        for seat in ("sweet spot", "left", "all")
     }
     seats = {name: told["seats"] for name, told in found.items()}
     every = ["sweet spot", "left", "right"]
-    assert seats == {"sweet spot": every[:1], "left": ["left"], "all": every, "worst": every}
+    assert seats == {"sweet spot": every[:1], "left": ["left"], "all": every}
     scene = load_stereo(SCENE)
     frames = {
         name: decoded(read_master([out / name / eye for eye in ("l.exr", "r.exr")]), scene)
@@ -205,8 +205,7 @@ def test_all_seats_and_the_worst(run: Run, tmp_path: Path, out: Path) -> None:
     errors = {name: missed(frame) for name, frame in frames.items()}
     # Whoever sits in the middle would rather not share.
     assert errors["sweet spot"][0] < errors["all"][0]
-    assert max(errors["worst"]) < max(errors["sweet spot"])
-    assert not np.array_equal(frames["all"], frames["worst"])
+    assert max(errors["all"]) < max(errors["sweet spot"])
 
 
 def test_all_seats_with_a_method_that_knows_one(run: Run, tmp_path: Path, out: Path) -> None:

@@ -23,8 +23,8 @@ class Aiming:
     tolerance: Annotated[
         float | None,
         typer.Option(
-            help="Perceptual: certified distance from the least cost at which to stop (of the "
-            "worst seat: five times that); 1e-3 by default.",
+            help="Perceptual: certified distance from the least cost at which to stop; 1e-3 by "
+            "default.",
             show_default=False,
         ),
     ] = None

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, final
 
 from compensate.aim import Aim
-from compensate.compiled import compiles
 from compensate.devices import CPU, on_device
 from compensate.figures import Appraisal, Figures
 from compensate.fourier import transforms
@@ -116,16 +115,10 @@ class Compensating(Recipe):
                 "--only-visible is for --method perceptual, one seat without a grey-to-grey "
                 "table, and the processor; leave it out"
             )
-        if self.method != "perceptual":
-            if self.device != CPU:
-                raise InputError(
-                    f"--device {self.device}: {self.method} is computed on the processor only"
-                )
-            if theatre.several_seats and self.scene.seat == "worst":
-                raise InputError(
-                    f"--seat worst: {self.method} knows one seat or the mean of all; use "
-                    f"--seat all, name one, or leave --method out"
-                )
+        if self.method != "perceptual" and self.device != CPU:
+            raise InputError(
+                f"--device {self.device}: {self.method} is computed on the processor only"
+            )
 
     def _require_spatial(self, theatre: Scene) -> None:
         """See that eq. 7 is asked for where it can be."""
@@ -196,8 +189,7 @@ class Compensating(Recipe):
         def progress(iteration: int, gap: float) -> None:
             note(f"iteration {iteration}, within {gap:.1e} of the optimum")
 
-        worst = self.scene.seat == "worst"
-        solver = perceptual(theatre, self.tolerance, worst=worst, progress=progress)
+        solver = perceptual(theatre, self.tolerance, progress=progress)
         return on_device(solver, self.device)
 
     def settings(self) -> dict[str, Any]:
@@ -206,7 +198,7 @@ class Compensating(Recipe):
         settings = {"command": "compensate", **self.scene.settings(), **settings}
         if self._least_squares(self.scene.load()):
             # Solvers round otherwise with it; nothing else uses it
-            settings["fast"] = [transforms().__name__, compiles()]
+            settings["fast"] = transforms().__name__
         return settings
 
     small = "The master, and what is projected"

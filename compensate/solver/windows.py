@@ -89,7 +89,7 @@ class Windows:
             light[:, box[0], box[1]] = result.light[_within(box, around)]
             iterations = max(iterations, result.iterations)
         ffts = math.ceil(fourier.count - before)
-        return Result(light, math.nan, math.nan, Status.WINDOWS, iterations, ffts)
+        return Result(light, None, None, Status.WINDOWS, iterations, ffts)
 
 
 def joined(boxes: Iterable[Box], reach: int, overhead: int) -> tuple[Box, ...]:

@@ -43,9 +43,8 @@ SeatName = Annotated[
     str | None,
     typer.Option(
         "--seat",
-        help="The seat to look from. Stereo: 'all' for the weighted mean of all seats, 'worst' for "
-        "the one that is worst off. Dome: figures and predictions are for that seat's pixels per "
-        "degree.",
+        help="The seat to look from. Stereo: 'all' for the mean of all seats. Dome: figures and "
+        "predictions are for that seat's pixels per degree.",
         show_default=False,
     ),
 ]

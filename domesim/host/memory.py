@@ -38,12 +38,6 @@ def keep_freed_memory() -> None:
             library.mallopt(number, value)
 
 
-def give_back_memory() -> None:
-    """Give what was kept of freed memory back, where the C library can (glibc)."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
-
-
 def limit_of_group() -> float:
     """Bytes that this process's control group, such as a container, may have; inf for all."""
     limit = math.inf

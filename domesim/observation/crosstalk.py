@@ -107,15 +107,6 @@ class Crosstalk(StereoObservation):
             result[view, :, 1 - view] = leaks[view]
         return result
 
-    def slopes(self, like: Light) -> tuple[Array, Array]:
-        """See `StereoObservation`."""
-        xp = namespace(like)
-        diagonal = np.stack([np.diag(matrix) for matrix in self._matrices])
-        other = self._share[..., None] * diagonal[:, None, None, :]
-        own = np.ones((2, 1, 1, self._shape[3]))
-        convert = [xp.asarray(a, dtype=like.dtype, device=like.device) for a in (own, other)]
-        return convert[0], convert[1]
-
     @property
     def strength(self) -> float:
         """The largest share of the other view's light that any pixel sees: ||s_v M_v||."""

@@ -4,7 +4,7 @@ A liquid crystal that still turns when the shutter opens shows some of the other
 much depends on where it comes from and where it goes. That is measured as a table over the levels
 of the eye's own picture and of the other's (Woods 2012, *Journal of Electronic Imaging* 21, 040902,
 "grey-to-grey crosstalk"). The exact table is not linear, and so has no adjoint: solvers minimise
-its linearisation, and linearise again where that led them (`compensate.solver.relinearised`).
+its linearisation at exact subtraction (`compensate.pose`).
 """
 
 from __future__ import annotations
@@ -170,10 +170,6 @@ class Linearised(StereoObservation):
 
     def _direct_adjoint(self, light: Light) -> Light:
         return light
-
-    def slopes(self, like: Light) -> tuple[Light, Light]:
-        """See `StereoObservation`."""
-        return self._slopes(like)
 
     def _slopes(self, light: Light) -> tuple[Light, Light]:
         key = kind(light)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
-from domesim.light import Array, Light
+from domesim.light import Light
 from domesim.observation.base import AdjointObservation
 
 VIEWS = ("left", "right")
@@ -35,18 +35,6 @@ class StereoObservation(AdjointObservation):
     @abstractmethod
     def central(self) -> NDArray[Any]:
         """(seen view, primary, view, primary): the one matrix nearest to all pixels' own."""
-
-    def slopes(self, like: Light) -> tuple[Array, Array]:
-        """What an eye sees of its own view's light, and of the other's, in the same primary.
-
-        Each (view, row or 1, col or 1, primary), in arrays like `like`.
-
-        Raises
-        ------
-        NotImplementedError
-            If there is more than one seat.
-        """
-        raise NotImplementedError(f"{type(self).__name__} has no slopes of two eyes")
 
 
 def require_black(black: ArrayLike, primaries: int) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ class SceneChoice:
     transport
         A file of stored light transport, or of crosstalk maps; None for none.
     seat
-        One seat; of a stereo scene also "all" or "worst" for all; None for the scene's own.
+        One seat; of a stereo scene also "all"; None for the scene's own.
     content
         Digest of what these files hold; "" if it is not known yet.
     """
@@ -100,7 +100,7 @@ class SceneChoice:
                 elif isinstance(scene, DomeScene):
                     scene = scene.with_transport(load_transport(self.transport))
         if isinstance(scene, StereoScene):
-            if self.seat in ("all", "worst"):
+            if self.seat == "all":
                 scene = scene.seen_from(*scene.seats)
             elif self.seat is not None:
                 scene = scene.seen_from(self.seat)

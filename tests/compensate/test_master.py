@@ -259,9 +259,9 @@ def test_the_certificate_is_told_in_just_noticeable_differences():
         posed.problem, posed.subtractive
     )
     for steps in (2, 3, 5):
-        early = ADMM(
-            tolerance=1e-9, max_iterations=steps, first_check=steps, stop_when_invisible=False
-        )(posed.problem, posed.subtractive)
+        early = ADMM(tolerance=1e-9, max_iterations=steps, stop_when_invisible=False)(
+            posed.problem, posed.subtractive
+        )
         seen, best = (
             posed.observation.observe(found.light.astype(np.float64)) for found in (early, optimum)
         )

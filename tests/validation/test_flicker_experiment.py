@@ -62,7 +62,7 @@ def random_gaps(monkeypatch):
     random = np.random.default_rng(0)
 
     def loosely(posed):
-        loose = replace(perceptual(posed.scene, random.random()), first_check=1)
+        loose = replace(perceptual(posed.scene, random.random()), check_every=1)
         return loose(posed.problem, posed.subtractive)
 
     product(monkeypatch, loosely)

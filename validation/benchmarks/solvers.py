@@ -50,7 +50,7 @@ def _ours(recorder: Recorder, start: Light) -> None:
         recorder.see(light)
 
     longest = ADMM().max_iterations
-    solver = ADMM(tolerance=1e-12, first_check=longest + 1, stop_when_invisible=False, watch=watch)
+    solver = ADMM(tolerance=1e-12, check_every=longest + 1, stop_when_invisible=False, watch=watch)
     solver(recorder.problem, start)
 
 

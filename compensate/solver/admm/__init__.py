@@ -1,11 +1,8 @@
-"""The product's solver of the paper's least squares: ADMM, certified.
+"""The solver of the paper's least squares: ADMM, certified.
 
-`run` has the iteration; `level` what it does in pixels, `hessian` what it does in Fourier, `dome`
-and `pair` what differs by what is observed. `loops` are the compiled ones, in place of strips of
-NumPy; `fused` knows whether they are to be had.
+`run` has the iteration; `pixels` its step in pixels, `hessian` its step in Fourier.
 """
 
-from compensate.solver.admm.planes import require_certifiable
-from compensate.solver.admm.run import ADMM
+from compensate.solver.admm.run import ADMM, require_certifiable
 
 __all__ = ["ADMM", "require_certifiable"]

@@ -1,18 +1,18 @@
 """A certified upper bound on how far a feasible light is from the optimum.
 
 At any w with gradient g and Hessian H, every feasible v has
-``f(v) >= f(w) + g'(v - w) + 1/2 (v - w)' H (v - w)``. Split g = g_B + g_F. On B the bounds limit
-how much can be won: ``g_i (v_i - w_i) >= -|g_i| dist_i`` with the distance to the bound that -g
-points to (negative where w is beyond it). On F the quadratic does. So, for any split,
+``f(v) >= f(w) + g'(v - w) + 1/2 (v - w)' H (v - w)``. Split g = g_B + g_F, and let v = M d be what
+is seen of a light d. On B the bounds of light limit how much can be won, on F the quadratic does.
+So, for any split,
 
-    f(w) - f* <= 1/2 g_F' H^-1 g_F + sum_B |g_i| dist_i
+    f* >= f(w) - g_B' w + sum_i min_d (M' g_B)_i d_i - 1/2 g_F' H^-1 g_F
 
 H over the whole padded plane may stand for H over the picture: more freedom only lowers the
-minimum. The split takes a pixel to B where |g| dist is less than its own share g² / (2 h) of the
-quadratic, for a curvature h (any split is valid): the median of Omega², within limits. Where pixels
-are finer than the eye, what is left on F is of frequencies that are hardly seen, and with h = 0.1
-the bound is up to four times as wide (``validation/notes/0006``). `Level.lower_bound` has the
-split.
+minimum. The split takes a pixel to B where |q| dist is less than its own share q² / (2 h) of the
+quadratic, for q = M' g, the distance to the bound that -q points to, and a curvature h (any split
+is valid): the median of Omega², within limits. Where pixels are finer than the eye, what is left
+on F is of frequencies that are hardly seen, and with h = 0.1 the bound is up to four times as wide
+(``validation/notes/0006``).
 """
 
 from __future__ import annotations
@@ -20,63 +20,76 @@ from __future__ import annotations
 import math
 from typing import final
 
+from compensate.solver.admm.pixels import Pixels, Planes
 from compensate.solver.result import Status
-from domesim.light import Light, namespace
+from domesim.light import namespace, total
 
-_SHARE = 1.6  # of the certified gap: rho P ||alpha (w - z)||² , as is usual
 _PATIENCE = 40  # iterations in which the certified gap does not fall by a tenth
-_OF_THE_BOUND = 2  # roundings of the bound itself, beside those of what it is a difference from
+_ROUNDINGS = 16  # of the base's cost, and twice as many of the bound
+
+
+def split(
+    pixels: Pixels, curvature: float, gradient: Planes, w: Planes, light: Planes
+) -> tuple[float, Planes]:
+    """The least of g_B'(v - w) within the bounds, and g_F; g is the `gradient` at w.
+
+    Parameters
+    ----------
+    pixels
+        M and the bounds.
+    curvature
+        h.
+    gradient, w
+        (seen plane, row, col).
+    light
+        A feasible d near w.
+    """
+    xp = namespace(w)
+    lower, upper = pixels.lower, pixels.upper
+    q = pixels.back(gradient)
+    distance = xp.where(q > 0, light - lower, upper - light)
+    bounded = 2 * curvature * pixels.curvature() * distance <= xp.abs(q)
+    # What no light can be seen to follow goes with what the bounds limit
+    free = pixels.forward(xp.where(bounded, 0 * q, q))
+    rest = gradient - free
+    q = pixels.back(rest)
+    least = total(q * xp.where(q > 0, lower, upper)) - total(rest * w)
+    return float(least), free
 
 
 @final
 class Certificate:
-    """The last feasible cost, the best lower bound of the minimum, and what they tell."""
+    """The last feasible cost, the best lower bound of the minimum, and what they tell.
 
-    def __init__(self, base: Light, start: float, negligible: float, tolerance: float) -> None:
-        self.negligible = negligible
-        self._tolerance = tolerance
-        # Costs and bounds are differences from the base's: a bound is only as good as those are.
-        self._rounding = 16 * float(namespace(base).finfo(base.dtype).eps)
+    Parameters
+    ----------
+    base
+        Cost of the base. Costs and bounds are differences from it: a bound is only as good as those
+        are rounded.
+    eps
+        Of the arithmetic.
+    tolerance, negligible
+        Relative gap, and difference of costs, at which to stop.
+    """
+
+    def __init__(self, base: float, eps: float, tolerance: float, negligible: float) -> None:
+        self._base, self._rounding = base, _ROUNDINGS * eps
+        self._tolerance, self.negligible = tolerance, negligible
         self._lower = 0.0
         self._least, self._progress_at = math.inf, 0
-        self._share, self._sign = _SHARE, 0.0
-        self._start = start
-        self._expected = 0.5 * start
-        self._due = 0
-        self.cost = math.inf
-        self.iterations = 0
 
-    @property
-    def gap(self) -> float:
+    def gap(self, cost: float) -> float:
         """Certified (cost - minimum) / minimum; infinite as long as nothing is certified."""
-        return self.gap_of(self.cost)
-
-    def gap_of(self, cost: float) -> float:
-        """`gap` of another feasible cost."""
         return max(cost - self._lower, 0.0) / self._lower if self._lower > 0 else math.inf
 
     def raise_to(self, bound: float) -> None:
         """Note a new lower bound of the minimum."""
-        rounded = max(abs(bound), self._start) + _OF_THE_BOUND * abs(bound)
+        rounded = max(abs(bound), self._base) + 2 * abs(bound)
         self._lower = max(self._lower, bound - self._rounding * rounded)
-
-    def expect(self, cost: float) -> None:
-        """Note about how large the minimum will be."""
-        self._expected = min(max(cost, 0.01 * self._start), self._start)
 
     def verdict(self, cost: float, iteration: int) -> Status | None:
         """Status to stop with at a feasible cost after `iteration` iterations; None to go on."""
-        before, since = self.gap, iteration - self.iterations
-        self.cost, self.iterations = cost, iteration
-        gap = self.gap
-        if gap < before < math.inf:
-            wanted = max(self._tolerance, self.negligible / self._lower)
-            left = since * math.log(gap / wanted) / math.log(before / gap)
-            self._due = iteration + int(left / 2)  # at half of the way, as it may fall faster
-        if math.isfinite(gap) and gap > 0 and self._sign > 0:
-            # It tends to fall
-            found = self._sign / (cost * gap)
-            self._share = 0.85 * min(max(found, _SHARE / 4), 4 * _SHARE)
+        gap = self.gap(cost)
         if gap < 0.9 * self._least:
             self._least, self._progress_at = gap, iteration
         if gap <= self._tolerance:
@@ -89,16 +102,4 @@ class Certificate:
 
     def wait(self, iteration: int) -> None:
         """Be patient anew."""
-        self._least, self._progress_at = self.gap, iteration
-
-    def likely(self, sign: float, iteration: int) -> bool:
-        """Whether the gap is likely to be small enough.
-
-        It is judged by a `sign` that goes with the gap, and by how fast the gap fell between the
-        last two certificates.
-        """
-        self._sign = sign
-        if iteration < self._due:
-            return False
-        cost = self.cost if math.isfinite(self.cost) else self._expected
-        return sign <= self._share * max(self._tolerance * cost, self.negligible)
+        self._progress_at = iteration

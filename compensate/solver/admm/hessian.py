@@ -1,355 +1,300 @@
-"""The Hessian of what is seen: exact in Fourier, a small matrix for each frequency and view.
+"""The Hessian of what is seen, and its inverse: exact in Fourier.
 
-With w the change of what is seen and A = lambda, f(w) = 1/2 ||A (w + t)||² has the Hessian
+With w the change of what is seen in its own place (`pixels`) and A = lambda, the objective is
+1/2 ||A (C w + t)||², where C = 1 without reflections. On the padded plane, W = A'A is a small
+matrix for each frequency and view,
 
-    H_0(f) = A'A = sum_c Omega_c(f)² t_c t_c'         t_c: row c of the opponent transform T
+    W(f) = sum_c Omega_c(f)² t_c t_c'             t_c: row c of the opponent transform T
 
-for the primaries of each view. Nothing of it is stored: it costs less to build and solve these
-systems, strip by strip in the cache, than to fetch them.
+*A theatre that reflects* adds a few modes of light, C = 1 + U K V', with K between planes and
+modes. With B = W + sigma, diagonal in Fourier,
+
+    H + sigma = C' W C + sigma = B + Z M Z'       Z = [V, W U K],   M = [[K'U'W U K, 1], [1, 0]]
+
+and the Sherman-Morrison-Woodbury formula inverts it with one small system, M^-1 + Z'B^-1 Z. In it
+W B^-1 = 1 - sigma B^-1 leaves inner products of U and V with B^-1 between.
+
+The paper uses the circulant structure for products [Vogel 2002]; here it gives the inverse.
 """
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
-from typing import Any, TypeAlias, TypeVar, final
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple, TypeAlias, final
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy
 
-from compensate.fourier import Fourier
-from compensate.solver.admm.fused import loops, parts, parts_or_zero
+from compensate.problem import Problem
+from compensate.solver.kinds import DomePair, Kind, kind_of, parts_of
 from compensate.weighting import CsfWeighting
-from domesim.light import Array, namespace, on_host, total
-from domesim.light.strips import in_parts
+from domesim.light import Array, namespace, on_host
 
-Planes: TypeAlias = list[Array]
-"""One (padded row, padded col) array for each primary of each view."""
-
-Spectra: TypeAlias = list[Array]
-"""One (padded row, padded col // 2 + 1) complex array a plane."""
-
-T = TypeVar("T")
+Spectra: TypeAlias = Array
+"""(plane, padded row, padded col // 2 + 1) complex; planes are all primaries of view after view."""
 
 _LEAST_IMPORTANCE = 0.05  # of the largest one's
 _LEAST_CURVATURE, _MOST_CURVATURE = 1e-3, 0.1  # to a certificate, with weights of peak 1
 
 
-def each_strip(work: Callable[[slice], T], plane: Array) -> list[T]:
-    """`work(rows)` for strips of a plane's rows; for all rows at once but in NumPy."""
-    return in_parts(lambda _, strip: work(strip), (1, *plane.shape), plane)
+class Modes(NamedTuple):
+    """Reflected light U K V', in w.
+
+    Attributes
+    ----------
+    spread, collect
+        (mode, padded row, padded col // 2 + 1) spectra of U and V.
+    core
+        (plane x mode, plane x mode) K.
+    """
+
+    spread: Array
+    collect: Array
+    core: Any
 
 
-class Hessian(ABC):
-    """H_0 on padded planes, one for each primary of each view.
+@final
+class Hessian:
+    """H = C'WC on padded planes.
+
+    Parameters
+    ----------
+    weighting
+        Weighting of what is seen.
+    like
+        Arrays are made like this one.
+    modes
+        Reflected light; None for none.
 
     Attributes
     ----------
     fourier
         The padded grid's transforms.
     metric
-        (plane,) diagonal metric P: about the root of diag(T'T).
-    squares
-        Omega_c² of each channel.
+        (plane,) diagonal metric P: about the root of the diagonal of T'T.
+    curvature
+        Typical curvature h of the quadratic, as a certificate takes it.
     strength
-        How much pollution amplifies light at most; 1 without any.
+        ||C||: how much reflections amplify light at most.
     """
 
-    fourier: Fourier
-    metric: tuple[float, ...]
-    squares: Sequence[Array]
-    strength: float
-
-    @abstractmethod
-    def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
-        """Turn `spectra` into (H_0 + diag(sigma))^-1 (spectra + plus), in place.
-
-        Parameters
-        ----------
-        spectra
-            Will be the solution.
-        sigma
-            (plane,) > 0.
-        plus
-            Added to `spectra` first.
-        """
-
-    @abstractmethod
-    def seen(self, residual: Spectra) -> tuple[float, Spectra]:
-        """||A r||², and f's gradient there, of the seen residual r whose spectra are used up."""
-
-    @abstractmethod
-    def energy(self, spectra: Spectra) -> float:
-        """<w, H_0 w> of the planes w whose spectra these are."""
-
-    @abstractmethod
-    def _coarser(self, squares: Sequence[Array]) -> Hessian:
-        """Builds `coarser` from its Omega_c²."""
-
-    @cached_property
-    def weights(self) -> float:
-        """Sum of the first channel's Omega²."""
-        return float(total(self.squares[0]))
-
-    @cached_property
-    def curvature(self) -> float:
-        """Typical curvature h of the quadratic, as a certificate takes it."""
-        median = float(np.median(on_host(self.squares[0][::8, ::8])))
-        return min(max(median, _LEAST_CURVATURE), _MOST_CURVATURE)
-
-    @cached_property
-    def coarser(self) -> Hessian:
-        """The same on planes of half the rows and columns."""
-        # Channels of one sensitivity stay one
-        halves = {id(square): halved_spectrum(square) for square in self.squares}
-        return self._coarser([halves[id(square)] for square in self.squares])
-
-    def dot(self, left: Spectra, right: Spectra) -> float:
-        """<l, r> of the planes whose spectra these are."""
-
-        def work(rows: slice) -> float:
-            pairs = zip(left, right, strict=True)
-            return sum(self.fourier.dot(a[rows, :], b[rows, :]) for a, b in pairs)
-
-        return sum(each_strip(work, left[0]))
-
-
-@final
-class ViewsHessian(Hessian):
-    """Hessian of views that are seen by themselves: whatever is not in w mixes no frequencies.
-
-    Parameters
-    ----------
-    weighting
-        Weighting of the seen views.
-    squares
-        Omega_c² as arrays of the planes' library.
-    fourier
-        The padded grid's transforms.
-    """
-
-    strength = 1.0
-
-    def __init__(self, weighting: CsfWeighting, squares: Sequence[Array], fourier: Fourier) -> None:
-        self.fourier, self.squares, self._weighting = fourier, squares, weighting
-        opponent = weighting.opponent
-        self._blocks = [
-            Blocks(squares, float(each) * outer_products(opponent)) for each in weighting.importance
-        ]
+    def __init__(self, weighting: CsfWeighting, like: Array, modes: Modes | None = None) -> None:
+        self.fourier, self._squares = weighting.fourier, weighting.squares(like)
+        self._opponent, self._importance = weighting.opponent, weighting.importance
+        size = self._opponent.shape[1]
+        self._views = [slice(p, p + size) for p in range(0, size * len(self._importance), size)]
+        diagonal = np.sqrt(np.sum(self._opponent**2, axis=0))
         # A penalty goes with what it is added to, but a view that does not count needs one as well
-        counts = np.maximum(weighting.importance, _LEAST_IMPORTANCE * max(weighting.importance))
-        self.metric = tuple(
-            float(count) * value for count in counts for value in metric_of(opponent)
+        counts = np.maximum(self._importance, _LEAST_IMPORTANCE * self._importance.max())
+        self.metric: list[float] = np.outer(counts, diagonal / diagonal.max()).ravel().tolist()
+        median = float(np.median(on_host(self._squares[0])))
+        self.curvature = min(max(median, _LEAST_CURVATURE), _MOST_CURVATURE)
+        self._inverses: dict[tuple[float, ...], Array] = {}
+        self._small: dict[tuple[float, ...], Any] = {}
+        self._modes = modes
+        self.strength = 1.0
+        if modes is not None:
+            uu, vv = (self._between(None, m, m) for m in (modes.spread, modes.collect))
+            amplified = np.linalg.eigvals(modes.core.T @ uu @ modes.core @ vv)
+            self.strength += float(np.sqrt(np.abs(amplified).max()))
+
+    def solve(self, spectra: Spectra, sigma: Sequence[float]) -> Spectra:
+        """(H + diag(sigma))^-1 of spectra, for a (plane,) sigma > 0."""
+        found = self._blocks_solved(spectra, sigma)
+        if self._modes is None:
+            return found
+        known = [self._dots(self._modes.collect, found), self._dots_of_second(found)]
+        c, e = np.split(self._small_inverse(tuple(sigma)) @ np.concatenate(known), 2)
+        second = self._weighted(self._combined(self._modes.spread, self._modes.core @ e))
+        return found - self._blocks_solved(self._combined(self._modes.collect, c) + second, sigma)
+
+    def energy(self, spectra: Spectra) -> float:
+        """<w, H w> of the planes w whose spectra these are."""
+        if self._modes is not None:
+            excited = self._modes.core @ self._dots(self._modes.collect, spectra)
+            spectra = spectra + self._combined(self._modes.spread, excited)
+        return self.fourier.dot(spectra, self._weighted(spectra))
+
+    def seen(self, residual: Spectra) -> tuple[float, Spectra]:
+        """||A r||², and its half's gradient C'W r, of spectra of a seen residual r."""
+        gradient = self._weighted(residual)
+        energy = self.fourier.dot(residual, gradient)
+        if self._modes is not None:
+            back = self._modes.core.T @ self._dots(self._modes.spread, gradient)
+            gradient = gradient + self._combined(self._modes.collect, back)
+        return energy, gradient
+
+    def _weighted(self, spectra: Spectra) -> Spectra:
+        """W of spectra."""
+        planes = []
+        for view, importance in zip(self._views, self._importance, strict=True):
+            channels = sums(self._opponent, planes_in(spectra[view, ...]))
+            weighted = [a * square for a, square in zip(channels, self._squares, strict=True)]
+            planes += sums(float(importance) * self._opponent.T, weighted)
+        return namespace(spectra).stack(planes)
+
+    def _blocks_solved(self, spectra: Spectra, sigma: Sequence[float]) -> Spectra:
+        """(W + diag(sigma))^-1 of spectra."""
+        planes: list[Array] = []
+        for view, importance in zip(self._views, self._importance, strict=True):
+            inverse = self._inverse(float(importance), tuple(sigma[view]))
+            part = spectra[view, ...]
+            size = range(part.shape[0])
+            planes += (
+                sum((inverse[p, q, ...] * part[q, ...] for q in size), start=0 * part[p, ...])
+                for p in size
+            )
+        return namespace(spectra).stack(planes)
+
+    def _inverse(self, importance: float, sigma: tuple[float, ...]) -> Array:
+        """(primary, primary, row, col) inverse of a view's W + diag(sigma); kept."""
+        key = (importance, *sigma)
+        if key not in self._inverses:
+            self._inverses[key] = self._inverted(importance, sigma)
+        return self._inverses[key]
+
+    def _inverted(self, importance: float, sigma: Sequence[float]) -> Array:
+        xp, size = namespace(self._squares[0]), len(sigma)
+        products = np.einsum("ci,cj->ijc", self._opponent, self._opponent).reshape(size**2, -1)
+        entries = sums(importance * products, self._squares)
+        matrix = xp.reshape(xp.stack(entries), (size, size, *entries[0].shape))
+        for k in range(size):
+            matrix[k, k, ...] += float(sigma[k])
+        for k in range(size):  # sweeps: they turn it into minus its inverse
+            column = xp.asarray(matrix[:, k, ...], copy=True)
+            row = column / column[k, ...]
+            matrix -= column[:, None, ...] * row[None, ...]
+            matrix[k, ...], matrix[:, k, ...] = row, row
+            matrix[k, k, ...] = -1 / column[k, ...]
+        return -matrix
+
+    def _dots(self, modes: Array, spectra: Spectra) -> Any:
+        """(plane x mode,) inner products of spectra with modes."""
+        planes, count = range(spectra.shape[0]), range(modes.shape[0])
+        return np.array(
+            [self.fourier.dot(modes[k, ...], spectra[p, ...]) for p in planes for k in count]
         )
 
-    def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
-        """See `Hessian`."""
-        for part, blocks in self._views():
-            blocks.solve(spectra[part], sigma[part], None if plus is None else plus[part])
+    def _dots_of_second(self, spectra: Spectra) -> Any:
+        """K'U'W of spectra."""
+        assert self._modes is not None
+        return self._modes.core.T @ self._dots(self._modes.spread, self._weighted(spectra))
 
-    def seen(self, residual: Spectra) -> tuple[float, Spectra]:
-        """See `Hessian`."""
-        return self._product(residual, keep=False), residual
+    def _combined(self, modes: Array, coefficients: Any) -> Spectra:
+        """Spectra of modes times (plane x mode,) coefficients."""
+        xp = namespace(modes)
+        return xp.stack(sums(coefficients.reshape(-1, modes.shape[0]), planes_in(modes)))
 
-    def energy(self, spectra: Spectra) -> float:
-        """See `Hessian`."""
-        return self._product(spectra, keep=True)
-
-    def _product(self, spectra: Spectra, *, keep: bool) -> float:
-        """<w, H_0 w>; H_0 w takes w's place unless `keep` is set."""
-        energy = 0.0
-        for part, blocks in self._views():
-            planes = spectra[part]
-
-            def work(rows: slice, planes: Spectra = planes, blocks: Blocks = blocks) -> float:
-                strip = [plane[rows, :] for plane in planes]
-                images = blocks.times(rows, strip)
-                found = sum(self.fourier.dot(a, b) for a, b in zip(strip, images, strict=True))
-                if not keep:
-                    for plane, image in zip(planes, images, strict=True):
-                        plane[rows, :] = image
-                return found
-
-            energy += sum(each_strip(work, planes[0]))
-        return energy
-
-    def _views(self) -> Iterator[tuple[slice, Blocks]]:
-        for view, blocks in enumerate(self._blocks):
-            yield slice(view * blocks.size, (view + 1) * blocks.size), blocks
-
-    def _coarser(self, squares: Sequence[Array]) -> ViewsHessian:
-        return ViewsHessian(self._weighting, squares, self.fourier.coarser())
-
-
-@final
-class Blocks:
-    """The matrices sum_c Omega_c² K_c, one for each frequency.
-
-    Parameters
-    ----------
-    squares
-        (padded row, padded col // 2 + 1) Omega_c², one a channel.
-    matrices
-        (channel, plane, plane) K_c, symmetric.
-    """
-
-    def __init__(self, squares: Sequence[Array], matrices: NDArray[np.floating[Any]]) -> None:
-        # Channels of one sensitivity are one
-        self.squares: list[Array] = []
-        kept: list[Any] = []
-        for square, matrix in zip(squares, matrices, strict=True):
-            for k, other in enumerate(self.squares):
-                if other is square:
-                    kept[k] = kept[k] + matrix
-                    break
-            else:
-                self.squares.append(square)
-                kept.append(matrix)
-        self.matrices = np.stack(kept)
-        self.size = self.matrices.shape[1]
-
-    @property
-    def compiles(self) -> bool:
-        """Whether the compiled loops take them: three planes, and at most as many channels."""
-        return self.size == 3 and len(self.squares) <= 3
-
-    @property
-    def three_squares(self) -> tuple[Array, ...]:
-        """`squares`, repeated to three for the compiled loops; see `coefficients`."""
-        return tuple((self.squares * 3)[:3])
-
-    @cached_property
-    def coefficients(self) -> Any:
-        """(3, plane, plane) matrices of `three_squares`; those of repeated squares are 0."""
-        result = np.zeros((3, self.size, self.size), self.squares[0].dtype)
-        result[: len(self.matrices)] = self.matrices
-        return result
-
-    def solve(self, spectra: Spectra, sigma: Sequence[float], plus: Spectra | None = None) -> None:
-        """See `Hessian.solve`."""
-        if self.compiles and (compiled := loops(*spectra)):
-            added = parts_or_zero(plus, spectra)
-            numbers = self.coefficients, np.asarray(sigma, self.coefficients.dtype)
-            compiled.blocks3(*parts(spectra), added, self.three_squares, *numbers)
-            return
-
-        def work(rows: slice) -> None:
-            strip = [plane[rows, :] for plane in spectra]
-            if plus is not None:
-                strip = [a + b[rows, :] for a, b in zip(strip, plus, strict=True)]
-            for plane, value in zip(spectra, self.solved(rows, strip, sigma), strict=True):
-                plane[rows, :] = value
-
-        each_strip(work, spectra[0])
-
-    def solved(self, strip: slice, spectra: Sequence[Array], sigma: Sequence[float]) -> list[Array]:
-        """(H_0 + diag(sigma))^-1 of a strip of rows, by its LDL' factors."""
-        return _substituted(self._factors(strip, sigma), spectra)
-
-    def times(self, strip: slice, spectra: Sequence[Array]) -> list[Array]:
-        """H_0 of a strip of rows."""
-        squares = [square[strip, :] for square in self.squares]
-        return [
-            _sum(
-                self._entry(squares, i, j, 0.0) * spectra[j]
-                for j in range(self.size)
-                if np.any(self.matrices[:, i, j] != 0)
+    def _small_inverse(self, sigma: tuple[float, ...]) -> Any:
+        """Inverse of M^-1 + Z'B^-1 Z; M^-1 = [[0, 1], [1, -K'U'W U K]]."""
+        if sigma not in self._small:
+            assert self._modes is not None
+            spread, collect, core = self._modes
+            s = np.diag(np.repeat(sigma, spread.shape[0]))
+            vv, vu, uu = (
+                self._between(sigma, *modes)
+                for modes in ((collect, collect), (collect, spread), (spread, spread))
             )
-            for i in range(self.size)
-        ]
+            upper = (self._between(None, collect, spread) - vu @ s) @ core
+            # -K'U'W U K of M^-1 and K'U'W U K of Z'B^-1 Z cancel
+            corner = core.T @ (s @ uu @ s - s @ self._between(None, spread, spread)) @ core
+            one = np.eye(len(core))
+            self._small[sigma] = np.linalg.inv(
+                np.block([[vv, one + upper], [one + upper.T, corner]])
+            )
+        return self._small[sigma]
 
-    def _factors(self, strip: slice, sigma: Sequence[float]) -> tuple[list[list[Any]], list[Any]]:
-        """L (below the diagonal; None for 0) and 1 / D of H_0 + diag(sigma), for a strip."""
-        squares = [square[strip, :] for square in self.squares]
-        lower: list[list[Any]] = [[None] * self.size for _ in range(self.size)]
-        inverse: list[Any] = []
-        scaled: list[list[Any]] = [[None] * self.size for _ in range(self.size)]  # L D
-        for j in range(self.size):
-            pivot = self._entry(squares, j, j, float(sigma[j]))
-            for m in range(j):
-                if lower[j][m] is not None:
-                    pivot = pivot - lower[j][m] * scaled[j][m]
-            inverse.append(1 / pivot)
-            for i in range(j + 1, self.size):
-                entry = None
-                if np.any(self.matrices[:, i, j] != 0):
-                    entry = self._entry(squares, i, j, 0.0)
-                for m in range(j):
-                    if lower[i][m] is not None and scaled[j][m] is not None:
-                        term = lower[i][m] * scaled[j][m]
-                        entry = -term if entry is None else entry - term
-                scaled[i][j] = entry
-                lower[i][j] = None if entry is None else entry * inverse[j]
-        return lower, inverse
+    def _between(self, sigma: tuple[float, ...] | None, left: Array, right: Array) -> Any:
+        """(plane x mode, plane x mode) left' B^-1 right of modes; left' right without a sigma."""
+        xp = namespace(left)
+        count, size = left.shape[0], self._opponent.shape[1]
+        flat = [xp.reshape(modes, (count, -1)) for modes in (left * self._counted(left), right)]
+        turned = xp.conj(flat[1]).T
 
-    def _entry(self, squares: Sequence[Array], i: int, j: int, plus: float) -> Array:
-        """One entry of H_0, with `plus` added."""
-        terms = [
-            (float(weight), square)
-            for weight, square in zip(self.matrices[:, i, j], squares, strict=True)
-            if weight != 0
-        ]
-        if not terms:
-            return squares[0] * 0 + plus
-        result = terms[0][1] * terms[0][0]
-        for weight, square in terms[1:]:
-            result += square * weight
-        if plus:
-            result += plus
-        return result
+        def product(weights: Array | float) -> Any:
+            weighted = flat[0] * (
+                weights if isinstance(weights, float) else xp.reshape(weights, (1, -1))
+            )
+            return np.asarray(on_host(xp.real(xp.matmul(weighted, turned))), np.float64)
 
+        blocks = []
+        for view, importance in zip(self._views, self._importance, strict=True):
+            if sigma is None:
+                blocks.append(np.kron(np.eye(size), product(1.0)))
+                continue
+            inverse = self._inverse(float(importance), sigma[view])
+            blocks.append(
+                np.block([[product(inverse[p, q, ...]) for q in range(size)] for p in range(size)])
+            )
+        return scipy.linalg.block_diag(*blocks)
 
-def _substituted(
-    factors: tuple[list[list[Any]], list[Any]], spectra: Sequence[Array]
-) -> list[Array]:
-    """Solves L D L' y = spectra for y."""
-    lower, inverse = factors
-    size = len(inverse)
-    y = list(spectra)
-    for i in range(size):
-        for j in range(i):
-            if lower[i][j] is not None:
-                y[i] = y[i] - lower[i][j] * y[j]
-    y = [plane * pivot for plane, pivot in zip(y, inverse, strict=True)]
-    for j in reversed(range(size)):
-        for i in range(j):
-            if lower[j][i] is not None:
-                y[i] -= lower[j][i] * y[j]
-    return y
+    def _counted(self, like: Array) -> Array:
+        """(1, col) how often a column of half a spectrum counts, over the number of pixels."""
+        cols = self.fourier.cols
+        times = np.full(cols // 2 + 1, 2.0)
+        times[[0, -1] if cols % 2 == 0 else [0]] = 1
+        xp = namespace(like)
+        dtype = xp.real(like[0, 0, :1]).dtype
+        return xp.asarray(
+            (times / (self.fourier.rows * cols))[None], dtype=dtype, device=like.device
+        )
 
 
-def _sum(terms: Any) -> Any:
-    result = None
-    for term in terms:
-        result = term if result is None else result + term
-    return result
+def planes_in(stack: Array) -> list[Array]:
+    """The planes along the first axis."""
+    return [stack[k, ...] for k in range(stack.shape[0])]
 
 
-def outer_products(opponent: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-    """(channel, primary, primary) t_c t_c'."""
-    return np.stack([np.outer(row, row) for row in opponent])
+def sums(weights: Any, planes: Sequence[Array]) -> list[Array]:
+    """Sums of planes, for each row of (sum, plane) weights."""
+    return [
+        sum((a * float(w) for w, a in zip(row, planes, strict=True)), start=0 * planes[0])
+        for row in weights
+    ]
 
 
-def metric_of(opponent: NDArray[np.floating[Any]]) -> tuple[float, ...]:
-    """(primary,) P: the root of the diagonal of T'T, 1 at most."""
-    diagonal = np.sqrt(np.sum(opponent**2, axis=0))
-    return tuple(float(value) for value in diagonal / diagonal.max())
+def hessian_of(problem: Problem, weighting: CsfWeighting) -> Hessian:
+    """The Hessian of a problem, which is kept for the next frame.
 
-
-def penalty_of(typical: float, share: float) -> float:
-    """The penalty that goes with a spectrum whose median Omega² is `typical`.
-
-    It is `share` times the geometric mean of `typical` and the largest Omega², 1; where most
-    frequencies are seen, it is 3/2 of `typical`.
+    Raises
+    ------
+    ValueError
+        If its observation is neither a dome's of low rank nor a pair's, or the weighting has
+        support where there is no screen.
     """
-    return max(1.5 * typical, share * math.sqrt(typical))
+    observation: Any = problem.observation
+    base: Any = problem.anchor
+    kind = kind_of(observation)
+    if kind not in (Kind.LOW_RANK, Kind.PIXELWISE, Kind.REFLECTED_PAIR):
+        raise ValueError(f"ADMM takes domes of low rank and pairs, got {observation}")
+    reflecting = None if kind is Kind.PIXELWISE else parts_of(observation) or observation
+    return _hessian(reflecting, weighting, namespace(base), base.dtype, base.device)
 
 
-def halved_spectrum(plane: Array) -> Array:
-    """Low frequencies of a (row, col // 2 + 1) spectrum: those of planes of half the size."""
-    rows, cols = plane.shape
-    keep, quarter = (cols - 1) // 2 + 1, rows // 4
-    xp = namespace(plane)
-    return xp.concat([plane[:quarter, :keep], plane[rows - quarter :, :keep]])
+@lru_cache(maxsize=2)
+def _hessian(
+    reflecting: Any, weighting: CsfWeighting, library: Any, dtype: Any, device: Any
+) -> Hessian:
+    like = library.zeros((1,), dtype=dtype, device=device)
+    if reflecting is None:
+        return Hessian(weighting, like)
+    if isinstance(reflecting, DomePair):
+        reflected, crosstalk = reflecting
+        spread, collect, between = reflected.modes()
+        mixed = np.kron(crosstalk.central.reshape(2 * between.shape[1], -1), np.eye(len(spread)))
+        core = mixed @ between.reshape(len(mixed), -1) @ np.linalg.inv(mixed)
+        screen, gain = reflected.screen, reflected.direct_gain
+    else:
+        factors = reflecting.factors
+        spread, collect, gain = factors.spread, factors.collect, factors.direct_gain
+        screen, core = reflecting.screen, scipy.linalg.block_diag(*factors.core)
+    if bool(np.any(weighting.support & ~screen)):
+        raise ValueError("the weighting's support reaches outside the observation's screen")
+    rows, cols = weighting.support.shape
+    planes = np.zeros((2, len(spread), *weighting.padded))
+    # In w = D x, a pixel's light has passed D already
+    planes[..., :rows, :cols] = spread, collect / np.where(gain == 0, 1, gain)
+    planes[..., :rows, :cols] *= weighting.support
+    spectra = weighting.fourier.forward(library.asarray(planes, dtype=dtype, device=device))
+    return Hessian(weighting, like, Modes(spectra[0, ...], spectra[1, ...], core))

@@ -1,59 +1,47 @@
-"""ADMM with an exact Fourier step, from coarse to fine.
+"""ADMM with an exact Fourier step.
 
-With w, what is seen of the change from the clipped subtraction (`level`), the problem splits into a
-quadratic f that Fourier diagonalises and bounds that are separate for each pixel, with the
-regulariser, g. The alternating direction method of multipliers (Boyd et al. 2011, *Foundations and
-Trends in Machine Learning* 3, 1-122, scaled form, over-relaxed by alpha) is then a fixed-point
-iteration of s = z + u
+With w, what is seen in its own place of the change from the clipped subtraction (`pixels`), the
+problem splits into a quadratic f that Fourier diagonalises (`hessian`) and bounds that are separate
+for each pixel, with the regulariser, g:
+
+    f(w) = c - <b, w> + 1/2 <w, H w>          b = - gradient at the base, c its cost
+    g(w) = 1/2 mu ||w||²                      where w = M d, lower <= d <= upper
+
+The alternating direction method of multipliers (Boyd et al. 2011, *Foundations and Trends in
+Machine Learning* 3, 1-122, scaled form, over-relaxed by alpha) is then a fixed-point iteration of
+s = z + u
 
     z  = argmin_z 1/2 rho ||z - s||²_P + g(z)             the feasible iterate; u = s - z its dual
-    w  = (H_0 + rho P)^-1 (b + rho P (z - u))             two FFTs a plane
+    w  = (H + rho P)^-1 (b + rho P (z - u))               two FFTs a plane
     s <- s + alpha (w - z)
 
-with a diagonal metric P over planes, about the root of diag(T'T). Four things make it fast:
+with a diagonal metric P over planes, about the root of diag(T'T), sped up by Anderson's
+acceleration (`anderson`), which is given up where nothing is won any more. rho is half of the root
+of the median of Omega², within limits: the more is seen, the larger it is. Where a theatre
+reflects much, it rises with ||C||^1.5: found by trial, and tested from a cap of 60 degrees and
+albedo 0.3 to 170 degrees and 0.95.
 
-*From coarse to fine* (`pyramid`). The eye's weights are largest at low frequencies, so that most is
-won on planes of a half or a quarter of the rows and columns, where an FFT costs a quarter or a
-sixteenth. As s is relative to the clipped subtraction, it is enlarged without blurring the picture.
-
-*A falling penalty* rho: 0.1 on coarse planes, half of the root of the median of Omega² at first, a
-quarter of it then, and 0.01 at least; u is rescaled with it. Where most is seen it is 0.1
-throughout.
-
-*Anderson acceleration* (`anderson`), begun anew when rho changes, and given up where nothing is won
-any more: a run has stalled if the plain iteration wins nothing either.
-
-*Few certificates* (`certificate`), of two FFTs a plane: the x-step's w has f's gradient
-rho P (z - u - w) without any, and serves for the lower bound. One is due when the gap is likely to
-be small enough: it goes with <w - z, rho P (w - z)>, which costs nothing to know.
-
-See ``validation/notes/0006`` for what each bought.
+A certificate (`certificate`) costs two FFTs a plane: the x-step's w has f's gradient
+rho P (z - u - w) without any.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import final
+from dataclasses import dataclass
+from typing import Any, final
 
 import numpy as np
 
-from compensate.fourier import Fourier
 from compensate.problem import Problem
 from compensate.solver.admm.anderson import Anderson
-from compensate.solver.admm.certificate import Certificate
-from compensate.solver.admm.dome import split_dome, split_dome_pair
-from compensate.solver.admm.hessian import Planes, Spectra, penalty_of
-from compensate.solver.admm.level import Level
-from compensate.solver.admm.pair import split_pair
-from compensate.solver.admm.planes import Split, require_certifiable, residual_of
-from compensate.solver.admm.pyramid import padded
-from compensate.solver.kinds import Kind, kind_of, parts_of
+from compensate.solver.admm.certificate import Certificate, split
+from compensate.solver.admm.hessian import Hessian, hessian_of
+from compensate.solver.admm.pixels import Pixels, Planes, planes_of
 from compensate.solver.result import Result, Status
-from domesim.host.memory import give_back_memory
-from domesim.light import Light, namespace
-from domesim.light.strips import in_parts, is_large
+from compensate.weighting import CsfWeighting
+from domesim.light import Array, Light, namespace, total
 
 
 @final
@@ -66,27 +54,13 @@ class ADMM:
     tolerance
         Certified relative gap at which it stops.
     max_iterations
-        Iterations, on full planes, after which it gives up.
-    relaxation
-        alpha.
-    penalties
-        rho on coarse planes, and at least on full ones. The more is seen, the larger it is, up to
-        the first, and larger for the first `hold` iterations (`penalty_of`). In a theatre with
-        strong pollution all are raised, with ||C||^1.5: found by trial, and tested from a cap of 60
-        degrees and albedo 0.3 to 170 degrees and 0.95.
-    hold
-        Iterations with the first, larger penalty; see `penalties`.
-    coarse
-        Iterations on the coarsest planes, and on each of those between. The weighting decides how
-        coarse they are (`Split.levels`).
-    memory
-        Number of old points that the acceleration combines.
+        Iterations after which it gives up.
     stop_when_invisible
         Also stop when what could still be gained is less than the problem's `negligible`.
-    first_check, check_every
-        When to compute the certificate: not earlier, and at most so many iterations after the last.
+    check_every
+        Iterations from one certificate to the next.
     progress
-        Called after each check with (iteration, certified gap).
+        Called after each certificate with (iteration, certified gap).
     watch
         Called after each iteration with its number and a function that gives the feasible light:
         for benchmarks.
@@ -94,19 +68,13 @@ class ADMM:
 
     tolerance: float = 1e-3
     max_iterations: int = 400
-    relaxation: float = 1.9
-    penalties: tuple[float, float] = (0.1, 0.01)
-    hold: int = 5
-    coarse: tuple[int, int] = (10, 5)
-    memory: int = 2
     stop_when_invisible: bool = True
-    first_check: int = 3
-    check_every: int = 20
+    check_every: int = 5
     progress: Callable[[int, float], None] | None = None
     watch: Callable[[int, Callable[[], Light]], None] | None = None
 
     def __call__(self, problem: Problem, start: Light) -> Result:
-        """Minimise `problem` from `start` (view, row, col, primary), a feasible light.
+        """Minimise `problem` from `start` (view, row, col, primary).
 
         Raises
         ------
@@ -116,245 +84,182 @@ class ADMM:
             where the weighting has no support.
         """
         weighting = require_certifiable(problem)
-        fourier = weighting.fourier
-        before = fourier.count
-        residual = residual_of(problem, weighting)
-        if _is_rounding(residual):
+        before = weighting.fourier.count
+        residual = problem.residual(problem.anchor)
+        xp = namespace(residual)
+        support = xp.asarray(weighting.support, device=residual.device)[None, :, :, None]
+        residual = xp.where(support, residual, 0 * residual)
+        if float(xp.max(xp.abs(residual))) <= _ROUNDING:
             return Result(problem.anchor, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
-        observation = problem.observation
-        kind = kind_of(observation)
-        if kind is Kind.LOW_RANK:
-            split = split_dome(problem, weighting)
-        elif kind is Kind.PIXELWISE:
-            split = split_pair(problem, weighting)
-        elif (parts := parts_of(observation)) is not None:
-            split = split_dome_pair(problem, weighting, parts)
-        else:
-            raise ValueError(f"ADMM takes domes of low rank and pairs, got {observation}")
-        levels = split.levels(residual, coarser=max(self.coarse) > 0)
-        del residual
-        run = _Run(self, split, levels, weighting.typical)
-        result = run.result(run.solve(start))
-        del run, levels, split  # their planes: the optimality takes as many
-        optimality = problem.optimality(result.light)
-        return replace(result, optimality=optimality, ffts=math.ceil(fourier.count - before))
+        run = _Run(self, problem, hessian_of(problem, weighting), residual, weighting.typical)
+        light, cost, gap, status = run.solve(problem.project(start))
+        optimality = problem.optimality(light)
+        ffts = math.ceil(weighting.fourier.count - before)
+        return Result(light, cost, optimality, status, run.iterations, ffts, gap)
 
 
 @final
 class _Run:
-    """One run: s on one level after the other, and what is certified.
+    """One run of the solver.
 
     Parameters
     ----------
     settings
         The solver.
-    split, levels
-        The problem, and its levels from fine to coarse.
+    problem, hessian
+        The problem, and its Hessian.
+    residual
+        Of the base; 0 where it does not count.
     typical
         Median Omega².
     """
 
-    def __init__(self, settings: ADMM, split: Split, levels: list[Level], typical: float) -> None:
-        self._settings, self._split, self._levels = settings, split, levels
-        self._level = level = levels[0]
-        first, least = settings.penalties
-        then, last = (min(max(least, penalty_of(typical, share)), first) for share in _OF_ROOT)
-        raised = max(1.0, level.hessian.strength**1.5 / 6)
-        self._penalties = [rho * raised for rho in (first, then, last)]
-        negligible = split.problem.negligible if settings.stop_when_invisible else 0.0
-        self._certificate = Certificate(split.base, level.cost, negligible, settings.tolerance)
-        self._checked_at = 0
-        self._plain = False
-        self._found = split.base
+    def __init__(
+        self, settings: ADMM, problem: Problem, hessian: Hessian, residual: Light, typical: float
+    ) -> None:
+        self._settings, self._problem, self._hessian = settings, problem, hessian
+        self._pixels, self._fourier = Pixels(problem), hessian.fourier
+        energy, gradient = hessian.seen(self._forward(planes_of(residual)))
+        self._cost, self._target = 0.5 * energy, -gradient
+        xp = namespace(residual)
+        rho = min(max(_SHARE * math.sqrt(typical), _LEAST_PENALTY), _MOST_PENALTY)
+        rho *= max(1.0, hessian.strength**1.5 / 6)
+        self._weights = [rho * value for value in hessian.metric]
+        negligible = problem.negligible if settings.stop_when_invisible else 0.0
+        eps = float(xp.finfo(residual.dtype).eps)
+        self._certificate = Certificate(self._cost, eps, settings.tolerance, negligible)
+        self.iterations = 0
 
-    def solve(self, start: Light) -> Status | None:
-        """Iterate until there is a reason to stop; None where there is none."""
-        split, level = self._split, self._level
-        if level.cost <= self._certificate.negligible:
-            self._certificate.cost = level.cost
-            return Status.INVISIBLE
-        if start is split.base or _same(start, split.base):
-            # Without a name for it here, which would keep its planes
-            return self._fine(self._from_coarse() or level.start())
-        del self._levels[1:]
-        return self._fine(level.start(split.planes(split.problem.project(start))))
-
-    def result(self, status: Status | None) -> Result:
-        """The best light, which may be the base; its optimality and FFTs are yet to be set."""
-        certificate = self._certificate
-        light, cost = self._found, certificate.cost
-        if self._level.cost < cost:
-            light, cost = self._split.base, self._level.cost
-        gap = certificate.gap_of(cost)
-        return Result(
-            light,
-            cost,
-            math.nan,
-            status or Status.EXHAUSTED,
-            certificate.iterations,
-            0,
-            gap if math.isfinite(gap) else None,
-        )
-
-    def _from_coarse(self) -> Planes | None:
-        """The iterate s on full planes, after coarser ones; None if there are none."""
-        s = None
-        while len(self._levels) > 1:
-            s = self._finer(self._coarse(s), self._penalties[len(self._levels) == 2])
-        return s
-
-    def _coarse(self, s: Planes | None) -> Planes:
-        """The iterate s after some iterations on the coarsest planes that are left."""
-        level, (first, other) = self._levels[-1], self._settings.coarse
-        weights = level.weights(self._penalties[0])
-        anderson = Anderson(self._settings.memory, weights)
-        iterations = first if s is None else other
-        if s is None:
-            s = level.start()
-        for _ in range(iterations):
-            w = _inverse(level.hessian.fourier, _x_step(level, s, weights))
-            s = self._moved(level, s, w, weights, anderson)
-        return s
-
-    def _finer(self, s: Planes, rho: float) -> Planes:
-        """The iterate s on the next finer level, for a penalty rho; the coarse level is dropped."""
-        coarse = self._levels.pop()
-        were = coarse.weights(self._penalties[0])
-        light, dual = coarse.state(s, were)
-        s.clear()
-        fine = self._levels[-1]
-        return fine.of_coarser(light, dual, were, fine.weights(rho))
-
-    def _fine(self, s: Planes) -> Status | None:
-        settings, level = self._settings, self._level
-        rho = self._penalties[1]
-        if is_large(s[0]):
-            give_back_memory()  # of coarse planes
-        weights = level.weights(rho)
-        anderson = Anderson(settings.memory, weights)
+    def solve(self, start: Light) -> tuple[Light, float, float | None, Status]:
+        """Returns light, cost, gap and status."""
+        certificate, settings, problem = self._certificate, self._settings, self._problem
+        if self._cost <= certificate.negligible:
+            return self._best(problem.anchor, self._cost, Status.INVISIBLE)
+        light = self._pixels.change(start)
+        z = self._pixels.seen(light)
+        s = self._padded(z)
+        anderson = Anderson(_MEMORY)
+        cost, status = self._cost, Status.EXHAUSTED
         for iteration in range(1, settings.max_iterations + 1):
-            if iteration == settings.hold + 1 and rho != self._penalties[2]:
-                ratio, rho = rho / self._penalties[2], self._penalties[2]
-                level.reweigh(s, weights, ratio)
-                weights = level.weights(rho)
-                anderson.reweigh(weights)
-            due = self._due(anderson.energy, iteration)
-            if due:
-                anderson.clear()  # a certificate needs as much memory
-            if self._plain:
-                anderson.give_up()
-            w = self._step(s, weights, due=due, guess=iteration == settings.first_check)
-            s = self._moved(level, s, w, weights, anderson)
-            del w  # a certificate needs as much memory
-            if due:
-                status = self._checked(self._cost(s, weights), iteration)
-                if status or iteration == settings.max_iterations:
-                    self._found = self._split.light(level.light(s, weights))
-                    return status
+            due = iteration % settings.check_every == 0 or iteration == settings.max_iterations
+            w = self._step(s, z, light, due=due)
+            r = _RELAXATION * (w - self._padded(z))
+            s = anderson.next(s + r, r * self._column(np.sqrt(self._weights)))
+            light = self._light(s, light)
+            z = self._pixels.seen(light)
             if settings.watch:
-                settings.watch(iteration, lambda: self._split.light(level.light(s, weights)))  # noqa: B023
-        return None
+                settings.watch(iteration, lambda: self._pixels.light(light))  # noqa: B023
+            if not due:
+                continue
+            cost, self.iterations = self._cost_of(z), iteration
+            found = certificate.verdict(cost, iteration)
+            if settings.progress:
+                settings.progress(iteration, certificate.gap(cost))
+            if found is Status.STALLED and anderson.memory:
+                # It may have been the acceleration, and not rounding
+                anderson = Anderson(0)
+                certificate.wait(iteration)
+            elif found is not None:
+                status = found
+                break
+        if self._cost < cost:
+            return self._best(problem.anchor, self._cost, status)
+        return self._best(self._pixels.light(light), cost, status)
 
-    def _due(self, energy: float, iteration: int) -> bool:
-        """Whether to compute a certificate."""
-        settings = self._settings
-        likely = self._certificate.likely(energy, iteration)
-        late = iteration - self._checked_at >= settings.check_every
-        return iteration == settings.max_iterations or (
-            iteration >= settings.first_check and (likely or late)
-        )
+    def _best(
+        self, light: Light, cost: float, status: Status
+    ) -> tuple[Light, float, float | None, Status]:
+        gap = self._certificate.gap(cost)
+        return light, cost, gap if math.isfinite(gap) else None, status
 
-    def _step(self, s: Planes, weights: list[float], *, due: bool, guess: bool) -> Planes:
-        """The x-step's w; where a certificate is due, the lower bound is known afterwards.
+    def _light(self, s: Planes, before: Planes) -> Planes:
+        """The d of s: the proximal map of g."""
+        _, rows, cols = before.shape
+        damped = [weight + self._problem.regularisation for weight in self._weights]
+        shrunk = self._column(np.divide(self._weights, damped))
+        return self._pixels.nearest(s[:, :rows, :cols] * shrunk, damped, before)
 
-        With `guess`, the certificate also learns about how large the minimum will be.
-        """
-        level, hessian = self._level, self._level.hessian
-        spectra = _x_step(level, s, weights)
-        along = hessian.dot(spectra, level.target) if due or guess else 0.0
-        if guess:
-            self._certificate.expect(level.cost - 0.5 * along)
-        w = _inverse(hessian.fourier, spectra)
+    def _step(self, s: Planes, z: Planes, light: Planes, *, due: bool) -> Planes:
+        """The x-step's w; where a certificate is due, the lower bound is known afterwards."""
+        weights = self._column(self._weights)
+        towards = (2 * self._padded(z) - s) * weights
+        spectra = self._hessian.solve(self._fourier.forward(towards) + self._target, self._weights)
+        along = self._fourier.dot(spectra, self._target) if due else 0.0
+        w = self._fourier.inverse(spectra, spent=True)
         if due:
-            known, free = level.cost - 0.5 * along, []
-            for part, rest in level.lower_bound(s, w, weights):
-                known += part
-                free.append(hessian.fourier.forward(rest))
-                del rest  # as large as a plane
-            sigma = level.damping
-            hessian.solve(free, [sigma] * len(free))
-            dual = hessian.energy(free) + sigma * hessian.dot(free, free)
-            self._certificate.raise_to(known - 0.5 * dual)
+            self._certificate.raise_to(self._bound(towards - w * weights, w, light, along))
         return w
 
-    def _cost(self, s: Planes, weights: list[float]) -> float:
-        """Cost of the feasible planes that belong to s."""
-        level, hessian = self._level, self._level.hessian
-        planes = level.feasible(s, weights)
-        regulariser, spectra = level.regulariser(planes), []
-        while planes:
-            spectra.append(hessian.fourier.forward(padded(planes.pop(0), hessian.fourier)))
-        quadratic = 0.5 * hessian.energy(spectra) - hessian.dot(spectra, level.target)
-        return level.cost + quadratic + regulariser
-
-    def _moved(
-        self, level: Level, s: Planes, w: Planes, weights: list[float], anderson: Anderson
-    ) -> Planes:
-        """The next s; the old one and w are used up."""
-        level.move(s, w, weights, self._settings.relaxation)
-        return anderson.next(s, w)
-
-    def _checked(self, cost: float, iteration: int) -> Status | None:
-        """Notes a feasible cost, and when; returns the status to stop with, or None to go on."""
-        certificate, settings = self._certificate, self._settings
-        status = certificate.verdict(cost, iteration)
-        self._checked_at = iteration
-        if status is Status.STALLED and not self._plain:
-            # It may have been the acceleration, and not rounding.
-            self._plain, status = True, None
-            certificate.wait(iteration)
-        if settings.progress:
-            settings.progress(iteration, certificate.gap)
-        return status
-
-
-def _is_rounding(residual: Light) -> bool:
-    """Whether the base shows what is desired, to rounding."""
-    limit = 8 * float(np.finfo(np.float32).eps)
-    xp = namespace(residual)
-
-    def work(view: int, rows: slice) -> bool:
-        return bool(xp.all(xp.abs(residual[view, rows, ...]) <= limit))
-
-    return all(in_parts(work, residual.shape, residual))
-
-
-def _same(light: Light, other: Light) -> bool:
-    """Whether two lights are the same, pixel by pixel."""
-    xp = namespace(light, other)
-    return all(
-        in_parts(
-            lambda view, rows: bool(xp.all(light[view, rows, ...] == other[view, rows, ...])),
-            light.shape,
-            light,
+    def _bound(self, gradient: Planes, w: Planes, light: Planes, along: float) -> float:
+        """A lower bound of the minimum, by f's gradient at w; `along` is <b, w>."""
+        mu = self._problem.regularisation
+        bound = self._cost - 0.5 * along + 0.5 * float(total(w * (gradient + mu * w)))
+        gradient = gradient + mu * w
+        _, rows, cols = light.shape
+        inside = slice(None), slice(rows), slice(cols)
+        # The padding is pinned
+        bound -= float(total(gradient * w)) - float(total(gradient[inside] * w[inside]))
+        least, free = split(
+            self._pixels, self._hessian.curvature, gradient[inside], w[inside], light
         )
-    )
+        spectra = self._fourier.forward(self._padded(free))
+        damping = [mu] * spectra.shape[0]
+        solved = self._hessian.solve(spectra, damping)
+        dual = self._hessian.energy(solved) + mu * self._fourier.dot(solved, solved)
+        return bound + least - 0.5 * dual
+
+    def _cost_of(self, z: Planes) -> float:
+        """Cost of what is seen of a feasible light."""
+        spectra = self._forward(z)
+        quadratic = 0.5 * self._hessian.energy(spectra) - self._fourier.dot(spectra, self._target)
+        return self._cost + quadratic + 0.5 * self._problem.regularisation * float(total(z * z))
+
+    def _padded(self, planes: Planes) -> Planes:
+        """Planes on the padded grid, 0 around."""
+        count, rows, cols = planes.shape
+        shape = (count, self._fourier.rows, self._fourier.cols)
+        result = namespace(planes).zeros(shape, dtype=planes.dtype, device=planes.device)
+        result[:, :rows, :cols] = planes
+        return result
+
+    def _forward(self, planes: Planes) -> Array:
+        return self._fourier.forward(self._padded(planes))
+
+    def _column(self, values: Any) -> Array:
+        """(plane, 1, 1) numbers, as the planes are."""
+        like = self._pixels.lower
+        array = namespace(like).asarray(values, dtype=like.dtype, device=like.device)
+        return array[:, None, None]
 
 
-def _x_step(level: Level, s: Planes, weights: list[float]) -> Spectra:
-    """Spectra of w = (H_0 + rho P)^-1 (b + rho P (z - u))."""
-    fourier = level.hessian.fourier
-    spectra = [fourier.forward(plane) for plane in level.towards(s, weights)]
-    level.hessian.solve(spectra, weights, level.target)
-    return spectra
+def require_certifiable(problem: Problem) -> CsfWeighting:
+    """The problem's weighting.
+
+    Raises
+    ------
+    ValueError
+        If it is not one that Fourier diagonalises, the problem has no regulariser, its bounds are
+        not finite, its anchor is not within them, or its pixels are not pinned where the weighting
+        has no support.
+    """
+    weighting: Any = problem.weighting
+    if not isinstance(weighting, CsfWeighting):
+        raise ValueError(f"ADMM takes a CsfWeighting, got {type(weighting).__name__}")
+    xp, anchor = namespace(problem.desired), problem.anchor
+    if not bool(xp.all(xp.isfinite(problem.lower)) & xp.all(xp.isfinite(problem.upper))):
+        raise ValueError("ADMM takes finite bounds")
+    if not problem.regularisation > 0:
+        raise ValueError("ADMM certifies regularised problems only, got regularisation 0")
+    if not bool(xp.all((anchor >= problem.lower) & (anchor <= problem.upper))):
+        raise ValueError("ADMM takes an anchor within the bounds")
+    off = xp.asarray(~weighting.support, device=problem.desired.device)
+    if bool(xp.any((problem.lower != problem.upper) & off[None, :, :, None])):
+        raise ValueError("ADMM takes a problem whose pixels off the support are pinned")
+    return weighting
 
 
-def _inverse(fourier: Fourier, spectra: Spectra) -> Planes:
-    """Planes of spectra, which are used up one by one."""
-    planes = []
-    while spectra:
-        planes.append(fourier.inverse(spectra.pop(0), spent=True))
-    return planes
-
-
-_OF_ROOT = 0.5, 0.25  # of the root of the median Omega²: rho's at first, and then
+_ROUNDING = 8 * float(np.finfo(np.float32).eps)  # of white
+_RELAXATION = 1.9  # alpha
+_MEMORY = 5  # old points that the acceleration combines
+_SHARE = 0.5
+_LEAST_PENALTY, _MOST_PENALTY = 0.02, 0.1

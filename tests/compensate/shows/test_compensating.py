@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -136,12 +137,9 @@ def test_the_same_bytes_and_figures_with_fast_and_without(
 ) -> None:
     pytest.importorskip("numba")
     show = replace(shows[scene], moments=shows[scene].moments[:2])
-    found, figures, settings = [], [], []
+    found, figures = [], []
     for fast in "01":
         monkeypatch.setenv("DOMESIM_FAST", fast)
-        settings.append(
-            [Compensating(SceneChoice(scene), eye=eye).settings() for eye in (CONTRAST, PAPER)]
-        )
         outcome = done(show, tmp_path / fast, recipe_of(scene), Running(0))
         found.append(content(tmp_path / fast))
         others = ("output", "seconds", "settings")
@@ -154,8 +152,22 @@ def test_the_same_bytes_and_figures_with_fast_and_without(
     assert len(found[0]) == 2 * len(show.moments[0])
     assert found[0] == found[1]
     assert figures[0] == figures[1]
-    # Solvers round otherwise: a job of theirs knows which it is
-    assert [alike == other for alike, other in zip(*settings, strict=True)] == [True, False]
+
+
+@pytest.mark.parametrize("scene", ["dome_planetarium", "stereo_polarised_paper"])
+def test_a_job_knows_the_transforms_of_its_solver_alone(
+    scene: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They round otherwise with another library; nothing else uses them."""
+    settings = []
+    for name in ("scipy.fft", "another"):
+        monkeypatch.setattr(
+            "compensate.shows.compensating.transforms", lambda name=name: ModuleType(name)
+        )
+        settings.append(
+            [Compensating(SceneChoice(scene), eye=eye).settings() for eye in (CONTRAST, PAPER)]
+        )
+    assert [one == other for one, other in zip(*settings, strict=True)] == [True, False]
 
 
 @pytest.mark.parametrize(("count", "pages"), [(24, 0), (40, 1), (1000, 3)])

@@ -58,7 +58,7 @@ def test_the_certificate_bounds_the_true_gap(seed):
     posed, start = pair_problem(make(7), seed=seed, gain=gain, mu=mu)
     least = ADMM(tolerance=1e-10, max_iterations=5000)(posed, start).cost
     for steps in (4, 12):
-        early = ADMM(max_iterations=steps, first_check=steps)(posed, start)
+        early = ADMM(max_iterations=steps)(posed, start)
         assert early.cost >= least * (1 - 1e-9)
         assert early.gap >= (early.cost / least - 1) * (1 - 1e-9) - 1e-9
         assert np.array_equal(posed.project(early.light), early.light)

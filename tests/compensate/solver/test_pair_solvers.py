@@ -6,18 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pairs import OBSERVATIONS, grey, pair, pair_problem, two_views
+from pairs import OBSERVATIONS, pair, pair_problem, two_views
 from scipy.ndimage import gaussian_filter
-from scipy.optimize import lsq_linear, minimize
+from scipy.optimize import lsq_linear
 from theatres import BT709, viewing
 
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.gpcg import GPCG
-from compensate.solver.relinearised import Relinearised, true_cost
 from compensate.solver.result import Status
-from compensate.solver.worst_seat import WorstSeat, seat_importance
 from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
@@ -61,7 +59,7 @@ def test_the_certificate_bounds_the_true_gap(name, seed):
     least = ADMM(tolerance=1e-9, max_iterations=4000)(posed, start).cost
     certified = []
     for steps in (2, 5, 10, 25):
-        early = ADMM(tolerance=1e-12, max_iterations=steps, first_check=steps)(posed, start)
+        early = ADMM(tolerance=1e-12, max_iterations=steps)(posed, start)
         if early.gap is not None:
             certified.append(early.gap)
             assert early.gap >= (early.cost / least - 1) * (1 - 1e-9) - 1e-9
@@ -112,36 +110,6 @@ def test_where_nothing_clips_the_audience_sees_the_master(name):
     assert np.abs(observation.observe(found.light) - master).max() <= 1e-6
 
 
-def test_a_grey_to_grey_table_is_minimised_as_it_is():
-    exact = grey(9, 8)
-    master = pair(9, 8)
-    posed = Problem(
-        exact.linearised(master), two_views(9, 8), master, anchor=master, regularisation=1e-3
-    )
-    found = Relinearised(ADMM(tolerance=1e-8, max_iterations=2000), tolerance=1e-9)(posed, master)
-    assert found.status is Status.CONVERGED
-    assert found.cost == pytest.approx(true_cost(posed, exact, found.light))
-    assert found.cost < 0.5 * true_cost(posed, exact, master)
-    once = ADMM(tolerance=1e-8, max_iterations=2000)(posed, master).light
-    assert found.cost < true_cost(posed, exact, once)
-
-    def cost(v: np.ndarray) -> tuple[float, np.ndarray]:
-        light = v.reshape(master.shape)
-        local = posed.observed_by(exact.linearised(light))
-        return local.quadratic(light)[0], local.gradient(light).ravel()
-
-    options = {"maxiter": 3000, "maxfun": 6000, "ftol": 1e-15, "gtol": 1e-10}
-    scipy = minimize(
-        cost,
-        master.ravel(),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[(0, 1)] * master.size,
-        options=options,
-    )
-    assert found.cost <= scipy.fun * 1.001
-
-
 @pytest.mark.parametrize("peak", [0.4, 0.6])
 def test_crosstalk_that_varies_wildly_is_solved_all_the_same(peak):
     share = np.full((2, 24, 31), 0.02)
@@ -154,46 +122,11 @@ def test_crosstalk_that_varies_wildly_is_solved_all_the_same(peak):
     assert found.cost <= check.cost * 1.001
 
 
-def test_a_solver_that_fails_inside_is_no_success():
-    posed, start = pair_problem(grey(9, 8).linearised(pair(9, 8)))
-    found = Relinearised(ADMM(tolerance=1e-12, max_iterations=3))(posed, start)
-    assert found.status is not Status.CONVERGED
-
-
 def test_a_table_that_subtraction_cannot_follow_is_refused():
     levels = [0.0, 0.01, 1.0]
     table = np.broadcast_to(np.array([0.0, 0.02, 0.03]), (2, 1, 3, 3))
     with pytest.raises(InputError, match="own light than with the other's"):
         GreyToGrey(4, 5, levels, table)
-
-
-def test_the_worst_seat_is_made_better_than_by_the_mean():
-    posed, start = pair_problem(OBSERVATIONS["several seats"](8, 9))
-
-    def costs(light: np.ndarray) -> np.ndarray:
-        return np.array(
-            [
-                posed.weighted_by(posed.weighting.with_importance(seat_importance(one))).cost(light)
-                for one in np.eye(3)
-            ]
-        )
-
-    worst = WorstSeat(tolerance=1e-3, max_rounds=200)(posed, start)
-    assert worst.status is Status.CONVERGED
-    assert worst.gap <= 1e-3
-    assert worst.cost == pytest.approx(costs(worst.light).max())
-    even = posed.weighted_by(posed.weighting.with_importance(seat_importance(np.ones(3))))
-    mean = ADMM(tolerance=1e-6, max_iterations=2000)(even, start)
-    assert costs(worst.light).max() < 0.99 * costs(mean.light).max()
-    assert costs(mean.light).mean() < costs(worst.light).mean()
-
-
-def test_pairs_only():
-    posed, start = pair_problem(OBSERVATIONS["constant"](5, 6))
-    with pytest.raises(ValueError, match="several seats"):
-        WorstSeat()(posed, start)
-    with pytest.raises(ValueError, match="linearised table"):
-        Relinearised()(posed, start)
 
 
 def textured(rows: int, cols: int) -> np.ndarray:
@@ -206,9 +139,9 @@ def textured(rows: int, cols: int) -> np.ndarray:
     return np.clip(light, 0, 1).astype(np.float32)
 
 
-@pytest.mark.parametrize(("pixels_a_degree", "most"), [(21, 139), (43, 263), (86, 371)])
+@pytest.mark.parametrize(("pixels_a_degree", "most"), [(21, 234), (43, 378), (86, 450)])
 def test_pixels_finer_than_the_eye_take_a_few_times_the_transforms(pixels_a_degree, most):
-    """86 took 839 before penalties and certificates went by what is seen."""
+    """The penalty goes by what is seen; at 86 one of 0.05 takes twice as many."""
     master = textured(192, 256)
     _, rows, cols, _ = master.shape
     degrees = cols / pixels_a_degree
