@@ -62,9 +62,3 @@ class Result:
     iterations: int
     ffts: int
     gap: float | None = None
-
-    @property
-    def minimised(self) -> float:
-        """`cost`, of a solver that minimises one."""
-        assert self.cost is not None
-        return self.cost
