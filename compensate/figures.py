@@ -279,7 +279,7 @@ class Appraisal:
         """How far, at most, what is seen is from what the optimum x* shows, JND rms; see `Figures`.
 
         As x* is optimal, 1/2 ||lambda(psi(x) - psi(x*))||² <= cost(x) - cost(x*), of an affine psi:
-        None for a table, and for several seats, of which the worst may count.
+        None for a table, and for several seats, which count by their weights.
         """
         several = isinstance(self.posed.observation, GreyToGrey | SeveralSeats)
         if result.gap is None or result.cost is None or several:
