@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from compensate import compensate
 from compensate.pose import pose
 from domesim.light.transfer import named
 from validation import laws
@@ -55,6 +56,7 @@ def random_master(seed: int, size: int = 96):
 METHODS = {
     "nothing": lambda master: master,
     "subtraction": lambda master: pose(master, DOME).subtractive,
+    "the default": lambda master: compensate(master, DOME).light,
 }
 
 
