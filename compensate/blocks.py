@@ -127,7 +127,7 @@ def block_sums(planes: Array, block: int) -> Array:
 
 
 def enlarged(coarse: Array, block: int, size: tuple[int, ...]) -> Array:
-    """Returns (..., row, col) planes of `size` from those of blocks: linear between their middles."""
+    """Returns planes (..., row, col) of `size` from blocks: linear between their middles."""
     return _linear_along(_linear_along(coarse, block, -2, size[-2]), block, -1, size[-1])
 
 
