@@ -45,8 +45,8 @@ lies over it, too:
 Where nothing is missing, v is 0, and the aim is the master: what is exact stays exact. Both eyes of
 a 3D dome are lifted by the same v, over the brighter floor: else they would see two blacks.
 
-B and v are known by blocks of half a degree, and are linear in between: what they cost does not grow
-with the picture.
+B and v are known by blocks of half a degree, and are linear in between: what they cost does not
+grow with the picture.
 
 Display-adaptive tone mapping has the same idea for whole displays: R. Mantiuk, S. Daly, L.
 Kerofsky, "Display Adaptive Tone Mapping", ACM Trans. Graph. 27(3), 2008. The laws, how the numbers
