@@ -14,8 +14,8 @@ from domesim.commands.options import Json, Quiet
 from domesim.errors import InputError
 from domesim.host.console import Console, prepare
 from domesim.host.cores import cores
+from validation.benchmarks import copying, writing
 from validation.benchmarks import files as file_costs
-from validation.benchmarks import writing
 from validation.benchmarks.measuring import Cost, Settings, costs
 from validation.benchmarks.problems import PROBLEMS
 from validation.benchmarks.solvers import SOLVERS, USUAL
@@ -111,6 +111,13 @@ def bench(
         bool,
         typer.Option("--files", help="Instead: time whole commands, single frames and sequences."),
     ] = False,
+    workers: Annotated[
+        str | None,
+        typer.Option(
+            help="With --files: time shows of so many workers each, by commas, against as many "
+            "copies at once by oiiotool."
+        ),
+    ] = None,
     quick: Annotated[
         bool,
         typer.Option(
@@ -130,9 +137,14 @@ def bench(
     """
     console = Console(quiet=quiet, json=json)
     if files:
-        _bench_files(out, console, quick=quick)
+        if workers is None:
+            _bench_files(out, console, quick=quick)
+        else:
+            _bench_workers(out, console, _numbers("--workers", workers, 1), quick=quick)
         return
-    widths = _widths(sizes)
+    if workers is not None:
+        raise InputError("--workers is of --files; add it, or leave --workers out")
+    widths = _numbers("--sizes", sizes, 16)
     wanted = _names("--problems", problems, PROBLEMS)
     tried = _names("--solvers", solvers, SOLVERS)
     settings = Settings(budget=150, repeats=1, memory=False) if quick else Settings()
@@ -167,14 +179,26 @@ def _bench_files(out: Path, console: Console, *, quick: bool) -> None:
     console.say(f"Written: {path.resolve()}")
 
 
-def _widths(sizes: str) -> tuple[int, ...]:
+def _bench_workers(out: Path, console: Console, workers: tuple[int, ...], *, quick: bool) -> None:
+    prepare(out)
+    console.say(copying.HEADER)
+    found = []
+    for one in copying.comparisons(workers, quick=quick):
+        found.append(one)
+        console.say(copying.line(one))
+    path = copying.write(out, found)
+    console.figures({"shows": [each.figures() for each in found]})
+    console.say(f"Written: {path.resolve()}")
+
+
+def _numbers(option: str, given: str, least: int) -> tuple[int, ...]:
     try:
-        widths = tuple(int(size) for size in sizes.split(","))
+        numbers = tuple(int(text) for text in given.split(","))
     except ValueError:
-        raise InputError(f"--sizes takes numbers such as 128,256, got {sizes!r}") from None
-    if min(widths) < 16:
-        raise InputError(f"--sizes takes numbers of at least 16, got {min(widths)}")
-    return widths
+        raise InputError(f"{option} takes numbers by commas, got {given!r}") from None
+    if min(numbers) < least:
+        raise InputError(f"{option} takes numbers of at least {least}, got {min(numbers)}")
+    return numbers
 
 
 def _names(option: str, given: str, known: Collection[str]) -> tuple[str, ...]:
