@@ -549,7 +549,7 @@ class _Problem:
             if self._effects is not None:
                 factors = 1 + eta[:, None, None] * self._effects[..., p]
                 bent = factors.prod(0)
-                effects = gain * shown * bent * self._effects[..., p] / factors
+                effects = gain * shown * _others(factors) * self._effects[..., p]
                 slopes[3 * count : 3 * count + len(eta), ..., p] = effects[:, evidence.pattern]
             light[..., p] = (gain * shown * bent)[evidence.pattern]
             slopes[p * count, ..., p] = light[..., p]
@@ -653,6 +653,14 @@ def _doubts(names: Sequence[str], value: Floats, covariance: Floats) -> tuple[st
             else f"{line}, or one of both more: the photographs do not tell them apart"
         )
     return tuple(lines)
+
+
+def _others(factors: Floats) -> Floats:
+    """(factor, ...) product of all other factors, any of which may be 0."""
+    one = np.ones_like(factors[:1])
+    before = np.cumprod(np.concatenate([one, factors[:-1]]), 0)
+    after = np.cumprod(np.concatenate([one, factors[:0:-1]]), 0)[::-1]
+    return np.asarray(before * after)
 
 
 def _weakest(covariance: Floats) -> Floats:
