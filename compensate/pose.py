@@ -123,10 +123,10 @@ class Posed:
         if not isinstance(setting.eye, Aim):
             return None
         wanted = setting.single.direct(self.desired)
-        upper = setting.upper_like(wanted)
-        return aimed_light(
-            setting.eye, setting.sight, setting.single, wanted, self.subtractive, upper
-        )
+        light, seen, upper = self.subtractive, self.shown, setting.upper_like(wanted)
+        if setting.single is not self.observation:
+            seen = setting.single.observe(light)
+        return aimed_light(setting.eye, setting.sight, setting.single, wanted, light, seen, upper)
 
     def residual(self, light: Light) -> Light:
         """psi(x) - wanted, of all seats: (seen view, row, col, primary)."""

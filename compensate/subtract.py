@@ -255,13 +255,7 @@ def _settle(
             rounds, shown = mixing.settled(free, bounds, rows, max_rounds)
         for (v, p), plane in zip(planes, shown, strict=True):
             light[v, rows, :, p] = plane
-        overlaps = [[each * mode for mode in modes] for each in collect]
-        moving = [(x > low) & (x < high) for x, (low, high) in zip(shown, bounds, strict=True)]
-        return (
-            rounds,
-            np.array([[dot(each, x) for each in collect] for x in shown]),
-            np.array([[[np.sum(on * m) for m in line] for line in overlaps] for on in moving]),
-        )
+        return rounds, *_sums(shown, bounds, modes, collect)
 
     for steps in range(1, max_rounds + 1):
         seen_s = s.reshape(len(planes), rank)
@@ -278,6 +272,20 @@ def _settle(
         if np.abs(change).max() <= _SETTLED * max(np.abs(s).max(), _SETTLED):
             return light, max(steps, *rounds)
     return light, max_rounds
+
+
+def _sums(
+    shown: Sequence[Floats], bounds: Sequence[Any], modes: Floats, collect: Floats
+) -> tuple[Floats, Floats]:
+    """(plane, rank) V'x of some rows' light, and (plane, rank, rank) how it falls as s rises."""
+    if not len(modes):
+        return np.empty(0), np.empty(0)
+    overlaps = [[each * mode for mode in modes] for each in collect]
+    moving = [(x > low) & (x < high) for x, (low, high) in zip(shown, bounds, strict=True)]
+    return (
+        np.array([[dot(each, x) for each in collect] for x in shown]),
+        np.array([[[np.sum(on * m) for m in line] for line in overlaps] for on in moving]),
+    )
 
 
 @final

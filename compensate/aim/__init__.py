@@ -29,6 +29,7 @@ def aimed_light(
     observation: Observation,
     wanted: Light,
     subtractive: Light,
+    seen: Light,
     upper: Array | float = 1.0,
 ) -> Light:
     """The light that shows what is aimed at.
@@ -41,8 +42,8 @@ def aimed_light(
         What is seen of light, at one seat.
     wanted
         (view, row, col, primary) what should be seen.
-    subtractive
-        Light of exact clipped subtraction.
+    subtractive, seen
+        Light of exact clipped subtraction, and what is seen of it.
     upper
         Largest light, which broadcasts.
 
@@ -51,18 +52,16 @@ def aimed_light(
     light
         (view, row, col, primary) to project, from 0 to `upper`.
     """
-    seen = observation.observe(subtractive)
     if len(wanted) > 1 and reflecting(observation) is None:
         target = veiled(aim, sight, wanted, np.maximum(seen - wanted, 0))
     else:
         brightest = observation.direct(np.broadcast_to(np.ones((), wanted.dtype), wanted.shape))
         floor = _less(seen, observation.direct(subtractive))
-        del seen  # it takes memory
         if len(wanted) == 1:
             target = lifted(aim, sight, wanted, floor, brightest)
         else:
             target = aimed(aim, sight, observation, wanted, floor, brightest, upper)
-        del floor
+        del floor  # it takes memory
     return subtracted(observation, target, (0.0, upper), start=subtractive)[0]
 
 
