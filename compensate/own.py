@@ -118,7 +118,7 @@ def own_problem(
     wanted = observation.direct(desired)
     bounds = (0.0, on)
     plain = LinearWeighting(observation.seen_shape, lambda light: light, lambda light: light)
-    nearest = Accelerated(1e-3)(Problem(observation, plain, wanted, bounds), desired)  # eq. 1
+    nearest = Accelerated(1e-3)(Problem(observation, plain, wanted, bounds), desired)
     return Problem(
         observation, weighting, wanted, bounds, anchor=nearest.light, regularisation=REGULARISATION
     )

@@ -406,7 +406,7 @@ class _Eye:
         masking = self._masking(found, slice(None), slice(None)) + self._base_band(found)
         saliency = full(self._saliency)
         if self._contrasts is None:
-            visible = full(np.where(found.delta, probability(masking), np.float32(0)))
+            visible = full(np.where(found.delta, probability(masking), np.float32(0)))  # eq. 12
         else:
             visible = probability(self._contrasts.differences(seen))
         salient = visible * saliency  # eq. 13

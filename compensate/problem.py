@@ -95,7 +95,7 @@ class Problem:
 
     def cost(self, light: Light) -> float:
         """The objective at `light`."""
-        return 0.5 * self.weighting.energy(self.residual(light)) + self.penalty(light)
+        return 0.5 * self.weighting.energy(self.residual(light)) + self.penalty(light)  # eq. 3
 
     def gradient(self, light: Light) -> Light:
         """Its gradient, (view, row, col, primary)."""

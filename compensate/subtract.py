@@ -92,7 +92,7 @@ def subtracted(
         raise ValueError(f"subtraction is of one seat, got {observation.seen_shape} seen")
     if isinstance(wanted, np.ndarray) and (parts := _parts(observation, wanted)) is not None:
         lower, upper = (np.broadcast_to(np.asarray(each), wanted.shape) for each in bounds)
-        return _by_newton(parts, wanted, lower, upper, max_rounds)
+        return _by_newton(parts, wanted, lower, upper, max_rounds)  # eq. 1
     return _by_rounds(observation, wanted, bounds, start, max_rounds)
 
 

@@ -212,7 +212,7 @@ class CsfWeighting(Weighting):
     def energy(self, residual: Light) -> float:
         """||lambda(r)||², with one FFT a channel."""
         spectrum = self._weighted_spectrum(residual)
-        return self._fourier.dot(spectrum, spectrum)
+        return self._fourier.dot(spectrum, spectrum)  # eq. 5
 
     def quadratic(self, residual: Light) -> tuple[float, Light]:
         """See `Weighting`; with two FFTs a channel."""
@@ -234,6 +234,7 @@ class CsfWeighting(Weighting):
         return self._to_light(self._fourier.inverse(spectrum, spent=True))
 
     def _weighted_spectrum(self, residual: Light) -> Array:
+        """Spectrum of the convolution K_l * r, by the convolution theorem."""
         gains, opponent, support, _ = self._like(residual)
         xp = namespace(residual)
         planes = xp.zeros(
@@ -252,7 +253,7 @@ class CsfWeighting(Weighting):
 
         in_parts(fill, self.shape, residual)
         spectrum = self._fourier.forward(planes)
-        spectrum *= gains
+        spectrum *= gains  # eq. 6
         return spectrum
 
     def _to_light(self, planes: Array) -> Light:

@@ -10,13 +10,18 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LINES = {
-    1: ("compensate/own.py", "own_problem"),
+    1: ("compensate/subtract.py", "subtracted"),
+    2: ("domesim/observation/lowrank.py", "work"),
+    3: ("compensate/problem.py", "cost"),
     4: ("compensate/weighting.py", "_apply"),
+    5: ("compensate/weighting.py", "energy"),
+    6: ("compensate/weighting.py", "_weighted_spectrum"),
     7: ("compensate/weighting.py", "_apply"),
     8: ("domesim/observation/crosstalk.py", "leaked"),
     9: ("domesim/observation/frozen.py", "_observe"),
     10: ("compensate/prediction.py", "_looks"),
     11: ("compensate/vision/masking.py", "add"),
+    12: ("compensate/prediction.py", "predicts"),
     13: ("compensate/prediction.py", "predicts"),
     14: ("compensate/prediction.py", "_saliency"),
     15: ("domesim/observation/spherical.py", "closed_form_gain"),

@@ -171,7 +171,7 @@ class LowRankObservation(AdjointObservation):
             for p in range(light.shape[-1]):
                 direct = light[0, rows, :, p]
                 part = expand(modes[:, rows, :], excited[p, :])
-                part += direct if self._unit_gain else direct * gain[rows, :]
+                part += direct if self._unit_gain else direct * gain[rows, :]  # eq. 2
                 if ambient is not None:
                     part += ambient[p, rows, :]
                 result[0, rows, :, p] = part
