@@ -16,7 +16,14 @@ class NoPlaceError(InputError):
 
 
 def require_positive(what: str, **settings: float) -> None:
-    """Refuse settings of something that are not above 0, or not finite.
+    """Refuse settings that are not above 0, or not finite.
+
+    Parameters
+    ----------
+    what
+        What they are settings of, for the message.
+    **settings
+        Numbers by name.
 
     Raises
     ------
@@ -29,7 +36,12 @@ def require_positive(what: str, **settings: float) -> None:
 
 
 def require_not_negative(what: str, **settings: float) -> None:
-    """Refuse settings of something that are below 0, or not finite.
+    """Refuse settings that are below 0, or not finite.
+
+    Parameters
+    ----------
+    what, **settings
+        As for `require_positive`.
 
     Raises
     ------

@@ -47,7 +47,12 @@ def encoding_named(name: str, option: str = "--encoding") -> ColourTag:
         srgb, linear, gamma2.2, gamma2.4, gamma2.6, bt1886, st2084 and dcdm; or ``ocio:SPACE``, of
         OpenColorIO's configuration (`domesim.light.ocio`). In any case.
     option
-        Which.
+        Name of the option, for messages.
+
+    Returns
+    -------
+    colour
+        Transfer function and primaries.
 
     Raises
     ------

@@ -174,7 +174,20 @@ class Master:
         return within and (self.becomes is None or self.becomes.means_the_same_as(self.colour))
 
     def encoded_as(self, colour: ColourTag, pixels: ArrayLike) -> Master:
-        """`with_pixels` that mean `colour`."""
+        """The same files with other pixels, in another encoding.
+
+        Parameters
+        ----------
+        colour
+            What the new code values mean.
+        pixels
+            As for `with_pixels`.
+
+        Returns
+        -------
+        master
+            The new one.
+        """
         made = self.with_pixels(pixels)
         return replace(made, frames=tuple(replace(each, colour=colour) for each in made.frames))
 
@@ -222,6 +235,11 @@ def read_master(
         show. Of one plain colour, such as black, they may always be.
     colour
         As for `read_frame`.
+
+    Returns
+    -------
+    master
+        One view, or two: left, right.
 
     Raises
     ------
@@ -295,7 +313,12 @@ def write_master(
 
 
 def require_writable(master: Master, paths: Sequence[str | Path], bits: int | None = None) -> None:
-    """See that `write_master` takes `master` there, whatever its pixels, before work on them.
+    """Refuse, before work on the pixels, what `write_master` would refuse whatever they are.
+
+    Parameters
+    ----------
+    master, paths, bits
+        As for `write_master`.
 
     Raises
     ------
@@ -350,6 +373,11 @@ def made_for(
         As for `write_master`.
     colour
         The encoding; None for the master's own.
+
+    Returns
+    -------
+    master
+        The same pixels; `becomes` and `limits` say what they are to become.
 
     Raises
     ------

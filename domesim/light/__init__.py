@@ -41,12 +41,21 @@ def on_host(array: Array) -> NDArray[Any]:
 
 
 def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: str) -> None:
-    """Check that `light` is Light, and of `shape` if one is given.
+    """Refuse what is not Light.
+
+    Parameters
+    ----------
+    light
+        What must be floating and have axes (view, row, col, primary).
+    shape
+        The sizes that it must have; any if None.
+    who
+        Name of the caller, for the message.
 
     Raises
     ------
     ValueError
-        If it is not a real floating array with four axes, or not of that shape.
+        If it is not a real floating array with four axes, or has another shape.
     """
     found = tuple(getattr(light, "shape", ()))
     if shape is not None and found != shape:
@@ -72,5 +81,16 @@ def total(values: Array) -> Array:
 
 
 def dot(left: Array, right: Array) -> float:
-    """<left, right>, summed in float64."""
+    """Inner product <left, right>, summed in float64.
+
+    Parameters
+    ----------
+    left, right
+        Arrays of one shape.
+
+    Returns
+    -------
+    product
+        The sum of their products.
+    """
     return float(total(left * right))

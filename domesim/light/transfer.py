@@ -287,6 +287,11 @@ def named(name: str, *, white: float) -> Transfer:
     white
         Luminance of projector white, cd/m² (absolute curves need it).
 
+    Returns
+    -------
+    transfer
+        The curve, code values to light and back.
+
     Raises
     ------
     InputError

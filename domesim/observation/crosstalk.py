@@ -184,9 +184,21 @@ class Crosstalk(StereoObservation):
 
 
 def mixing_by(matrix: NDArray[Any], like: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
-    """Multiplies each pixel's primaries by a matrix, in rows of pictures such as `like`.
+    """A function that multiplies each pixel's primaries by `matrix`.
 
-    A diagonal one, as most are, only scales: in a seventh of the time.
+    A diagonal matrix, as most are, only scales: in a seventh of the time.
+
+    Parameters
+    ----------
+    matrix
+        (primary, primary), seen by sent.
+    like
+        (..., col, primary) rows of a picture, whose width and type the function expects.
+
+    Returns
+    -------
+    mix
+        Takes and returns (..., col, primary).
     """
     diagonal = np.diag(matrix)
     if np.array_equal(matrix, np.diag(diagonal)):
@@ -197,7 +209,7 @@ def mixing_by(matrix: NDArray[Any], like: NDArray[Any]) -> Callable[[NDArray[Any
 
 
 def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float64]:
-    """(view, primary, primary) matrices of crosstalk that is described with fewer numbers.
+    """Matrices of crosstalk that is described with fewer numbers.
 
     Parameters
     ----------
@@ -206,7 +218,12 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
         (primary,), or both, (2, primary); or a matrix, (primary, primary), or one for each eye,
         (2, primary, primary).
     primaries
-        How many primaries light has.
+        Number of primaries.
+
+    Returns
+    -------
+    matrices
+        (view, primary, primary), seen by sent.
 
     Raises
     ------
@@ -234,16 +251,39 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
 
 
 def leaks_to_both(to_left: object, to_right: object) -> NDArray[np.float64]:
-    """(view, primary, primary) matrices of what `leak_matrices` takes, for each eye."""
+    """Matrices of two eyes' crosstalk.
+
+    Parameters
+    ----------
+    to_left, to_right
+        What leaks to that eye; each as for `leak_matrices`.
+
+    Returns
+    -------
+    matrices
+        (view, primary, primary), seen by sent.
+    """
     return np.stack([leak_matrices(np.asarray(leak))[0] for leak in (to_left, to_right)])
 
 
 def over_pixels(
     coarse: NDArray[np.float64], rows: int, cols: int, *, sloping: bool = True
 ) -> NDArray[np.float64]:
-    """(view, row, col): a map of cells, interpolated linearly between their centres.
+    """A map of cells, interpolated linearly between their centres.
 
-    Beyond the last centre the map goes on with its slope, or stays flat.
+    Parameters
+    ----------
+    coarse
+        (view, row, col) of cells.
+    rows, cols
+        Size of the picture, pixels.
+    sloping
+        Whether the map goes on with its slope beyond the last centre, or stays flat.
+
+    Returns
+    -------
+    fine
+        (view, row, col) of pixels.
     """
     result = np.asarray(coarse, np.float64)
     for axis, count in ((1, rows), (2, cols)):

@@ -181,13 +181,37 @@ class Enclosure:
         return bare_gain(albedo, self.theatre.dome)
 
     def screen_at(self, u: Floats, v: Floats) -> Floats:
-        """(point, xyz) of the screen at places of the domemaster."""
+        """Points of the screen.
+
+        Parameters
+        ----------
+        u, v
+            (point,) places of the domemaster, to the right and down, -1..1.
+
+        Returns
+        -------
+        points
+            (point, xyz), in the enclosure's unit.
+        """
         theta = np.hypot(u, v) * self.theatre.dome.half_angle
         points = self.theatre.dome.surface(theta, np.arctan2(v, u)) / self._unit
         return np.asarray(points @ self._lean.T)
 
     def seen_from_sheet(self, name: str, points: Floats) -> Floats:
-        """(point, element) form factors from points of floor or wall to all elements."""
+        """Form factors from points of floor or wall to all elements.
+
+        Parameters
+        ----------
+        name
+            The sheet: floor or wall.
+        points
+            (point, xyz) on it, in the enclosure's unit.
+
+        Returns
+        -------
+        factors
+            (point, element).
+        """
         normals = self._sheet(name).normals(points)
         apart = self.points - points[:, None]
         square = np.sum(apart * apart, -1)
@@ -622,7 +646,20 @@ class Sheet:
         return np.asarray(np.hypot(points[:, 0], points[:, 1]) < self._radii[0] + _CLOSE)
 
     def contour(self, points: Floats, normals: Floats) -> Floats:
-        """(point, patch) form factors of patches above the horizon and in front, unhindered."""
+        """Form factors of patches above the horizon and in front, unhindered.
+
+        Parameters
+        ----------
+        points
+            (point, xyz), in the enclosure's unit.
+        normals
+            (point, xyz) unit vectors.
+
+        Returns
+        -------
+        factors
+            (point, patch).
+        """
         arcs, edges = self._arcs(points, normals), self._edges(points, normals)
         round_ = arcs[:, :-1] - arcs[:, 1:]
         straight = np.roll(edges, -1, axis=2) - edges

@@ -55,9 +55,21 @@ class LinearObservation(AdjointObservation):
     def of_matrix(
         cls, shape: tuple[int, int, int, int], matrix: ArrayLike, ambient: ArrayLike = 0.0
     ) -> Self:
-        """The observation of a matrix (seen, projected) over all values of the light, flattened.
+        """The observation that a matrix makes.
 
-        A sparse one of SciPy will do.
+        Parameters
+        ----------
+        shape
+            Sizes of the light: (view, row, col, primary).
+        matrix
+            (seen, projected), over all values of the light in C order; SciPy's sparse ones will do.
+        ambient
+            Light without a picture, 1.0 = projector white; broadcasts to `shape`.
+
+        Returns
+        -------
+        observation
+            Its adjoint is the matrix transposed.
         """
 
         def product(by: ArrayLike, light: Light) -> Light:
@@ -96,12 +108,21 @@ def require_linear(
     apply: Callable[[Light], Light],
     adjoint: Callable[[Light], Light],
 ) -> None:
-    """See that a map of light is linear and has that adjoint, on noise.
+    """Refuse a map of light that is not linear, or has another adjoint; noise tells.
+
+    Parameters
+    ----------
+    who
+        Name of the caller, for the message.
+    shape
+        Sizes of the light that `apply` takes: (view, row, col, primary).
+    apply, adjoint
+        The map, and its adjoint.
 
     Raises
     ------
     ValueError
-        If not.
+        If `apply` is not linear, or `adjoint` is not its adjoint.
     """
     random = np.random.default_rng(0)
     x = random.standard_normal(shape)

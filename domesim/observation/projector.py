@@ -82,15 +82,41 @@ class Projector:
             )
 
     def decode(self, pixels: Pixels, transfer: Transfer, primaries: str) -> Light:
-        """Light (view, row, col, primary) of code values (view, row, col, RGB).
+        """Light that code values stand for.
 
-        The result may leave 0..1 where the picture has colours or highlights that the projector
-        has not; it is not clamped here.
+        It may leave 0..1, unclamped, where the projector has not the colours or highlights.
+
+        Parameters
+        ----------
+        pixels
+            (view, row, col, RGB) code values.
+        transfer
+            Their transfer function.
+        primaries
+            Name of their primaries.
+
+        Returns
+        -------
+        light
+            (view, row, col, primary), 1.0 = projector white.
         """
         return _convert(transfer.decode(pixels), primaries, self._space)
 
     def encode(self, light: Light, transfer: Transfer, primaries: str) -> Pixels:
-        """Code values (view, row, col, RGB) of Light: inverse of `decode`."""
+        """Code values that stand for light: the inverse of `decode`.
+
+        Parameters
+        ----------
+        light
+            (view, row, col, primary), 1.0 = projector white.
+        transfer, primaries
+            As for `decode`.
+
+        Returns
+        -------
+        pixels
+            (view, row, col, RGB) code values.
+        """
         return transfer.encode(_convert(light, self._space, primaries))
 
     def to_display(self, light: Light) -> Pixels:
@@ -162,7 +188,7 @@ def _convert(rgb: Pixels, source: str | Matrix, target: str | Matrix) -> Pixels:
 
 @cache
 def conversion(source: str | Matrix, target: str | Matrix) -> NDArray[np.float64]:
-    """(3, 3) matrix from linear RGB in `source` primaries to `target` primaries.
+    """Matrix from linear RGB in `source` primaries to `target` primaries.
 
     White goes to white (Bradford adaptation), except from and to XYZ, which is colorimetric with
     Y = 1 at white (SMPTE ST 428-1).
@@ -171,6 +197,11 @@ def conversion(source: str | Matrix, target: str | Matrix) -> NDArray[np.float64
     ----------
     source, target
         Names of primaries, or measured ones (see `relative_primaries`).
+
+    Returns
+    -------
+    matrix
+        (3, 3), target by source.
 
     Raises
     ------

@@ -49,7 +49,20 @@ class SeveralSeats(StereoObservation):
         return np.concatenate([seat.central for seat in self.seats])
 
     def of_seat(self, seen: Light, number: int) -> Light:
-        """(2, row, col, primary): what one seat sees, of what all see."""
+        """What one seat sees.
+
+        Parameters
+        ----------
+        seen
+            (2 * seats, row, col, primary) what all see, as `observe` returns it.
+        number
+            The seat, from 0.
+
+        Returns
+        -------
+        seen
+            (2, row, col, primary).
+        """
         return seen[2 * number : 2 * number + 2, ...]
 
     def _observe(self, light: Light) -> Light:

@@ -24,7 +24,7 @@ from domesim.room.dome import Dome
 
 
 def closed_form_gain(albedo: float, radius: float, screen_area: float, kept: float = 1.0) -> float:
-    """Indirect light per direct flux: rho / (4 pi r² - rho A_s), 1/m².
+    """Indirect light per direct flux: rho / (4 pi r² - rho A_s).
 
     Parameters
     ----------
@@ -37,6 +37,11 @@ def closed_form_gain(albedo: float, radius: float, screen_area: float, kept: flo
     kept
         What each reflection keeps of it, -1..1, times rho: of the difference of two views
         (`domesim.observation.dome_pair`). All of light itself is kept.
+
+    Returns
+    -------
+    gain
+        In 1/m².
 
     Raises
     ------
@@ -60,7 +65,7 @@ def closed_form_gain(albedo: float, radius: float, screen_area: float, kept: flo
 
 
 def bare_gain(albedo: float, dome: Dome) -> float:
-    """Mean indirect light of a white picture on a bare cap, over its direct light.
+    """Mean indirect light of a white picture on a bare cap.
 
     Parameters
     ----------
@@ -69,6 +74,11 @@ def bare_gain(albedo: float, dome: Dome) -> float:
     dome
         Shape of the screen. A tall dome, with more screen than its sphere, counts as a nearly
         closed sphere.
+
+    Returns
+    -------
+    gain
+        Over its direct light.
     """
     sphere = 4 * np.pi * dome.radius**2
     area = dome.screen_area if dome.screen_area <= sphere * (1 + 1e-12) else 0.999 * sphere

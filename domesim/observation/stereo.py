@@ -38,7 +38,19 @@ class StereoObservation(AdjointObservation):
 
 
 def require_black(black: ArrayLike, primaries: int) -> NDArray[np.float64]:
-    """(view, primary) light without any picture, from one number, or one for some of them.
+    """Light without any picture, in full.
+
+    Parameters
+    ----------
+    black
+        Light, 1.0 = projector white: one number, (2, 1), (primary,) or (2, primary).
+    primaries
+        Number of primaries.
+
+    Returns
+    -------
+    black
+        (view, primary).
 
     Raises
     ------

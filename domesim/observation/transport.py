@@ -122,6 +122,11 @@ class Transport:
             Root of the dropped share of the squared singular values.
         highest
             Keep at most so many modes.
+
+        Returns
+        -------
+        transport
+            Of the same screen and grid.
         """
         lower = np.linalg.cholesky(self._gram() + 1e-14 * np.eye(self.rank))
         normal = lower.T @ self.core @ lower  # in orthonormal modes
@@ -209,6 +214,11 @@ class Transport:
             (row, col) direct light as it is seen; `lens_gain` if absent (a Lambertian screen).
         ambient
             Luminance of a black picture by the projectors themselves, 1.0 = projector white.
+
+        Returns
+        -------
+        dome
+            It observes light (1, row, col, primary).
         """
         return TabulatedDome(self, rows, cols, lens_gain, seen_gain, ambient)
 
@@ -276,7 +286,20 @@ def node_places(nodes: int = NODES) -> Floats:
 
 
 def interpolation(places: NDArray[np.floating[Any]], nodes: int) -> Floats:
-    """(node, place): cubic (4-point Lagrange) weights of the nodes at places in -1..1."""
+    """Cubic (4-point Lagrange) weights of the nodes at some places.
+
+    Parameters
+    ----------
+    places
+        (place,) along a side of the domemaster, -1..1.
+    nodes
+        Number of nodes along a side.
+
+    Returns
+    -------
+    weights
+        (node, place).
+    """
     cell, weights = _lagrange(places, nodes)
     matrix = np.zeros((nodes, len(places)))
     for offset, weight in zip((-1, 0, 1, 2), weights, strict=True):
@@ -285,7 +308,20 @@ def interpolation(places: NDArray[np.floating[Any]], nodes: int) -> Floats:
 
 
 def sample_nodes(tables: Floats, u: Floats, v: Floats) -> Floats:
-    """(table, point): functions (table, node, node) at points of the domemaster."""
+    """Functions on the grid of nodes, at points of the domemaster.
+
+    Parameters
+    ----------
+    tables
+        (table, node, node) functions.
+    u, v
+        (point,) to the right and down, -1..1.
+
+    Returns
+    -------
+    values
+        (table, point).
+    """
     nodes = tables.shape[-1]
     result = np.zeros((len(tables), len(u)))
     (down, down_weights), (across, across_weights) = _lagrange(v, nodes), _lagrange(u, nodes)
@@ -360,8 +396,18 @@ class TabulatedDome(AdjointObservation):
     def low_rank(self, tolerance: float = 5e-3, highest: int = 8) -> LowRankDome:
         """The observation with few modes, each of the picture's size: what a solver needs.
 
-        Its memory grows with their square. At this tolerance the reflected light of small patches
-        is kept to some 0.3 % (of a planetarium: five modes).
+        Its memory grows with their square. At the default tolerance the reflected light of small
+        patches is kept to some 0.3 % (of a planetarium: five modes).
+
+        Parameters
+        ----------
+        tolerance, highest
+            As for `Transport.reduced`.
+
+        Returns
+        -------
+        dome
+            Of the same size.
         """
         return LowRankDome(self, self.transport.reduced(tolerance, highest))
 
@@ -402,7 +448,20 @@ class TabulatedDome(AdjointObservation):
         )
 
     def on_pixels(self, grids: Floats, like: Light) -> Light:
-        """(1, row, col, primary) of functions (primary, node, node) on the screen; 0 off it."""
+        """Functions on the grid of nodes, at all pixels.
+
+        Parameters
+        ----------
+        grids
+            (primary, node, node) functions.
+        like
+            Light of the library, precision and device that is wanted.
+
+        Returns
+        -------
+        light
+            (1, row, col, primary), 0 off the screen.
+        """
         k, xp = self._like(like), namespace(like)
         sent = xp.asarray(np.asarray(grids), dtype=like.dtype, device=like.device)
         result = xp.zeros(self.shape, dtype=like.dtype, device=like.device)

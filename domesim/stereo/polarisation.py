@@ -127,7 +127,7 @@ def seen_luminance(
 
 
 def screen_gain(screen: SilverScreen, incidence: ArrayLike, viewing: ArrayLike = 0.0) -> Floats:
-    """Brightness of a screen over that of a white Lambertian one, angles on opposite sides.
+    """Brightness of a screen over that of a white Lambertian one.
 
     Parameters
     ----------
@@ -136,6 +136,11 @@ def screen_gain(screen: SilverScreen, incidence: ArrayLike, viewing: ArrayLike =
     incidence, viewing
         Angles of lamp and eye to the normal, radians; both are positive on opposite sides, so that
         equal ones see the mirror direction.
+
+    Returns
+    -------
+    gain
+        Of the shape that both angles broadcast to.
     """
     angles = np.broadcast_arrays(-np.asarray(incidence, float), np.asarray(viewing, float))
     to_lamp, to_eye = (np.stack([np.sin(a), -np.cos(a), 0 * a], -1) for a in angles)

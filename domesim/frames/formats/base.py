@@ -63,7 +63,19 @@ class Format:
     # Reading.
 
     def examined(self, path: Path, file: BinaryIO) -> Self:
-        """With what the file says, which is checked as far as OpenImageIO would not.
+        """Add what the file says, and check what OpenImageIO would not.
+
+        Parameters
+        ----------
+        path
+            The file's name, for messages.
+        file
+            Its bytes.
+
+        Returns
+        -------
+        format
+            This one, with what the file says.
 
         Raises
         ------
@@ -73,19 +85,61 @@ class Format:
         return self
 
     def introduced(self, path: Path, file: BinaryIO) -> Self:
-        """`examined` as far as the samples; raises as that does."""
+        """Do what `examined` does, as far as the samples.
+
+        Parameters
+        ----------
+        path, file
+            As for `examined`.
+
+        Returns
+        -------
+        format
+            This one, with what the header says.
+        """
         return self.examined(path, file)
 
     def explain(self, path: Path, problem: str) -> None:
-        """Raise an `InputError` if a decoder's problem is none of damage."""
+        """Raise an `InputError` if a decoder failed for another reason than damage.
+
+        Parameters
+        ----------
+        path
+            The file's name, for messages.
+        problem
+            What the decoder said.
+        """
 
     def windows(self, path: Path, spec: Any) -> tuple[Window, Window]:
-        """The data and the display window."""
+        """Where the samples lie in the picture.
+
+        Parameters
+        ----------
+        path
+            The file's name, for messages.
+        spec
+            OpenImageIO's, of the file.
+
+        Returns
+        -------
+        data, display
+            The data and the display window.
+        """
         # What PNG (oFFs) and TIFF (XPosition) tell is a place on a sheet of paper.
         return (0, 0, spec.width, spec.height), (0, 0, spec.width, spec.height)
 
     def colour(self, path: Path, spec: Any) -> ColourTag:
         """What the file says of its colour, or else what is usual for its format.
+
+        Parameters
+        ----------
+        path, spec
+            As for `windows`.
+
+        Returns
+        -------
+        colour
+            Transfer function and primaries.
 
         Raises
         ------
@@ -107,11 +161,41 @@ class Format:
         return ColourTag("srgb", "BT.709", f"assumed for {self.label}")
 
     def is_legal(self, spec: Any, bits: int) -> bool:
-        """Whether integer codes lie between black and white of video."""
+        """Whether integer codes lie between black and white of video.
+
+        Parameters
+        ----------
+        spec
+            OpenImageIO's, of the file.
+        bits
+            Bits a sample.
+
+        Returns
+        -------
+        legal
+            False for full range.
+        """
         return False
 
     def is_padded(self, path: Path, rgb: NDArray[Any], bits: int, colour: ColourTag) -> bool:
-        """Whether samples of 16 bits have 12, and four that are 0."""
+        """Whether samples of 16 bits have 12, and four that are 0.
+
+        Parameters
+        ----------
+        path
+            The file's name, for messages.
+        rgb
+            (row, col, RGB) codes.
+        bits
+            Bits a sample, as stored.
+        colour
+            What the codes mean.
+
+        Returns
+        -------
+        padded
+            False if all 16 bits count.
+        """
         return False
 
     def invented(self) -> frozenset[str]:
@@ -131,12 +215,28 @@ class Format:
     def aimed_at(
         self, path: Path, colour: ColourTag, sides: tuple[int, ...], bits: int | None
     ) -> Self:
-        """As it is to be written there: `sides` are rows and cols, `bits` those asked for.
+        """The format as it is to be written to a file.
+
+        Parameters
+        ----------
+        path
+            The file to write.
+        colour
+            What its codes will mean.
+        sides
+            Rows and cols, pixels.
+        bits
+            The depth that was asked for, if any.
+
+        Returns
+        -------
+        format
+            This one, or a variant that the file needs.
 
         Raises
         ------
         InputError
-            If it cannot be.
+            If it cannot hold that.
         """
         return self
 
@@ -145,7 +245,22 @@ class Format:
         return False
 
     def fitting_depth(self, bits: int, transfer: str, *, floating: bool) -> int:
-        """The least depth that holds every code value, or else the largest there is."""
+        """The least depth that holds every code value, or else the largest there is.
+
+        Parameters
+        ----------
+        bits
+            Bits a sample of the master.
+        transfer
+            Name of its transfer function.
+        floating
+            Whether its samples are.
+
+        Returns
+        -------
+        depth
+            Bits a sample.
+        """
         fitting = (depth for depth in self.depths if depth >= bits and not floating)
         return next(fitting, self.depths[-1])
 
@@ -154,23 +269,78 @@ class Format:
         return False
 
     def pads(self, bits: int, transfer: str) -> bool:
-        """Whether those of 12 bits go into 16, with four that are 0."""
+        """Whether samples of 12 bits go into 16, with four that are 0.
+
+        Parameters
+        ----------
+        bits
+            Bits a sample.
+        transfer
+            Name of the transfer function.
+
+        Returns
+        -------
+        pads
+            False if 12 bits are stored as 12, or scaled.
+        """
         return False
 
     def state_storage(self, spec: Any, target: Target) -> None:
-        """Tell the encoder of compression and the like."""
+        """Tell the encoder of compression and the like.
+
+        Parameters
+        ----------
+        spec
+            OpenImageIO's, of the file to write; it is changed.
+        target
+            What is to be written.
+        """
 
     def state_colour(self, spec: Any, colour: ColourTag) -> None:
-        """Name the encoding, where the format can and would otherwise be taken for another."""
+        """Name the encoding, where the format can and would otherwise be taken for another.
+
+        Parameters
+        ----------
+        spec
+            OpenImageIO's, of the file to write; it is changed.
+        colour
+            What the codes mean.
+        """
         if self.exif and is_srgb(colour) and not colour.assumed:
             spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
 
     def headed(self, spec: Any, samples: NDArray[Any]) -> tuple[Any, NDArray[Any]]:
-        """What OpenImageIO is to encode: all, or so little that the header comes of it."""
+        """What OpenImageIO is to encode: all, or so little that the header comes of it.
+
+        Parameters
+        ----------
+        spec
+            OpenImageIO's, of the file to write.
+        samples
+            (row, col, channel) codes.
+
+        Returns
+        -------
+        spec, samples
+            The same, or those of a smaller picture, which `filled` completes.
+        """
         return spec, samples
 
     def filled(self, content: bytes, samples: NDArray[Any]) -> bytes:
-        """What OpenImageIO made of `headed`, with all samples."""
+        """Complete what OpenImageIO made of `headed`.
+
+        Parameters
+        ----------
+        content
+            What OpenImageIO encoded.
+        samples
+            (row, col, channel) codes, all of them.
+
+        Returns
+        -------
+        content
+            The file with all samples.
+        """
         return content
 
     def encoder_suffix(self, path: Path) -> str:
@@ -182,7 +352,22 @@ class Format:
         return b""
 
     def finished(self, content: bytes, path: Path, target: Target) -> bytes:
-        """What an encoder made, with what OpenImageIO does not write."""
+        """Add what OpenImageIO does not write.
+
+        Parameters
+        ----------
+        content
+            The encoded file.
+        path
+            The file to write.
+        target
+            What is to be written.
+
+        Returns
+        -------
+        content
+            The file's bytes.
+        """
         return content
 
 
