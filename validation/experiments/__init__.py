@@ -24,7 +24,6 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "measured_transport",
         "surprised_surveys",
         "photographed_crosstalk",
-        "caution",
         "contrast_sensitivity",
         "stray_light",
         "saliency_maps",
