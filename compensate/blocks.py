@@ -12,13 +12,13 @@ He, J. Sun, "Fast Guided Filter", arXiv 1505.00996, 2015.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache, reduce
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from domesim.light import Array, namespace
-from domesim.light.strips import in_parts, in_strips
+from domesim.light.strips import in_strips
 
 _BOXES = 3
 
@@ -85,113 +85,6 @@ def guided(
     slope = variance / (variance + edge**2)
     mean = _mean_over(box_sum(pixels, radius), radius)
     return mean(pixels * slope), mean(pixels * (1 - slope) * middle)
-
-
-def by_blocks(
-    sums: Callable[[int, slice], Array], shape: tuple[int, ...], block: int, like: Array
-) -> Array:
-    """Sums by blocks, computed in strips of whole rows of blocks.
-
-    Parameters
-    ----------
-    sums
-        View and rows -> (plane, row, col) sums of these rows by blocks, as of `block_sums`.
-    shape
-        (view, row, col, primary) of the picture.
-    block
-        Pixels of a block's side.
-    like
-        An array of the library that computes.
-
-    Returns
-    -------
-    sums
-        (view, plane, row, col) of blocks.
-    """
-    views, rows, cols, primaries = shape
-    xp, strips = namespace(like), (views, -(-rows // block), block * cols * primaries)
-
-    def strip(view: int, blocks: slice) -> Array:
-        return sums(view, slice(blocks.start * block, min(blocks.stop * block, rows)))
-
-    parts = in_parts(strip, strips, like)
-    each = len(parts) // views
-    return xp.stack([xp.concat(parts[v * each : (v + 1) * each], axis=1) for v in range(views)])
-
-
-def block_sums(planes: Array, block: int) -> Array:
-    """(..., row, col) sums of `planes` over squares of `block` pixels; the last may be cut off."""
-    for axis in (-2, -1):
-        planes = _sums_of(planes, block, axis)
-    return planes
-
-
-def enlarged(coarse: Array, block: int, size: tuple[int, ...]) -> Array:
-    """Returns planes (..., row, col) of `size` from blocks: linear between their middles."""
-    return _linear_along(_linear_along(coarse, block, -2, size[-2]), block, -1, size[-1])
-
-
-def enlarged_rows(coarse: Array, block: int, rows: slice, cols: int) -> Array:
-    """Some rows of `enlarged`, of `cols` columns."""
-    places = (np.arange(rows.start, rows.stop) + 0.5) / block - 0.5
-    places = np.clip(places, 0, coarse.shape[-2] - 1)
-    first, last = int(places[0]), int(np.ceil(places[-1]))
-    weights = np.maximum(1 - np.abs(places[:, None] - np.arange(first, last + 1)), 0)
-    weights = namespace(coarse).asarray(weights, dtype=coarse.dtype, device=coarse.device)
-    return _linear_along(weights @ coarse[..., first : last + 1, :], block, -1, cols)
-
-
-def _sums_of(planes: Array, block: int, axis: int) -> Array:
-    """Sums of `block` neighbours along an axis."""
-    if block == 1:
-        return planes
-    xp = namespace(planes)
-    lacking = -planes.shape[axis] % block
-    if lacking:
-        shape = list(planes.shape)
-        shape[axis] = lacking
-        nothing = xp.zeros(tuple(shape), dtype=planes.dtype, device=planes.device)
-        planes = xp.concat([planes, nothing], axis=axis)
-
-    if not isinstance(planes, np.ndarray):
-        # One kernel on a GPU, where many small ones take longer to begin than to run
-        after = planes.shape[-1:] if axis == -2 else ()
-        return xp.sum(xp.reshape(planes, (*planes.shape[:axis], -1, block, *after)), axis=axis)
-
-    def every(first: int) -> Array:
-        place = slice(first, None, block)
-        return planes[..., place, :] if axis == -2 else planes[..., place]
-
-    return reduce(lambda found, first: found + every(first), range(1, block), every(0))
-
-
-def _linear_along(coarse: Array, block: int, axis: int, count: int) -> Array:
-    """`enlarged` along an axis: flat beyond the first and the last middle."""
-    if block == 1:
-        return coarse
-    xp = namespace(coarse)
-
-    def along(rows: slice) -> tuple[Any, ...]:
-        return (..., rows, slice(None)) if axis == -2 else (..., rows)
-
-    ends = coarse[along(slice(0, 1))], coarse[along(slice(-1, None))]
-    coarse = xp.concat([ends[0], coarse, ends[1]], axis=axis)
-    # From each middle to the next one there are as many places as in a block
-    steps = xp.astype(xp.arange(block, device=coarse.device), coarse.dtype)
-    part = (steps + (0.5 if block % 2 == 0 else 0.0)) / block
-    below, above = coarse[along(slice(0, -1))], coarse[along(slice(1, None))]
-    shape = list(below.shape)
-    shape[axis] = -1
-    if isinstance(coarse, np.ndarray):
-        # Along an axis that is as short as a block NumPy takes ten times as long
-        found = np.stack([below + (above - below) * each for each in part], axis)
-    elif axis == -2:
-        found = below[..., None, :] + (above - below)[..., None, :] * part[:, None]
-    else:
-        found = below[..., None] + (above - below)[..., None] * part
-    found = xp.reshape(found, tuple(shape))
-    first = (block + 1) // 2
-    return found[along(slice(first, first + count))]
 
 
 def _mean_over(count: Array, radius: int) -> Callable[[Array], Array]:

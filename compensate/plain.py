@@ -38,8 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.ruler import BLACK, averaged
-from compensate.vision.blocks import block_sums
 from domesim.light import Light
+from domesim.light.blocks import block_sums
 from domesim.light.strips import in_strips
 from domesim.scene import Scene
 

@@ -69,7 +69,7 @@ from compensate.vision.saliency import gbvs
 from compensate.vision.tvi import MesopicBlend, threshold
 from domesim.errors import InputError
 from domesim.light import Light
-from domesim.light.strips import in_strips
+from domesim.light.blocks import block_sums, light_means
 from domesim.room.viewing import DomeSeat, Viewing
 
 Planes = NDArray[np.float32]
@@ -579,24 +579,13 @@ class _Grid:
 
     def __init__(self, screen: Mask, step: int) -> None:
         self._fine, self._step = screen, step
-        self._share = self._sums(screen.astype(np.float32))
-        self.screen: Mask = self._share > 0
+        self.screen: Mask = block_sums(screen.astype(np.float32), step) > 0
 
     def mean(self, light: Light) -> Light:
         """Means over the blocks' pixels on the screen, (view, row, col, primary)."""
         if self._step == 1:
             return np.asarray(light)
-        result = np.empty((len(light), *self.screen.shape, light.shape[-1]), np.float32)
-        share = np.maximum(self._share, 1)
-
-        def average(view: int, rows: slice) -> None:
-            fine = slice(rows.start * self._step, rows.stop * self._step)
-            on = np.where(self._fine[fine, :, None], light[view, fine], 0)
-            result[view, rows] = self._sums(on) / share[rows, :, None]
-
-        # strips are counted in blocks, of step² pixels each
-        in_strips(average, (*result.shape, self._step**2))
-        return result
+        return np.ascontiguousarray(light_means(light, self._step, self._fine), np.float32)
 
     def full(self, planes: NDArray[Any]) -> NDArray[Any]:
         """Planes of the blocks as planes of pixels: 0 off the screen."""
@@ -611,13 +600,6 @@ class _Grid:
             return planes
         means = np.array([plane[self.screen].mean() for plane in planes], np.float32)
         return np.where(self.screen, planes, means[:, None, None])
-
-    def _sums(self, planes: NDArray[Any]) -> NDArray[Any]:
-        """(row, col, ...) summed over blocks."""
-        if self._step == 1:
-            return planes
-        tall = np.add.reduceat(planes, np.arange(0, planes.shape[0], self._step), axis=0)
-        return np.asarray(np.add.reduceat(tall, np.arange(0, planes.shape[1], self._step), axis=1))
 
 
 def _step(per_degree: float, finest: float) -> int:

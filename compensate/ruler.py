@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from compensate.vision.differences import Reference, quality_lost
 from compensate.vision.resolution import shares
 from domesim.light import Light
-from domesim.light.strips import in_strips
+from domesim.light.blocks import light_sums
 from domesim.observation.projector import conversion
 from domesim.scene import Scene
 
@@ -125,9 +125,9 @@ class Ruler:
 
 
 def averaged(light: Light, screen: NDArray[np.bool_]) -> Light:
-    """Means of squares of light on the screen, so that no side is longer than `FINEST`.
+    """Averages light over blocks of pixels, so that no side is longer than `FINEST`.
 
-    What is left over is left out.
+    Rows and columns that do not fill a block are left out.
 
     Parameters
     ----------
@@ -136,18 +136,7 @@ def averaged(light: Light, screen: NDArray[np.bool_]) -> Light:
     screen
         (row, col): light elsewhere counts as 0.
     """
-    times = -(-max(screen.shape) // FINEST)
-    rows, cols = (side // times for side in screen.shape)
-    means = np.empty((len(light), rows, cols, light.shape[-1]), light.dtype)
-
-    def average(view: int, lines: slice) -> None:
-        part, across = slice(lines.start * times, lines.stop * times), slice(cols * times)
-        for p in range(light.shape[-1]):
-            on = light[view, part, across, p] * screen[part, across]
-            # Whole rows first, which are contiguous
-            total = reduce(np.add, (on[k::times] for k in range(times)))
-            total = reduce(np.add, (total[:, k::times] for k in range(times)))
-            means[view, lines, :, p] = total / times**2
-
-    in_strips(average, (len(light), rows, cols, times**2 * light.shape[-1]))
-    return means
+    block = -(-max(screen.shape) // FINEST)
+    rows, cols = (slice(side // block * block) for side in screen.shape)
+    sums = light_sums(light[:, rows, cols], block, screen[rows, cols])
+    return np.ascontiguousarray(sums) / block**2

@@ -58,8 +58,9 @@ from __future__ import annotations
 from functools import reduce
 
 from compensate.aim.settings import Aim, Sight
-from compensate.blocks import block_sums, by_blocks, enlarged_rows, guided
+from compensate.blocks import guided
 from domesim.light import Array, Light, namespace, total
+from domesim.light.blocks import block_sums, by_blocks, enlarged
 from domesim.light.strips import in_parts
 
 DARK = 0.005
@@ -130,7 +131,7 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
         ]
         luminance = sight.luminance(wanted[view, rows, ...])
         m = luminance + c
-        slope, offset = xp.unstack(enlarged_rows(bases[view], block, rows, cols), axis=0)
+        slope, offset = xp.unstack(enlarged(bases[view], block, rows, cols), axis=0)
         B = xp.exp(slope * xp.log(m) + offset)
         none, one, tiny = xp.zeros_like(m), xp.ones_like(m), xp.full_like(m, _TINY)
         t = xp.minimum(B / m, one)

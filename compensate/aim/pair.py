@@ -16,8 +16,9 @@ from __future__ import annotations
 from functools import reduce
 
 from compensate.aim.settings import Aim, Sight
-from compensate.blocks import block_sums, by_blocks, enlarged_rows, smooth
-from domesim.light import Array, Light, namespace
+from compensate.blocks import smooth
+from domesim.light import Light, namespace
+from domesim.light.blocks import enlarged, light_means
 from domesim.light.strips import in_parts
 
 SPREAD = 1.0
@@ -55,17 +56,12 @@ def veiled(aim: Aim, sight: Sight, wanted: Light, ghosts: Light) -> Light:
     """
     xp, (_, _, cols, primaries) = namespace(wanted), wanted.shape
     block, sigma = block_of(sight.density)
-
-    def sums(view: int, rows: slice) -> Array:
-        return block_sums(xp.moveaxis(ghosts[view, rows, ...], -1, 0), block)
-
-    pixels = block_sums(xp.ones_like(wanted[0, :, :, 0]), block)
-    mean = smooth(by_blocks(sums, wanted.shape, block, wanted) / pixels, sigma)
-    veils = SHARE * aim.lift * mean
+    means = xp.moveaxis(light_means(ghosts, block), -1, 1)
+    veils = SHARE * aim.lift * smooth(means, sigma)
     aimed, weights = xp.empty_like(wanted), [float(each) for each in sight.weights]
 
     def work(view: int, rows: slice) -> None:
-        veil = enlarged_rows(veils[view, ...], block, rows, cols)
+        veil = enlarged(veils[view, ...], block, rows, cols)
         g = [ghosts[view, rows, :, p] for p in range(primaries)]
         rim = [xp.maximum(veil[p, ...] - g[p], xp.zeros_like(g[p])) for p in range(primaries)]
         m = sight.luminance(wanted[view, rows, ...])

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from compensate.aim import Aim, Sight, dome, pair
-from compensate.blocks import block_sums, smooth
+from compensate.blocks import smooth
 from domesim.errors import InputError
+from domesim.light.blocks import block_sums
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.lowrank import LowRankObservation
 from domesim.scene import Scene

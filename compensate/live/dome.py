@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.aim.dome import DARKEST, EDGE
-from compensate.blocks import block_sums, box_sum
+from compensate.blocks import box_sum
 from compensate.live import dome_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
 from compensate.live.constants import SETTLED, STEPS, DomeConstants
 from compensate.live.noise import shifts_of
 from compensate.live.tile_loops import code_of, places_along, widened
 from compensate.subtract import newton_step
+from domesim.light.blocks import block_sums
 
 _TANGENTS, _EXACT = 24, 1e-6
 """How often the darkest share is looked for, and to which part of what is missing most."""

@@ -11,12 +11,12 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.blocks import block_sums
 from compensate.live import pair_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
 from compensate.live.constants import PairConstants, turns_of
 from compensate.live.noise import shifts_of
 from compensate.live.tile_loops import code_of, places_along, widened
+from domesim.light.blocks import block_sums
 
 
 @final

@@ -30,6 +30,7 @@ from domesim.frames.formats.exr import state_compression
 from domesim.frames.formats.png import colour_chunks, with_colour_chunks
 from domesim.frames.whole import write_together
 from domesim.frames.writing import bare_specification, encode
+from domesim.light.blocks import light_means
 from domesim.observation.stereo import VIEWS
 from domesim.scene.choice import SceneChoice
 from domesim.shows.run import Done
@@ -249,26 +250,14 @@ def _brightening(residual: Planes) -> int:
 def _png(path: Path, shown: Planes, ghost: Planes, caption: str) -> bytes:
     """A map beside itself times the ghost, as sRGB."""
     step = -(-max(shown.shape) // LARGEST)
-    light = np.minimum(_reduced(shown * ghost, step), 1) ** (1 / 2.2)
-    gap = np.ones((len(light), GAP), np.float32)
-    picture = np.hstack([_reduced(shown, step), gap, light])
-    codes = np.rint(picture * 255).astype(np.uint8)[..., None]
+    small, light = light_means(np.stack([shown, shown * ghost])[..., None], step)
+    gap = np.ones((len(light), GAP, 1), np.float32)
+    picture = np.hstack([small, gap, np.minimum(light, 1) ** (1 / 2.2)])
+    codes = np.rint(picture * 255).astype(np.uint8)
     attributes = [("ImageDescription", "string", caption)]
     spec = bare_specification(("Y",), ("uint8",), (codes.shape[1], codes.shape[0]), attributes)
     png = encode(path, "png", [(spec, codes)])
     return with_colour_chunks(png, colour_chunks(ColourTag("srgb", "BT.709", "computed")))
-
-
-def _reduced(plane: Planes, step: int) -> Planes:
-    """Means over blocks of pixels."""
-    if step == 1:
-        return plane
-    starts = [np.arange(0, side, step) for side in plane.shape]
-    sums = np.add.reduceat(np.add.reduceat(plane, starts[0], axis=0), starts[1], axis=1)
-    rows, cols = (
-        np.diff(np.append(at, side)) for at, side in zip(starts, plane.shape, strict=True)
-    )
-    return np.asarray(sums / (rows[:, None] * cols).astype(np.float32))
 
 
 def _exr(place: _Place, found: Triage) -> bytes:

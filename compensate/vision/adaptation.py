@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compensate.fourier import Fourier, padded_size
-from compensate.vision.blocks import block_sums, interpolated
 from domesim.errors import InputError
+from domesim.light.blocks import block_sums, enlarged
 from domesim.light.strips import in_strips
 
 Planes = NDArray[np.float32]
@@ -83,12 +83,12 @@ def _disc_means(lit: Planes, inside: NDArray[np.bool_], across: float) -> Planes
     convolution.
     """
     block = max(1, int(across / ACROSS))
-    sums = np.stack([block_sums(p, block) for p in (*lit, inside.astype(np.float32))])
+    sums = block_sums(np.stack([*lit, inside.astype(np.float32)]), block)
     sums = _convolved(sums, across / block / 2)
     result = np.empty_like(lit)
 
     def divide(view: int, rows: slice) -> None:
-        light, screen = (interpolated(sums[part], block, rows, lit.shape[2]) for part in (view, -1))
+        light, screen = (enlarged(sums[part], block, rows, lit.shape[2]) for part in (view, -1))
         on = inside[rows]
         # rounding in the transforms can leave black a little below 0
         mean = np.maximum(light, 0) / np.where(on, screen, 1)

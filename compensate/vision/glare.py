@@ -42,8 +42,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from compensate.fourier import Fourier, padded_size
 from compensate.vision.adaptation import FOVEA
-from compensate.vision.blocks import block_sums, interpolated
 from domesim.errors import InputError
+from domesim.light.blocks import block_sums, enlarged
 
 Floats = NDArray[np.floating[Any]]
 Planes = NDArray[np.float32]
@@ -158,11 +158,9 @@ class StrayLight:
         planes = np.asarray(light, np.float32)
         step = max(1, int(pixels_per_degree / COARSEST))
         rows, cols = planes.shape[-2:]
-        sums = [block_sums(plane, step) for plane in planes.reshape(-1, rows, cols)]
-        coarse = np.stack(sums) / np.float32(step**2)
-        found = self._scattered(coarse, pixels_per_degree / step)
-        fine = [interpolated(plane, step, slice(0, rows), cols) for plane in found]
-        return np.stack(fine).reshape(planes.shape)
+        coarse = block_sums(planes.reshape(-1, rows, cols), step) / np.float32(step**2)
+        veil = self._scattered(coarse, pixels_per_degree / step)
+        return np.asarray(enlarged(veil, step, slice(0, rows), cols).reshape(planes.shape))
 
     def _scattered(self, planes: Planes, per_degree: float) -> Planes:
         """Sums of L/E x (solid angle) over all other pixels of (plane, row, col)."""

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from domesim.errors import InputError
+from domesim.light.blocks import light_means
 from domesim.pathtrace.llvm import backend, load_mitsuba
 from domesim.pathtrace.loop import Source, Start, Tally, Walks, bounce_limit, eye_directions
 from domesim.pathtrace.machine import DrJit, Lanes, Machine, NumPy, Vector
@@ -687,10 +688,7 @@ def _coarse(light: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
     factors = [f for f in range(1, 9) if size % f == 0 and size // f <= LARGEST_SOURCE]
     if not factors or factors[0] == 1:
         return light
-    shape = size // factors[0], factors[0], size // factors[0], factors[0]
-    count = np.maximum(inside.reshape(shape).sum((1, 3), dtype=np.float32), 1)[..., None]
-    kept = light if np.all(inside) else np.where(inside[..., None], light, 0)
-    return np.asarray(kept.reshape(*shape, -1).sum((1, 3)) / count)
+    return np.asarray(light_means(light[None], factors[0], inside)[0])
 
 
 def best_machine() -> Machine:

@@ -13,6 +13,7 @@ from domesim.frames.formats.png import colour_chunks, with_colour_chunks
 from domesim.frames.whole import write_whole
 from domesim.frames.writing import bare_specification, encode
 from domesim.light import Light
+from domesim.light.blocks import light_means
 from domesim.light.transfer import SRGB
 
 FOLDER = "small"
@@ -63,8 +64,7 @@ def write_small(place: Path, pictures: Sequence[NDArray[np.floating]]) -> None:
 
 
 def _reduced(picture: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Means over blocks of pixels."""
-    step = max(1, round(max(picture.shape[:2]) / SIDE))
-    rows, cols = (side // step * step for side in picture.shape[:2])
-    blocks = picture[:rows, :cols].reshape(rows // step, step, cols // step, step, -1)
-    return np.asarray(blocks.mean((1, 3)))
+    """Means over whole blocks of pixels."""
+    block = max(1, round(max(picture.shape[:2]) / SIDE))
+    rows, cols = (side // block * block for side in picture.shape[:2])
+    return np.asarray(light_means(picture[None, :rows, :cols], block)[0])

@@ -7,14 +7,8 @@ import array_api_strict
 import numpy as np
 import pytest
 
-from compensate.blocks import (
-    block_sums,
-    box_mean,
-    enlarged,
-    enlarged_rows,
-    guided,
-    smooth,
-)
+from compensate.blocks import box_mean, guided, smooth
+from domesim.light.blocks import block_sums, enlarged
 
 RNG = np.random.default_rng(4)
 PICTURE = RNG.random((5, 7))
@@ -33,7 +27,10 @@ def edge_preserving(plane, screen, radius, edge, importance=None, *, block=1):
     weighted = weights * plane
     sums = [block_sums(each, block) for each in (on, weights, weighted, weighted * plane)]
     slope, offset = guided(*sums, radius, edge)
-    return enlarged(slope, block, plane.shape) * plane + enlarged(offset, block, plane.shape)
+    slope, offset = (
+        enlarged(each, block, slice(0, plane.shape[0]), plane.shape[1]) for each in (slope, offset)
+    )
+    return slope * plane + offset
 
 
 @pytest.mark.parametrize("radius", [1, 2, 9])
@@ -77,29 +74,6 @@ def test_what_is_off_the_screen_does_not_count():
     other = np.where(screen, plane, 1e3)
     found = edge_preserving(other, screen, 2, 0.5)[:, :4]
     np.testing.assert_allclose(found, edge_preserving(plane * screen, screen, 2, 0.5)[:, :4])
-
-
-def test_sums_of_blocks_have_all_pixels_and_the_last_is_cut_off():
-    found = block_sums(PICTURE, 3)
-    assert found.shape == (2, 3)
-    assert found[1, 2] == pytest.approx(PICTURE[3:, 6:].sum())
-    assert found.sum() == pytest.approx(PICTURE.sum())
-
-
-def test_a_slope_is_enlarged_to_itself_between_the_middles_of_blocks():
-    slope = np.arange(20.0) * np.ones((8, 1))
-    found = enlarged(block_sums(slope, 4) / 16, 4, (8, 20))
-    np.testing.assert_allclose(found[:, 2:18], slope[:, 2:18])
-    assert (found[:, 0] == found[:, 1]).all()  # flat beyond the first middle
-
-
-@pytest.mark.parametrize("block", [1, 2, 3, 4])
-def test_rows_are_enlarged_alone_as_together(block):
-    coarse = RNG.random((2, 5, 7)).astype(np.float32)
-    size = 5 * block - block // 2, 7 * block - block // 2
-    rows = slice(block, size[0] - 1)
-    found = enlarged_rows(coarse, block, rows, size[1])
-    np.testing.assert_allclose(found, enlarged(coarse, block, size)[:, rows], rtol=1e-5)
 
 
 def test_a_guided_mean_of_blocks_is_nearly_that_of_pixels():
