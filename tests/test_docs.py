@@ -23,7 +23,6 @@ from domesim.pathtrace.tracer import Settings
 
 QUICKER = {
     "0.005": "0.05", "1-4": "1-2", "256": "48", "16": "4", "320": "64", "360": "64",
-    "closed_form": "eq15",
 }  # fmt: skip
 """Words of the pages' commands, and those that do for a test."""
 NIGHT = Path("scenes/masters/night.exr")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,7 +79,7 @@ def measure(
     albedo: float,
     *,
     error: float = 2.5e-4,
-    uneven: bool = False,
+    picture: str = "white",
     seed: int = 0,
 ) -> Cell:
     """One cap, traced until the mean's relative standard error is about `error`.
@@ -89,19 +90,19 @@ def measure(
         Half-angle (degrees) and albedo of the cap.
     error
         Relative standard error of the mean indirect light.
-    uneven
-        A picture of a bright patch beside the middle, instead of a white one.
+    picture
+        One of `PICTURES`.
     seed
         Seed of the random numbers.
     """
     dome = Dome(5.0, np.radians(half_angle))
     tracer = Tracer(Theatre(dome, (albedo, albedo, albedo)))
-    picture = patch(SIZE) if uneven else np.ones((SIZE, SIZE, 3), np.float32)
-    source = tracer.picture(picture)
+    shown = PICTURES[picture](SIZE)
+    source = tracer.picture(shown)
     share = dome.screen_areas(SIZE, SIZE) / dome.screen_area
     observation = ClosedFormDome(dome, SIZE, SIZE, albedo=albedo)
     areas = dome.pixel_areas(SIZE, SIZE)
-    direct = float(np.sum(picture[..., 0] * areas) / areas.sum())
+    direct = float(np.sum(shown[..., 0] * areas) / areas.sum())
     pilot = _trace(tracer, source, 64, seed + RUNS)
     mean, reached = pilot.pooled_error(share)
     walks = max(16, round(64 * (reached / mean / error) ** 2 / RUNS))
@@ -112,7 +113,7 @@ def measure(
     return Cell(
         half_angle,
         albedo,
-        truth=float(np.sum(share * reflected(observation, picture)[..., 0])) / direct,
+        truth=float(np.sum(share * reflected(observation, shown)[..., 0])) / direct,
         found=float(pooled[:, 0].mean()) / direct,
         error=float(np.sqrt(np.mean(pooled[:, 1] ** 2) / RUNS)) / direct,
         bounces=tuple(float(light) / direct for light in bounces.mean(0)),
@@ -142,7 +143,7 @@ def white(half_angle: float, albedo: float, walks: float, seed: int = 0) -> str:
     """
     dome = Dome(5.0, np.radians(half_angle))
     tracer = Tracer(Theatre(dome, (albedo, albedo, albedo)))
-    source = tracer.picture(np.ones((SIZE, SIZE, 3), np.float32))
+    source = tracer.picture(PICTURES["white"](SIZE))
     pixels = int(dome.inside(SIZE, SIZE).sum())
     each = max(2, round(walks / pixels))
     # No bounce is left out that would show
@@ -175,11 +176,30 @@ def reflected(
     return np.asarray((observation.linear(shown) - observation.direct(shown))[0])
 
 
+def _grey(light: NDArray[np.generic]) -> NDArray[np.float32]:
+    return np.repeat(light[..., None], 3, axis=2).astype(np.float32)
+
+
 def patch(size: int) -> NDArray[np.float32]:
     """(row, col, primary) a bright disc away from the rim, on black."""
     place = (np.arange(size) + 0.5) * (2 / size) - 1
-    disc = (place[:, None] - 0.3) ** 2 + (place[None, :] + 0.4) ** 2 < 0.05
-    return np.repeat(disc[..., None], 3, axis=2).astype(np.float32)
+    return _grey((place[:, None] - 0.3) ** 2 + (place[None, :] + 0.4) ** 2 < 0.05)
+
+
+def coloured(size: int) -> NDArray[np.float32]:
+    """(row, col, primary) coloured, brighter to the front, with an edge."""
+    place = (np.arange(size) + 0.5) * (2 / size) - 1
+    front = np.clip(place[:, None, None], 0, 1) * np.array([1.0, 0.5, 0.2])
+    return np.asarray(0.2 + front + 0.3 * (place[None, :, None] > 0.3), np.float32)
+
+
+PICTURES: Mapping[str, Callable[[int], NDArray[np.float32]]] = {
+    "white": lambda size: _grey(np.ones((size, size))),
+    "patch": patch,
+    "half": lambda size: _grey(np.repeat(np.arange(size)[:, None] >= size // 2, size, 1)),
+    "coloured": coloured,
+}
+"""Name -> (row, col, primary) domemaster of a size."""
 
 
 def _trace(tracer: Tracer, source: object, walks: int, seed: int) -> Traced:

@@ -20,9 +20,9 @@ from validation.statistics import assert_unbiased
 pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
 
-def sweep(half_angles, albedos, *, uneven=False):
+def sweep(half_angles, albedos, picture="white"):
     return [
-        reflection.measure(half_angle, albedo, error=1e-3, uneven=uneven, seed=100 * number)
+        reflection.measure(half_angle, albedo, error=1e-3, picture=picture, seed=100 * number)
         for number, (half_angle, albedo) in enumerate(product(half_angles, albedos))
     ]
 
@@ -33,15 +33,15 @@ MANY = (30, 90, 150, 180), (0.1, 0.5, 0.9)
 
 
 @pytest.mark.parametrize(
-    ("cells", "uneven"),
+    ("cells", "picture"),
     [
-        (CELLS, True),
-        pytest.param(MANY, True, marks=pytest.mark.long),
-        pytest.param(MANY, False, marks=pytest.mark.long),
+        (CELLS, "patch"),
+        pytest.param(MANY, "patch", marks=pytest.mark.long),
+        pytest.param(MANY, "white", marks=pytest.mark.long),
     ],
 )
-def test_bare_caps_follow_the_closed_form(cells, uneven):
-    cells = sweep(*cells, uneven=uneven)
+def test_bare_caps_follow_the_closed_form(cells, picture):
+    cells = sweep(*cells, picture=picture)
     assert_unbiased(
         [one.found for one in cells], [one.error for one in cells], [one.truth for one in cells]
     )

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "What light does": (
         "closed_form",
-        "bounces",
-        "eq15",
         "departures",
         "corrected_models",
         "second_opinion",
