@@ -23,8 +23,8 @@ from compensate.live.engines import Engine, engine_of
 from domesim.frames.encodings import encoding_named
 from domesim.observation.radiosity import radiosity
 from domesim.scene import DomeScene, Scene, load_scene
-from validation.masters import night
-from validation.pairs import generated
+from testing.masters import night
+from testing.pairs import generated
 
 SRGB = encoding_named("srgb")
 STRONG = Aim(lift=2.5)

@@ -17,7 +17,7 @@ from domesim.observation.transport import Transport
 from domesim.room.dome import Dome
 from domesim.room.theatre import Floor, Theatre
 from domesim.scene.writing import as_toml
-from validation.laboratory import sectors_for
+from testing.laboratory import sectors_for
 
 THEATRE = Theatre(
     Dome(4.0, np.radians(85), tilt=0.2), (0.6, 0.45, 0.3), floor=Floor(-1.0, 4.0, (0.7, 0.5, 0.3))

@@ -13,7 +13,7 @@ from domesim.measure.dome.model import Interreflection, nominal_albedos
 from domesim.measure.dome.photographs import Cells, Photographs, cells_of
 from domesim.room.dome import Dome
 from domesim.room.theatre import Floor, Theatre
-from validation.laboratory import patterns_for
+from testing.laboratory import patterns_for
 
 THEATRE = Theatre(
     Dome(4.0, np.radians(85), tilt=0.1), (0.6, 0.45, 0.3), floor=Floor(-1.2, 4.0, (0.2, 0.15, 0.08))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -68,3 +70,16 @@ def test_only_the_command_that_runs_is_loaded():
 
 def test_the_probe_can_fail():
     assert loaded_by("import json", "json", "mitsuba") == {"json"}
+
+
+def test_only_its_own_tests_import_validation():
+    """What others share with experiments is in `testing`."""
+    tests = Path(__file__).parent
+    importing = re.compile(r"^\s*(?:from|import) validation\b", re.MULTILINE)
+    found = {
+        path.relative_to(tests)
+        for path in tests.rglob("*.py")
+        if importing.search(path.read_text())
+    }
+    assert Path("validation/test_report.py") in found
+    assert {path for path in found if path.parts[0] != "validation"} == set()

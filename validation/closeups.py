@@ -17,13 +17,14 @@ from compensate.solver.result import Result
 from compensate.weighting import REGULARISATION
 from domesim.light import Light
 from domesim.scene import Scene, StereoScene
+from testing.pairs import averaged, generated
+from validation.data import from_data, present
 from validation.drawing import pictures
 from validation.experiment import (
     Pictures,
     Work,
 )
 from validation.judges import luminance
-from validation.pairs import averaged, from_data, generated, present
 
 GENERATED = "generated"
 

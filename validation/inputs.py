@@ -11,15 +11,13 @@ import numpy as np
 
 from domesim.frames import Master, read_master
 from domesim.light import Light
-from domesim.observation.crosstalk import leak_matrices
-from domesim.scene import DomeScene, Scene, StereoScene, load_scene
+from domesim.scene import Scene, load_scene
 from domesim.scene.screening import decoded, within_range
-from validation import content, masters, pairs
+from testing import content, masters, pairs
+from testing.places import DOME_SCENE, STEREO_SCENE, dome_at, stereo_at
+from validation import data
 from validation.experiment import Work
 
-DOME_SCENE = "dome_hemisphere"
-STEREO_SCENE = "stereo_polarised_paper"
-"""Where inputs are shown, with other figures of theirs."""
 CROSSTALK = (0.02, 0.05, 0.1)
 """Shares of light that reach the other eye."""
 ALBEDOS = (0.3, 0.5, 0.7)
@@ -31,12 +29,7 @@ ALBEDO_PLACES = ((0.3, 5.0), (0.5, 15.0), (0.7, 48.0))
 USUAL_CROSSTALK, USUAL_ALBEDO, USUAL_LUMINANCE = 0.05, 0.5, 15.0
 """Usual crosstalk and albedo, at which pictures are shown; and the luminance of white, cd/m², at
 which variants are tried."""
-SEQUENTIAL_CONTRAST = 2000.0
-"""White over black: the least of the reference projector in SMPTE RP 431-2:2011 (doi
-10.5594/SMPTE.RP431-2.2011), which allows theatres less."""
-ADAPTATION = 0.1
-"""Adaptation luminance over that of white."""
-PAIRS = ("trunks", "fog", "motorcycle", pairs.SEQUENCE[0], "fence", "museum")
+PAIRS = ("trunks", "fog", "motorcycle", data.SEQUENCE[0], "fence", "museum")
 """Pairs of the test data."""
 DOMES: Mapping[str, str] = {
     "full dome": "dm3d_fulldome_2K.jpg",
@@ -58,12 +51,12 @@ VARIANTS: Mapping[str, tuple[str, float, float]] = {
     "bright trunks": ("trunks", 1.0, 0.45),
     "bright fog": ("fog", 1.0, 0.45),
     "bright motorcycle": ("motorcycle", 1.0, 0.45),
-    "dim beachball": (pairs.SEQUENCE[0], 0.15, 1.0),
+    "dim beachball": (data.SEQUENCE[0], 0.15, 1.0),
 }
 """Darker and brighter ones for choosing: an input, and the gain and exponent of its light."""
 CHOOSING = frozenset(
     {
-        *("trunks", "fog", "motorcycle", pairs.SEQUENCE[0], "generated", "lamps"),
+        *("trunks", "fog", "motorcycle", data.SEQUENCE[0], "generated", "lamps"),
         *("night", "generated dome", "full dome", "pillars", "dawn", "notice"),
         *("art on black", "film frame", "aurora", "chess"),
         *("ten stars", "smooth limb", "dark notice", "dark reds", "first codes"),
@@ -133,19 +126,19 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
     street = _of_pair(partial(content.PAIRS["night street"], width), quick=quick)
     if quick:
         return {"night street": street, "night": night}, ["Most inputs: with a full run"]
-    present, left_out = pairs.present(PAIRS)
+    present, left_out = data.present(PAIRS)
     found = {name: _of_pair(partial(_pair, name), quick=False) for name in present}
     found["generated"] = _of_pair(partial(pairs.generated, width, work.seed), quick=False)
     for name, draw in content.PAIRS.items():
         found[name] = _of_pair(partial(draw, width), quick=False)
     found |= {"night": night, "generated dome": _of_dome(partial(masters.night, size), quick=False)}
-    folder = pairs.data_folder() / "dome"
+    folder = data.data_folder() / "dome"
     for name, file in DOMES.items():
         if (folder / file).is_file():
             read = partial(read_master, [folder / file], repair=True)
             found[name] = _of_dome(partial(domemaster, read, size), quick=False)
         else:
-            left_out.append(f"{name}: needs {folder / file}; set {pairs.FOLDER}")
+            left_out.append(f"{name}: needs {folder / file}; set {data.FOLDER}")
     for name, draw in content.DOMES.items():
         found[name] = replace(
             _of_dome(partial(draw, size), quick=False),
@@ -175,32 +168,6 @@ def kinds(inputs: Mapping[str, Input]) -> dict[str, list[str]]:
     return {kind: names for kind, names in found.items() if names}
 
 
-def stereo_at(crosstalk: float, white: float) -> StereoScene:
-    """The stereo scene with that crosstalk at all seats, and that luminance of white, cd/m²."""
-    scene = scene_at(crosstalk)
-    black = white / SEQUENTIAL_CONTRAST
-    return replace(
-        scene,
-        projector=replace(scene.projector, white=white, black=black),
-        ambient=np.full((2, 3), black),
-        viewing=replace(scene.viewing, adaptation=ADAPTATION * white),
-    )
-
-
-def dome_at(albedo: float, white: float) -> DomeScene:
-    """The dome with that albedo for all primaries, and that luminance of white, cd/m²."""
-    scene = load_scene(DOME_SCENE)
-    assert isinstance(scene, DomeScene)
-    black = white / SEQUENTIAL_CONTRAST
-    return replace(
-        scene,
-        theatre=replace(scene.theatre, albedo=(albedo,) * 3),
-        projector=replace(scene.projector, white=white, black=black),
-        ambient=black,
-        viewing=replace(scene.viewing, adaptation=ADAPTATION * white),
-    )
-
-
 def words(place: Place) -> str:
     """A place's name."""
     name, pollution, white = place
@@ -221,7 +188,7 @@ def _of_dome(read: Callable[[], Light], *, quick: bool) -> Input:
 
 def _pair(name: str) -> Light:
     """The pair, no wider than `WIDEST`."""
-    light, _ = pairs.from_data(name, load_scene(STEREO_SCENE))
+    light, _ = data.from_data(name, load_scene(STEREO_SCENE))
     return pairs.no_wider(light, WIDEST)
 
 
@@ -231,12 +198,3 @@ def domemaster(read: Callable[[], Master], size: int) -> Light:
     light = decoded(read(), scene)
     light = pairs.no_wider(light, size)
     return within_range(light, scene.screen(*light.shape[1:3]))[0]
-
-
-def scene_at(crosstalk: float) -> StereoScene:
-    """The scene with that share of light reaching the other eye, at all seats."""
-    scene = load_scene(STEREO_SCENE)
-    assert isinstance(scene, StereoScene)
-    matrices = leak_matrices(crosstalk)
-    seats = {name: replace(seat, matrices=matrices) for name, seat in scene.seats.items()}
-    return replace(scene, seats=seats)

@@ -31,7 +31,7 @@ from importlib import resources
 import numpy as np
 
 from domesim import load_master, load_scene
-from validation.content import DOMES, PAIRS
+from testing.content import DOMES, PAIRS
 from validation.settings import show_settings
 
 size = int(sys.argv[1]) if len(sys.argv) > 1 else 384

@@ -23,9 +23,9 @@ from compensate.solver.result import Status
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.scene import load_scene
-from validation.inputs import dome_at, stereo_at
-from validation.masters import night
-from validation.pairs import generated
+from testing.masters import night
+from testing.pairs import generated
+from testing.places import dome_at, stereo_at
 
 SIZE = 96
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])

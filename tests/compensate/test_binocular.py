@@ -25,7 +25,7 @@ from compensate.vision.binocular.pair import Pair
 from compensate.vision.binocular.rivalry import contrast_ratio, rivals
 from domesim.errors import InputError
 from domesim.scene import load_scene
-from validation import pairs
+from testing import pairs
 
 RANDOM = np.random.default_rng(1)
 

@@ -39,7 +39,7 @@ from domesim.room.theatre import Theatre
 from domesim.scene import load_scene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import decoded, encoded, within_range
-from validation.masters import night
+from testing.masters import night
 
 SRGB = ColourTag("srgb", "BT.709", "the test")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ruler_pictures import stars
 from scipy.ndimage import gaussian_filter
 
 from compensate import ruler
@@ -12,6 +11,7 @@ from compensate.plain import POINT, PlainFigures, PlainRuler, of_colours
 from compensate.ruler import NO_DIFFERENCE, compared
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
+from testing.judged import stars
 
 DOME, PAIR = load_scene("dome_imax"), load_scene("stereo_cinema_silver")
 SIZE = 360  # two pixels a degree of the dome

@@ -7,7 +7,7 @@ import pytest
 from theatres import closed_form, picture, problem, weighting
 
 from compensate.problem import Problem
-from validation.experiments.convergence import dense
+from testing.dense import dense
 
 
 def test_the_gradient_is_that_of_the_cost():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ruler_pictures import JUDGED, pictures
 
 from compensate import ruler
 from compensate.aim import Aim
@@ -15,50 +14,20 @@ from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 from domesim.room.viewing import DomeSeat
 from domesim.scene import load_scene
-from validation import judges
-from validation.experiment import Missing
-from validation.masters import night
+from testing.judged import JUDGED, pictures
+from testing.masters import night
 
 PICTURES = {name: rest for name, *rest in pictures()}
 
 
-def as_judged(name: str, judged: tuple[float, ...]) -> None:
+@pytest.mark.parametrize("name", JUDGED)
+def test_it_is_what_colorvideovdp_said(name):
     scene, light, seen = PICTURES[name]
     ours = Ruler(light, scene, scene.screen(*light.shape[1:3]))
-    lost = [ours.lost(each) for each in seen]
+    lost, judged = [ours.lost(each) for each in seen], JUDGED[name]
     assert lost == pytest.approx(judged, rel=0.005, abs=0.002)
     assert np.abs(np.subtract(lost, judged)).max() < NO_DIFFERENCE / 2
     assert np.sign(lost[1] - lost[0]) == np.sign(judged[1] - judged[0])
-
-
-@pytest.mark.parametrize("name", JUDGED)
-def test_it_is_what_colorvideovdp_said(name):
-    as_judged(name, JUDGED[name])
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", JUDGED)
-def test_it_is_what_colorvideovdp_says(name):
-    scene, light, seen = PICTURES[name]
-    try:
-        judged = tuple(10 - judges.colorvideovdp(light, each, scene) for each in seen)
-    except Missing as reason:
-        pytest.skip(str(reason))
-    assert judged == pytest.approx(JUDGED[name], abs=0.001)
-    as_judged(name, judged)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["bundled", "stars", "bars"])
-def test_the_map_is_colorvideovdps(name):
-    scene, light, (seen, _) = PICTURES[name]
-    try:
-        _, judged = judges.colorvideovdp_map(light, seen, scene)
-    except Missing as reason:
-        pytest.skip(str(reason))
-    found = Ruler(light, scene, scene.screen(*light.shape[1:3])).lost_map(seen)
-    assert np.abs(found - judged).max() < 0.02 * judged.max()
-    assert judged.mean() < found.mean() < 1.1 * judged.mean()
 
 
 def test_no_setting_of_the_method_changes_it():

@@ -14,8 +14,8 @@ from rooms import BEFORE, ROOMS, THEATRES, room
 from domesim.room.theatre import Theatre
 from domesim.scene import load_scene
 from domesim.scene.dome import DomeScene
-from validation import energy
-from validation.energy import imbalance
+from testing import energy
+from testing.energy import imbalance
 
 
 def bundled(name: str) -> Theatre:

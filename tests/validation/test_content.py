@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.content import DOMES, PAIRS
+from testing.content import DOMES, PAIRS
 
 SIZE = 96
 

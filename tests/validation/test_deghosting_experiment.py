@@ -12,7 +12,8 @@ from compensate.solver.deghosting import RangeCompression
 from domesim.light import namespace
 from domesim.observation.crosstalk import Crosstalk
 from domesim.scene import load_scene
-from validation import judges, pairs
+from testing import pairs
+from validation import data, judges
 from validation.experiment import Missing, Work
 from validation.experiments import deghosting
 
@@ -36,13 +37,13 @@ def test_it_is_as_expected(tmp_path):
 
 
 def test_without_test_data_the_generated_pair_is_measured(monkeypatch, tmp_path):
-    monkeypatch.setenv(pairs.FOLDER, str(tmp_path))
+    monkeypatch.setenv(data.FOLDER, str(tmp_path))
     monkeypatch.setattr(deghosting, "WIDEST", 48)
     monkeypatch.setattr(deghosting, "LEVELS", (0.05,))
     finding = deghosting.run(Work(quick=False))
     assert failed(finding) == []
     assert finding.tables[0].caption.startswith("The generated pair, 48 x 27")
-    assert any("beachball 4" in why and pairs.FOLDER in why for why in finding.left_out)
+    assert any("beachball 4" in why and data.FOLDER in why for why in finding.left_out)
 
 
 def one_way(monkeypatch):
@@ -128,15 +129,15 @@ def test_averages_keep_the_light():
 
 
 def test_a_missing_pair_says_what_to_do(monkeypatch, tmp_path):
-    monkeypatch.setenv(pairs.FOLDER, str(tmp_path))
+    monkeypatch.setenv(data.FOLDER, str(tmp_path))
     with pytest.raises(Missing, match=r"fog_multiview\.exr; set DOMESIM_DATA"):
-        pairs.from_data("fog", load_scene(deghosting.STEREO_SCENE))
+        data.from_data("fog", load_scene(deghosting.STEREO_SCENE))
 
 
-@pytest.mark.parametrize("name", pairs.FILES)
+@pytest.mark.parametrize("name", data.FILES)
 def test_the_test_data_are_pairs(name):
     try:
-        light, clipped = pairs.from_data(name, load_scene(deghosting.STEREO_SCENE))
+        light, clipped = data.from_data(name, load_scene(deghosting.STEREO_SCENE))
     except Missing as missing:
         pytest.skip(str(missing))
     assert len(light) == 2

@@ -12,7 +12,8 @@ from findings import failed, no_colorvideovdp
 
 from compensate.aim import dome
 from domesim.scene import load_scene
-from validation import films, judges, pairs
+from testing import pairs
+from validation import films, judges
 from validation.experiment import Work
 from validation.experiments import flicker
 

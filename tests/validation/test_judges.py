@@ -11,11 +11,11 @@ import pytest
 from domesim.observation.spherical import bare_gain
 from domesim.pathtrace.llvm import backend
 from domesim.scene import load_scene
+from testing.masters import night
 from validation import judges
 from validation.experiment import Missing, Work
 from validation.experiments import wrong_model
 from validation.experiments.wrong_model import Estimate
-from validation.masters import night
 
 SCENE = load_scene("dome_hemisphere")
 SIZE = 96

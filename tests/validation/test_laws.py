@@ -11,9 +11,9 @@ from scipy.ndimage import gaussian_filter
 from compensate import compensate
 from compensate.pose import pose
 from domesim.light.transfer import named
+from testing.content import BALLS, DOMES
+from testing.places import dome_at
 from validation import laws
-from validation.content import BALLS, DOMES
-from validation.inputs import dome_at
 from validation.laws import LAWS, Shown
 
 SIZE = 192

@@ -11,9 +11,9 @@ from compensate.pose import pose
 from compensate.prediction import predict
 from compensate.visible import SEEN
 from domesim.scene import load_dome
+from testing.places import dome_at, stereo_at
 from validation import marks
 from validation.experiments import only_visible
-from validation.inputs import dome_at, stereo_at
 from validation.marks import LEVELS, Agreement, agreement, tuned
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from domesim.measure.dome.camera import domemaster_camera
 from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre
-from validation.laboratory import Faults, patterns_for, photographed
+from testing.laboratory import Faults, patterns_for, photographed
 
 
 def test_photographs_have_the_faults_that_are_asked_for():

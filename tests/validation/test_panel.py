@@ -11,9 +11,9 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from domesim.scene import load_scene
+from testing.masters import night
 from validation import judges, panel
 from validation.experiment import Missing
-from validation.masters import night
 
 DOME = load_scene("dome_hemisphere")
 PAIR = load_scene("stereo_cinema_silver")

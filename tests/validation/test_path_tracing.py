@@ -13,9 +13,9 @@ from domesim.pathtrace.loop import bounce_limit
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre
+from testing.statistics import assert_unbiased
 from validation import reflection
 from validation.experiments import corrected_models, second_opinion
-from validation.statistics import assert_unbiased
 
 pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 

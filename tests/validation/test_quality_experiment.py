@@ -9,6 +9,7 @@ import pytest
 from findings import change, failed, no_colorvideovdp
 
 from compensate.aim import Aim
+from testing.places import dome_at, stereo_at
 from validation import inputs, laws, panel
 from validation.experiment import Work
 from validation.experiments import quality
@@ -124,7 +125,7 @@ def test_no_input_that_was_looked_at_is_reported(monkeypatch):
 
 
 def test_a_brighter_scene_has_a_brighter_black():
-    stereo, dome = inputs.stereo_at(0.1, 48.0), inputs.dome_at(0.7, 5.0)
+    stereo, dome = stereo_at(0.1, 48.0), dome_at(0.7, 5.0)
     dark = stereo.observation(9, 16).observe(np.zeros((2, 9, 16, 3), np.float32))
     assert dark == pytest.approx(1 / 2000)
     light = np.zeros((2, 9, 16, 3), np.float32)
@@ -166,8 +167,8 @@ def case(ours: Cell, nothing: float = 8.0, subtraction: float = 8.5) -> dict[str
 
 
 WANTED = {
-    **{name: Input(lambda: None, inputs.dome_at, (0.5,), 0.5) for name in ("a", "b", "night")},
-    **{name: Input(lambda: None, inputs.stereo_at, (0.05,), 0.05) for name in ("p", "q")},
+    **{name: Input(lambda: None, dome_at, (0.5,), 0.5) for name in ("a", "b", "night")},
+    **{name: Input(lambda: None, stereo_at, (0.05,), 0.05) for name in ("p", "q")},
 }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from validation.statistics import assert_unbiased, calibration, estimate, rms_difference
+from testing.statistics import assert_unbiased, calibration, estimate, rms_difference
 
 CELLS = 99
 ERROR = 2.5e-4

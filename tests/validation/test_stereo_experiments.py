@@ -12,7 +12,7 @@ from compensate.problem import Problem
 from domesim.pathtrace import polarised
 from domesim.pathtrace.llvm import backend
 from domesim.scene import StereoScene, load_stereo
-from validation import pairs
+from validation import data
 from validation.experiment import Missing, Work, load_experiment, require_tracer
 from validation.experiments import (
     fig2_fig6_deghosting,
@@ -124,6 +124,6 @@ def test_the_region_holds_a_ghost_that_cannot_be_subtracted():
 
 
 def test_pairs_that_are_not_there_are_left_out(monkeypatch, tmp_path):
-    monkeypatch.setenv(pairs.FOLDER, str(tmp_path))
-    found, left_out = pairs.present(fig2_fig6_deghosting.DATA)
+    monkeypatch.setenv(data.FOLDER, str(tmp_path))
+    found, left_out = data.present(fig2_fig6_deghosting.DATA)
     assert (found, len(left_out)) == ([], len(fig2_fig6_deghosting.DATA))

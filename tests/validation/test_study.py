@@ -16,9 +16,9 @@ from scipy.stats import norm
 from statsmodels.stats.multitest import multipletests
 
 from domesim.errors import InputError
+from testing.statistics import FALSE_ALARM, assert_unbiased, calibration
 from validation.experiment import Missing, Work
 from validation.experiments import user_study
-from validation.statistics import FALSE_ALARM, assert_unbiased, calibration
 from validation.study import (
     NoScale,
     Scale,

@@ -22,8 +22,8 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
 from domesim.errors import InputError
 from domesim.host.cores import cores
+from testing.masters import night, write_exr
 from validation.benchmarks.commands import run_command
-from validation.masters import night, write_exr
 
 SCENE = "dome_imax"
 SIDE, QUICK_SIDE = 4096, 512

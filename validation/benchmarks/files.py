@@ -28,10 +28,10 @@ from domesim.host.cores import cores
 from domesim.light import Light
 from domesim.light.transfer import SRGB
 from domesim.scene import Scene, load_scene
+from testing.content.street import night_street
+from testing.masters import night, write_exr
 from validation.benchmarks.commands import Job, run_command
-from validation.content.street import night_street
-from validation.masters import night, write_exr
-from validation.pairs import from_data, present
+from validation.data import from_data, present
 
 T = TypeVar("T")
 

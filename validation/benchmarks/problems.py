@@ -10,7 +10,7 @@ exact clipped subtraction, which is also the regulariser's anchor, with the prod
 
 The *dome* is flat, too: uniform pollution, 0.3 of the mean light, over all of a rectangle. Its
 picture is a band of the bundled night, dark sky above the lit observatory, of which subtraction
-clips two thirds; a generated night of `validation.masters` would be easier (a few per cent). The
+clips two thirds; a generated night of `testing.masters` would be easier (a few per cent). The
 bundled night has 1024 pixels a side: beyond, it is interpolated, and lacks fine detail.
 """
 
@@ -43,8 +43,9 @@ from domesim.observation.lowrank import LowRank, LowRankObservation
 from domesim.room.viewing import Viewing
 from domesim.scene import Scene, load_dome, load_scene
 from domesim.scene.screening import decoded
-from validation.masters import bundled_night, night
-from validation.pairs import averaged, from_data, generated
+from testing.masters import bundled_night, night
+from testing.pairs import averaged, generated
+from validation.data import from_data
 
 POLLUTION = 0.3
 """k: what a white dome adds to itself."""

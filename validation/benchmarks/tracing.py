@@ -18,8 +18,8 @@ from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.room.theatre import Theatre
 from domesim.scene import load_dome
+from testing.theatres import THEATRES
 from validation.benchmarks.commands import Job, run_command
-from validation.theatres import THEATRES
 
 
 @dataclass(frozen=True)

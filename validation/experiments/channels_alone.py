@@ -21,8 +21,8 @@ from compensate.solver.baselines import clipped_subtraction
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting
 from domesim.observation.spherical import ClosedFormDome
 from domesim.scene import load_dome
+from testing.masters import night
 from validation.experiment import Column, Finding, Table, Work, at_least
-from validation.masters import night
 
 _RANGES = ((0.0, 1.0), (-0.5, 0.5), (-0.5, 0.5))  # of Y, Cb, Cr
 

@@ -28,6 +28,7 @@ import numpy as np
 
 from domesim.observation.spherical import bare_gain, closed_form_gain
 from domesim.room.dome import Dome
+from testing.statistics import FALSE_ALARM, bias_p, calibration
 from validation.drawing import plot
 from validation.experiment import (
     Check,
@@ -42,7 +43,6 @@ from validation.experiment import (
     require_tracer,
 )
 from validation.reflection import BOUNCES, Cell, measure
-from validation.statistics import FALSE_ALARM, bias_p, calibration
 
 HALF_ANGLES = tuple(range(30, 181, 15))
 ALBEDOS = tuple(n / 10 for n in range(1, 10))

@@ -44,6 +44,7 @@ from domesim.observation.spherical import ClosedFormDome
 from domesim.room.dome import Dome
 from domesim.room.theatre import Floor, Theatre
 from domesim.room.viewing import Viewing
+from testing.dense import dense
 from validation.benchmarks.measuring import GAPS, Cost, Settings, least_cost, measure
 from validation.benchmarks.problems import night_dome
 from validation.benchmarks.solvers import OURS, SOLVERS
@@ -156,25 +157,6 @@ def _closed_form(size: int) -> ClosedFormDome:
         lens_gain=dome.lens_gain(size, size, LENS),
         ambient=(0.01, 0.02, 0.03),
     )
-
-
-def dense(problem: Problem) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """The problem as 1/2 ||M v - b||² over its free values v, and which values are free."""
-    shape = problem.observation.shape
-    free = np.broadcast_to(problem.lower < problem.upper, shape)
-    fixed = np.where(free, 0, np.broadcast_to(problem.lower, shape))
-    columns, local = [], []
-    root = np.sqrt(problem.regularisation)
-    for index in np.argwhere(free):
-        unit = np.zeros(shape)
-        unit[tuple(index)] = 1
-        columns.append(problem.weighting.apply(problem.observation.linear(unit)).ravel())
-        local.append(root * problem.observation.local(unit).ravel())
-    matrix = np.vstack([np.array(columns).T, np.array(local).T])
-    offset = -problem.weighting.apply(problem.residual(fixed)).ravel()
-    anchor = np.zeros(shape) if problem.anchor is None else np.asarray(problem.anchor)
-    held = root * problem.observation.local(anchor - fixed).ravel()
-    return matrix, np.concatenate([offset, held]), free
 
 
 def _gradient_error(problem: Problem, seed: int) -> float:

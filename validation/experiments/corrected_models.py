@@ -32,6 +32,8 @@ from domesim.observation.transport import Transport
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Traced, Tracer
 from domesim.room.theatre import Theatre
+from testing.statistics import rms_difference
+from testing.theatres import THEATRES
 from validation.drawing import plot
 from validation.experiment import (
     Check,
@@ -45,8 +47,6 @@ from validation.experiment import (
     require_tracer,
 )
 from validation.reflection import reflected
-from validation.statistics import rms_difference
-from validation.theatres import THEATRES
 
 PICTURES = ("white", "front", "rim", "patch")
 RANKS = (1, 2, 3, 5, 8, 12)

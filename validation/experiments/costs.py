@@ -26,11 +26,11 @@ import numpy as np
 from domesim.frames import read_master, write_master
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.scene import load_dome
+from testing.masters import night, write_exr
+from testing.pairs import generated
 from validation.benchmarks.commands import Job, run_command
 from validation.benchmarks.tracing import Rate, application, rates, render
 from validation.experiment import Column, Finding, Missing, Table, Work, at_least, at_most, equal
-from validation.masters import night, write_exr
-from validation.pairs import generated
 
 FRAMES = 4
 """The first of a sequence."""

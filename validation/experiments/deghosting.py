@@ -40,7 +40,9 @@ from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene, StereoScene, load_scene
-from validation import crops, drawing, judges, pairs
+from testing import pairs
+from testing.places import STEREO_SCENE, scene_at
+from validation import crops, data, drawing, judges
 from validation.experiment import (
     Check,
     Column,
@@ -53,14 +55,13 @@ from validation.experiment import (
     at_most,
     equal,
 )
-from validation.inputs import STEREO_SCENE, scene_at
 
 LEVELS = (0.01, 0.02, 0.05, 0.1)
 """Shares of light that reach the other eye."""
 QUICK_LEVELS = (0.01, 0.05)
 STILL = 0.05
 """Crosstalk of the pictures on the page."""
-PAIRS = ("fog", "trunks", "motorcycle", *pairs.SEQUENCE)
+PAIRS = ("fog", "trunks", "motorcycle", *data.SEQUENCE)
 """Pairs of the test data."""
 WIDEST, QUICK_WIDTH = 512, 96
 """Pixels."""
@@ -210,7 +211,7 @@ def run(work: Work) -> Finding:
         for level in levels:
             posed = cache(partial(_posed, light, level))
             cells[name, level] = _measured(work, name, level, posed)
-            if level == STILL and name not in pairs.SEQUENCE[1:]:
+            if level == STILL and name not in data.SEQUENCE[1:]:
                 for gain in GAINS:
                     gained[name, gain] = work.step(
                         f"{name} at {level:.0%}: low-frequency gain {gain:g}",
@@ -278,13 +279,13 @@ def _wanted(work: Work) -> tuple[Mapping[str, Wanted], list[str]]:
     generated = {"generated": (partial(pairs.generated, width, work.seed), levels)}
     if work.quick:
         return generated, ["The test data: with a full run"]
-    present, left_out = pairs.present(PAIRS)
+    present, left_out = data.present(PAIRS)
     return {name: (partial(_read, name), LEVELS) for name in present} or generated, left_out
 
 
 def _read(name: str) -> Light:
     """The pair, no wider than `WIDEST`."""
-    light, _ = pairs.from_data(name, load_scene(STEREO_SCENE))
+    light, _ = data.from_data(name, load_scene(STEREO_SCENE))
     return pairs.no_wider(light, WIDEST)
 
 

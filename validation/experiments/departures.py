@@ -29,6 +29,7 @@ from domesim.room.dome import Dome
 from domesim.room.furniture import seating
 from domesim.room.lenses import lens_gains
 from domesim.room.theatre import Cavity, Floor, Lens, Lobe, Theatre, Wall
+from testing.statistics import rms_difference
 from validation.drawing import plot
 from validation.experiment import (
     Check,
@@ -42,7 +43,6 @@ from validation.experiment import (
     require_tracer,
 )
 from validation.reflection import patch, reflected
-from validation.statistics import rms_difference
 
 SIZE = 64
 RADIUS = 5.0

@@ -31,9 +31,9 @@ from compensate.vision.resolution import by_resolution
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import DomeScene, load_dome
+from testing.pairs import no_wider
 from validation.experiment import Check, Column, Finding, Table, Work, at_least, at_most
 from validation.inputs import Input, reported_domemasters
-from validation.pairs import no_wider
 
 SCENE = "dome_planetarium"
 SIZE = 256

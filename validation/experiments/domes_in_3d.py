@@ -46,6 +46,8 @@ from domesim.pathtrace.two_eyes import seen_by_eyes
 from domesim.room.dome import Dome
 from domesim.scene import DomeScene, load_dome
 from domesim.stereo.system import SilverScreen
+from testing.statistics import FALSE_ALARM, bias_p
+from validation.data import FOLDER
 from validation.experiment import (
     Check,
     Column,
@@ -58,8 +60,6 @@ from validation.experiment import (
     require_tracer,
 )
 from validation.inputs import DOME_SIZE, wanted
-from validation.pairs import FOLDER
-from validation.statistics import FALSE_ALARM, bias_p
 
 SCENES = ("dome_stereo_spectral", "dome_stereo_polarised")
 RADIUS, ALBEDO = 5.0, 0.5

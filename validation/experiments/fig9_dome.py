@@ -34,10 +34,10 @@ from compensate.plain import PlainFigures, PlainRuler
 from compensate.ruler import NO_DIFFERENCE
 from domesim.light import Light
 from domesim.scene import load_dome
+from testing.masters import bundled_night
 from validation.drawing import pictures
 from validation.experiment import Check, Column, Finding, Pictures, Table, Work, at_least, at_most
 from validation.judges import luminance
-from validation.masters import bundled_night
 from validation.seen import halos, mean_within, saturation_and_hue
 
 Floats = NDArray[np.floating[Any]]

@@ -44,6 +44,7 @@ from domesim.pathtrace.flat_room import Returning, returning
 from domesim.room.flat_room import FlatRoom
 from domesim.scene import CinemaScene, FlatScene, load_scene, load_stereo
 from domesim.scene.flat import ROOM
+from testing.pairs import generated
 from validation.drawing import panel
 from validation.experiment import (
     Check,
@@ -58,7 +59,6 @@ from validation.experiment import (
     between,
     require_tracer,
 )
-from validation.pairs import generated
 
 CINEMA, GAIN = "cinema_2d", "stereo_room"
 PICTURES = ("white", "checkerboard")

@@ -36,7 +36,9 @@ from compensate.solve import solved
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
 from domesim.scene.screening import decoded, within_range
-from validation import films, judges, masters, pairs
+from testing import masters, pairs
+from testing.places import dome_at, stereo_at
+from validation import data, films, judges
 from validation.experiment import (
     Check,
     Column,
@@ -47,7 +49,6 @@ from validation.experiment import (
     at_most,
     equal,
 )
-from validation.inputs import dome_at, stereo_at
 
 Floats = NDArray[np.float64]
 
@@ -178,8 +179,8 @@ def run(work: Work) -> Finding:
     if work.quick:
         left_out = ["Maps and tables, and the test data: with a full run"]
     else:
-        present, left_out = pairs.present(pairs.SEQUENCE)
-        if len(present) == len(pairs.SEQUENCE):
+        present, left_out = data.present(data.SEQUENCE)
+        if len(present) == len(data.SEQUENCE):
             judged["beachball"] = Film(partial(_sequence, stereo), stereo)
         small = partial(pairs.generated, WIDTH // 2, work.seed)
         for title, name in (("map", "stereo_cinema_silver"), ("table", "stereo_shutter")):
@@ -241,7 +242,7 @@ def _fade(picture: Callable[[], Light], scene: Scene, first: str, count: int) ->
 
 
 def _sequence(scene: Scene) -> Iterable[Light]:
-    return [pairs.no_wider(pairs.from_data(name, scene)[0], WIDTH) for name in pairs.SEQUENCE]
+    return [pairs.no_wider(data.from_data(name, scene)[0], WIDTH) for name in data.SEQUENCE]
 
 
 # Measuring

@@ -32,6 +32,9 @@ from domesim.light import Light
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.scene import load_dome, load_stereo
 from domesim.scene.stereo import SWEET_SPOT, Seat
+from testing.masters import night
+from testing.pairs import averaged, generated
+from validation.data import from_data
 from validation.experiment import (
     Check,
     Column,
@@ -43,8 +46,6 @@ from validation.experiment import (
     at_most,
     between,
 )
-from validation.masters import night
-from validation.pairs import averaged, from_data, generated
 
 THEATRES = ("dome_imax", "dome_planetarium", "dome_hemisphere")
 STEREO = "stereo_polarised_paper"

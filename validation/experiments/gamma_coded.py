@@ -17,8 +17,8 @@ from compensate.pose import pose
 from compensate.solver.admm import ADMM
 from compensate.weighting import PerceptualWeighting
 from domesim.scene import load_dome
+from testing.masters import night
 from validation.experiment import Column, Finding, Table, Work, at_least, at_most
-from validation.masters import night
 
 
 def measure(

@@ -52,6 +52,8 @@ from domesim.frames.encodings import encoding_named
 from domesim.light import Light
 from domesim.observation.radiosity import radiosity
 from domesim.scene import DomeScene, Scene, load_scene
+from testing.masters import night
+from testing.pairs import generated
 from validation import judges
 from validation.experiment import (
     Column,
@@ -62,14 +64,7 @@ from validation.experiment import (
     at_least,
     at_most,
 )
-from validation.inputs import (
-    CHOOSING,
-    USUAL_LUMINANCE,
-    Input,
-    wanted,
-)
-from validation.masters import night
-from validation.pairs import generated
+from validation.inputs import CHOOSING, USUAL_LUMINANCE, Input, wanted
 
 DOME, PAIR = "dome_imax", "stereo_cinema_silver"
 SHARE, GROWTH, LATE = 0.85, 16e6, 2.0

@@ -45,6 +45,16 @@ from domesim.scene import DomeScene
 from domesim.scene.fields import three
 from domesim.scene.loading import scene_of_text
 from domesim.scene.writing import as_toml
+from testing.laboratory import (
+    LEFT,
+    NOISE,
+    ORDINARY,
+    Faults,
+    left_over,
+    night_and_day,
+    patterns_for,
+    photographed,
+)
 from validation.drawing import plot
 from validation.experiment import (
     Check,
@@ -58,16 +68,6 @@ from validation.experiment import (
     between,
     equal,
     require_tracer,
-)
-from validation.laboratory import (
-    LEFT,
-    NOISE,
-    ORDINARY,
-    Faults,
-    left_over,
-    night_and_day,
-    patterns_for,
-    photographed,
 )
 
 Floats = NDArray[np.float64]

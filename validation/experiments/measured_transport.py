@@ -43,6 +43,15 @@ from domesim.pathtrace.tracer import Tracer
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.loading import scene_of_text
 from domesim.scene.writing import as_toml
+from testing.laboratory import (
+    LEFT,
+    NOISE,
+    ORDINARY,
+    left_over,
+    night_and_day,
+    photographed,
+    sectors_for,
+)
 from validation.drawing import plot
 from validation.experiment import (
     Check,
@@ -55,15 +64,6 @@ from validation.experiment import (
     at_most,
     equal,
     require_tracer,
-)
-from validation.laboratory import (
-    LEFT,
-    NOISE,
-    ORDINARY,
-    left_over,
-    night_and_day,
-    photographed,
-    sectors_for,
 )
 
 Floats = NDArray[np.float64]

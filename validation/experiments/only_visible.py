@@ -41,6 +41,9 @@ from compensate.visible import SEEN, OnlyVisible, reach_of
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene
+from testing.pairs import generated
+from testing.places import stereo_at
+from validation.data import from_data, present
 from validation.experiment import (
     Check,
     Column,
@@ -58,13 +61,11 @@ from validation.inputs import (
     USUAL_LUMINANCE,
     Input,
     kinds,
-    stereo_at,
     wanted,
     words,
 )
 from validation.judges import colorvideovdp_map, luminance
 from validation.marks import MARKED, Agreement, agreement, tuned
-from validation.pairs import from_data, generated, present
 
 T = TypeVar("T")
 

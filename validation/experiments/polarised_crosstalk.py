@@ -33,6 +33,7 @@ from domesim.pathtrace.polarised import crosstalk_map
 from domesim.scene import load_stereo
 from domesim.stereo.polarisation import crosstalk_estimate, screen_gain
 from domesim.stereo.system import CircularFilter, PolarisedProjector, StereoTheatre
+from testing.statistics import FALSE_ALARM, alarm_rate, bias_p, calibration
 from validation.drawing import COLOURS, plot
 from validation.experiment import (
     Check,
@@ -46,7 +47,6 @@ from validation.experiment import (
     between,
     require_tracer,
 )
-from validation.statistics import FALSE_ALARM, alarm_rate, bias_p, calibration
 
 SCENE = "stereo_cinema_silver"
 SWEET_SPOT = "sweet spot"

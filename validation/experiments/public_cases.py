@@ -38,6 +38,7 @@ from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.room.dome import Dome
 from domesim.room.furniture import box
 from domesim.room.theatre import Floor, Lamp, Solid, Theatre, Wall
+from testing.statistics import bias_p
 from validation import radiance
 from validation.experiment import (
     Check,
@@ -49,7 +50,6 @@ from validation.experiment import (
     at_most,
     require_tracer,
 )
-from validation.statistics import bias_p
 
 Floats = NDArray[np.float64]
 

@@ -26,8 +26,8 @@ from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.room.dome import Dome
 from domesim.room.furniture import box
 from domesim.room.theatre import Albedo, Floor, Lens, Solid, Theatre, Wall
+from testing.energy import imbalance
 from validation import radiance
-from validation.energy import imbalance
 from validation.experiment import (
     Check,
     Column,

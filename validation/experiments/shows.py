@@ -42,11 +42,12 @@ from domesim.shows.show import Show
 from domesim.shows.work import Column as Figure
 from domesim.shows.work import Failed, Finished, Note, Order, Recipe, Writing
 from domesim.shows.work import Work as Duty
+from testing.masters import night, write_exr
+from testing.pairs import generated
+from testing.schedulers import crowd, scheduler
 from validation.benchmarks.commands import run_command
-from validation.benchmarks.schedulers import crowd, scheduler
+from validation.data import SEQUENCE, data_folder
 from validation.experiment import Column, Finding, Missing, Table, Work, at_least, at_most
-from validation.masters import night, write_exr
-from validation.pairs import SEQUENCE, data_folder, generated
 
 SHOW = 24 * 60 * 30
 """Frames of 24 minutes."""

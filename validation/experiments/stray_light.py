@@ -27,6 +27,7 @@ from compensate.prediction import Prediction, predict
 from compensate.vision.glare import StrayLight
 from domesim.light import Light
 from domesim.scene import load_dome
+from testing.pairs import no_wider
 from validation.experiment import (
     Check,
     Column,
@@ -36,12 +37,8 @@ from validation.experiment import (
     at_least,
     between,
 )
-from validation.inputs import (
-    Input,
-    reported_domemasters,
-)
+from validation.inputs import Input, reported_domemasters
 from validation.judges import luminance
-from validation.pairs import no_wider
 
 SCENE = "dome_dark"
 SIZE = 256

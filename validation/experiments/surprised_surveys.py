@@ -42,8 +42,8 @@ from domesim.observation.uncertain import SIGMAS
 from domesim.room.dome import Dome
 from domesim.room.theatre import Floor, Theatre, Wall
 from domesim.scene.fields import three
+from testing.laboratory import patterns_for, sectors_for
 from validation.experiment import Check, Column, Finding, Table, Work, at_most, between
-from validation.laboratory import patterns_for, sectors_for
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")

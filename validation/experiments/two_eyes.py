@@ -36,6 +36,8 @@ from compensate.vision.binocular.pair import Pair, TwoEyes
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene
+from testing.places import stereo_at
+from testing.statistics import Estimate, estimate
 from validation import inputs, judges
 from validation.drawing import COLOURS, panel, plot
 from validation.experiment import (
@@ -51,8 +53,7 @@ from validation.experiment import (
     at_least,
     at_most,
 )
-from validation.inputs import CHOOSING, PAIRED, VARIANTS, Input, stereo_at
-from validation.statistics import Estimate, estimate
+from validation.inputs import CHOOSING, PAIRED, VARIANTS, Input
 
 DEFAULT, NOTHING, SUBTRACTION, PAPER = "contrast", "nothing", "subtraction", "paper's weighting"
 """Names of ways, as in `quality`; the first is the product's default."""

@@ -36,6 +36,7 @@ from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.screening import decoded, mean_luminance, within_range
+from testing.masters import bundled_night
 from validation import judges
 from validation.drawing import pictures, plot
 from validation.experiment import (
@@ -51,7 +52,6 @@ from validation.experiment import (
     at_most,
     require_tracer,
 )
-from validation.masters import bundled_night
 
 Images: TypeAlias = NDArray[np.float64]
 

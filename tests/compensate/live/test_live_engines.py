@@ -29,7 +29,7 @@ from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
 from domesim.scene import CinemaScene, load_scene
 from domesim.scene.flat import ROOM
-from validation.inputs import stereo_at
+from testing.places import stereo_at
 
 SMALL = [load_scene("dome_led"), stereo_at(0.1, 15.0)]
 """Scenes whose formulas a few pixels show."""

@@ -24,7 +24,7 @@ from domesim.shows.estimate import estimate
 from domesim.shows.run import Done, Running, each_frame, pages_of
 from domesim.shows.show import Show, find_show
 from domesim.shows.work import Recipe, Writing
-from validation.benchmarks.schedulers import scheduler
+from testing.schedulers import scheduler
 
 LINEAR = ColourTag("linear", "BT.709", "the test")
 COUNT = 4

@@ -15,7 +15,7 @@ from compensate.solver.result import Status
 from compensate.solver.windows import Windows
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.followed import Followed
-from validation.experiments.convergence import dense
+from testing.dense import dense
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

@@ -20,7 +20,7 @@ from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.grey_to_grey import GreyToGrey
-from validation.experiments.convergence import dense
+from testing.dense import dense
 
 
 def bvls(posed: Problem) -> np.ndarray:

@@ -29,8 +29,8 @@ from compensate.weighting import PerceptualWeighting
 from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre
 from domesim.scene import load_dome
-from validation.experiments.convergence import dense
-from validation.masters import night
+from testing.dense import dense
+from testing.masters import night
 
 MINIMISERS = {
     "admm": ADMM(tolerance=1e-13, max_iterations=20000),

@@ -20,7 +20,7 @@ from domesim.host.files import KEPT_OPEN
 from domesim.pathtrace import layers
 from scenes.artwork.night.__main__ import write as write_night
 from scenes.artwork.night.picture import Night
-from validation.masters import write_exr
+from testing.masters import write_exr
 
 NOISE = np.random.default_rng(1).random((200, 200, 3)).astype(np.float32)
 VIDEO = ColourTag("bt1886", "BT.709", "the test")

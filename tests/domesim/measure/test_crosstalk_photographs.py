@@ -18,8 +18,8 @@ from domesim.readings.meter import read_readings
 from domesim.readings.pair import measured_pair
 from domesim.scene import load_stereo
 from domesim.scene.crosstalk_maps import load_maps
-from validation.experiments.photographed_crosstalk import SMALL, photographed, screen
-from validation.statistics import assert_unbiased, calibration
+from testing.screens import SMALL, photographed, screen
+from testing.statistics import assert_unbiased, calibration
 
 CELLS, FINER = (5, 7), (9, 11)
 ASPECT = 77 / 45

@@ -16,7 +16,7 @@ from domesim.pathtrace.llvm import Backend, backend, load_mitsuba
 from domesim.pathtrace.polarised import crosstalk_map, luminance_map
 from domesim.stereo.polarisation import crosstalk_estimate
 from domesim.stereo.system import SilverScreen
-from validation.statistics import assert_unbiased, calibration
+from testing.statistics import assert_unbiased, calibration
 
 pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 

@@ -37,7 +37,7 @@ from domesim.shows.job import FOLDER, open_job
 from domesim.shows.run import Running, crew_of, each_frame
 from domesim.shows.show import find_show
 from domesim.shows.work import Failed, Order, Writing
-from validation.benchmarks.schedulers import more_workers, scheduler
+from testing.schedulers import more_workers, scheduler
 
 PATIENCE = 180.0  # s: for what must happen to happen
 TESTS = Path(__file__).parents[2]

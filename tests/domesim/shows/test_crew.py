@@ -21,7 +21,7 @@ from command_line import Outcome, outcome
 from domesim.errors import InputError
 from domesim.shows import crew
 from domesim.shows.crew import require_dask
-from validation.benchmarks.schedulers import DASK
+from testing.schedulers import DASK
 
 TESTS = Path(__file__).parents[2]
 PROGRAM = [sys.executable, str(TESTS / "batches.py")]

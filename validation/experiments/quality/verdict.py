@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from testing.statistics import Estimate, estimate
 from validation import laws, panel
 from validation.experiment import Cell as Entry
 from validation.experiment import Check, Column, Table, at_least, at_most, equal
@@ -20,7 +21,6 @@ from validation.experiments.quality.measuring import (
     Cell,
 )
 from validation.inputs import CHOOSING, DOMEMASTERS, PAIRED, Input, Place, kinds, words
-from validation.statistics import Estimate, estimate
 
 SHORT = 0.02
 """JOD that are no difference."""

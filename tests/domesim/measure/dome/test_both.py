@@ -14,7 +14,7 @@ from domesim.measure.dome.model import nominal_albedos
 from domesim.measure.dome.photographs import Photographs, cells_of
 from domesim.measure.dome.run import survey_of_spots
 from domesim.measure.dome.spots import Metered, Reading, evidence_of, with_readings
-from validation.statistics import assert_unbiased
+from testing.statistics import assert_unbiased
 
 WEIGHTS = np.array([0.2, 0.7, 0.1])
 BLACK, WHITE, FRONT = 0, 1, 2

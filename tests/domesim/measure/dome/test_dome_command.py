@@ -16,8 +16,8 @@ from domesim.measure.dome.camera import Camera
 from domesim.observation.radiosity import radiosity
 from domesim.scene import load_dome
 from domesim.scene.writing import as_toml
-from validation.laboratory import Faults, patterns_for, photographed
-from validation.statistics import assert_unbiased
+from testing.laboratory import Faults, patterns_for, photographed
+from testing.statistics import assert_unbiased
 
 NAMES = ("black", "white", "front", "right", "zenith", "rim", "sectors")
 AMBIENT = (0.002, 0.003, 0.004)

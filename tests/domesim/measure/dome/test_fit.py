@@ -11,7 +11,7 @@ from survey_rooms import GAIN, THEATRE, ambient, cells, evidence, model, only
 from domesim.errors import InputError
 from domesim.measure.dome.fit import Known, _doubts, _weakest, survey
 from domesim.measure.dome.model import nominal_albedos
-from validation.statistics import assert_unbiased
+from testing.statistics import assert_unbiased
 
 TRUTH = np.concatenate([[GAIN], nominal_albedos(THEATRE)])
 START = np.array([[0.4] * 3, [0.3] * 3])
@@ -144,3 +144,21 @@ def test_rounding_decides_nothing_of_what_is_not_told(seed):
     assert _weakest(-np.outer(alone, -alone) * (1 + noise)) == pytest.approx(alone, abs=1e-6)
     found = _doubts(("a", "b", "c"), np.array([4.0, 5.0, 5.0]) + noise[0, :3], 0.1 * np.eye(3))
     assert [line[0] for line in found] == ["b", "c", "a"]
+
+
+def test_what_photographs_do_not_tell_apart_is_doubted_together():
+    spread, alike = np.array([0.6, 0.5, 0.2]), np.eye(3)
+    alike[0, 1] = alike[1, 0] = -0.95
+    covariance = alike * np.outer(spread, spread)
+    names = ("camera z", "turn about x", "floor height")
+    lines = _doubts(names, np.array([3.0, 2.9, 0.4]), covariance)
+    assert lines == (
+        "camera z is +3.0 ± 0.6 and turn about x is +2.9 ± 0.5 of its stated error, or one of "
+        "both more: the photographs do not tell them apart",
+    )
+    alone = _doubts(names, np.array([0.2, 3.4, 3.1]), np.diag(spread**2))
+    assert alone == (
+        "turn about x is +3.4 ± 0.5 of its stated error",
+        "floor height is +3.1 ± 0.2 of its stated error",
+    )
+    assert _doubts(names, np.array([0.2, 1.0, 2.5]), covariance) == ()

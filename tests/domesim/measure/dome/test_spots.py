@@ -17,7 +17,7 @@ from domesim.measure.dome.run import survey_of_spots
 from domesim.measure.dome.spots import Reading, _surface, evidence_of
 from domesim.observation.radiosity import radiosity
 from domesim.room.theatre import Floor, Wall
-from validation.statistics import assert_unbiased
+from testing.statistics import assert_unbiased
 
 WEIGHTS = np.array([0.2, 0.7, 0.1])
 BLACK, WHITE, FRONT = 0, 1, 2

@@ -23,8 +23,8 @@ from domesim.observation.basis import ScreenBasis
 from domesim.observation.transport import Transport, node_places
 from domesim.room.furniture import box
 from domesim.room.theatre import Lens, Lobe
-from validation.masters import night
-from validation.statistics import calibration
+from testing.masters import night
+from testing.statistics import calibration
 
 DEGREE = 4
 

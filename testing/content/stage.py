@@ -12,8 +12,8 @@ from typing import TypeAlias
 import numpy as np
 
 from domesim.light import Light
-from validation.content.texture import TWICE, Floats, magnitudes, mixed, star_colours, stars, tinted
-from validation.pairs import averaged
+from testing.content.texture import TWICE, Floats, magnitudes, mixed, star_colours, stars, tinted
+from testing.pairs import averaged
 
 Painter: TypeAlias = Callable[[Floats, Floats], tuple[Floats, Floats]]
 """Places to the right and down, in widths -> light (..., 3), and how opaque it is."""

@@ -11,12 +11,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from domesim.light import Light
-from validation.content.chess import chess
-from validation.content.constellations import art_on_black
-from validation.content.dome import Dome
-from validation.content.portrait import face
-from validation.content.sights import lava, network, skyline, spiral
-from validation.content.texture import (
+from testing.content.chess import chess
+from testing.content.constellations import art_on_black
+from testing.content.dome import Dome
+from testing.content.portrait import face
+from testing.content.sights import lava, network, skyline, spiral
+from testing.content.texture import (
     Floats,
     Points,
     looked_up,

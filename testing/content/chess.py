@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Light
-from validation.content.dome import Dome
-from validation.content.texture import Floats, noise, smoothstep, tinted
+from testing.content.dome import Dome
+from testing.content.texture import Floats, noise, smoothstep, tinted
 
 _LEAN = 0.75
 """How far the camera's axis leans to the front from the zenith, radians; it sees the floor."""

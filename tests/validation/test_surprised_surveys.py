@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from domesim.measure.dome.fit import _doubts
 from domesim.measure.dome.run import survey_of
+from testing.laboratory import patterns_for
 from validation.experiments.surprised_surveys import (
     STATED,
     computed,
@@ -19,7 +19,6 @@ from validation.experiments.surprised_surveys import (
     misplaced_camera,
     theatre,
 )
-from validation.laboratory import patterns_for
 
 
 @pytest.mark.long
@@ -72,21 +71,3 @@ def test_a_wall_that_is_not_seen_is_not_said_to_be_known():
     off = np.abs(found.value[3] - real.wall.albedo)
     assert np.all(off < 3 * found.error[3])
     assert found.complete
-
-
-def test_what_photographs_do_not_tell_apart_is_doubted_together():
-    spread, alike = np.array([0.6, 0.5, 0.2]), np.eye(3)
-    alike[0, 1] = alike[1, 0] = -0.95
-    covariance = alike * np.outer(spread, spread)
-    names = ("camera z", "turn about x", "floor height")
-    lines = _doubts(names, np.array([3.0, 2.9, 0.4]), covariance)
-    assert lines == (
-        "camera z is +3.0 ± 0.6 and turn about x is +2.9 ± 0.5 of its stated error, or one of "
-        "both more: the photographs do not tell them apart",
-    )
-    alone = _doubts(names, np.array([0.2, 3.4, 3.1]), np.diag(spread**2))
-    assert alone == (
-        "turn about x is +3.4 ± 0.5 of its stated error",
-        "floor height is +3.1 ± 0.2 of its stated error",
-    )
-    assert _doubts(names, np.array([0.2, 1.0, 2.5]), covariance) == ()

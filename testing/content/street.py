@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from domesim.light import Light
-from validation.content.stage import HIGH, Painter, Stage
-from validation.content.texture import Colour, Floats, mixed, noise, smoothstep, tinted
+from testing.content.stage import HIGH, Painter, Stage
+from testing.content.texture import Colour, Floats, mixed, noise, smoothstep, tinted
 
 
 def night_street(width: int) -> Light:

@@ -25,8 +25,8 @@ from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre
 from domesim.scene import DomeScene, Scene
 from domesim.scene.fields import three
-from validation.masters import night
-from validation.statistics import rms_difference
+from testing.masters import night
+from testing.statistics import rms_difference
 
 Floats = NDArray[np.float64]
 Picture: TypeAlias = NDArray[np.float32]

@@ -1,10 +1,9 @@
-"""Stereo pairs for experiments: generated, and the test data's where there is any.
+"""Generated stereo pairs: a night, of shapes at several depths.
 
-All are Light (2, row, col, 3) in 0..1: the left eye's picture, and the right eye's.
-
-*Generated*, 16:9: a night, of shapes at several depths. A shape is shown to the left eye half its
-disparity to the right of where it is, to the right eye half to the left, so that positive ones are
-before the screen (xL - xR, in shares of the picture's width). From far to near there are
+They are Light (2, row, col, 3) in 0..1: the left eye's picture, and the right eye's, 16:9. A shape
+is shown to the left eye half its disparity to the right of where it is, to the right eye half to
+the left, so that positive ones are before the screen (xL - xR, in shares of the picture's width).
+From far to near there are
 
     a sky, black at the top, with a faint gradient and texture     -2.5 %
     a row of lit houses, with windows in other colours             -1.5 %
@@ -15,46 +14,17 @@ before the screen (xL - xR, in shares of the picture's width). From far to near 
 
 What lies before the black wall or the black sky leaves a ghost there that no negative light could
 take away; ghosts on lit texture can be subtracted.
-
-*Test data*: photographs and renderings of ``SOURCES.tsv``, as they are. Trunks has disparities of
-94 to 168 pixels of 1920, all one way, because its camera did not converge.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from domesim.frames import read_master
 from domesim.light import Light
-from domesim.scene import Scene
-from domesim.scene.screening import decoded, within_range
-from validation.experiment import Missing
-
-FOLDER = "DOMESIM_DATA"
-"""Environment variable that names the folder of the test data."""
-
-SEQUENCE = tuple(f"beachball {number}" for number in range(1, 5))
-"""Names of successive frames."""
-
-FILES: Mapping[str, tuple[str, ...]] = {
-    "fog": ("stereo/fog_multiview.exr",),
-    "trunks": ("stereo/trunks_1080p_L.exr", "stereo/trunks_1080p_R.exr"),
-    "motorcycle": ("stereo/motorcycle_left.png", "stereo/motorcycle_right.png"),
-    "fence": ("stereo/pair_fence_L.png", "stereo/pair_fence_R.png"),
-    "museum": ("stereo/pair_museum_L.png", "stereo/pair_museum_R.png"),
-    **{
-        name: tuple(f"sequence/beachball_{number:04}_{eye}.exr" for eye in "LR")
-        for number, name in enumerate(SEQUENCE, 1)
-    },
-}
-"""Name -> files of the test data."""
 
 Floats = NDArray[np.float64]
 Colour: TypeAlias = tuple[float, float, float]
@@ -108,51 +78,6 @@ def generated(size: int, seed: int = 0) -> Light:
     pole = np.abs(x - 0.56 - 0.1 * y) < 0.006
     canvas.paint(0.05, pole, np.full_like(x, 0.5) * (1 - y), (0.9, 0.9, 0.8))
     return canvas.light()
-
-
-def from_data(name: str, scene: Scene) -> tuple[Light, float]:
-    """A pair of the test data, clipped to what the projector can show, and the share clipped.
-
-    Raises
-    ------
-    Missing
-        If its files are not there.
-    """
-    light = decoded(read_master(require(name)), scene)
-    return within_range(light, scene.screen(*light.shape[1:3]))
-
-
-def require(name: str) -> list[Path]:
-    """The files of a pair of the test data.
-
-    Raises
-    ------
-    Missing
-        If they are not there.
-    """
-    paths = [data_folder() / file for file in FILES[name]]
-    if absent := [path for path in paths if not path.is_file()]:
-        raise Missing(f"needs {absent[0]}; set {FOLDER} to the folder of the test data")
-    return paths
-
-
-def present(names: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Those pairs of the test data that are there, and for the others why they are left out."""
-    found, left_out = [], []
-    for name in names:
-        try:
-            require(name)
-        except Missing as missing:
-            left_out.append(f"{name}: {missing}")
-        else:
-            found.append(name)
-    return found, left_out
-
-
-def data_folder() -> Path:
-    """The folder of the test data: `FOLDER`, or beside the repository."""
-    beside = Path(__file__).parents[2] / "shared" / "data"
-    return Path(os.environ.get(FOLDER, beside))
 
 
 def no_wider(light: Light, cols: int) -> Light:

@@ -20,8 +20,8 @@ import numpy as np
 
 from domesim.light import Light
 from domesim.light.transfer import named
-from validation.content.dome import Dome
-from validation.content.texture import (
+from testing.content.dome import Dome
+from testing.content.texture import (
     Colour,
     Floats,
     looked_up,

@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from domesim.light import Light
-from validation.content.evening import candles, fireworks, lamps
-from validation.content.landscapes import daylight, snow
-from validation.content.orbit import space
-from validation.content.portrait import face
-from validation.content.stage import HIGH, Painter, Stage
-from validation.content.street import night_street
-from validation.content.texture import (
+from testing.content.evening import candles, fireworks, lamps
+from testing.content.landscapes import daylight, snow
+from testing.content.orbit import space
+from testing.content.portrait import face
+from testing.content.stage import HIGH, Painter, Stage
+from testing.content.street import night_street
+from testing.content.texture import (
     Colour,
     Floats,
     looked_up,

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from domesim.light import Light
-from validation.content.stage import HIGH, Painter, Stage
-from validation.content.texture import Colour, Floats, mixed, noise, smoothstep, tinted
+from testing.content.stage import HIGH, Painter, Stage
+from testing.content.texture import Colour, Floats, mixed, noise, smoothstep, tinted
 
 
 def space(width: int) -> Light:

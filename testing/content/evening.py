@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from domesim.light import Light
-from validation.content.stage import Painter, Shine, Stage
-from validation.content.texture import Colour, Floats, noise, smoothstep, tinted
+from testing.content.stage import Painter, Shine, Stage
+from testing.content.texture import Colour, Floats, noise, smoothstep, tinted
 
 
 def lamps(width: int) -> Light:

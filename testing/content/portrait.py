@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.content.texture import Colour, Floats, mixed, noise, smoothstep, tinted
+from testing.content.texture import Colour, Floats, mixed, noise, smoothstep, tinted
 
 
 def face(x: Floats, y: Floats, sun: Colour, seed: int) -> tuple[Floats, Floats]:

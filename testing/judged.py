@@ -1,20 +1,16 @@
-"""Ten pictures for the ruler: five masters, each as it is seen untouched and once subtracted.
-
-``python tests/ruler_pictures.py``, run in the checkout with the extra ``metrics``, prints what
-ColorVideoVDP's own code takes from 10 for each: `JUDGED` is its output.
-"""
+"""Ten pictures for the ruler: five masters, each as it is seen untouched and once subtracted."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
 from domesim.scene.screening import decoded
-from validation.masters import bundled_night, night
-from validation.pairs import averaged
+from testing.masters import bundled_night, night
+from testing.pairs import averaged
 
 JUDGED: dict[str, tuple[float, float]] = {
     "night": (0.1498, 0.2068),
@@ -33,7 +29,7 @@ def stars() -> Light:
     light[np.hypot(rows - 150, cols - 200) < 40] = 0.7
     for k, level in enumerate(np.geomspace(0.01, 1, 10)):
         light[250, 100 + 18 * k] = level
-    return light.astype(np.float32)[None, ..., None] * np.float32([1, 0.95, 0.8])
+    return light.astype(np.float32)[None, ..., None] * np.array([1, 0.95, 0.8], np.float32)
 
 
 def lamps() -> Light:
@@ -65,30 +61,17 @@ def bars() -> Light:
 
 def pictures() -> Iterator[tuple[str, Scene, Light, tuple[Light, Light]]]:
     """Name, scene, master, and what is seen untouched and subtracted."""
-    for name, place in {
-        "night": "dome_planetarium",
-        "bundled": "dome_imax",
-        "stars": "dome_planetarium",
-        "lamps": "stereo_polarised_paper",
-        "bars": "stereo_shutter",
-    }.items():
+    masters: dict[str, tuple[str, Callable[[Scene], Light]]] = {
+        "night": ("dome_planetarium", lambda _: night(192)),
+        "bundled": ("dome_imax", lambda scene: averaged(decoded(bundled_night(), scene), 2)),
+        "stars": ("dome_planetarium", lambda _: stars()),
+        "lamps": ("stereo_polarised_paper", lambda _: lamps()),
+        "bars": ("stereo_shutter", lambda _: bars()),
+    }
+    for name, (place, master) in masters.items():
         scene = load_scene(place)
-        light = {
-            "night": lambda: night(192),
-            "bundled": lambda scene=scene: averaged(decoded(bundled_night(), scene), 2),
-            "stars": stars,
-            "lamps": lamps,
-            "bars": bars,
-        }[name]()
+        light = master(scene)
         observe = scene.observation(*light.shape[1:3]).observe
         untouched = observe(light)
         subtracted = observe(np.maximum(2 * light - untouched, 0).astype(np.float32))
         yield name, scene, light, (untouched, subtracted)
-
-
-if __name__ == "__main__":
-    from validation.judges import colorvideovdp
-
-    for name, scene, light, seen in pictures():
-        lost = ", ".join(f"{10 - colorvideovdp(light, each, scene):.4f}" for each in seen)
-        print(f'    "{name}": ({lost}),')

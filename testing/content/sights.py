@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from domesim.light import Light
-from validation.content.dome import Dome
-from validation.content.texture import magnitudes, mixed, noise, ridges, smoothstep, tinted
+from testing.content.dome import Dome
+from testing.content.texture import magnitudes, mixed, noise, ridges, smoothstep, tinted
 
 
 def spiral(size: int) -> Light:

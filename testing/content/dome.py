@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from domesim.light import Light
-from validation.content.texture import TWICE, Floats, smoothstep, star_colours, stars, tinted
-from validation.pairs import averaged
+from testing.content.texture import TWICE, Floats, smoothstep, star_colours, stars, tinted
+from testing.pairs import averaged
 
 
 class Placed(Protocol):

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from domesim.light import Light
-from validation.content.dome import Dome
-from validation.content.texture import (
+from testing.content.dome import Dome
+from testing.content.texture import (
     Points,
     closed,
     looked_up,

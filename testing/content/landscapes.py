@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from domesim.light import Light
-from validation.content.stage import HIGH, Painter, Stage
-from validation.content.texture import (
+from testing.content.stage import HIGH, Painter, Stage
+from testing.content.texture import (
     Colour,
     Floats,
     looked_up,

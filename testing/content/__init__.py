@@ -12,9 +12,9 @@ All are linear Light, float32, in 0..1. The same name gives the same picture at 
     stereo          pairs; those of `street`, `landscapes`, `orbit` and `evening` are among them
 """
 
-from validation.content.charts import BALLS, CHARTS
-from validation.content.domes import DOMES as SHOWN
-from validation.content.stereo import PAIRS
+from testing.content.charts import BALLS, CHARTS
+from testing.content.domes import DOMES as SHOWN
+from testing.content.stereo import PAIRS
 
 DOMES = {**SHOWN, **CHARTS}
 """Name -> the size of a domemaster -> the domemaster."""
