@@ -228,7 +228,7 @@ def test_what_half_cannot_hold_is_clipped_and_said(
     assert (outcome.code, outcome.err) == (0, "")
     assert read_frame(out / "h.exr").pixels.max() <= 65504
     if command == "observe":
-        assert "100.0% of the screen is brighter" in outcome.out
+        assert "clipped: 100.0% of the screen" in outcome.out
 
 
 # Sequences: one bad frame is no reason to lose the others.

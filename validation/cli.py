@@ -36,7 +36,7 @@ def validate(
         str | None,
         typer.Option(help=f"Just these experiments, by commas: {', '.join(EXPERIMENTS)}."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of all random numbers.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.", min=0)] = 0,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Measure anew what the folder already holds.")
     ] = False,

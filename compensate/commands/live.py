@@ -78,7 +78,7 @@ def live(
     place: Place,
     size: Size = None,
     pixel_format: Annotated[
-        str, typer.Option(help=f"Of raw frames: {', '.join(PIXEL_FORMATS)}.")
+        str, typer.Option(help=f"Samples of raw frames: {', '.join(PIXEL_FORMATS)}.")
     ] = "rgb24",
     fps: Annotated[
         float | None,
@@ -286,5 +286,5 @@ def _line(told: Told) -> str:
     latency = found["latency_ms"]
     return (
         f"{told.frames} frames{dropped}, {found['fps']:.1f} a second, latency "
-        f"{latency['median']:.0f} ms ({latency['p99']:.0f} ms of the slowest hundredth)"
+        f"{latency['median']:.0f} ms (slowest hundredth {latency['p99']:.0f} ms)"
     )

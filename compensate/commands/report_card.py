@@ -22,6 +22,7 @@ from domesim.commands.render import SceneArgument
 from domesim.commands.shows import Masters, require_one_seat
 from domesim.errors import InputError
 from domesim.host.console import Console, about
+from domesim.host.numbers import decimal, ratio
 from domesim.inspection.contrast import contrast
 from domesim.scene import CinemaScene, FlatScene, StereoScene
 from domesim.scene.choice import SceneChoice
@@ -76,17 +77,17 @@ def _of_room(scene: FlatScene, console: Console) -> dict[str, Any]:
     veil, seen = dark - found.dark, lit / dark
     console.say(
         *found.lines(),
-        f"To an eye of {EYES_AGE:g} years, whose own stray light adds {veil:.3g} cd/m² to black "
-        f"fields: {seen:.3g} : 1",
+        f"ANSI contrast to an eye of {EYES_AGE:g} years: {ratio(seen)} (its own stray light adds "
+        f"{decimal(veil)} cd/m² to black fields)",
     )
     return {**found.figures(), "eye_veil_cd_m2": veil, "ansi_contrast_to_the_eye": seen}
 
 
 def _told(eye: str, each: Crosstalk) -> tuple[str, ...]:
-    extinction = "infinite" if each.extinction is None else f"{each.extinction:.0f} : 1"
+    worst = "" if each.worst == each.system else f" (worst place {each.worst:.2%})"
     return (
-        f"{eye} eye: system crosstalk {each.system:.2%} (worst place {each.worst:.2%}), extinction "
-        f"ratio {extinction}",
+        f"{eye} eye: system crosstalk {each.system:.2%}{worst}, extinction ratio "
+        f"{ratio(each.extinction)}",
         f"  {each.verdict}",
     )
 
@@ -105,17 +106,18 @@ def _of_pair(scene: StereoScene, masters: Masters, console: Console) -> dict[str
         found = ways(posed)
     depth, viewer, clipped = disparity(posed), viewer_crosstalk(posed), Appraisal(posed).clipped
     console.say(
-        f"{moment[0].name}: disparity {depth['nearest_deg']:+.2f}° to "
-        f"{depth['farthest_deg']:+.2f}° (+ is before the screen), sure on "
-        f"{depth['sure']:.0%} of the picture; too dark for exact subtraction on {clipped:.1%}",
-        f"  viewer crosstalk: median {viewer['median']:.1%}, above 10 % on "
+        f"{moment[0].name}:",
+        f"  disparity: {depth['nearest_deg']:+.2f}° to {depth['farthest_deg']:+.2f}° (+ is before "
+        f"the screen), known on {depth['sure']:.0%} of the picture",
+        f"  viewer crosstalk: median {viewer['median']:.1%}, above 10% on "
         f"{viewer['share_above_10']:.1%} of the picture",
+        f"  too dark for exact subtraction: {clipped:.1%} of the picture",
     )
     for method, each in found.items():
         console.say(
-            f"  {METHODS[method]:<12} fused {each.fused_loss:.2f} JOD lost, each eye alone "
-            f"{each.one_eye:.2f} JOD; contrast off by {each.contrast:.2f} thresholds; rivalry on "
-            f"{each.rivalry:.1%} of the picture"
+            f"  {METHODS[method]:<12} quality lost: {each.fused_loss:.2f} JOD with both eyes, "
+            f"{each.one_eye:.2f} JOD with one; contrast off by {each.contrast:.2f} thresholds; "
+            f"rivalry on {each.rivalry:.1%} of the picture"
         )
     return {
         "clipped": clipped,

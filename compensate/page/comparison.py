@@ -17,6 +17,7 @@ from compensate.page.page import Figure, View, write_page
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE
 from domesim.frames import Master
+from domesim.host.numbers import decimal, percent
 from domesim.light import Light
 from domesim.scene import DomeScene, Scene
 from domesim.scene.screening import encoded
@@ -171,7 +172,7 @@ class Comparison:
             Figure(
                 "Darkest 1 %",
                 "cd/m²",
-                {name: f"{value:.3g}" for name, value in darkest.items()},
+                {name: decimal(value) for name, value in darkest.items()},
                 "Luminance below which the darkest hundredth of the screen lies.",
             ),
         ]
@@ -232,12 +233,13 @@ class Comparison:
         return {
             "Master": self.frame.described(),
             **scene.facts(),
-            polluted: f"{best.pollution:.3g} cd/m² on average, untouched",
+            polluted: f"{decimal(best.pollution)} cd/m² on average, untouched",
             "Too dark for exact subtraction": f"{best.clipped:.1%} of the screen",
             "Out of the projector's range": f"{best.out_of_range:.1%} of the screen",
-            "Solver": f"{best.status} {best.iterations} iterations, {best.ffts} FFTs, "
-            f"{best.seconds:.1f} s"
-            + ("" if best.gap is None else f", within {best.gap:.1e} of the optimum"),
+            "Method": f"{best.status} {best.seconds:.1f} s"
+            if best.gap is None
+            else f"{best.status} {best.iterations} iterations, {best.ffts} FFTs, "
+            f"{best.seconds:.1f} s, within {percent(best.gap)} of the optimum",
             "Version": f"domesim {metadata.version('domesim')}",
             "Command": command,
         }

@@ -18,12 +18,14 @@ from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE, compared
 from compensate.solver.accelerated import Accelerated
+from compensate.solver.result import Status
 from compensate.steps import COARSE, visible_steps
 from compensate.visible import OnlyVisible, SpatiallyWeighted
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.frames import Master
+from domesim.host.numbers import decimal, percent
 from domesim.scene import Scene, StereoScene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import decoded
@@ -187,7 +189,7 @@ class Compensating(Recipe):
             return None
 
         def progress(iteration: int, gap: float) -> None:
-            note(f"iteration {iteration}, within {gap:.1e} of the optimum")
+            note(f"iteration {iteration}, within {percent(gap)} of the optimum")
 
         solver = perceptual(theatre, self.tolerance, progress=progress)
         return on_device(solver, self.device)
@@ -309,31 +311,38 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     del stored
     lost = appraisal.loss(stored_light)
     del stored_light
-    line = f"{line_of(found)} As stored: {lost:.2f} JOD"
+    line = line_of(found)
     weights = posed.scene.projector.luminance_weights
     coarse = visible_steps(solution.frame, posed.seen(light), posed.screen, weights)
     if coarse > COARSE:
         line += (
-            f"; {coarse:.1%} of the screen shows steps between the master's codes: "
-            f"render it in 16 bits"
+            f"\n  steps between the master's codes are seen on {coarse:.1%} of the screen: render "
+            f"it in 16 bits"
         )
     if _rounding_shows(found.loss_after, lost):
-        line += f" (rounding to {bits} bit {suffix} shows: --format, --bits)"
+        line += (
+            f"\n  quality lost as stored: {lost:.2f} JOD. Rounding to {bits} bit {suffix} shows; "
+            f"choose another --format or --bits"
+        )
     return {**asdict(found), "loss_stored": lost, "steps": coarse}, line
 
 
 def _plain(f: Figures) -> list[str]:
     """What ColorVideoVDP cannot see, for a person."""
-    told = {
-        "black {:.2f} times the untouched": f.black,
-        "contrast {:.0%} of the master's (0.25 to 1°)": f.contrast_fine,
-        "contrast {:.0%} (2 to 10°)": f.contrast_coarse,
-        "stars {:.2f} times as bright": f.stars,
-        "{:.0%} of them in order": f.stars_in_order,
-        "hue shift {:.0f}°": f.hue_shift,
+    lines = {
+        "black": {"{:.2f} times the untouched": f.black},
+        "contrast kept": {
+            "{:.0%} (0.25 to 1°)": f.contrast_fine,
+            "{:.0%} (2 to 10°)": f.contrast_coarse,
+        },
+        "stars": {"{:.2f} times as bright": f.stars, "{:.0%} in order": f.stars_in_order},
+        "hue": {"{:.0f}° off": f.hue_shift},
     }
-    found = [form.format(value) for form, value in told.items() if value is not None]
-    return [", ".join(found)] if found else []
+    told = {
+        name: [form.format(value) for form, value in forms.items() if value is not None]
+        for name, forms in lines.items()
+    }
+    return [f"{name}: {', '.join(parts)}" for name, parts in told.items() if parts]
 
 
 def _rounding_shows(computed: float, stored: float) -> bool:
@@ -341,33 +350,41 @@ def _rounding_shows(computed: float, stored: float) -> bool:
 
 
 def line_of(f: Figures) -> str:
-    """What was done and how good it is, for a person."""
-    parts = [f"{f.method}: {f.pollution:.2g} cd/m² of pollution, subtracted"]
-    if f.loss_before is not None:
-        parts = [
-            f"{f.method}: quality lost {f.loss_before:.2f} -> {f.loss_after:.2f} JOD "
-            f"(subtractive {f.loss_subtractive:.2f})",
-            f"{f.clipped:.1%} of the screen too dark for exact subtraction",
+    """What was done and how good it is, for a person: below one another, a fact a line."""
+    parts = [f"{f.method}, {decimal(f.seconds, 2)} s"]
+    if f.loss_before is None:
+        parts.append(f"{f.pollution:.2g} cd/m² of pollution, all of it subtracted")
+    else:
+        parts += [
+            f"quality lost: {f.loss_after:.2f} JOD; untouched {f.loss_before:.2f}, subtracted "
+            f"{f.loss_subtractive:.2f}",
+            f"too dark for exact subtraction: {f.clipped:.1%} of the screen",
         ]
-    parts += _plain(f)
     if f.loss_by_seat:
         seats = ", ".join(f"{name} {lost:.2f}" for name, lost in f.loss_by_seat.items())
-        parts.append(f"by seat: {seats}")
+        parts.append(f"quality lost by seat, JOD: {seats}")
+    parts += _plain(f)
     if f.out_of_range:
-        parts.append(f"{f.out_of_range:.1%} out of the projector's range")
+        parts.append(f"out of the projector's range: {f.out_of_range:.1%} of the screen")
     if f.file_clipped:
-        parts.append(f"{f.file_clipped:.1%} out of the file's colour range and clipped")
+        parts.append(f"out of the file's colour range, and clipped: {f.file_clipped:.1%}")
     if f.gap is not None:
-        line = f"within {f.gap:.1e} of the optimum after {f.iterations} iterations"
+        parts.append(f"within {percent(f.gap)} of the optimum after {f.iterations} iterations")
         if f.distance:
-            line += f" (what is seen, within {f.distance:.2g} JND rms)"
-        parts.append(line)
-    parts.append(f"{f.seconds:.1f} s. {f.status}")
+            parts.append(
+                f"what is seen is within {decimal(f.distance, 2)} JND (rms) of the optimum's"
+            )
+    if f.status not in _USUAL:
+        parts.append(f.status)
     if f.light_left is not None and f.error_left is not None:
-        low, likely, high = (100 * light for light in f.light_left)
-        least, error, most = f.error_left
-        parts.append(
-            f"as sure as the room was measured, {likely:.3g} % of white are left (95 %: "
-            f"{low:.3g} to {high:.3g}), visible error {error:.3g} ({least:.3g} to {most:.3g})"
-        )
-    return "; ".join(parts)
+        low, likely, high = (percent(light, 3) for light in f.light_left)
+        least, error, most = (decimal(error) for error in f.error_left)
+        parts += [
+            f"light left, by how surely the room was measured: {likely} of white (95%: {low} to "
+            f"{high})",
+            f"visible error: {error} (95%: {least} to {most})",
+        ]
+    return "\n  ".join(parts)
+
+
+_USUAL = {Status.AIMED.value, Status.CLOSED_FORM.value, Status.CONVERGED.value}

@@ -17,8 +17,8 @@ class Status(Enum):
     INVISIBLE = "What a better solution could still gain is far below what the eye can see."
     CONVERGED = "The requested accuracy was reached."
     WINDOWS = "Solved where pollution would be seen; elsewhere it was subtracted."
-    AIMED = "The contrasts of the master are aimed at, and shown by exact subtraction."
-    CLOSED_FORM = "Computed directly; this method does not minimise the visible error."
+    AIMED = "Computed directly: the master, lifted where light is missing, is shown by subtraction."
+    CLOSED_FORM = "Computed directly; nothing is minimised."
     STALLED = (
         "Rounding errors stopped further progress before the requested accuracy. "
         "Allow a larger tolerance, or solve in float64."

@@ -23,6 +23,7 @@ from domesim.commands.options import Json, Quiet, finish
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 from domesim.host.console import Console, about, complain, prepare_file
+from domesim.host.numbers import decimal
 from domesim.light.transfer import Gamma
 from domesim.observation.projector import PRIMARIES
 from domesim.observation.stereo import VIEWS
@@ -66,16 +67,16 @@ ReadingsFile = Annotated[
         show_default=False,
     ),
 ]
-Width = Annotated[float | None, typer.Option(help=f"Of the screen, m; {WIDTH:g} if not given.")]
+Width = Annotated[float | None, typer.Option(help=f"Width of the screen, m; by default {WIDTH:g}.")]
 Height = Annotated[
-    float | None, typer.Option(help="Of the screen, m; 9/16 of the width if not given.")
+    float | None, typer.Option(help="Height of the screen, m; by default 9/16 of the width.")
 ]
 Distance = Annotated[
-    float | None, typer.Option(help=f"Of the audience, m; {DISTANCE:g} if not given.")
+    float | None, typer.Option(help=f"Distance of the audience, m; by default {DISTANCE:g}.")
 ]
 Adaptation = Annotated[
     float | None,
-    typer.Option(help=f"Luminance they are adapted to, cd/m²; {ADAPTATION:g} if not given."),
+    typer.Option(help=f"Luminance that eyes are adapted to, cd/m²; by default {ADAPTATION:g}."),
 ]
 SceneOut = Annotated[
     Path, typer.Option("--out", help="The scene file to write, .toml.", show_default=False)
@@ -118,9 +119,9 @@ def crosstalk(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Crosstalk of two projectors and eyewear: figures, and a scene file for other commands.
+    """Compute crosstalk of two projectors and eyewear: figures, and a scene file.
 
-    Of photographs through the eyewear, a map of it, too, for --transport.
+    Photographs through the eyewear give a map of it, too, for --transport.
     """
     from domesim.measure.photographs import lists_photographs  # noqa: PLC0415
     from domesim.readings.meter import EYES, read_readings  # noqa: PLC0415
@@ -180,7 +181,7 @@ def grey_to_grey(
     out: SceneOut,
     primaries: Annotated[
         str | None,
-        typer.Option(help=f"Of the display: BT.709, P3-D65, ...; {COLOURS} if not given."),
+        typer.Option(help=f"Primaries of the display: BT.709, P3-D65, ...; by default {COLOURS}."),
     ] = None,
     width: Width = None,
     height: Height = None,
@@ -189,7 +190,7 @@ def grey_to_grey(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Crosstalk that depends on both eyes' pictures: figures, and a scene file with the table."""
+    """Compute crosstalk that depends on both eyes' pictures: figures, and a scene file."""
     from domesim.observation.grey_to_grey import GreyToGrey  # noqa: PLC0415
     from domesim.readings.grey_to_grey import in_light, read_grey_to_grey  # noqa: PLC0415
     from domesim.readings.meter import EYES  # noqa: PLC0415
@@ -228,7 +229,10 @@ def grey_to_grey(
     for table in (left, right):
         for line in table.report():
             console.say(line)
-        console.say(f"  white {table.white:.4g} cd/m² above black, black {table.black:.3g} cd/m²")
+        console.say(
+            f"  white {decimal(table.white, 4)} cd/m² above black, "
+            f"black {decimal(table.black)} cd/m²"
+        )
     if primaries is None:
         console.say(f"Assumed, for want of --primaries: {COLOURS}")
     _say_where(console, out, room)
@@ -246,7 +250,7 @@ def response(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Primaries, black and response (code value to light) of one display."""
+    """Compute primaries, black and response (code value to light) of one display."""
     from domesim.readings.meter import NO_FILTER, read_readings  # noqa: PLC0415
     from domesim.readings.response import measured_display  # noqa: PLC0415
 
@@ -372,7 +376,7 @@ def _photographed(
         console.say(f"Assumed, for want of projector.primaries: {COLOURS}")
     if room.assumed:
         options = ", ".join(f"--{name}" for name in room.assumed)
-        console.say(f"Assumed, for want of {options}: {_RIG}")
+        console.say(f"Assumed, as {options} were not given: {_RIG}")
     console.say(
         f"  -> {out}, {stored}",
         f"Use them: domesim compensate --left L.####.exr --right R.####.exr --scene {out} "
@@ -435,7 +439,7 @@ def dome(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Albedos, white and black of a dome theatre from photographs or a meter, and a scene file."""
+    """Compute albedos, white and black of a dome from photographs or a meter: a scene file."""
     from domesim.measure.dome.file import read_survey  # noqa: PLC0415
     from domesim.measure.dome.report import (  # noqa: PLC0415
         figures_of,
@@ -697,7 +701,7 @@ def _say_where(console: Console, out: Path, room: _Room) -> None:
     """Say what is assumed, and what the scene file is for."""
     if room.assumed:
         options = ", ".join(f"--{name}" for name in room.assumed)
-        console.say(f"Assumed, for want of {options}: {_RIG}")
+        console.say(f"Assumed, as {options} were not given: {_RIG}")
     console.say(
         f"  -> {out}",
         f"Use it: domesim compensate --left L.####.exr --right R.####.exr --scene {out}",

@@ -38,7 +38,7 @@ def patterns(
     out: OutFolder,
     dome: Annotated[bool, typer.Option("--dome", help="For a dome: domemasters.")] = False,
     stereo: Annotated[
-        bool, typer.Option("--stereo", help="For a 3D screen: a left and a right picture each.")
+        bool, typer.Option("--stereo", help="For a 3D screen: left and right pictures.")
     ] = False,
     size: Annotated[
         str | None,
@@ -61,7 +61,7 @@ def patterns(
         str, typer.Option("--format", help="exr, png, tif, dpx or jp2.")
     ] = "png",
     bits: Annotated[
-        int | None, typer.Option(help="Of a sample; the format's least if none.")
+        int | None, typer.Option(help="Bits of a sample; by default the format's least.")
     ] = None,
     encoding: Annotated[
         str | None,

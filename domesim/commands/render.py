@@ -20,6 +20,7 @@ from domesim.commands.options import Json, Quiet, Repair, finish
 from domesim.errors import InputError
 from domesim.frames import read_master
 from domesim.host.console import Console, about, prepare_file
+from domesim.host.numbers import decimal, percent
 from domesim.inspection.coverage import require_covered
 from domesim.observation.stereo import VIEWS
 from domesim.scene import CinemaScene, DomeScene, StereoScene, load_dome, load_scene
@@ -68,7 +69,7 @@ Error = Annotated[
     ),
 ]
 Most = Annotated[int, typer.Option("--samples", help="Most paths a pixel.")]
-Seed = Annotated[int, typer.Option(help="Of the random numbers.")]
+Seed = Annotated[int, typer.Option(help="Seed of the random numbers.")]
 PerBounce = Annotated[bool, typer.Option("--per-bounce", help="Write a layer for each bounce.")]
 Size = Annotated[
     int | None,
@@ -152,8 +153,8 @@ def _traced(
     if eyes is not None and eyes.kept not in (0, 1):
         settings = replace(settings, per_bounce=True)
     traced: list[tuple[dict[str, NDArray[Any]], dict[str, Any]]] = []
-    for number, picture in enumerate(pictures):
-        settings = replace(settings, seed=settings.seed + number)
+    for eye, picture in enumerate(pictures):
+        settings = replace(settings, seed=settings.seed + eye)
         if traced and traced[0][1]["status"] == Status.INTERRUPTED.value:
             settings = replace(settings, most=settings.least)
         if view == "domemaster":
@@ -279,8 +280,8 @@ def tabulate(
     console.say(
         f"{theatre.name}: a white picture's reflected light is {_per_primary(gain)} of its direct "
         f"light (closed form of the bare screen: {_per_primary(closed)})",
-        f"standard error {figures['relative_error']:.1e} after {found.walks:.3g} paths, "
-        f"{found.seconds:.0f} CPU-s. {found.status.value}",
+        f"standard error {percent(figures['relative_error'])} of it after {found.walks:,.0f} "
+        f"paths, {found.seconds:.0f} CPU-s. {found.status.value}",
     )
     interrupted = found.status is Status.INTERRUPTED
     if check and not interrupted:
@@ -318,14 +319,14 @@ def _tabulate_crosstalk(
         )
     maps, rows = [], []
     with console.share("tracing") as progress:
-        for number, seat in enumerate(scene.seats):
+        for before, seat in enumerate(scene.seats):
 
-            def told(done: float, n: int = number, name: str = seat) -> None:
-                progress((n + done) / len(scene.seats), name)
+            def report(done: float, before: int = before, seat: str = seat) -> None:
+                progress((before + done) / len(scene.seats), seat)
 
             weights = scene.projector.luminance_weights
             found = luminance_map(
-                scene.theatre, weights, seat, *MAP_CELLS, seed=seed, progress=told
+                scene.theatre, weights, seat, *MAP_CELLS, seed=seed, progress=report
             )
             maps.append(found)
             estimate = scene.seats[seat].share
@@ -342,8 +343,9 @@ def _tabulate_crosstalk(
             console.say(
                 f"{seat}: crosstalk {figures['mean']:.2%} on average, "
                 f"{_sure(figures['middle'], 2 * figures['middle_standard_error'])} in the middle, "
-                f"up to {figures['largest']:.2%}; at most {figures['off_the_estimate']:.1%} off "
-                f"the estimate without tracing"
+                f"at most {figures['largest']:.2%}",
+                f"  the estimate without tracing is off by at most "
+                f"{figures['off_the_estimate']:.1%}",
             )
     provenance = {
         "scene": scene.name,
@@ -609,7 +611,7 @@ def _write(
     }
     console.say(
         f"mean luminance over the {over}: "
-        + ", ".join(f"{name} {value:.3g}" for name, value in seen.items())
+        + ", ".join(f"{name} {decimal(value)}" for name, value in seen.items())
         + f" cd/m²; {facts['samples']} paths a pixel, standard error "
         f"{facts['relative_error']:.1%} of the mean, {facts['cpu_s']:.0f} CPU-s. {facts['status']}"
         f"\n  -> {out}\n  -> {preview}"

@@ -14,6 +14,7 @@ from domesim.commands.scene_show import show
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 from domesim.host.console import Console, prepare_file
+from domesim.host.numbers import decimal, ratio
 from domesim.inspection import lightmaps
 from domesim.inspection.contrast import contrast
 from domesim.inspection.coverage import Coverage, coverage, require_covered
@@ -104,37 +105,43 @@ def _told(
         "viewpoints": len(theatre.viewpoints),
     }
     count = figures["projectors"]
+    several = f", two or more {lit.blended:.1%}" if count > 1 else ""
     console.say(
-        f"Coverage: {count} projector{' lights' if count == 1 else 's light'} {1 - lit.dark:.1%} "
-        f"of the screen, two or more {lit.blended:.1%}"
+        f"Coverage: {count} projector{'s light' if count > 1 else ' lights'} {1 - lit.dark:.1%} "
+        f"of the screen{several}"
     )
     if lit.whole and lit.weakest < _HARD and count > 1:
         console.say(
-            f"Seams: somewhere soft edges add up to {lit.weakest:.2g} only: fields overlap by less "
-            f"than their soft edges, and the seam will show. Widen the fields, or lower blend_deg"
+            f"Seams: at one place soft edges add up to {lit.weakest:.2g} of one projector: the "
+            f"seam will show. Widen the fields, or lower blend_deg"
         )
     if light is not None:
         figures |= light.figures()
+        if count > 1:
+            console.say(
+                f"Overlap: {_range(lit.weakest, lit.most)} times the light of one projector, soft "
+                f"edges counted in; {_range(*light.evened)} times after blending"
+            )
         console.say(
-            f"Blends: soft edges add up to {_range(lit.weakest, lit.most)} of one projector, "
-            f"evened out {_range(*light.evened)}",
-            f"Brightness: a white frame {light.white:.3g} cd/m² ({light.direct:.3g} direct, "
-            f"{light.reflected:.3g} reflected), brightest over darkest place {light.uneven:.3g}",
-            f"Black: {light.black:.3g} cd/m² (a white frame over it: {_ratio(light.sequential)})",
-            f"Checkerboard: {light.lit:.3g} and {light.dark:.3g} cd/m² "
-            f"({_ratio(light.checkerboard)})",
-            f"Flux: that white takes {light.lumens:,.0f} lm on the screen's "
-            f"{scene.dome.screen_area:.3g} m²",
+            f"White frame: {decimal(light.white)} cd/m² ({decimal(light.direct)} direct, "
+            f"{decimal(light.reflected)} reflected)",
+            f"Evenness: the brightest place has {decimal(light.uneven)} times the light of the "
+            f"darkest",
+            f"Black frame: {decimal(light.black)} cd/m²; sequential contrast "
+            f"{ratio(light.sequential)}",
+            f"Checkerboard: white fields {decimal(light.lit)}, black fields {decimal(light.dark)} "
+            f"cd/m²; contrast {ratio(light.checkerboard)}",
+            f"Flux: a white frame takes {light.lumens:,.0f} lm on "
+            f"{decimal(scene.dome.screen_area)} m² of screen",
         )
     if eyes:
-        console.say(f"Seats: {len(eyes)}, eyes at {min(eyes):.2f} to {max(eyes):.2f} m")
+        console.say(
+            f"Seats: {len(eyes)}; heights of eyes over the dome's centre: "
+            f"{_range(min(eyes), max(eyes))} m"
+        )
     return figures
 
 
 def _range(least: float, most: float) -> str:
-    low, high = f"{least:.3g}", f"{most:.3g}"
+    low, high = decimal(least), decimal(most)
     return low if low == high else f"{low} to {high}"
-
-
-def _ratio(contrast: float | None) -> str:
-    return "infinite" if contrast is None else f"{contrast:.3g} : 1"

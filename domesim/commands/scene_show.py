@@ -17,6 +17,7 @@ from domesim.commands.options import Json, Quiet, TransportFile
 from domesim.errors import InputError
 from domesim.frames.whole import write_whole
 from domesim.host.console import Console, prepare_file
+from domesim.host.numbers import decimal
 from domesim.inspection import lightmaps
 from domesim.inspection.contrast import contrast
 from domesim.inspection.coverage import coverage, require_covered
@@ -95,7 +96,7 @@ class Row(NamedTuple):
         """With three digits, or as many as are before the point."""
         if self.value is None:
             return "∞"
-        text = f"{self.value:,.0f}" if abs(self.value) >= 1000 else f"{self.value:.3g}"
+        text = f"{self.value:,.0f}" if abs(self.value) >= 1000 else decimal(self.value)
         return text.replace(",", "\u202f")
 
 

@@ -48,7 +48,10 @@ class Masters:
         ),
     ] = None
     right: Annotated[
-        str | None, typer.Option("--right", help="Stereo: the right eye's.", show_default=False)
+        str | None,
+        typer.Option(
+            "--right", help="Stereo: the right eye's file or numbered sequence.", show_default=False
+        ),
     ] = None
     packing: Annotated[
         str | None,
@@ -187,7 +190,9 @@ class Doing:
     ] = None
     threads: Annotated[
         int | None,
-        typer.Option(help="Of each worker; they share the cores by default.", show_default=False),
+        typer.Option(
+            help="Threads of a worker; by default workers share the cores.", show_default=False
+        ),
     ] = None
     scheduler: Annotated[
         str | None,

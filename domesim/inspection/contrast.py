@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.host.numbers import decimal, ratio
 from domesim.scene import FlatScene
 from domesim.scene.flat import LightsWay
 
@@ -82,14 +83,15 @@ class Contrast:
     def lines(self) -> list[str]:
         """Returns the lines that commands say."""
         parts = ", ".join(
-            f"{name} {light:.3g} ({self.share(name):.0%})" for name, light in self.parts.items()
+            f"{name} {decimal(light)} ({self.share(name):.0%})"
+            for name, light in self.parts.items()
         )
         return [
-            f"Sequential contrast: {_ratio(self.sequential)} (white {self.white:.3g}, black "
-            f"{self.black:.3g} cd/m²)",
-            f"ANSI contrast: {_ratio(self.ansi)} (white fields {self.lit:.3g}, black fields "
-            f"{self.dark:.3g} cd/m²)",
-            *([f"In black fields, cd/m²: {parts}"] if self.dark > 0 else []),
+            f"Sequential contrast: {ratio(self.sequential)} (white {decimal(self.white)}, black "
+            f"{decimal(self.black)} cd/m²)",
+            f"ANSI contrast: {ratio(self.ansi)} (white fields {decimal(self.lit)}, black fields "
+            f"{decimal(self.dark)} cd/m²)",
+            *([f"Light in black fields, cd/m²: {parts}"] if self.dark > 0 else []),
         ]
 
 
@@ -154,7 +156,3 @@ def _seen(scene: FlatScene, pictures: Floats) -> Floats:
         light = np.broadcast_to(picture[None, :, :, None], observation.shape).copy()
         found.append((observation.observe(light) @ weights).mean(axis=0) * scene.projector.white)
     return np.stack(found)
-
-
-def _ratio(contrast: float | None) -> str:
-    return "infinite" if contrast is None else f"{contrast:.4g} : 1"

@@ -251,7 +251,7 @@ def _map(
     else:
         matrix, matrix_error = system * np.eye(3), system_error * np.eye(3)
         matrix_changes = matrix_error[None]
-        notes = ["of white alone: each primary is taken to leak as much, into its own only"]
+        notes = ["read of white alone: each primary is taken to leak as much, into itself"]
     return CrosstalkMap(
         eye,
         matrix,

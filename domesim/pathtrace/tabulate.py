@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from domesim.errors import InputError
+from domesim.host.numbers import decimal, percent
 from domesim.observation.basis import ScreenBasis, disc_quadrature
 from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import bare_gain
@@ -186,7 +187,7 @@ def _walked(
             # More walks do not make explicit nodes any better.
             reached = estimate.noise()
             if progress is not None:
-                taken = f"error {reached:.1e}, {estimate.walks:.2g} walks"
+                taken = f"error {percent(reached)}, {decimal(estimate.walks, 2)} walks"
                 progress(min(1.0, (error / reached) ** 2 if reached > 0 else 1.0), taken)
             if reached <= error and len(estimate.batches) >= BATCHES:
                 return Status.CONVERGED

@@ -424,7 +424,7 @@ class Tracer:
                             share = (number + taken / count) / len(tiles)
                             progress(
                                 sums.progress(settings, done + count * share),
-                                f"{done + count} walks a pixel, {sums.steps:.3g} segments",
+                                f"{done + count} walks a pixel, {sums.steps:,.0f} segments",
                             )
                     # Every pixel gets its first walks, whoever waits.
                     if interrupted() and done > 0:

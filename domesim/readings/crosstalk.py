@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.host.numbers import decimal, ratio
 from domesim.readings.meter import told
 from domesim.readings.response import SIGMAS, Display
 
@@ -105,7 +106,7 @@ class MeasuredCrosstalk:
         """Lines for a person."""
         lines = [
             f"crosstalk to the {self.eye} eye: system {self.system:.2%} ± {self.system_error:.2%}, "
-            f"extinction {self.extinction:.0f}:1"
+            f"extinction {ratio(self.extinction)}"
         ]
         for name, row, errors in zip("RGB", self.matrix, self.error, strict=True):
             cells = zip("RGB", row, errors, strict=True)
@@ -114,7 +115,7 @@ class MeasuredCrosstalk:
         grey = self.viewer((0.5, 0.5, 0.5), (1, 1, 1))
         lines.append(f"  viewer crosstalk of white on a picture of half its light: {grey:.2%}")
         if self.black is not None:
-            lines.append(f"  black of both projectors: {self.black[1]:.3g} cd/m²")
+            lines.append(f"  black of both projectors: {decimal(self.black[1])} cd/m²")
         return [*lines, *(f"  {note}" for note in self.notes)]
 
 

@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 
 from domesim.errors import InputError
+from domesim.host.numbers import decimal
 from domesim.readings.response import uv
 
 Floats = NDArray[np.float64]
@@ -81,14 +82,14 @@ class CommonGamut:
         places = zip("RGBW", self.chromaticities, strict=True)
         told_places = ", ".join(f"{n} {x:.4f} {y:.4f}" for n, (x, y) in places)
         lines = [
-            f"common gamut: white {self.white[1]:.4g} cd/m²; luminance lost: left "
+            f"common gamut: white {decimal(self.white[1], 4)} cd/m²; luminance lost: left "
             f"{self.lost[0]:.1%}, right {self.lost[1]:.1%}",
             f"  chromaticities xy: {told_places}",
         ]
         left, right = self.blacks
         if np.isfinite(self.blacks).all():
             lines.append(
-                f"  black stays as it is: left {left:.3g}, right {right:.3g} cd/m² "
+                f"  black stays as it is: left {decimal(left)}, right {decimal(right)} cd/m² "
                 f"({left / self.white[1]:.2%} and {right / self.white[1]:.2%} of common white)"
             )
         return lines

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import curve_fit, isotonic_regression
 from scipy.stats import chi2
 
+from domesim.host.numbers import decimal, ratio
 from domesim.light.transfer import Gamma, MeasuredTable, Transfer
 from domesim.readings.meter import Mean, Session, told
 from domesim.readings.tables import Mistakes
@@ -138,10 +139,10 @@ class Display:
 
     def report(self) -> list[str]:
         """Lines for a person."""
-        white = f"white {self.white[1]:.4g} cd/m²"
+        white = f"white {decimal(self.white[1], 4)} cd/m²"
         dark = "black not read"
         if self.black is not None:
-            dark = f"black {self.black[1]:.3g} cd/m², contrast {self.contrast:.0f}:1"
+            dark = f"black {decimal(self.black[1])} cd/m², contrast {ratio(self.contrast)}"
         places = [
             f"{n} {x:.4f} {y:.4f}" for n, (x, y) in zip("RGBW", self.chromaticities, strict=True)
         ]

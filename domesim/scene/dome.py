@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.host.numbers import decimal
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.dome_pair import ReflectedViews, dome_pair
@@ -243,10 +244,7 @@ class DomeScene(Scene):
 
     def facts(self) -> dict[str, str]:
         """What a reader of results should know of it: heading -> text."""
-        closed = (
-            "closed-form cross-reflection of a Lambertian cap (all bounces), as computed by the "
-            "program; not a measurement"
-        )
+        closed = "closed form of a bare matte dome, all bounces; computed, not measured"
         by = "tabulated by path tracing"
         if self.transport is not None and self.transport.provenance.get("method") == PHOTOGRAPHS:
             by = "measured from photographs of patterns"
@@ -254,12 +252,14 @@ class DomeScene(Scene):
         model = closed if self.transport is None else stored
         facts = {
             "Theatre": f"{self.name}, radius {self.dome.radius:g} m, half-angle "
-            f"{np.degrees(self.dome.half_angle):g}°, albedo "
-            f"{', '.join(f'{a:.3g}' for a in self.albedo)} (holes counted in)",
+            f"{np.degrees(self.dome.half_angle):g}°, screen albedo "
+            f"{_by_primary(self.albedo)} (holes counted in)",
             "Projector": f"white {self.projector.white:g} cd/m², black "
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
-            "Model": model + ("" if self.approximation is None else f"; {self.approximation}"),
+            "Model": model,
         }
+        if self.approximation is not None:
+            facts["Left out"] = "; ".join(self._left_out)
         if self.stereo is not None:
             white = self.stereo.leaks.sum(axis=2) @ self.projector.luminance_weights
             facts["3D"] = (
@@ -292,30 +292,34 @@ class DomeScene(Scene):
 
     @property
     def approximation(self) -> str | None:
-        """Why `observation` is only an approximation of this theatre, in one line; None if not."""
-        if self.transport is not None:
-            shadowed = self.transport.provenance.get("shadowed", 0.0)
-            left_out = []
-            if shadowed >= _SHADOWED:
-                left_out.append(
-                    f"{shadowed:.1%} of the screen lies in shadows of what is before a projector"
-                )
-            if self.theatre.shines_back:
-                left_out.append("a ghost of the picture shines back through the screen's holes")
-            if not left_out:
-                return None
-            return (
-                f"approximate: {'; '.join(left_out)}. A stored transport, which is smooth, leaves "
-                f"that out ('domesim render' does not)"
-            )
-        reasons = self.theatre.departures()
-        if not reasons:
+        """That `observation` leaves something of this theatre out, in one line; None if not."""
+        if not self._left_out:
             return None
+        if self.transport is not None:
+            return (
+                f"approximate: {'; '.join(self._left_out)}. 'domesim render' shows it; a stored "
+                f"transport, which is smooth, leaves it out"
+            )
         return (
-            f"approximate: the closed form knows the bare screen only, but {'; '.join(reasons)}. "
-            f"For the whole theatre: domesim tabulate {self.argument} --out FILE.npz, then "
-            f"--transport"
+            f"approximate: the closed form knows the bare screen only. For the whole theatre: "
+            f"domesim tabulate {self.argument} --out FILE.npz, then --transport FILE.npz"
         )
+
+    @property
+    def _left_out(self) -> tuple[str, ...]:
+        """What of this theatre `observation` does not know."""
+        if self.transport is None:
+            return self.theatre.departures()
+        shadowed = self.transport.provenance.get("shadowed", 0.0)
+        left_out = {
+            f"{shadowed:.1%} of the screen lies in shadows of what is before a projector": (
+                shadowed >= _SHADOWED
+            ),
+            "a ghost of the picture shines back through the screen's holes": (
+                self.theatre.shines_back
+            ),
+        }
+        return tuple(reason for reason, holds in left_out.items() if holds)
 
     def seen_from(self, name: str) -> DomeScene:
         """The same theatre, with figures and predictions for one of its seats or viewpoints.
@@ -352,6 +356,12 @@ class DomeScene(Scene):
 
 _SHADOWED = 2e-3
 """Share of the screen that may lie in shadow without a word: what rim pixels amount to."""
+
+
+def _by_primary(values: tuple[float, float, float]) -> str:
+    """One number, or three that differ."""
+    told = [decimal(value) for value in values]
+    return told[0] if len(set(told)) == 1 else ", ".join(told)
 
 
 def built(file: DomeFile, folder: Path) -> DomeScene:

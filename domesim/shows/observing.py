@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, final
 
 from domesim.frames import Master
+from domesim.host.numbers import decimal
 from domesim.light import Light
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import decoded, encoded, mean_luminance
@@ -52,13 +53,13 @@ class Observing(Recipe):
         ) -> tuple[dict[str, Any], str]:
             result, figures, small = solved
             line = (
-                f"mean {figures['direct_cd_m2']:.3g} cd/m² direct, "
-                f"{figures['pollution_cd_m2']:.3g} cd/m² {theatre.pollution} and stray light"
+                f"mean {decimal(figures['direct_cd_m2'])} cd/m² direct, "
+                f"{decimal(figures['pollution_cd_m2'])} cd/m² {theatre.pollution} and stray light"
             )
             if clipped := figures["clipped_share"]:
                 line += (
-                    f"; {clipped:.1%} of the screen is brighter than the file's format can hold "
-                    f"and clipped (a 32 bit EXR is not)"
+                    f"\n  clipped: {clipped:.1%} of the screen, brighter than the file's format "
+                    f"can hold; a 32 bit EXR holds it"
                 )
             write(result)
             write.small(*small)

@@ -426,10 +426,10 @@ class Steps:
             figures = {**named, **solved.facts, **figures}
             if solved.repaired:
                 figures["repaired"] = solved.repaired
-                line += f"; {solved.repaired} impossible samples repaired"
+                line += f"\n  {solved.repaired} impossible samples repaired"
             if write.unsaid:
                 figures["unsaid"] = write.unsaid
-                line += f"; written as {write.unsaid}"
+                line += f"\n  written as {write.unsaid}"
             maker, results = _maker(), {}
             if order.job is not None:
                 figures["settings"] = order.job.settings

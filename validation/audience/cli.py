@@ -150,7 +150,7 @@ class Asking:
             min=0,
         ),
     ] = 0
-    seed: Annotated[int, typer.Option(help="Of all orders.", min=0)] = 0
+    seed: Annotated[int, typer.Option(help="Seed of all orders.", min=0)] = 0
 
     def settings(self, scene: Scene) -> Settings:
         """The same for `make`.
@@ -232,7 +232,8 @@ def play(
     folder: Folder,
     telling: Telling,
     port: Annotated[
-        int, typer.Option(help="Of the page's address; 0 for any that is free.", min=0, max=65535)
+        int,
+        typer.Option(help="Port of the page's address; 0 for any that is free.", min=0, max=65535),
     ] = 8642,
 ) -> None:
     """Play a study to viewers in a browser of this machine, and keep each answer at once.
@@ -262,8 +263,8 @@ def power(
             "knows it before; try 0 and 1, too."
         ),
     ] = 0.5,
-    methods: Annotated[int, typer.Option(help="How many are compared.", min=2, max=12)] = 3,
-    masters: Annotated[int, typer.Option(help="How many there are.", min=1)] = 10,
+    methods: Annotated[int, typer.Option(help="Methods that are compared.", min=2, max=12)] = 3,
+    masters: Annotated[int, typer.Option(help="Masters that are shown.", min=1)] = 10,
     repeats: Annotated[
         int, typer.Option(help="How often each pair of methods is shown of each master.", min=1)
     ] = 2,
@@ -271,9 +272,9 @@ def power(
         str, typer.Option(help="Numbers to try, by commas.")
     ] = "6,8,12,16,20,26,32,40",
     audiences: Annotated[
-        int, typer.Option(help="How many are simulated for each number.", min=100)
+        int, typer.Option(help="Audiences that are simulated for each number of viewers.", min=100)
     ] = 1000,
-    seed: Annotated[int, typer.Option(help="Of all random numbers.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.", min=0)] = 0,
 ) -> None:
     """Tell how many viewers are enough, by simulated audiences.
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.host.numbers import decimal
 from domesim.measure.dome.file import Task
 from domesim.measure.dome.fit import GAIN, Survey
 from domesim.measure.dome.measured import described, measured_section, numbers, projector_section
@@ -26,14 +27,14 @@ def lines_of(task: Task, found: Survey) -> list[str]:
         found.names, found.value, found.error, found.answered, strict=True
     ):
         told = [
-            f"{p} {v:.4g} ± {SIGMAS * e:.2g}" if good else f"{p} not determined"
+            f"{p} {decimal(v, 4)} ± {decimal(SIGMAS * e, 2)}" if good else f"{p} not determined"
             for p, v, e, good in zip("RGB", value, error, answered, strict=True)
         ]
         what = f"white, direct light alone ({unit})" if name == GAIN else f"{name} albedo"
         lines.append(f"{what}: {', '.join(told)}")
     if found.answered[0].all():
         told = [
-            f"{p} {v:.3g} ± {SIGMAS * e:.1g}"
+            f"{p} {decimal(v)} ± {decimal(SIGMAS * e, 1)}"
             for p, v, e in zip("RGB", found.ambient, found.ambient_error, strict=True)
         ]
         lines.append(f"black as it is seen, of white: {', '.join(told)}")
@@ -45,10 +46,10 @@ def lines_of(task: Task, found: Survey) -> list[str]:
         )
     lines.append(f"fit: chi² {found.chi2:.0f} for {found.degrees} degrees of freedom; {verdict}")
     for name, assumed in found.leaning.items():
-        values = ", ".join(f"{p} {v:.3g}" for p, v in zip("RGB", assumed.value, strict=True))
+        values = ", ".join(f"{p} {decimal(v)}" for p, v in zip("RGB", assumed.value, strict=True))
         lines.append(
             f"{name} albedo: the photographs tell little of it; it was taken to be {values} as "
-            f"described, ± {SIGMAS * max(assumed.error):.2g}. If you know better: --hold "
+            f"described, ± {decimal(SIGMAS * max(assumed.error), 2)}. If you know better: --hold "
             f"{name}=VALUE,ERROR"
         )
     lines += [f"check the description: {line}" for line in found.doubts]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.host.numbers import decimal
 from domesim.measure.dome.file import Task
 from domesim.measure.dome.measured import described, measured_section, numbers, projector_section
 from domesim.measure.dome.ranks import Ranks, cross_validated, modes_of
@@ -228,15 +229,15 @@ def lines_of(task: Task, found: Found) -> list[str]:
         f"places of the screen{hidden}",
         f"white, direct light alone ({unit}), median and 90 % of the places: "
         + _each(
-            f"{gain:.3g} ({low:.3g} to {high:.3g})"
+            f"{decimal(gain)} ({decimal(low)} to {decimal(high)})"
             for gain, (low, high) in zip(found.gain, found.spread, strict=True)
         ),
         "reflected light of a white picture, of its direct light: "
         + _each(
-            f"{white:.4f} ± {SIGMAS * error:.1g}"
+            f"{white:.4f} ± {decimal(SIGMAS * error, 1)}"
             for white, error in zip(found.white, found.white_error, strict=True)
         ),
-        "black as it is seen, of white: " + _each(f"{part:.3g}" for part in found.ambient),
+        "black as it is seen, of white: " + _each(decimal(part) for part in found.ambient),
     ]
     verdict = "noise alone explains the residuals"
     if found.misfit > 1 + 3 / np.sqrt(2 * found.degrees):

@@ -130,7 +130,7 @@ def test_what_is_out_of_the_gamut_is_told(tmp_path: Path, out: Path, run: Run) -
     path = dpx(tmp_path / "in.dpx", patches())
     how = ("--encoding", "p3-d65", "--output-encoding", "srgb", "--format", "png")
     result = compensated(run, path, out, *how)
-    assert "out of the file's colour range and clipped" in result.out
+    assert "out of the file's colour range, and clipped" in result.out
     result = compensated(run, path, out / "wide", "--encoding", "p3-d65")
     assert "out of the file's colour range" not in result.out
 
@@ -144,7 +144,7 @@ def test_a_bright_exr_becomes_an_integer_file_clipped_and_told(
         bits = ("--bits", "16") if suffix == "tif" else ()
         result = compensated(run, source, out, "--format", suffix, *bits)
         assert result.code == 0, result
-        assert "100.0% out of the projector's range" in result.out
+        assert "out of the projector's range: 100.0%" in result.out
         assert codes_of(out / f"in.{suffix}").max() in (255, 65535)
 
 

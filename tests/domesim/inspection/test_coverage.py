@@ -119,7 +119,7 @@ def test_a_seam_without_a_blend_is_told(run, mine):
         assert outcome.code == 0
         return outcome.out
 
-    assert "Seams: somewhere soft edges add up to" in said(184.0)
+    assert "Seams: at one place soft edges add up to" in said(184.0)
     assert "Seams" not in said(220.0)
 
 
