@@ -12,13 +12,11 @@ from test_bad_input import store, touched, written
 
 from domesim.commands import render as rendering
 from domesim.frames import read_frame, read_master
-from domesim.pathtrace.llvm import backend
 from domesim.scene import load_stereo
 from domesim.scene.screening import decoded
 
 SCENE = "stereo_polarised_paper"
 ROWS, COLS = 12, 20
-traced = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
 
 def view(seed: int) -> np.ndarray:
@@ -275,7 +273,6 @@ glasses_leak = 0.003
 """  # noqa: E501
 
 
-@traced
 def test_traced_crosstalk_is_accepted(run: Run, tmp_path: Path, out: Path) -> None:
     scene = touched(tmp_path / "cinema.toml", CINEMA.encode())
     table = tmp_path / "maps.npz"

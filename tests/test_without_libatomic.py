@@ -29,9 +29,9 @@ def _missing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(llvm, "ATOMIC", "libmissing.so.1")
     for name in ("drjit", "mitsuba"):  # as other tests may have left them
         monkeypatch.delitem(sys.modules, name, raising=False)
-    llvm.backend.cache_clear()
+    llvm._chosen.cache_clear()
     yield
-    llvm.backend.cache_clear()
+    llvm._chosen.cache_clear()
     assert not {"drjit", "mitsuba"} & set(sys.modules)
 
 
@@ -48,11 +48,7 @@ TRACING = {
 
 @pytest.mark.usefixtures("_missing")
 @pytest.mark.parametrize("command", TRACING)
-@pytest.mark.parametrize("variant", ["", "llvm", "scalar"])
-def test_what_traces_says_one_line(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, variant: str
-) -> None:
-    monkeypatch.setenv(llvm.OVERRIDE, variant)
+def test_what_traces_says_one_line(run: Run, tmp_path: Path, command: str) -> None:
     place = tmp_path / TRACING[command]
     outcome = run(*command.split(), "--out", place)
     outcome.is_refused(LINE)
@@ -96,9 +92,7 @@ def test_wheels_for_path_tracing_need_no_other_library(package: str) -> None:
         pytest.skip(f"{package} is not installed")
     libraries = [file for file in files if re.search(r"\.so(\.\d+)*$", file.name)]
     if package == llvm.WHEEL:
-        candidate = llvm._wheel()
-        assert candidate is not None
-        libraries = [candidate.path, *candidate.companions]
+        libraries = llvm.wheel()
     wheels = {file.name for file in files} | {file.name for file in metadata.files("drjit") or ()}
     found = subprocess.run(
         ["ldd", *map(str, libraries)], capture_output=True, text=True, check=True

@@ -33,7 +33,7 @@ from pydantic_core import to_json
 
 from domesim.errors import InputError
 from domesim.frames import write_whole
-from domesim.pathtrace.llvm import backend
+from domesim.pathtrace.llvm import load_mitsuba
 
 
 def _finite(value: object) -> object:
@@ -185,7 +185,7 @@ class Finding(Record):
 
 
 def require_tracer() -> None:
-    """See that paths can be traced at a useful speed.
+    """See that paths can be traced.
 
     Raises
     ------
@@ -193,11 +193,9 @@ def require_tracer() -> None:
         If not.
     """
     try:
-        found = backend()
+        load_mitsuba()
     except InputError as fault:
         raise Missing(str(fault)) from None
-    if not found.vectorised:
-        raise Missing(f"needs LLVM or a GPU to trace paths: {found.summary}")
 
 
 class Missing(Exception):  # noqa: N818 (nothing went wrong)

@@ -18,7 +18,7 @@ from scipy import stats
 
 from domesim.observation.base import AdjointObservation
 from domesim.observation.spherical import ClosedFormDome, bare_gain
-from domesim.pathtrace.llvm import backend
+from domesim.pathtrace.llvm import told
 from domesim.pathtrace.tracer import Settings, Traced, Tracer
 from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre
@@ -161,7 +161,7 @@ def white(half_angle: float, albedo: float, walks: float, seed: int = 0) -> str:
 
 def main(walks: float = 1e8) -> None:
     """Prints the closed form beside what so many walks find, for each of `CAPS`."""
-    print(backend().summary)
+    print(told())
     print("half-angle albedo      walks      traced  closed form  std. error     z  M walks/s")
     for half_angle, albedo in CAPS:
         white(half_angle, albedo, 1e6)  # which compiles

@@ -120,12 +120,12 @@ def render(
         _cutaway(theatre, pictures[0], out, size or 1200, console)
         return
     # Slow to import, and not needed for --help
-    from domesim.pathtrace.llvm import backend  # noqa: PLC0415
+    from domesim.pathtrace.llvm import told as traced_by  # noqa: PLC0415
     from domesim.pathtrace.tracer import Settings, Status  # noqa: PLC0415
 
     settings = Settings(error=error, most=samples, least=min(32, samples), seed=seed,
                         per_bounce=per_bounce)  # fmt: skip
-    console.say(backend().summary)
+    console.say(traced_by())
     traced = _traced(theatre, pictures, view, size, settings, console)
     told = [
         _write(theatre, view, layers, facts, path, console)
@@ -240,7 +240,7 @@ def tabulate(
     if isinstance(theatre, StereoScene):
         _require_no_dome_options(theatre, error, walks, degree, check=check)
     prepare_file(out)
-    from domesim.pathtrace.llvm import backend  # noqa: PLC0415
+    from domesim.pathtrace.llvm import told as traced_by  # noqa: PLC0415
 
     if isinstance(theatre, StereoScene):
         _tabulate_crosstalk(theatre, scene, out, seed, console)
@@ -250,7 +250,7 @@ def tabulate(
     from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
     from domesim.pathtrace.tracer import Status  # noqa: PLC0415
 
-    console.say(backend().summary)
+    console.say(traced_by())
     provenance = {"scene": theatre.name, "digest": theatre.digest}
     with console.share("tabulating") as progress:
         found = traced(

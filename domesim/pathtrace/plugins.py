@@ -49,18 +49,8 @@ def register(mi: Any) -> None:
     ----------
     mi
         Mitsuba as `domesim.pathtrace.llvm.load_mitsuba` gives it. More calls change nothing.
-
-    Raises
-    ------
-    InputError
-        In a scalar variant: plugins in Python are a hundred times slower there.
     """
     variant = mi.variant()
-    if variant.startswith("scalar"):
-        raise InputError(
-            f"register wants a vectorised Mitsuba variant such as llvm_ad_rgb, got {variant}. "
-            "Give it a usable libLLVM (see domesim.pathtrace.llvm)."
-        )
     if variant not in _registered:
         mi.register_sensor("domemaster", _domemaster(mi))
         mi.register_emitter("fisheye_projector", _fisheye_projector(mi))

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.pathtrace.llvm import backend, load_mitsuba
+from domesim.pathtrace.llvm import load_mitsuba
 from domesim.pathtrace.tracer import interruptible, launch_seed
 from domesim.stereo.polarisation import ALUMINIUM
 from domesim.stereo.system import QUARTER, CircularFilter, Point, SilverScreen, StereoTheatre
@@ -208,10 +208,6 @@ class _Sums:
 @contextmanager
 def polarised() -> Iterator[Any]:
     """Mitsuba with polarisation; whoever comes after finds the variant of `load_mitsuba` again."""
-    if not backend().vectorised:
-        raise InputError(
-            f"polarised light wants a vectorised Mitsuba, got {backend().variant} ({backend().why})"
-        )
     mi = load_mitsuba()
     before = mi.variant()
     wanted = before.replace("_rgb", "_mono_polarized")

@@ -28,9 +28,9 @@ from scipy.ndimage import distance_transform_edt
 
 from domesim.errors import InputError
 from domesim.light.blocks import light_means
-from domesim.pathtrace.llvm import backend, load_mitsuba
+from domesim.pathtrace.llvm import load_mitsuba
 from domesim.pathtrace.loop import Source, Start, Tally, Walks, bounce_limit, eye_directions
-from domesim.pathtrace.machine import DrJit, Lanes, Machine, NumPy, Vector
+from domesim.pathtrace.machine import DrJit, Lanes, Machine, Vector
 from domesim.pathtrace.room import NOTHING, SCREEN, Hit, Room, dot, scaled
 from domesim.pathtrace.sources import GainLobe, Lamps, Picture, Throw
 from domesim.room.dome import strips
@@ -692,8 +692,8 @@ def _coarse(light: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
 
 
 def best_machine() -> Machine:
-    """Dr.Jit with a usable LLVM or GPU, else NumPy."""
-    return DrJit(load_mitsuba()) if backend().vectorised else NumPy()
+    """Dr.Jit with a GPU or LLVM."""
+    return DrJit(load_mitsuba())
 
 
 def launch_seed(*parts: int) -> int:

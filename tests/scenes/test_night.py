@@ -7,14 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.pathtrace.llvm import backend
 from domesim.room.dome import Dome
 from scenes.artwork.night import sky
 from scenes.artwork.night.picture import Night, directions, render, shoulder
 
 SMALL = Night(size=64, samples=1, detail=0.02)
 CIRCLE = Dome(radius=1.0, half_angle=np.pi / 2).inside(64, 64)
-needs_llvm = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
 
 @pytest.fixture(scope="module")
@@ -22,12 +20,10 @@ def picture() -> NDArray[np.float32]:
     return render(SMALL)
 
 
-@needs_llvm
 def test_same_seed_same_picture(picture: NDArray[np.float32]) -> None:
     np.testing.assert_array_equal(render(SMALL), picture)
 
 
-@needs_llvm
 def test_black_outside_the_circle_and_in_range_inside(picture: NDArray[np.float32]) -> None:
     assert picture.shape == (64, 64, 3)
     assert not picture[~CIRCLE].any()
@@ -35,7 +31,6 @@ def test_black_outside_the_circle_and_in_range_inside(picture: NDArray[np.float3
     assert picture.max() <= 1.0
 
 
-@needs_llvm
 def test_bright_house_in_front_and_most_is_dark(picture: NDArray[np.float32]) -> None:
     luminance = picture @ np.array([0.2126, 0.7152, 0.0722])
     assert luminance[CIRCLE].max() > 0.8

@@ -37,14 +37,7 @@ VIEWS: list[View] = [
 
 
 @pytest.fixture(scope="module")
-def vectorised() -> None:
-    variant = load_mitsuba().variant()
-    if not variant.endswith("_ad_rgb"):
-        pytest.skip(f"needs a vectorised variant of Mitsuba, got {variant}")
-
-
-@pytest.fixture(scope="module")
-def studio(vectorised: None) -> Studio:
+def studio() -> Studio:
     """Mono and stereo, of one small hall."""
     return Studio(Settings(size=SIZE, samples=4), {"": DomeView()})
 
@@ -119,7 +112,7 @@ def test_places_are_where_directions_point(view: View) -> None:
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_sensors_look_in_the_same_directions(vectorised: None, view: View) -> None:
+def test_sensors_look_in_the_same_directions(view: View) -> None:
     mi = load_mitsuba()
     register(mi)
     row, col = np.nonzero(view.inside(32))
@@ -143,7 +136,6 @@ def seen_at(view: View, point: NDArray[np.float64], size: int = 1000) -> float:
     return float(across[miss.argmin()]) * size
 
 
-@pytest.mark.usefixtures("vectorised")
 @pytest.mark.parametrize("kind", ["dome-stereo", "stereo"])
 def test_what_is_near_has_crossed_parallax_and_what_is_far_has_not(kind: str) -> None:
     left, right = views(kind, interaxial=0.1, convergence=5.0).values()
@@ -206,7 +198,7 @@ def test_it_moves(studio: Studio, picture: Picture) -> None:
     assert 0.01 < changed.mean() < 0.5
 
 
-def test_the_eyes_see_different_pictures(vectorised: None) -> None:
+def test_the_eyes_see_different_pictures() -> None:
     """Seen from the eyes' places the sun is 6 m away, nearer than the screen: crossed."""
     pair = Studio(Settings(size=96, samples=4), views("stereo", 0.6, 20.0)).frame(0.0)
     left, right = (pair[name] @ LUMINANCE for name in ("_L", "_R"))
@@ -241,7 +233,6 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Run:
 SMALL = ("--size", 32, "--samples", 1)
 
 
-@pytest.mark.usefixtures("vectorised")
 def test_command_writes_numbered_frames(
     run: Run, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -261,7 +252,6 @@ def test_command_writes_numbered_frames(
     assert "seed 7" in spec.get_string_attribute("ImageDescription")
 
 
-@pytest.mark.usefixtures("vectorised")
 @pytest.mark.parametrize(("kind", "rows"), [("dome-stereo", 32), ("stereo", 18)])
 def test_command_writes_left_and_right(run: Run, tmp_path: Path, kind: str, rows: int) -> None:
     assert run("--out", tmp_path, "--kind", kind, *SMALL, "--interaxial", 0.5, "--quiet") == 0

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from domesim.observation.spherical import bare_gain
-from domesim.pathtrace.llvm import backend
 from domesim.scene import load_scene
 from testing.masters import night
 from validation import judges
@@ -159,8 +158,6 @@ TINY = wrong_model.Effort(size=64, walks=3, repeats=3, error=1e-2, most=1e5)
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
     """The experiment's finding and outcome."""
-    if not backend().vectorised:
-        pytest.skip(backend().summary)
     store, outcomes, measure = tmp_path_factory.mktemp("steps"), [], wrong_model.measure
 
     def noted(*args, **settings):

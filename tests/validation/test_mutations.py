@@ -10,10 +10,7 @@ import domesim.observation.spherical
 from domesim.light import namespace
 from domesim.observation.lowrank import LowRankObservation, _project
 from domesim.observation.spherical import ClosedFormDome
-from domesim.pathtrace.llvm import backend
 from validation.experiment import Work, load_experiment
-
-traced = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
 
 def wrong_gain(monkeypatch):
@@ -71,8 +68,8 @@ def adjoint_without_area(monkeypatch):
 
 
 MUTATIONS = [
-    pytest.param("eq15", wrong_gain, marks=traced),
-    pytest.param("eq15", image_area, marks=traced),
+    ("eq15", wrong_gain),
+    ("eq15", image_area),
     ("contrast_sensitivity", csf_constant),
     ("contrast_sensitivity", csf_frequency),
     ("convergence", adjoint_without_area),
@@ -88,7 +85,7 @@ def test_mutations_turn_an_experiment_red(experiment, mutate, monkeypatch):
 
 @pytest.mark.parametrize(
     "experiment",
-    [pytest.param("eq15", marks=traced), "contrast_sensitivity"],
+    ["eq15", "contrast_sensitivity"],
 )
 def test_without_them_it_is_green(experiment):
     finding = load_experiment(experiment).run(Work(quick=True))

@@ -8,7 +8,6 @@ from itertools import product
 import numpy as np
 import pytest
 
-from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.loop import bounce_limit
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.room.dome import Dome
@@ -16,8 +15,6 @@ from domesim.room.theatre import Theatre
 from testing.statistics import assert_unbiased
 from validation import reflection
 from validation.experiments import corrected_models, second_opinion
-
-pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
 
 def sweep(half_angles, albedos, picture="white"):

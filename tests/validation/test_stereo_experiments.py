@@ -10,7 +10,6 @@ from compensate.aim import pair
 from compensate.methods import STEREO
 from compensate.problem import Problem
 from domesim.pathtrace import polarised
-from domesim.pathtrace.llvm import backend
 from domesim.scene import StereoScene, load_stereo
 from validation import data
 from validation.experiment import Missing, Work, load_experiment, require_tracer
@@ -20,8 +19,6 @@ from validation.experiments import (
     frozen_pollution,
     polarised_crosstalk,
 )
-
-traced = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
 
 @pytest.fixture
@@ -65,7 +62,7 @@ def exact_is_frozen(monkeypatch):
 @pytest.mark.parametrize(
     ("name", "mutate"),
     [
-        pytest.param("polarised_crosstalk", more_depolarising, marks=[traced, pytest.mark.long]),
+        pytest.param("polarised_crosstalk", more_depolarising, marks=pytest.mark.long),
         ("fig2_fig6_deghosting", ours_is_subtraction),
         ("fig10_seats", one_seat_for_all),
         ("frozen_pollution", exact_is_frozen),

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.pathtrace.llvm import backend, load_mitsuba
+from domesim.pathtrace.llvm import load_mitsuba
 from domesim.room.dome import Dome
 from scenes.artwork.night import sky
 from scenes.artwork.night.noise import Floats
@@ -114,8 +114,6 @@ def directions(across: Floats, down: Floats, tilt: float) -> Floats:
 
 def _trace(night: Night, rows: NDArray[np.intp], cols: NDArray[np.intp]) -> tuple[Floats, Floats]:
     """Light (pixel, rgb) that comes from the scene, and the share of each pixel that it covers."""
-    if not backend().vectorised:
-        raise InputError(f"The night picture needs a vectorised Mitsuba: {backend().summary}")
     mi, dr = load_mitsuba(), import_module("drjit")
     scene = build(mi, night.seed, night.detail)
     direct = mi.load_dict({"type": "direct", "emitter_samples": night.shadow_rays})

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.pathtrace.llvm import backend, load_mitsuba
+from domesim.pathtrace.llvm import load_mitsuba
 from domesim.pathtrace.plugins import register
 from scenes.artwork.night.noise import Floats
 from scenes.artwork.night.picture import shoulder
@@ -81,8 +81,6 @@ class Studio:
     """
 
     def __init__(self, settings: Settings, views: Mapping[str, View]) -> None:
-        if not backend().vectorised:
-            raise InputError(f"the orrery needs Mitsuba's LLVM or CUDA variant: {backend().why}")
         self._mi, self._settings = load_mitsuba(), settings
         register(self._mi)
         self._stage = Stage(self._mi, settings.orrery)

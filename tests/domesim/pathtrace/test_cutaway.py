@@ -14,7 +14,6 @@ from domesim.errors import InputError
 from domesim.frames import read_frame
 from domesim.pathtrace import cutaway as module
 from domesim.pathtrace.cutaway import cutaway, graticule, to_png
-from domesim.pathtrace.llvm import load_mitsuba
 from domesim.room.dome import Dome
 from domesim.room.theatre import Lamp, Lens, Theatre
 
@@ -97,21 +96,6 @@ def test_strips_make_the_same_picture(monkeypatch: pytest.MonkeyPatch):
     strips = cutaway(BARE, **settings)
     assert_alike(strips, whole)
     assert not np.array_equal(strips, whole)
-
-
-def test_the_scalar_variant_draws_it_too(monkeypatch: pytest.MonkeyPatch):
-    expected = cutaway(BARE, master(), **SMALL)
-    mitsuba = load_mitsuba()
-    before = mitsuba.variant()
-    monkeypatch.setattr(module, "load_mitsuba", lambda: mitsuba)
-    try:
-        mitsuba.set_variant("scalar_rgb")
-        picture = cutaway(BARE, master(), **SMALL)
-    finally:
-        mitsuba.set_variant(before)
-    assert_alike(picture, expected)
-    with pytest.raises(AssertionError):
-        assert_alike(picture[:, ::-1], expected)
 
 
 @pytest.mark.parametrize("name", THEATRES)

@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.sources import GainLobe
 from domesim.pathtrace.tracer import best_machine
 from domesim.room.lenses import lobe_gain
 from domesim.room.theatre import Lobe
-
-pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
 
 @pytest.mark.parametrize("lobe", [Lobe(0.3, 0.3), Lobe(1.0, 0.1), Lobe(0.1, 0.9), Lobe(0.0, 0.5)])

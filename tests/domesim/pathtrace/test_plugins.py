@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from domesim.errors import InputError
 from domesim.pathtrace.llvm import load_mitsuba
 from domesim.pathtrace.plugins import register
 from domesim.room.dome import Dome
@@ -19,8 +18,6 @@ ALBEDO = 0.4
 @pytest.fixture(scope="module")
 def mi() -> Any:
     mitsuba = load_mitsuba()
-    if not mitsuba.variant().endswith("_ad_rgb"):
-        pytest.skip(f"needs a vectorised variant of Mitsuba, got {mitsuba.variant()}")
     register(mitsuba)
     register(mitsuba)  # a second time changes nothing
     return mitsuba
@@ -266,13 +263,3 @@ def test_settings_that_cannot_be_are_refused(
 def test_pictures_that_are_no_domemaster_are_refused(mi: Any, shape: tuple[int, ...]) -> None:
     with pytest.raises(Exception, match="fisheye_projector wants a"):
         mi.load_dict(projector(mi, np.ones(shape)))
-
-
-def test_scalar_variants_are_refused() -> None:
-    class Scalar:
-        @staticmethod
-        def variant() -> str:
-            return "scalar_rgb"
-
-    with pytest.raises(InputError, match="vectorised"):
-        register(Scalar)

@@ -12,13 +12,11 @@ from theatres import cinema
 
 from domesim.errors import InputError
 from domesim.pathtrace import polarised
-from domesim.pathtrace.llvm import Backend, backend, load_mitsuba
+from domesim.pathtrace.llvm import load_mitsuba
 from domesim.pathtrace.polarised import crosstalk_map, luminance_map
 from domesim.stereo.polarisation import crosstalk_estimate
 from domesim.stereo.system import SilverScreen
 from testing.statistics import assert_unbiased, calibration
-
-pytestmark = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 
 SCREEN = SilverScreen(10.0, 5.3, depolarising_share=0.05, roughness=0.305, albedo=0.9)
 LEAKS = (0.001, 0.002, 0.003, 0.004)
@@ -176,10 +174,3 @@ def test_what_cannot_be_is_refused(arguments, words):
     *place, samples = arguments
     with pytest.raises(InputError, match=words):
         crosstalk_map(CINEMA, *place, samples=samples)
-
-
-def test_without_a_vectorised_mitsuba_it_says_so(monkeypatch):
-    scalar = Backend("scalar_rgb", "no usable libLLVM", remedy="pip install karellen-llvm-core")
-    monkeypatch.setattr(polarised, "backend", lambda: scalar)
-    with pytest.raises(InputError, match=r"wants a vectorised Mitsuba.*pip install"):
-        crosstalk_map(CINEMA, "aisle", 2, 3, samples=8)

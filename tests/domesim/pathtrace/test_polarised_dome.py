@@ -8,16 +8,13 @@ import pytest
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.dome_pair import dome_pair
 from domesim.observation.spherical import ClosedFormDome, closed_form_gain
-from domesim.pathtrace.llvm import backend
 from domesim.pathtrace.polarised_dome import polarised_dome
 from domesim.pathtrace.two_eyes import seen_by_eyes
 from domesim.room.dome import Dome
 
-traced = pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 LENS, EYE = (0.3, -0.2, 1.2), (-0.5, 0.4, 1.0)
 
 
-@traced
 @pytest.mark.parametrize("kept", [-0.7, 0.5])
 def test_each_reflection_keeps_its_share_of_circular_polarisation(kept):
     dome, albedo = Dome(3.0, np.radians(80)), 0.6

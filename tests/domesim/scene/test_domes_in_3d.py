@@ -14,7 +14,6 @@ from compensate.ruler import NO_DIFFERENCE
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.observation.dome_pair import direct_crosstalk
-from domesim.pathtrace.llvm import backend
 from domesim.readings.meter import read_readings
 from domesim.readings.pair import measured_pair
 from domesim.scene import load_dome, load_scene
@@ -126,7 +125,6 @@ def test_commands_take_a_pair(name, tmp_path, capfd):
     )
 
 
-@pytest.mark.skipif(not backend().vectorised, reason=backend().summary)
 def test_rendering_shows_either_eye(tmp_path, capfd):
     left, right = pair(tmp_path / "in", size=32)
     path = tmp_path / "mine.toml"
