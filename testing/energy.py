@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.pathtrace.loop import Walks, bounce_limit, cosine_direction
-from domesim.pathtrace.room import BACK, BLACK, FLOOR, NOTHING, SHELL, SOLID, WALL, Hit
-from domesim.pathtrace.room import SCREEN as FRONT
 from domesim.pathtrace.tracer import Tracer
 from domesim.room.lenses import lens_gains
+from domesim.room.rays import BACK, BLACK, FLOOR, NOTHING, SHELL, SOLID, WALL, Hit
+from domesim.room.rays import SCREEN as FRONT
 from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]

@@ -42,7 +42,6 @@ TRACING = {
     "tabulate dome_hemisphere --walks 1 --degree 2": "table.npz",
     "tabulate stereo_cinema_silver": "table.npz",
     "master": "master",
-    "scene show dome_hemisphere": "scene.html",
 }
 
 
@@ -53,6 +52,16 @@ def test_what_traces_says_one_line(run: Run, tmp_path: Path, command: str) -> No
     outcome = run(*command.split(), "--out", place)
     outcome.is_refused(LINE)
     assert not place.is_file()
+
+
+@pytest.mark.usefixtures("_missing")
+def test_a_theatre_is_shown_without_views(run: Run, tmp_path: Path) -> None:
+    outcome = run("scene", "show", "dome_hemisphere", "--out", tmp_path / "scene.html")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert LINE in outcome.out
+    page = (tmp_path / "scene.html").read_text()
+    assert "Section, from the right" in page
+    assert "What seats see" not in page
 
 
 @pytest.mark.usefixtures("_missing")

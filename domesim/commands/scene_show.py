@@ -120,20 +120,33 @@ def _dome(
     maps = lightmaps.pictures(coverage(scene.theatre, lightmaps.SIZE), light)
     master, seen, means = _night(scene)
     places = marked(scene.theatre)
+    traces = _traces(console)
     tables, figures = _dome_tables(scene, light, means)
     content = {
         "tables": tables,
-        "cutaway": _cut_open(scene, master, console) if cutaway else None,
+        "cutaway": _cut_open(scene, master, console) if cutaway and traces else None,
         "drawings": [
             ("Plan, from above", dome_plan(scene, places)),
             ("Section, from the right", dome_section(scene, places)),
         ],
         "maps": [_url(each, "png") for each in maps],
-        "views": _views(scene, seen, places),
+        "views": _views(scene, seen, places) if traces else [],
         "left_out": _left_out(scene),
         "master": _MASTER,
     }
     return content, figures
+
+
+def _traces(console: Console) -> bool:
+    """Whether rays can be traced; if not, it says why."""
+    from domesim.pathtrace.llvm import load_mitsuba  # noqa: PLC0415 - slow to import
+
+    try:
+        load_mitsuba()
+    except InputError as fault:
+        console.say(str(fault), "The page is without the views of seats and the theatre cut open")
+        return False
+    return True
 
 
 def marked(theatre: Theatre) -> dict[str, Viewpoint]:

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.pathtrace.machine import NumPy
-from domesim.pathtrace.room import NOTHING, SCREEN, Room
-from domesim.pathtrace.tracer import camera_frame
+from domesim.pathtrace.llvm import load_mitsuba
+from domesim.pathtrace.machine import DrJit
+from domesim.room.lenses import axes_towards
+from domesim.room.rays import NOTHING, SCREEN
 from domesim.room.theatre import Theatre, Viewpoint
 
 Floats = NDArray[np.float64]
@@ -56,18 +57,13 @@ def glance(theatre: Theatre, light: NDArray[np.floating], eye: Viewpoint, size: 
         Pixels a side.
     """
     rays, angle, inside = _rays(eye, size)
-    machine, dome = NumPy(), theatre.dome
-    room, lanes = Room(theatre, machine), len(rays)
-    origin = tuple(machine.full(part / dome.radius, lanes) for part in eye.position)
-    direction = tuple(machine.lanes(part) for part in rays.T)
-    with np.errstate(all="ignore"):  # of rays that meet nothing
-        hit = room.hit(
-            (origin[0], origin[1], origin[2]),
-            (direction[0], direction[1], direction[2]),
-            machine.whole(NOTHING, lanes),
-            np.ones(lanes, np.bool_),
-        )
-    surface = np.asarray(hit.surface)
+    machine, dome, lanes = DrJit(load_mitsuba()), theatre.dome, len(rays)
+    room = machine.room(theatre)
+    x, y, z = (machine.full(part / dome.radius, lanes) for part in eye.position)
+    right, ahead, up = (machine.lanes(part) for part in rays.T)
+    leaving = machine.whole(NOTHING, lanes)
+    hit = room.hit((x, y, z), (right, ahead, up), leaving, leaving == NOTHING)
+    surface = machine.array(hit.surface)
     places = np.stack([machine.array(part) for part in hit.position], -1) * dome.radius
     normals = np.stack([machine.array(part) for part in hit.normal], -1)
     seen = np.zeros((lanes, light.shape[-1]))
@@ -93,7 +89,7 @@ def _rays(eye: Viewpoint, size: int) -> tuple[Floats, Floats, NDArray[np.bool_]]
     inside = away <= 1
     angle = away[inside] * np.pi / 2
     ring = np.sin(angle) / np.maximum(away[inside], 1e-9)
-    right, up, forward = camera_frame(eye)
+    right, up, forward = axes_towards(eye.position, eye.look_at, "a viewpoint")
     rays = (
         np.cos(angle)[:, None] * forward
         + (ring * across[inside])[:, None] * right

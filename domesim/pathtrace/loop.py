@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.pathtrace.machine import Lanes, Machine, Vector
-from domesim.pathtrace.room import (
+from domesim.pathtrace.machine import DrJit
+from domesim.room.rays import (
     BACK,
     BLACK,
     FLOOR,
@@ -33,7 +33,9 @@ from domesim.pathtrace.room import (
     SOLID,
     WALL,
     Hit,
+    Lanes,
     Room,
+    Vector,
     chosen,
     dot,
     scaled,
@@ -272,7 +274,7 @@ def difference(left: Vector, right: Vector) -> Vector:
     return left[0] - right[0], left[1] - right[1], left[2] - right[2]
 
 
-def cosine_direction(machine: Machine, normal: Vector, rng: Any) -> Vector:
+def cosine_direction(machine: DrJit, normal: Vector, rng: Any) -> Vector:
     """Directions with the density cos / pi about `normal`: a point of the sphere that touches."""
     z = 1 - 2 * machine.uniform(rng)
     ring = machine.sqrt(machine.maximum(1 - z * z, 0.0))
@@ -348,7 +350,7 @@ def _albedo_times(room: Room, surface: Lanes, weight: Colour) -> Colour:
 
 
 def roulette(
-    m: Machine, rng: Any, weight: Colour, bounce: Lanes, ends: Lanes
+    m: DrJit, rng: Any, weight: Colour, bounce: Lanes, ends: Lanes
 ) -> tuple[Lanes, Colour]:
     """End long walks of little weight at random; those that go on count for them."""
     largest = m.maximum(m.maximum(weight[0], weight[1]), weight[2])

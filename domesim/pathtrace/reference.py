@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.pathtrace.llvm import load_mitsuba
-from domesim.pathtrace.machine import NumPy
 from domesim.pathtrace.plugins import register
-from domesim.pathtrace.room import NOTHING, SCREEN, Room
 from domesim.pathtrace.sources import lobe_bsdf
 from domesim.room.dome import Dome
 from domesim.room.lenses import field_weight
+from domesim.room.rays import NOTHING, SCREEN, Room
 from domesim.room.theatre import Albedo, Lobe, Theatre
 
 _MASK_ROWS = 3600
@@ -184,14 +183,11 @@ def _thrown(
     What stands before the screen is lit as the screen would be.
     """
     dome = theatre.dome
-    room = Room(theatre, NumPy())
     directions = Dome(1.0, np.pi).directions(detail, detail).reshape(-1, 3) @ dome.to_room.T
     origin = np.broadcast_to(place, directions.shape)
-    ray = tuple(np.ascontiguousarray(directions[:, k]) for k in range(3))
-    start = tuple(np.ascontiguousarray(origin[:, k]) for k in range(3))
     leaving = np.full(len(directions), NOTHING)
     with np.errstate(all="ignore"):
-        hit = room.screen_along(start, ray, leaving)  # type: ignore[arg-type]
+        hit = Room(theatre).screen_along(tuple(origin.T), tuple(directions.T), leaving)
     on = np.asarray(hit.surface == SCREEN)
     points = np.where(on[:, None], np.stack(hit.position, -1), dome.to_room[:, 2])
     row, col = dome.pixel_of(dome.toward(points), light.shape[0])

@@ -11,8 +11,20 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.pathtrace.loop import Aim, Colour, Scatter, Source, difference
-from domesim.pathtrace.machine import DrJit, Lanes, Machine, Vector
-from domesim.pathtrace.room import BACK, NOTHING, SCREEN, SHELL, Hit, Room, along, dot, scaled
+from domesim.pathtrace.machine import DrJit
+from domesim.room.rays import (
+    BACK,
+    NOTHING,
+    SCREEN,
+    SHELL,
+    Hit,
+    Lanes,
+    Room,
+    Vector,
+    along,
+    dot,
+    scaled,
+)
 from domesim.room.theatre import Albedo, Lobe
 
 _TRUST = 8.0
@@ -374,22 +386,12 @@ class GainLobe(Scatter):
     Parameters
     ----------
     machine
-        Dr.Jit: NumPy has no Mitsuba BSDFs.
+        What to compute with.
     lobe
         Share and roughness.
-
-    Raises
-    ------
-    InputError
-        If the machine is NumPy.
     """
 
-    def __init__(self, machine: Machine, lobe: Lobe) -> None:
-        if not isinstance(machine, DrJit):
-            raise InputError(
-                "a screen with a gain lobe needs Mitsuba with LLVM or CUDA; "
-                "'domesim doctor' tells what was found"
-            )
+    def __init__(self, machine: DrJit, lobe: Lobe) -> None:
         self._mi, self._dr = machine.mi, machine.dr
         self._bsdf = machine.mi.load_dict(lobe_bsdf(lobe))
 
@@ -453,13 +455,13 @@ def pixel_of(room: Room, position: Vector, size: int) -> Lanes:
     return number(v) * size + number(u)
 
 
-def _towards(m: Machine, position: Vector, place: tuple[float, float, float]) -> Vector:
+def _towards(m: DrJit, position: Vector, place: tuple[float, float, float]) -> Vector:
     away = (place[0] - position[0], place[1] - position[1], place[2] - position[2])
     return scaled(away, 1 / m.sqrt(m.maximum(dot(away, away), 1e-12)))
 
 
 def _from_lens(
-    m: Machine, position: Vector, lens: tuple[float, float, float]
+    m: DrJit, position: Vector, lens: tuple[float, float, float]
 ) -> tuple[Vector, Vector, Lanes]:
     """Rays from a lens to points: origins, unit directions and lengths."""
     away = (position[0] - lens[0], position[1] - lens[1], position[2] - lens[2])

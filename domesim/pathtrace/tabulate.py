@@ -44,8 +44,7 @@ from domesim.observation.radiosity import radiosity
 from domesim.observation.spherical import bare_gain
 from domesim.observation.transport import MARGIN, NODES, Transport, node_places
 from domesim.pathtrace.loop import Colour, bounce_limit, eye_directions, roulette, scattered
-from domesim.pathtrace.machine import Lanes, Machine
-from domesim.pathtrace.room import BLACK, NOTHING, SCREEN, Hit, chosen, scaled
+from domesim.pathtrace.machine import DrJit
 from domesim.pathtrace.sources import Throw
 from domesim.pathtrace.tracer import (
     CENTRE,
@@ -58,6 +57,7 @@ from domesim.pathtrace.tracer import (
     over,
 )
 from domesim.room.lenses import lens_gains
+from domesim.room.rays import BLACK, NOTHING, SCREEN, Hit, Lanes, chosen, scaled
 from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
@@ -402,7 +402,7 @@ class _Walker:
 
     def _added(
         self,
-        m: Machine,
+        m: DrJit,
         sums: list[list[Lanes]],
         place: tuple[Lanes, Lanes],
         active: Lanes,

@@ -30,11 +30,11 @@ from domesim.errors import InputError
 from domesim.light.blocks import light_means
 from domesim.pathtrace.llvm import load_mitsuba
 from domesim.pathtrace.loop import Source, Start, Tally, Walks, bounce_limit, eye_directions
-from domesim.pathtrace.machine import DrJit, Lanes, Machine, Vector
-from domesim.pathtrace.room import NOTHING, SCREEN, Hit, Room, dot, scaled
+from domesim.pathtrace.machine import DrJit
 from domesim.pathtrace.sources import GainLobe, Lamps, Picture, Throw
 from domesim.room.dome import strips
-from domesim.room.lenses import lens_gains, seen_gain
+from domesim.room.lenses import axes_towards, lens_gains, seen_gain
+from domesim.room.rays import NOTHING, SCREEN, Hit, Lanes, Vector, dot, scaled
 from domesim.room.theatre import Point, Theatre, Viewpoint
 
 Image = NDArray[np.float32]
@@ -164,14 +164,12 @@ class Tracer:
     ----------
     theatre
         The theatre.
-    machine
-        What to compute with; the best that this computer has by default.
     """
 
-    def __init__(self, theatre: Theatre, machine: Machine | None = None) -> None:
+    def __init__(self, theatre: Theatre) -> None:
         self.theatre = theatre
-        self.machine = best_machine() if machine is None else machine
-        self.room = Room(theatre, self.machine)
+        self.machine = DrJit(load_mitsuba())
+        self.room = self.machine.room(theatre)
         self.lobe = None
         if theatre.lobe is not None and theatre.lobe.share > 0:
             self.lobe = GainLobe(self.machine, theatre.lobe)
@@ -371,11 +369,10 @@ class Tracer:
             return np.zeros(0, bool)
         x, y, z = (m.full(part, count) for part in over(eye, unit))
         in_air = m.whole(NOTHING, count)
-        with np.errstate(all="ignore"):  # of rays that meet nothing
-            hidden = self.room.shadowed(
-                (x, y, z), self._vector(points / unit), in_air, in_air == NOTHING
-            )
-            return np.asarray(m.array(m.where(hidden, 1.0, 0.0)) > 0)
+        hidden = self.room.shadowed(
+            (x, y, z), self._vector(points / unit), in_air, in_air == NOTHING
+        )
+        return np.asarray(m.array(m.where(hidden, 1.0, 0.0)) > 0)
 
     def _passes(
         self,
@@ -535,9 +532,8 @@ class Tracer:
             # From the screen to the lens: a projector's own body may hold the lens.
             active = zero < 1
             lens = (zero + x, zero + y, zero + z)
-            with np.errstate(all="ignore"):  # of rays that meet nothing
-                leaving = m.where(active, SCREEN, NOTHING)
-                hidden = self.room.shadowed(target, lens, leaving, active)
+            leaving = m.where(active, SCREEN, NOTHING)
+            hidden = self.room.shadowed(target, lens, leaving, active)
             open_ = 1 - m.array(m.where(hidden, zero + 1.0, zero)).reshape(points.shape[:2])
             on = inside[strip.start * finer : strip.stop * finer]
             cells = (strip.stop - strip.start, finer, cols, finer)
@@ -558,7 +554,7 @@ class _Tile:
     They are float32, and no more a pixel.
     """
 
-    def __init__(self, machine: Machine, pixels: NDArray[np.int64], bounces: int | None) -> None:
+    def __init__(self, machine: DrJit, pixels: NDArray[np.int64], bounces: int | None) -> None:
         self.pixels, self.count, self.steps = pixels, 0, 0
         self.light, self.noise = 0.0, 0.0
         self._machine, m, size = machine, machine, len(pixels)
@@ -610,7 +606,7 @@ class _Sums:
 
     def __init__(
         self,
-        machine: Machine,
+        machine: DrJit,
         tiles: list[_Tile],
         bounces: int | None,
         reference: float | None,
@@ -691,11 +687,6 @@ def _coarse(light: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
     return np.asarray(light_means(light[None], factors[0], inside)[0])
 
 
-def best_machine() -> Machine:
-    """Dr.Jit with a GPU or LLVM."""
-    return DrJit(load_mitsuba())
-
-
 def launch_seed(*parts: int) -> int:
     """One 63-bit seed from several numbers."""
     return int(np.random.SeedSequence(list(parts)).generate_state(1, np.uint64)[0] >> 1)
@@ -705,7 +696,8 @@ def view_rays(
     viewpoint: Viewpoint, width: int, height: int
 ) -> Callable[[Any, Any], tuple[Any, Any, Any]]:
     """(row, col) of a view, pixels from its upper left corner -> ray through it, of any length."""
-    frame = [[float(part) for part in axis] for axis in camera_frame(viewpoint)]
+    axes = axes_towards(viewpoint.position, viewpoint.look_at, "a viewpoint")
+    frame = [[float(part) for part in axis] for axis in axes]
     reach = float(np.tan(viewpoint.field / 2))
 
     def ray(row: Any, col: Any) -> tuple[Any, Any, Any]:
@@ -715,18 +707,6 @@ def view_rays(
         return x, y, z
 
     return ray
-
-
-def camera_frame(viewpoint: Viewpoint) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Unit vectors to the right, up and forward of a view."""
-    forward = np.subtract(viewpoint.look_at, viewpoint.position)
-    if not np.linalg.norm(forward) > 0:
-        raise InputError("a viewpoint looks at its own position; move look_at_m")
-    forward = forward / np.linalg.norm(forward)
-    reference = np.array([0.0, 0, 1]) if abs(forward[2]) < 0.999 else np.array([0.0, -1, 0])
-    right = np.cross(forward, reference)
-    right /= np.linalg.norm(right)
-    return right, np.cross(right, forward), forward
 
 
 _ALL_OR_NOTHING = ContextVar("all or nothing", default=False)

@@ -163,17 +163,28 @@ def _sampled(weights: Floats, place: Floats) -> Floats:
 
 def lens_frame(lens: Lens) -> tuple[Floats, Floats, Floats]:
     """Unit vectors to the right, up and forward of a projector, in the room's frame."""
-    forward = np.subtract(lens.look_at, lens.position)
+    right, up, forward = axes_towards(lens.position, lens.look_at, f"projector {lens.name!r}")
+    c, s = np.cos(lens.roll), np.sin(lens.roll)
+    return c * right + s * up, c * up - s * right, forward
+
+
+def axes_towards(position: Point, look_at: Point, name: str) -> tuple[Floats, Floats, Floats]:
+    """Unit vectors to the right, up and forward of what looks from a place at another.
+
+    Raises
+    ------
+    InputError
+        If the places are one; it calls what looks by its `name`.
+    """
+    forward = np.subtract(look_at, position)
     length = np.linalg.norm(forward)
-    if length == 0:
-        raise InputError(f"projector {lens.name!r} is aimed at its own position; move look_at")
+    if not length > 0:
+        raise InputError(f"{name} is aimed at its own position; move look_at")
     forward = forward / length
     reference = np.array([0.0, 0, 1]) if abs(forward[2]) < 0.999 else np.array([0.0, -1, 0])
     right = np.cross(forward, reference)
     right /= np.linalg.norm(right)
-    up = np.cross(right, forward)
-    c, s = np.cos(lens.roll), np.sin(lens.roll)
-    return c * right + s * up, c * up - s * right, forward
+    return right, np.cross(right, forward), forward
 
 
 def _smooth_step(inside: Floats, width: float) -> Floats:

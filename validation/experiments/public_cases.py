@@ -32,11 +32,10 @@ from numpy.typing import NDArray
 
 from domesim.observation.spherical import bare_gain
 from domesim.pathtrace.loop import Colour, Source, Walks, bounce_limit, cosine_direction
-from domesim.pathtrace.machine import Lanes, Vector
-from domesim.pathtrace.room import NOTHING, SOLID, Hit, Room, dot, scaled
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.room.dome import Dome
 from domesim.room.furniture import box
+from domesim.room.rays import NOTHING, SOLID, Hit, Lanes, Room, Vector, dot, scaled
 from domesim.room.theatre import Floor, Lamp, Solid, Theatre, Wall
 from testing.statistics import bias_p
 from validation import radiance

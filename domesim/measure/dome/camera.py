@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from domesim.errors import InputError
-from domesim.pathtrace.machine import NumPy
-from domesim.pathtrace.room import FLOOR, NOTHING, SCREEN, WALL, Room
-from domesim.pathtrace.tracer import camera_frame
-from domesim.room.theatre import Point, Theatre, Viewpoint
+from domesim.room.lenses import axes_towards
+from domesim.room.rays import FLOOR, NOTHING, SCREEN, WALL, Room
+from domesim.room.theatre import Point, Theatre
 
 Floats = NDArray[np.float64]
 
 SURFACES = {"screen": SCREEN, "floor": FLOOR, "wall": WALL}
-"""What photographs are taken of, as the path tracer numbers it."""
+"""What photographs are taken of, as rays number it."""
 _WIDEST = np.radians(150.0)
 """Field of a pinhole."""
 _CORNER = 1.25
@@ -120,9 +119,9 @@ class Camera:
         return float(angle * cols / 2 * (1 + wide**2) / wide)
 
     def _frame(self) -> tuple[Floats, Floats, Floats]:
-        axes = np.stack(camera_frame(Viewpoint(self.position, self.look_at)))
-        right, up, forward = Rotation.from_rotvec(self.turn).apply(axes)
-        return right, up, forward
+        axes = np.stack(axes_towards(self.position, self.look_at, "a camera"))
+        axes = Rotation.from_rotvec(self.turn).apply(axes)
+        return axes[0], axes[1], axes[2]
 
     def _undistorted(self, distorted: Floats) -> Floats:
         """Ratio of t to t + k1 t³, of the latter, by Newton's method."""
@@ -164,27 +163,22 @@ def looked_at(
     Parameters
     ----------
     theatre, camera
-        What is seen, and from where.
+        What is seen but for its solids, and from where.
     u, v
         Places in the picture, any shape; those outside a fisheye's circle see nothing.
 
     Returns
     -------
     surface, points
-        (...) of `domesim.pathtrace.room`, and (..., xyz) in m.
+        (...) of `domesim.room.rays`, and (..., xyz) in m.
     """
-    machine, unit = NumPy(), theatre.dome.radius
-    room = Room(theatre, machine)
+    unit = theatre.dome.radius
     rays = camera.rays(u, v).reshape(-1, 3)
-    origin = tuple(np.full(len(rays), part / unit) for part in camera.position)
-    none = machine.whole(NOTHING, len(rays))
+    x, y, z = (np.full(len(rays), part / unit) for part in camera.position)
+    right, ahead, up = rays.T
+    none = np.full(len(rays), NOTHING)
     with np.errstate(all="ignore"):  # of rays that meet nothing
-        hit = room.hit(
-            (origin[0], origin[1], origin[2]),
-            (rays[:, 0], rays[:, 1], rays[:, 2]),
-            none,
-            none == NOTHING,
-        )
+        hit = Room(theatre).hit((x, y, z), (right, ahead, up), none, none == NOTHING)
     seen = np.where(camera.sees(u, v).ravel(), hit.surface, NOTHING)
     points = np.stack(hit.position, -1) * unit
     return seen.reshape(u.shape), points.reshape(*u.shape, 3)

@@ -26,8 +26,8 @@ from scipy.optimize import nnls
 from domesim.errors import InputError
 from domesim.measure.dome.camera import SURFACES, Camera, looked_at, places_in
 from domesim.measure.dome.model import Places, surfaces_of
-from domesim.pathtrace.room import NOTHING
 from domesim.room.lenses import lens_gains
+from domesim.room.rays import NOTHING
 from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]

@@ -17,7 +17,6 @@ from domesim.observation.enclosure import Enclosure, Sheet
 from domesim.observation.radiosity import _Solution, radiosity
 from domesim.observation.spherical import closed_form_gain
 from domesim.observation.transport import Transport, sample_nodes
-from domesim.pathtrace.machine import NumPy
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.room.dome import Dome
 from domesim.room.furniture import box
@@ -409,7 +408,7 @@ def test_all_that_it_does_not_know_is_listed() -> None:
 def test_as_much_light_is_stopped_as_rays_from_the_lens_find(name: str) -> None:
     """A floor behind all of the screen stops nothing."""
     theatre = BEFORE[name].enclosure
-    tracer = Tracer(theatre, NumPy())
+    tracer = Tracer(theatre)
     areas, thrown = theatre.dome.screen_areas(64, 64), lens_gains(theatre, 64, 64)
     hidden = tracer.gains(64, 64) < thrown / 2
     most = max(np.average(each, weights=areas) for each in hidden)

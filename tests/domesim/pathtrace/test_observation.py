@@ -15,11 +15,11 @@ from rooms import ALBEDO, room
 from domesim.errors import InputError
 from domesim.observation.spherical import ClosedFormDome
 from domesim.pathtrace import tracer as tracer_module
-from domesim.pathtrace.machine import Machine, NumPy
+from domesim.pathtrace.machine import DrJit
 from domesim.pathtrace.observation import Observed, PathTracedDome
-from domesim.pathtrace.room import FLOOR, NOTHING, SCREEN, Room
 from domesim.pathtrace.tracer import Settings, Status, Traced, Tracer
 from domesim.room.dome import Dome
+from domesim.room.rays import FLOOR, NOTHING, SCREEN, Room
 from domesim.room.theatre import Floor, Lamp, Theatre
 
 SIZE = 24
@@ -195,11 +195,9 @@ def test_nothing_is_met_at_infinity() -> None:
         (theatre, FLOOR, (1.6, 0.0, -0.3), (0.36, 0.48, 0.8)),
         (theatre, FLOOR, (1.6, 0.1, -0.3), (0.01, 0.01, 0.9999)),
     ):
-        machine = NumPy()
         o, d = (tuple(np.array([value]) for value in vector) for vector in (origin, direction))
         with np.errstate(invalid="ignore", divide="ignore"):
-            active = machine.full(1, 1) > 0
-            hit = Room(chosen, machine).hit(o, d, machine.whole(leaving, 1), active)
+            hit = Room(chosen).hit(o, d, np.array([leaving]), np.array([True]))
         assert hit.surface[0] == NOTHING, (origin, direction)
 
 
@@ -343,11 +341,11 @@ def test_tiles_bound_memory_and_nothing_else(tile: int) -> None:
 # Launches.
 
 
-def counted(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+def counted(machine: DrJit, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Grows by one with each launch of that machine."""
     launches, real = [], type(machine).loop
 
-    def loop(self: Machine, *arguments: Any) -> Any:
+    def loop(self: DrJit, *arguments: Any) -> Any:
         launches.append(1)
         assert len(launches) < 100
         return real(self, *arguments)
@@ -389,19 +387,6 @@ def test_launches_do_not_change_the_light(tracer: Tracer, monkeypatch: pytest.Mo
         np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))
 
 
-@pytest.mark.parametrize("launch", [1 << 10, 1 << 20])
-def test_numpy_goes_on_where_a_launch_ended(launch: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lanes that wait for others do not walk on."""
-    theatre = bare(130.0)
-    known = ClosedFormDome(theatre.dome, 8, 8, albedo=ALBEDO)
-    truth = (known.observe(picture(8)) - known.direct(picture(8)))[0]
-    monkeypatch.setattr(NumPy, "launch", launch)
-    launches = counted(NumPy(), monkeypatch)
-    found = traced(Tracer(theatre, NumPy()), picture(8), least=2000, most=2000).indirect
-    assert len(launches) == {1 << 10: 13, 1 << 20: 1}[launch]
-    assert_unbiased(found, truth, known.screen)
-
-
 def test_an_interrupted_pass_counts_what_it_took(
     tracer: Tracer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -411,7 +396,7 @@ def test_an_interrupted_pass_counts_what_it_took(
     monkeypatch.setattr(tracer.machine, "launch", 1 << 17, raising=False)
     real, launches = type(tracer.machine).loop, 0
 
-    def loop(self: Machine, *arguments: Any) -> Any:
+    def loop(self: DrJit, *arguments: Any) -> Any:
         nonlocal launches
         launches += 1
         if launches == 3:

@@ -12,7 +12,7 @@ from domesim.errors import InputError
 from domesim.measure.dome.camera import Camera, domemaster_camera, looked_at, places_in
 from domesim.measure.dome.model import Interreflection
 from domesim.measure.dome.photographs import Photographs, cells_of
-from domesim.pathtrace.room import FLOOR, NOTHING, SCREEN
+from domesim.room.rays import FLOOR, NOTHING, SCREEN
 from domesim.room.theatre import Lobe
 
 

@@ -3,17 +3,25 @@
 All lengths are in units of the dome's radius, in the room's frame. Screen, shell, floor and wall
 are met exactly (quadrics). A ray that starts on one is told so: it then leaves out the root at its
 own start instead of keeping a distance from it, which would bias small caps.
+
+It is written once for NumPy and for path tracing, on tuples (x, y, z) of arrays with one entry a
+ray. A *machine* is NumPy, or has NumPy's functions for arrays of its own (`sqrt`, `where` ...).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, Protocol, TypeAlias, final
 
 import numpy as np
 
-from domesim.pathtrace.machine import Lanes, Machine, Mesh, Vector
 from domesim.room.theatre import Albedo, Theatre
+
+Lanes: TypeAlias = Any
+"""One number for each ray: an array of the machine."""
+
+Vector: TypeAlias = tuple[Lanes, Lanes, Lanes]
+"""(x, y, z), each of them lanes."""
 
 NOTHING, SCREEN, BACK, SHELL, FLOOR, WALL, BLACK, SOLID = range(8)
 """What a ray meets; `SOLID` + k is the solid of index k. `BLACK` absorbs."""
@@ -40,7 +48,7 @@ def scaled(vector: Vector, factor: Any) -> Vector:
     return vector[0] * factor, vector[1] * factor, vector[2] * factor
 
 
-def chosen(machine: Machine, condition: Lanes, yes: Vector, no: Vector) -> Vector:
+def chosen(machine: Any, condition: Lanes, yes: Vector, no: Vector) -> Vector:
     """`yes` where `condition` holds, else `no`."""
     x, y, z = (machine.where(condition, a, b) for a, b in zip(yes, no, strict=True))
     return x, y, z
@@ -65,19 +73,45 @@ class Hit:
     normal: Vector
 
 
+def quadric(machine: Any, a: Lanes, b: Lanes, c: Lanes, on: Lanes) -> tuple[Lanes, Lanes]:
+    """Distances at which rays enter and leave a quadric: roots of a t² + 2 b t + c, in order.
+
+    Infinite if they miss it; a ray that starts `on` it and goes inwards leaves where it should, one
+    that goes outwards never meets it again.
+    """
+    m = machine
+    c = m.where(on, 0.0, c)
+    square = b * b - a * c
+    root = m.sqrt(m.maximum(square, 0.0))
+    met = (square >= 0) & ~(on & (b >= 0))
+    # The larger in size first; the other by Vieta's formula, without cancellation
+    far = m.where(b > 0, -c / (b + root), (root - b) / a)
+    near = m.where(b > 0, -(b + root) / a, c / (root - b))
+    return m.where(met, near, np.inf), m.where(met, far, np.inf)
+
+
+class Mesh(Protocol):
+    """Triangles that rays can hit."""
+
+    def hit(self, origin: Vector, direction: Vector, active: Lanes) -> tuple[Lanes, Vector, Lanes]:
+        """Distance (infinite without a hit), unit normal towards the ray, index of the solid."""
+
+
 @final
 class Room:
-    """A theatre as a machine meets it.
+    """A theatre as rays meet it.
 
     Parameters
     ----------
     theatre
         The theatre.
     machine
-        What to compute with.
+        What to compute with: NumPy, or what has its functions.
+    mesh
+        The theatre's solids, if rays are to meet them.
     """
 
-    def __init__(self, theatre: Theatre, machine: Machine) -> None:
+    def __init__(self, theatre: Theatre, machine: Any = np, mesh: Mesh | None = None) -> None:
         dome = theatre.dome
         self.theatre, self.machine = theatre, machine
         self._unit = dome.radius
@@ -90,9 +124,7 @@ class Room:
         self._shell = None
         if theatre.perforation > 0 and theatre.cavity is not None:
             self._shell = 1 + theatre.cavity.depth / self._unit
-        self._mesh: Mesh | None = None
-        if theatre.solids:
-            self._mesh = machine.mesh(theatre.solids, self._unit)
+        self._mesh = mesh
         self.shadows = self._mesh is not None or theatre.hides_screen
 
     @property
@@ -254,31 +286,15 @@ class Room:
     def _roots(
         self, origin: Vector, direction: Vector, size: float, on: Lanes
     ) -> tuple[Lanes, Lanes, Lanes]:
-        """Distances at which rays enter and leave the dome's sphere (ellipsoid) times `size`.
-
-        Infinite if they miss it; a ray that starts `on` it and goes inwards leaves where it should,
-        one that goes outwards never meets it again.
-        """
+        """Distances at which rays enter and leave the dome's sphere (ellipsoid) times `size`."""
         if self._ratio == 1:
             a: Any = 1.0
             o, d = origin, direction
         else:
             o, d = self._rounded(origin), self._rounded(direction)
             a = dot(d, d)
-        near, far = self._quadric(a, dot(o, d), dot(o, o) - size * size, on)
+        near, far = quadric(self.machine, a, dot(o, d), dot(o, o) - size * size, on)
         return near, far, on
-
-    def _quadric(self, a: Lanes, b: Lanes, c: Lanes, on: Lanes) -> tuple[Lanes, Lanes]:
-        """Roots of a t² + 2 b t + c in order; infinite if there are none or only the start."""
-        m = self.machine
-        c = m.where(on, 0.0, c)
-        square = b * b - a * c
-        root = m.sqrt(m.maximum(square, 0.0))
-        met = (square >= 0) & ~(on & (b >= 0))
-        # The larger in size first; the other by Vieta's formula, without cancellation
-        far = m.where(b > 0, -c / (b + root), (root - b) / a)
-        near = m.where(b > 0, -(b + root) / a, c / (root - b))
-        return m.where(met, near, np.inf), m.where(met, far, np.inf)
 
     def _rounded(self, vector: Vector) -> Vector:
         """A vector in the dome's frame, stretched so that an ellipsoid becomes a sphere."""
@@ -344,7 +360,7 @@ class Room:
         b = origin[0] * direction[0] + origin[1] * direction[1]
         c = origin[0] * origin[0] + origin[1] * origin[1] - radius * radius
         on = leaving == WALL
-        near, far = self._quadric(a, b, c, on)
+        near, far = quadric(m, a, b, c, on)
         for distance, surface, possible in (
             # Points of the floor at the wall's foot are outside by rounding only.
             (near, BLACK, (near > 1e-5) & ~on),
