@@ -39,6 +39,7 @@ _LOOK = 1.0  # s: how often to look for new workers
 _SETTLING = 1.0  # s: until the client has seen that what went wrong is its scheduler
 _GLANCE = 0.02  # s: how often to look meanwhile
 _SILENCE = 15.0  # s: that a worker says nothing, not even that it is there, if it stands still
+_GOES_ON = "What is done is kept: the same command goes on with the rest"
 _RESTART = 10.0  # s: for a worker to end
 
 
@@ -110,6 +111,7 @@ def _serve(
         if ended is None:
             hall.require_scheduler()
             hall.end_silent(desk.late())
+            hall.require_workers()
         elif ended.outcome is None:
             hall.require_scheduler(_SETTLING)
         else:
@@ -206,8 +208,11 @@ class _Desk:
         needed = dict(self._crew.resources) or None
         future = self._client.submit(self._task, order, pure=False, resources=needed)
         self.running[future.key] = _Given(order, future, time.monotonic())
-        future.add_done_callback(lambda future: self._ended.put(future.key))
+        self._listen_to(future)
         return order
+
+    def _listen_to(self, future: Future) -> None:
+        future.add_done_callback(lambda future: self._ended.put(future.key))
 
     def late(self) -> set[str]:
         """Frames whose time is up."""
@@ -227,8 +232,13 @@ class _Desk:
             return None
         if not key:
             return None
-        given = self.running.pop(key)
-        outcome = self._outcome(given)
+        given = self.running[key]
+        try:
+            outcome = self._outcome(given)
+        except TimeoutError:  # its worker died before it gave it away: another does the frame again
+            self._listen_to(given.future)
+            return None
+        del self.running[key]
         if outcome is None:
             self._cancelled[given.order] += 1
             if self._cancelled[given.order] <= DEATHS:
@@ -240,12 +250,18 @@ class _Desk:
         return _Heard(given.order, outcome)
 
     def _outcome(self, given: _Given) -> Finished | Failed | None:
-        """What became of a frame; None if the scheduler let go of it."""
+        """What became of a frame; None if the scheduler let go of it.
+
+        Raises
+        ------
+        TimeoutError
+            If it is done, and nobody has the result yet.
+        """
         from distributed import KilledWorker  # noqa: PLC0415
 
         future = given.future
         if future.status == "finished":
-            result: Finished | Failed = future.result()
+            result: Finished | Failed = future.result(_LOOK)
             return result
         if future.status in ("cancelled", "lost"):
             return None
@@ -327,6 +343,14 @@ class _Hall:
                 stimulus_id="domesim-silent",
             )
 
+    def require_workers(self) -> None:
+        """See that this machine has a worker left: one that died, and stayed away, is given up."""
+        if self._client.cluster is not None and not self._client.cluster.workers:
+            raise InputError(
+                f"wanted {self._crew.workers} workers, got none: they died, and did not start "
+                f"again. {_GOES_ON}; fewer --workers need less memory"
+            )
+
     def require_scheduler(self, patience: float = 0.0) -> None:
         """See that the scheduler is there, and that the client still thinks so after `patience`, s.
 
@@ -337,10 +361,7 @@ class _Hall:
             if time.monotonic() >= sure:
                 return
             time.sleep(_GLANCE)
-        raise InputError(
-            f"{self._crew.scheduler or 'the scheduler'}: lost it. What is done is kept: the "
-            f"same command goes on with the rest"
-        )
+        raise InputError(f"{self._crew.scheduler or 'the scheduler'}: lost it. {_GOES_ON}")
 
 
 @contextmanager

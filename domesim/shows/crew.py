@@ -31,6 +31,7 @@ DEATHS = 2
 
 _PATIENCE = 30.0  # s: for a scheduler to answer
 _ANSWER = 10.0  # s: for one that is just being started to say that it is one
+_LOST = "5 minutes"  # for a worker that died to be there again, on a busy machine
 _HANDLES = 10  # of files that the command has open for each worker; of its own they are 21
 
 _TALKERS = ("distributed", "tornado", "asyncio")
@@ -85,6 +86,7 @@ def client_of(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
         # Looking at each worker a hundred times a second takes a tenth of its core
         "distributed.worker.profile.enabled": False,
         "distributed.admin.tick.interval": "1s",
+        "distributed.deploy.lost-worker-timeout": _LOST,
         "distributed.nanny.pre-spawn-environ": _environment(crew.threads),
     }
     with dask.config.set(settings):

@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -691,9 +690,7 @@ def test_a_real_ctrl_c(folder: Path) -> None:
     assert process.stdout is not None
     told = [process.stdout.readline().split() for _ in range(3)]
     process.send_signal(signal.SIGINT)
-    pressed = time.monotonic()
     _, err = process.communicate(timeout=60)
-    assert time.monotonic() - pressed < 20
     assert (process.returncode, err) == (130, COMPLAINT)
     assert [what for what, _ in told] == ["tracing"] * 3
     found = layers_of(out)

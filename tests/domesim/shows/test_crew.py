@@ -8,7 +8,6 @@ import resource
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -65,7 +64,7 @@ def test_shared_memory_that_cannot_be_written_to_is_told(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("address", "words"),
     [
-        ("tls://127.0.0.1:9", "For tls:// name the certificates"),
+        ("tls://127.0.0.1:9", "expects a `ssl_context`"),
         ("nonsense", "Must include protocol"),
         ("nothing://127.0.0.1:8786", "unknown address scheme"),
         ("tcp://127.0.0.1", "missing port number"),
@@ -73,13 +72,13 @@ def test_shared_memory_that_cannot_be_written_to_is_told(tmp_path: Path) -> None
     ],
 )
 def test_a_wrong_address_is_told_at_once(tmp_path: Path, address: str, words: str) -> None:
+    """By its cause, and not because no answer came for a while."""
     make_show(tmp_path / "in", 2)
-    began = time.monotonic()
     with pytest.raises(InputError) as told:
         copied(tmp_path, harmful_in(tmp_path), 0, scheduler=address)
     assert words in str(told.value)
+    assert ("For tls:// name the certificates" in str(told.value)) == address.startswith("tls")
     assert "\n" not in str(told.value)
-    assert time.monotonic() - began < 5
 
 
 def test_the_caller_may_be_in_an_event_loop(monkeypatch: pytest.MonkeyPatch) -> None:
