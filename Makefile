@@ -13,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 SIDE_BY_SIDE := -n auto --maxprocesses 4 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test long faults lint validate readme schema keys docs wheel bench masters gallery requirements clean
+.PHONY: help demo test long faults lint validate full readme keys docs wheel bench masters gallery requirements clean
 
 help: ## List the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -54,11 +54,11 @@ lint: $(TOOLS) ## Style, types and import contracts
 validate: $(TOOLS) ## What may be believed: quick experiments and their report
 	@$(BIN)/domesim validate --quick --out out/validation
 
-readme: $(TOOLS) ## Write the figures of README and docs anew, from out/full (domesim validate --out out/full)
-	@$(BIN)/python -m validation.readme out/full/results.json
+full: $(TOOLS) ## Renew the published figures that are older than their code (hours), or those of ONLY=NAME,...
+	@$(BIN)/python -m validation.renew $(ONLY)
 
-schema: $(TOOLS) ## Write the schema of results.json anew
-	@$(BIN)/python -m validation.report > validation/results.schema.json
+readme: $(TOOLS) ## Write README and docs anew, with figures that are published or of FROM=results.json
+	@$(BIN)/python -m validation.readme $(FROM)
 
 keys: $(TOOLS) ## Write docs/scene-keys.md anew
 	@$(BIN)/python -m domesim.scene.reference > docs/scene-keys.md

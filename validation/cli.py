@@ -20,8 +20,9 @@ from validation.benchmarks.measuring import Cost, Settings, costs
 from validation.benchmarks.problems import PROBLEMS
 from validation.benchmarks.solvers import SOLVERS, USUAL
 from validation.experiments import EXPERIMENTS
-from validation.report import FAILED, NOT_RUN, Outcome, duration
+from validation.report import FAILED, Outcome, duration
 from validation.report import validate as run_experiments
+from validation.results import NOT_RUN
 
 
 def validate(
@@ -51,20 +52,20 @@ def validate(
     names = EXPERIMENTS if only is None else tuple(name.strip() for name in only.split(","))
     prepare(out)
     with console.progress("validating", len(names)) as start:
-        results = run_experiments(
-            out, _Listener(console, start), names=names, quick=quick, seed=seed, fresh=fresh
+        run = run_experiments(
+            out, Listener(console, start), names=names, quick=quick, seed=seed, fresh=fresh
         )
-    bad = [one.name for one in results.experiments if one.status in FAILED]
+    bad = [one.name for one in run.outcomes if one.status in FAILED]
     console.figures(
         {
             "report": str(out / "report.html"),
-            "passed": results.passed,
-            "experiments": {one.name: one.status for one in results.experiments},
-            "figures": results.figures(),
+            "passed": run.passed,
+            "experiments": {one.name: one.status for one in run.outcomes},
+            "figures": run.results.figures,
         }
     )
     console.say(
-        f"{len(names)} of {len(EXPERIMENTS)} experiments, {duration(results.seconds)}: "
+        f"{len(names)} of {len(EXPERIMENTS)} experiments, {duration(run.seconds)}: "
         + (f"not as expected: {', '.join(bad)}" if bad else "nothing other than expected")
     )
     console.say(f"Open {(out / 'report.html').resolve()}")
@@ -73,12 +74,15 @@ def validate(
 
 
 @final
-class _Listener:
+class Listener:
+    """Prints how a run gets on."""
+
     def __init__(self, console: Console, start: Callable[[str], None]) -> None:
         self._console, self.starts, self.note = console, start, console.note
 
     def ends(self, outcome: Outcome) -> None:
-        text = f"{outcome.status:<16}{outcome.name:<22}{duration(outcome.seconds):>12}"
+        """Print its status, and the checks that failed."""
+        text = f"{outcome.status:<16}{outcome.name:<22}{duration(outcome.entry.seconds):>12}"
         if outcome.status == NOT_RUN:
             text += f"  {outcome.note}"
         elif outcome.finding is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -110,9 +111,7 @@ def panels(
     drawn = pictures(caption, shown, scene, brightest=1 / brighter)
     return Pictures(
         caption=caption,
-        panels=tuple(
-            panel.model_copy(update={"alt": f"{eye}: {panel.title}"}) for panel in drawn.panels
-        ),
+        panels=tuple(replace(panel, alt=f"{eye}: {panel.title}") for panel in drawn.panels),
     )
 
 

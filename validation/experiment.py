@@ -2,7 +2,7 @@
 
 An experiment is a module of `validation.experiments`. Its docstring opens with the claim and has
 the sections *Rationale* and *Expected*; its `run` takes a `Work` and returns a `Finding`. Findings
-hold nothing but text and numbers, so they can be stored, and read back after a kill.
+hold nothing but text and numbers. What its steps return is stored, and read back after a kill.
 """
 
 from __future__ import annotations
@@ -16,19 +16,12 @@ import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any, Generic, TypeVar, final
+from typing import Annotated, Generic, TypeVar, final
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    TypeAdapter,
-    ValidationError,
-    computed_field,
-)
+from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import to_json
 
 from domesim.errors import InputError
@@ -41,7 +34,7 @@ def _finite(value: object) -> object:
 
 
 Number = Annotated[float | None, BeforeValidator(_finite)]
-"""A figure; None if it could not be computed, which JSON has no other word for."""
+"""A figure that is stored; None if it could not be computed, which JSON has no other word for."""
 
 T = TypeVar("T")
 Item = TypeVar("Item")
@@ -54,36 +47,45 @@ class Record(BaseModel):
 
 
 @final
-class Check(Record):
-    """One figure and where it was expected to lie."""
+@dataclass(frozen=True)
+class Check:
+    """One figure and where it was expected to lie.
 
-    # `passed` is written, and follows from the rest when it is read
-    model_config = ConfigDict(extra="ignore")
+    Attributes
+    ----------
+    what
+        What was measured.
+    found
+        The figure; not finite if it could not be computed.
+    low, high
+        Least and largest value that is as expected; one may be None.
+    unit
+        Its unit; empty for a ratio or a count.
+    """
 
-    what: str = Field(description="What was measured.")
-    found: Number = Field(description="The figure; null if it could not be computed.")
-    unit: str = Field(default="", description="Its unit; empty for a ratio or a count.")
-    low: Number = Field(default=None, description="Least value that is as expected.")
-    high: Number = Field(default=None, description="Largest value that is as expected.")
+    what: str
+    found: float
+    low: float | None = None
+    high: float | None = None
+    unit: str = ""
 
-    def model_post_init(self, context: Any, /) -> None:
-        """Refuses a check without a bound, which could not fail."""
-        if self.low is None and self.high is None:
+    def __post_init__(self) -> None:
+        """Refuse a check without a bound, which could not fail."""
+        if all(_finite(bound) is None for bound in (self.low, self.high)):
             raise ValueError(f"a check needs a bound: {self.what}")
 
-    @computed_field(description="Whether it lies where it was expected.")  # type: ignore[prop-decorator]
     @property
     def passed(self) -> bool:
         """Whether the figure lies within its bounds."""
-        if self.found is None:
-            return False
         above = self.low is None or self.found >= self.low
-        return above and (self.high is None or self.found <= self.high)
+        return (
+            math.isfinite(self.found) and above and (self.high is None or self.found <= self.high)
+        )
 
     @property
     def written(self) -> str:
         """The figure, in words."""
-        if self.found is None:
+        if not math.isfinite(self.found):
             return "nothing"
         return f"{self.found:.4g} {self.unit}".rstrip()
 
@@ -99,27 +101,29 @@ class Check(Record):
 
 
 @final
-class Column(Record):
-    """A column of a table."""
+@dataclass(frozen=True)
+class Column:
+    """A column of a table; `digits` is how its numbers are written, a format of Python's."""
 
     name: str
     unit: str = ""
-    digits: str = Field(default=".3g", description="How its numbers are written (Python's format).")
+    digits: str = ".3g"
 
 
-Cell = bool | int | Number | str
+Cell = bool | int | float | str | None
 
 
 @final
-class Table(Record):
+@dataclass(frozen=True)
+class Table:
     """Figures to compare with each other."""
 
     caption: str
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
 
-    def model_post_init(self, context: Any, /) -> None:
-        """Refuses a row that has not a cell for each column."""
+    def __post_init__(self) -> None:
+        """Refuse a row that has not a cell for each column."""
         if wrong := [row for row in self.rows if len(row) != len(self.columns)]:
             raise ValueError(f"a table of {len(self.columns)} columns got the row {wrong[0]}")
 
@@ -127,8 +131,7 @@ class Table(Record):
     def numeric(self) -> list[bool]:
         """Which columns hold numbers."""
         return [
-            any(isinstance(row[c], int | float) for row in self.rows)
-            for c in range(len(self.columns))
+            any(isinstance(row[c], Real) for row in self.rows) for c in range(len(self.columns))
         ]
 
     def written(self) -> Iterator[list[str]]:
@@ -138,25 +141,28 @@ class Table(Record):
 
 
 @final
-class Plot(Record):
-    """A diagram."""
+@dataclass(frozen=True)
+class Plot:
+    """A diagram, as SVG; `alt` says what it shows to those who cannot see it."""
 
     caption: str
-    alt: str = Field(description="What it shows, for those who cannot see it.")
-    svg: str = Field(default="", description="Left out of results.json.")
+    alt: str
+    svg: str
 
 
 @final
-class Panel(Record):
-    """One of several pictures side by side."""
+@dataclass(frozen=True)
+class Panel:
+    """One of several pictures side by side, as a data URI."""
 
     title: str
     alt: str
-    data: str = Field(default="", description="Its data URI; left out of results.json.")
+    data: str
 
 
 @final
-class Pictures(Record):
+@dataclass(frozen=True)
+class Pictures:
     """Pictures to compare with each other."""
 
     caption: str
@@ -164,19 +170,39 @@ class Pictures(Record):
 
 
 @final
-class Finding(Record):
-    """What an experiment found."""
+@dataclass(frozen=True)
+class Finding:
+    """What an experiment found.
 
-    result: str = Field(description="In words, with the figures that matter; paragraphs.")
-    checks: tuple[Check, ...] = Field(min_length=1)
-    advice: str = Field(default="", description="What to do about it, in a sentence or two.")
+    Attributes
+    ----------
+    result
+        In words, with the figures that matter; paragraphs.
+    checks
+        At least one.
+    advice
+        What to do about it, in a sentence or two.
+    tables, plots, pictures
+        What the report shows.
+    figures
+        To be quoted by README and docs, by name.
+    left_out
+        What was not measured, and why.
+    """
+
+    result: str
+    checks: tuple[Check, ...]
+    advice: str = ""
     tables: tuple[Table, ...] = ()
     plots: tuple[Plot, ...] = ()
     pictures: tuple[Pictures, ...] = ()
-    figures: Mapping[str, Number] = Field(
-        default={}, description="To be quoted elsewhere, by name."
-    )
-    left_out: tuple[str, ...] = Field(default=(), description="What was not measured, and why.")
+    figures: Mapping[str, float | None] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse a finding that could not fail."""
+        if not self.checks:
+            raise ValueError("a finding needs checks")
 
     @property
     def passed(self) -> bool:
@@ -366,7 +392,7 @@ def _slug(name: str) -> str:
 
 
 def _written(cell: Cell, column: Column) -> str:
-    if cell is None:
+    if _finite(cell) is None:
         return "–"
     if isinstance(cell, bool):
         return "yes" if cell else "no"

@@ -1,33 +1,29 @@
-"""The README and pages of the docs, with their figures from ``results.json`` of a full run.
+"""README and pages of the docs, with their figures from ``validation/results.json``.
 
-``python -m validation.readme [RESULTS]`` takes new results (kept as ``validation/results.json``)
-and writes each page of `PAGES` from its template in ``validation/templates``; ``make readme``.
-Results of some experiments only replace those experiments' in what is kept; the others are marked
-with the run that they are of.
+``python -m validation.readme [RESULTS ...]`` takes over results of full runs, also of other
+machines, and writes each page of `PAGES` from its template in ``validation/templates``; ``make
+readme``. A figure that is older than its code is refused: ``make full`` renews it.
 """
 
 from __future__ import annotations
 
-import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
 from domesim.errors import InputError
 from domesim.frames import write_whole
-from validation.experiments import EXPERIMENTS
+from validation.origin import ROOT
+from validation.results import PUBLISHED, Results, merged, old
 
-ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "validation" / "results.json"
 TEMPLATES = ROOT / "validation" / "templates"
 PAGES = ("README.md", "docs/evidence.md", "docs/limits.md")
 """From the repository's root; a template is named as its page is."""
 
 
-def written(page: str, results: Mapping[str, Any]) -> str:
+def written(page: str, results: Results) -> str:
     """The text of a page.
 
     Parameters
@@ -35,78 +31,80 @@ def written(page: str, results: Mapping[str, Any]) -> str:
     page
         One of `PAGES`.
     results
-        What results.json holds.
+        Published results.
 
     Raises
     ------
     InputError
-        If they are of a quick run, not as expected, or lack a figure.
+        If they lack a figure.
     """
-    if results["quick"]:
-        raise InputError("the pages quote full runs, got the results of a quick one")
-    bad = [one["name"] for one in results["experiments"] if one["status"] != "as expected"]
-    if bad:
-        raise InputError(f"the pages quote what is as expected, got others: {', '.join(bad)}")
-    figures = {
-        name: figure
-        for one in results["experiments"]
-        for name, figure in one["finding"]["figures"].items()
-    }
+    figures = results.figures
 
-    def quoted(name: str, form: str) -> str:
+    def figure(name: str, form: str) -> str:
         if name not in figures:
             raise InputError(f"{page} quotes {name}, which the results do not have")
         return "never" if figures[name] is None else form.format(figures[name])
 
+    return _rendered(page, figure, results)
+
+
+def quoted() -> set[str]:
+    """Names of the figures that the pages quote."""
+    names: set[str] = set()
+
+    def figure(name: str, form: str) -> str:
+        names.add(name)
+        return form
+
+    for page in PAGES:
+        _rendered(page, figure, Results())
+    return names
+
+
+def _rendered(page: str, figure: Callable[[str, str], str], results: Results) -> str:
     environment = Environment(
         undefined=StrictUndefined, keep_trailing_newline=True, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters["figure"] = quoted
-    facts = {"machine": results["machine"], "seconds": results["seconds"]}
+    environment.filters["figure"] = figure
     template = TEMPLATES / f"{Path(page).name}.j2"
-    return environment.from_string(template.read_text(encoding="utf-8")).render(facts)
+    text = template.read_text(encoding="utf-8")
+    return environment.from_string(text).render(experiments=results.experiments)
 
 
-def brought_up_to_date(kept: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    """Results of a run of some experiments, with the others taken over from those kept.
+def refuse_old(results: Results) -> None:
+    """See that each experiment that is quoted is as old as its code.
 
     Raises
     ------
     InputError
-        If they are of other machines, seeds or accuracies.
+        If not; with the command that renews it.
     """
-    for key in ("quick", "seed", "machine"):
-        if kept[key] != new[key]:
-            raise InputError(
-                f"wanted results of one machine, seed and accuracy, got {key} {kept[key]} and "
-                f"{new[key]}; run all experiments anew"
-            )
-    fresh = {one["name"]: one for one in new["experiments"]}
-    origin = f"{kept['started']}, {kept['code'][:16]}"
-    old = {one["name"]: {**one, "run": one.get("run") or origin} for one in kept["experiments"]}
-    found = {**old, **fresh}
-    experiments = [found[name] for name in EXPERIMENTS if name in found]
-    return {
-        **new,
-        "planned": len(experiments),
-        "seconds": sum(one["seconds"] for one in experiments),
-        "versions": {**kept["versions"], **new["versions"]},
-        "experiments": experiments,
-    }
+    names = [
+        name
+        for name in old(results)
+        if name in results.experiments and results.experiments[name].figures
+    ]
+    if names:
+        raise InputError(
+            f"wanted figures of today's code, got older ones of {', '.join(names)}; "
+            f"renew them: make full ONLY={','.join(names)}"
+        )
 
 
-def main(source: Path) -> None:
-    """Write the pages, and keep the results that they quote."""
-    results = json.loads(source.read_text(encoding="utf-8"))
-    if source != RESULTS and results["planned"] < results["available"]:
-        kept = json.loads(RESULTS.read_text(encoding="utf-8"))
-        results = brought_up_to_date(kept, results)
+def main(*sources: Path) -> None:
+    """Take over results, and write the pages that quote them."""
+    results = Results.read(PUBLISHED)
+    for source in sources:
+        results = merged(results, Results.read(source), quoted())
     pages = {page: written(page, results) for page in PAGES}
-    text = json.dumps(results, indent=1, ensure_ascii=False) + "\n"
-    write_whole(RESULTS, text.encode())
+    results.write(PUBLISHED)
+    refuse_old(results)
     for page, body in pages.items():
         write_whole(ROOT / page, body.encode())
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else RESULTS)
+    try:
+        main(*map(Path, sys.argv[1:]))
+    except InputError as fault:
+        sys.exit(f"validation.readme: {fault}")

@@ -1,46 +1,42 @@
 """All experiments, one after the other, and the report of what they found.
 
-A finished step is kept in the output folder under the digest of the program that measured it, so
-that a run that was killed goes on where it was, and a changed program measures anew. After each
-experiment ``results.json`` and ``report.html`` are written, whole.
+A finished step is kept in the output folder under the digest of the code that measured it, so that
+a run that was killed goes on where it was, and changed code measures anew. After each experiment
+``results.json`` and ``report.html`` are written, whole.
 """
 
 from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import platform
-import re
 import shutil
 import traceback
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib import metadata, resources
 from pathlib import Path
-from typing import Any, Literal, Protocol, final
+from typing import Protocol, final
 
 from jinja2 import Environment, StrictUndefined
-from pydantic import Field
 
 from domesim.errors import InputError
 from domesim.frames import write_whole
 from domesim.host.cores import cores
 from domesim.pathtrace.llvm import told
 from domesim.pathtrace.tracer import all_or_nothing
-from validation.experiment import Experiment, Finding, Missing, Record, Work, load_experiment
+from validation.experiment import Experiment, Finding, Missing, Work, load_experiment
 from validation.experiments import EXPERIMENTS, GROUPS
+from validation.origin import digest
+from validation.results import AS_EXPECTED, BROKEN, NOT_AS_EXPECTED, NOT_RUN, Entry, Results, Status
 
-AS_EXPECTED, NOT_AS_EXPECTED = "as expected", "not as expected"
-NOT_RUN, BROKEN = "not run", "broken"
 STEPS = ".domesim-steps"
 """Folder of finished steps, in the output folder."""
-_OF_STEPS = re.compile(r"[0-9a-f]{16}-(quick|full)-[0-9]+")
 
 FAILED = (NOT_AS_EXPECTED, BROKEN)
 """Statuses of experiments, one of which is enough for the run to have failed."""
 
-_PACKAGES = ("domesim", "compensate", "validation", "scenes")
 _VERSIONS = (
     "domesim",
     "numpy",
@@ -55,58 +51,82 @@ _VERSIONS = (
 
 
 @final
-class Outcome(Record):
-    """What became of one experiment."""
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one experiment.
 
-    name: str = Field(description="Module of validation.experiments.")
-    claim: str
-    rationale: str
-    expected: str
-    status: Literal["as expected", "not as expected", "not run", "broken"]
-    note: str = Field(default="", description="Why it was not run, or how it broke.")
-    seconds: float = Field(description="Time that its steps took, s.")
-    run: str = Field(
-        default="",
-        description="Start and program (SHA-256) of the run that it was taken over from, if any.",
-    )
+    Attributes
+    ----------
+    experiment
+        Which one.
+    entry
+        Its figures.
+    note
+        Why it was not run, or how it broke.
+    finding
+        What it found, if anything.
+    """
+
+    experiment: Experiment
+    entry: Entry
+    note: str = ""
     finding: Finding | None = None
+
+    @property
+    def name(self) -> str:
+        """Module of `validation.experiments`."""
+        return self.experiment.name
+
+    @property
+    def status(self) -> str:
+        """As expected, or not; not run; broken."""
+        return self.entry.status
 
 
 @final
-class Results(Record):
-    """Everything that a run found; `results.json` without the drawings."""
+@dataclass(frozen=True)
+class Run:
+    """A run of experiments, or what is done of it.
 
-    format: Literal["domesim validation 1"] = "domesim validation 1"
-    quick: bool = Field(description="Whether minutes mattered more than accuracy.")
+    Attributes
+    ----------
+    quick
+        Whether minutes mattered more than accuracy.
+    seed
+        Seed of all random numbers.
+    started
+        When it was started or resumed, ISO 8601, UTC.
+    planned
+        How many experiments it has, done or still to do.
+    machine, versions
+        What it ran on.
+    outcomes
+        Experiments that are done.
+    """
+
+    quick: bool
     seed: int
-    started: str = Field(description="When it was started or resumed, ISO 8601, UTC.")
-    seconds: float = Field(description="Time of all steps, those of resumed runs included, s.")
-    planned: int = Field(description="How many experiments the run has, done or still to do.")
-    available: int = Field(description="How many there are.")
+    started: str
+    planned: int
     machine: Mapping[str, str]
     versions: Mapping[str, str]
-    code: str = Field(description="SHA-256 of the program and its scenes.")
-    experiments: tuple[Outcome, ...]
+    outcomes: tuple[Outcome, ...] = ()
 
     @property
     def passed(self) -> bool:
         """Whether nothing was other than expected, or broke."""
-        return not any(one.status in FAILED for one in self.experiments)
+        return not any(one.status in FAILED for one in self.outcomes)
 
-    def figures(self) -> dict[str, float | None]:
-        """All figures to be quoted, by name."""
-        found = (one.finding for one in self.experiments if one.finding is not None)
-        return {name: figure for finding in found for name, figure in finding.figures.items()}
+    @property
+    def seconds(self) -> float:
+        """Time of all steps, those of resumed runs included, s."""
+        return sum(one.entry.seconds for one in self.outcomes)
 
-    def json_text(self) -> str:
-        """What results.json holds: everything but the drawings."""
-        drawings: Any = {
-            "plots": {"__all__": {"svg"}},
-            "pictures": {"__all__": {"panels": {"__all__": {"data"}}}},
-        }
-        return self.model_dump_json(
-            indent=1, exclude={"experiments": {"__all__": {"finding": drawings}}}
-        )
+    @property
+    def results(self) -> Results:
+        """Its figures."""
+        entries = {one.name: one.entry for one in self.outcomes}
+        return Results(quick=self.quick, seed=self.seed, experiments=entries)
 
 
 class Listener(Protocol):
@@ -130,7 +150,7 @@ def validate(
     quick: bool = False,
     seed: int = 0,
     fresh: bool = False,
-) -> Results:
+) -> Run:
     """Run experiments, and write ``results.json`` and ``report.html`` after each.
 
     Parameters
@@ -158,67 +178,44 @@ def validate(
         raise InputError(
             f"no experiment is called {', '.join(unknown)}; there are {', '.join(EXPERIMENTS)}"
         )
-    code = source_digest()
     experiments = {name: load_experiment(name) for name in names}
-    steps = out / STEPS
-    kept = steps / f"{code[:16]}-{'quick' if quick else 'full'}-{seed}"
-    for folder in steps.glob("*"):
-        if _OF_STEPS.fullmatch(folder.name) and not folder.name.startswith(code[:16]):
-            shutil.rmtree(folder, ignore_errors=True)
-    for name in names if fresh else ():
-        shutil.rmtree(kept / name, ignore_errors=True)
+    code = {name: digest(name) for name in names}
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    machine, versions = _machine(), _versions()
-    outcomes: list[Outcome] = []
+    run = Run(quick, seed, started, len(names), _machine(), _versions())
     for name in names:
         listener.starts(name)
-        if source_digest() != code:
+        if digest(name) != code[name]:
             raise InputError("the program was changed while it ran; start again")
-        work = Work(quick=quick, seed=seed, store=kept / name, note=listener.note)
-        outcomes.append(_outcome(experiments[name], work))
-        listener.ends(outcomes[-1])
-        results = Results(
-            quick=quick,
-            seed=seed,
-            started=started,
-            seconds=sum(one.seconds for one in outcomes),
-            planned=len(names),
-            available=len(EXPERIMENTS),
-            machine=machine,
-            versions=versions,
-            code=code,
-            experiments=tuple(outcomes),
-        )
-        write_whole(out / "results.json", results.json_text().encode())
-        write_whole(out / "report.html", report_page(results).encode())
-    return results
+        store = _store(out / STEPS / name, run, code[name])
+        if fresh:
+            shutil.rmtree(store, ignore_errors=True)
+        work = Work(quick=quick, seed=seed, store=store, note=listener.note)
+        outcome = _outcome(experiments[name], work, run.machine, code[name])
+        run = replace(run, outcomes=(*run.outcomes, outcome))
+        run.results.write(out / "results.json")
+        write_whole(out / "report.html", report_page(run).encode())
+        listener.ends(outcome)
+    return run
 
 
-def schema() -> dict[str, Any]:
-    """JSON schema of results.json."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **Results.model_json_schema(mode="serialization"),
-    }
-
-
-def report_page(results: Results) -> str:
+def report_page(run: Run) -> str:
     """The report, one self-contained page."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["duration"] = duration
     environment.filters["image"] = _image
-    done = {one.name: one for one in results.experiments}
+    done = {one.name: one for one in run.outcomes}
     groups = {
         title: [done[name] for name in names if name in done] for title, names in GROUPS.items()
     }
     return environment.from_string(_resource("report.html.j2")).render(
-        results=results,
+        run=run,
+        available=len(EXPERIMENTS),
         groups={title: outcomes for title, outcomes in groups.items() if outcomes},
-        failed=[one for one in results.experiments if one.status in FAILED],
-        not_run=[one for one in results.experiments if one.status == NOT_RUN],
-        advice=[one for one in results.experiments if one.finding and one.finding.advice],
+        failed=[one for one in run.outcomes if one.status in FAILED],
+        not_run=[one for one in run.outcomes if one.status == NOT_RUN],
+        advice=[one for one in run.outcomes if one.finding and one.finding.advice],
         style=_resource("report.css"),
     )
 
@@ -231,43 +228,36 @@ def duration(seconds: float) -> str:
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
-def source_digest() -> str:
-    """SHA-256 of the program, its scenes and the libraries' versions: the same figures' origin."""
-    digest = hashlib.sha256(repr([told(), *sorted(_versions().items())]).encode())
-    for package in _PACKAGES:
-        root = Path(str(resources.files(package)))
-        for path in sorted(root.rglob("*")):
-            if path.suffix in (".py", ".toml", ".exr"):
-                digest.update(path.relative_to(root).as_posix().encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()
+def _store(folder: Path, run: Run, code: str) -> Path:
+    """Folder of an experiment's steps; those of other code are removed."""
+    origin = hashlib.sha256(repr((code, run.machine, run.versions)).encode()).hexdigest()[:16]
+    for other in folder.glob("*"):
+        if not other.name.startswith(origin):
+            shutil.rmtree(other, ignore_errors=True)
+    return folder / f"{origin}-{'quick' if run.quick else 'full'}-{run.seed}"
 
 
-def _outcome(experiment: Experiment, work: Work) -> Outcome:
+def _outcome(experiment: Experiment, work: Work, machine: Mapping[str, str], code: str) -> Outcome:
     """One experiment; whatever goes wrong in it is its outcome."""
-
-    def outcome(status: str, note: str = "", finding: Finding | None = None) -> Outcome:
-        return Outcome.model_validate(
-            {
-                "name": experiment.name,
-                "claim": experiment.claim,
-                "rationale": experiment.rationale,
-                "expected": experiment.expected,
-                "status": status,
-                "note": note,
-                "seconds": work.seconds,
-                "finding": finding,
-            }
-        )
-
+    finding, note = None, ""
+    status: Status
     try:
         with all_or_nothing():
             finding = experiment.run(work)
+        status = AS_EXPECTED if finding.passed else NOT_AS_EXPECTED
     except Missing as missing:
-        return outcome(NOT_RUN, str(missing))
+        status, note = NOT_RUN, str(missing)
     except Exception:
-        return outcome(BROKEN, traceback.format_exc(limit=-3))
-    return outcome(AS_EXPECTED if finding.passed else NOT_AS_EXPECTED, finding=finding)
+        status, note = BROKEN, traceback.format_exc(limit=-3)
+    entry = Entry(
+        status=status,
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        machine=f"{machine['processor']}, {machine['cores']} cores",
+        code=code,
+        seconds=work.seconds,
+        figures=finding.figures if finding else {},
+    )
+    return Outcome(experiment, entry, note, finding)
 
 
 def _machine() -> dict[str, str]:
@@ -305,7 +295,3 @@ def _image(svg: str) -> str:
 
 def _resource(name: str) -> str:
     return resources.files("validation").joinpath("templates", name).read_text(encoding="utf-8")
-
-
-if __name__ == "__main__":
-    print(json.dumps(schema(), indent=1))

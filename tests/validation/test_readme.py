@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-import jsonschema
 import pytest
 from documented import commands, play
 from pydantic import BaseModel
@@ -18,9 +17,13 @@ from pydantic import BaseModel
 from compensate.methods import STEREO
 from domesim import scene
 from domesim.errors import InputError
-from validation.readme import PAGES, RESULTS, ROOT, brought_up_to_date, written
-from validation.report import schema
+from validation import results
+from validation.experiments import EXPERIMENTS
+from validation.origin import ROOT
+from validation.readme import PAGES, quoted, written
+from validation.results import Results
 
+PUBLISHED = Results.read(results.PUBLISHED)
 README = (ROOT / "README.md").read_text()
 
 
@@ -71,23 +74,21 @@ def test_figures(folder):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_every_figure_is_of_the_kept_results(page):
-    results = json.loads(RESULTS.read_text())
-    assert written(page, results) == (ROOT / page).read_text(), "make readme writes it anew"
-    jsonschema.validate(results, schema())
+def test_every_figure_is_of_the_published_results(page):
+    assert written(page, PUBLISHED) == (ROOT / page).read_text(), "make readme writes it anew"
+
+
+def test_what_is_published_is_quoted_and_as_expected():
+    assert set(PUBLISHED.figures) == quoted()
+    assert set(PUBLISHED.experiments) <= set(EXPERIMENTS)
+    assert {one.status for one in PUBLISHED.experiments.values()} == {"as expected"}
 
 
 def test_what_the_evidence_says_of_the_judges():
     """Its words, not only its figures."""
-    results = json.loads(RESULTS.read_text())
-    figures = {
-        name: figure
-        for one in results["experiments"]
-        for name, figure in one["finding"]["figures"].items()
-    }
     jod, flip = (
         [
-            figures[f"wrong_model.dome_planetarium.{method}.{judge}"]
+            PUBLISHED.figures[f"wrong_model.dome_planetarium.{method}.{judge}"]
             for method in ("untouched", "subtractive", "closed_form")
         ]
         for judge in ("jod", "flip")
@@ -97,40 +98,9 @@ def test_what_the_evidence_says_of_the_judges():
 
 
 @pytest.mark.parametrize("page", PAGES)
-@pytest.mark.parametrize(
-    ("spoil", "message"),
-    [
-        (lambda r: r.update(quick=True), "a quick one"),
-        (lambda r: r["experiments"][0].update(status="not as expected"), "others: closed_form"),
-        (
-            lambda r: [e["finding"]["figures"].clear() for e in r["experiments"]],
-            "the results do not",
-        ),
-    ],
-)
-def test_results_that_are_not_to_be_quoted(spoil, message, page):
-    results = json.loads(RESULTS.read_text())
-    spoil(results)
-    with pytest.raises(InputError, match=message):
-        written(page, results)
-
-
-def test_results_of_some_experiments_replace_those():
-    kept = json.loads(RESULTS.read_text())
-    new = {**kept, "started": "2030-01-01T00:00:00+00:00", "code": "f" * 64, "planned": 1}
-    one = {**kept["experiments"][3], "seconds": 1.5, "run": ""}
-    merged = brought_up_to_date(kept, {**new, "experiments": [one]})
-    jsonschema.validate(merged, schema())
-    assert [e["name"] for e in merged["experiments"]] == [e["name"] for e in kept["experiments"]]
-    assert merged["experiments"][3] == one
-    for number, (was, now) in enumerate(
-        zip(kept["experiments"], merged["experiments"], strict=True)
-    ):
-        if number != 3:
-            assert now["run"].startswith(was.get("run") or kept["started"])
-            assert now["finding"] == was["finding"]
-    with pytest.raises(InputError, match="machine"):
-        brought_up_to_date(kept, {**new, "machine": {}, "experiments": [one]})
+def test_a_figure_that_nobody_measured_is_not_quoted(page):
+    with pytest.raises(InputError, match=rf"{page} quotes .*, which the results do not have"):
+        written(page, Results())
 
 
 def test_the_keys_of_theatres_exist():

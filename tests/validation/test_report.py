@@ -11,7 +11,6 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import jsonschema
 import pytest
 import typer
 
@@ -35,8 +34,9 @@ from validation.experiment import (
     equal,
     load_experiment,
 )
+from validation.origin import digest
+from validation.results import Results
 
-SCHEMA = Path(report.__file__).parent / "results.schema.json"
 PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACH5BAAAAAAALAAAAAABAAEAAAICRAEAOw=="
 
 
@@ -95,7 +95,7 @@ def stubs(monkeypatch: pytest.MonkeyPatch) -> dict[str, Stub]:
 NAMES = experiments.EXPERIMENTS[:3]
 
 
-def run(folder: Path, **settings) -> report.Results:
+def run(folder: Path, **settings) -> report.Run:
     folder.mkdir(exist_ok=True)
     return report.validate(folder, Silent(), **{"names": NAMES, **settings})
 
@@ -135,53 +135,42 @@ def test_a_table_wants_full_rows():
         Table(caption="c", columns=(Column(name="a"), Column(name="b")), rows=((1.0,),))
 
 
-def test_results_follow_the_published_schema(tmp_path, stubs):
-    stubs[NAMES[1]].found = float("nan")
+def test_results_are_figures_with_their_origin(tmp_path, stubs):
+    stubs[NAMES[1]].found = float("inf")
     stubs[NAMES[2]].raises = Missing("needs a telescope")
-    run(tmp_path)
-    schema = json.loads(SCHEMA.read_text())
-    assert schema == report.schema(), "make schema writes it anew"
-    jsonschema.Draft202012Validator.check_schema(schema)
-    results = json.loads((tmp_path / "results.json").read_text())
-    jsonschema.validate(results, schema)
-    for spoil in (
-        lambda r: r.pop("experiments"),
-        lambda r: r["experiments"][0].update(status="splendid"),
-        lambda r: r["experiments"][0]["finding"]["checks"][0].pop("found"),
-        lambda r: r.update(surprise=1),
-    ):
-        bad = json.loads(json.dumps(results))
-        spoil(bad)
-        with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(bad, schema)
-
-
-def test_results_hold_no_drawings(tmp_path, stubs):
-    run(tmp_path)
-    text = (tmp_path / "results.json").read_text()
-    assert "<svg" not in text
-    assert "data:image" not in text
-    assert "A line that rises." in text
+    done = run(tmp_path, seed=3)
+    found = Results.read(tmp_path / "results.json")
+    assert found == done.results
+    assert (found.quick, found.seed) == (False, 3)
+    first, second, third = (found.experiments[name] for name in NAMES)
+    assert first.figures == {"stub.figure": 1.0}
+    assert first.code == digest(NAMES[0])
+    assert first.machine.endswith(" cores")
+    assert second.figures == {"stub.figure": None}
+    assert (third.status, third.figures) == ("not run", {})
+    (tmp_path / "results.json").write_text("{}x")
+    with pytest.raises(InputError, match="wanted results of domesim validate"):
+        Results.read(tmp_path / "results.json")
 
 
 def test_outcomes(tmp_path, stubs):
     stubs[NAMES[1]].found = 3.0
     stubs[NAMES[2]].raises = Missing("needs a telescope")
     results = run(tmp_path)
-    assert [one.status for one in results.experiments] == [
+    assert [one.status for one in results.outcomes] == [
         "as expected",
         "not as expected",
         "not run",
     ]
     assert not results.passed
-    assert results.figures() == {"stub.figure": 3.0}
+    assert results.results.figures == {"stub.figure": 3.0}
     stubs[NAMES[1]].found = 1.0
     assert run(tmp_path, fresh=True).passed
     stubs[NAMES[0]].raises = ZeroDivisionError("by nothing")
     results = run(tmp_path, fresh=True)
-    assert results.experiments[0].status == "broken"
-    assert "by nothing" in results.experiments[0].note
-    assert results.experiments[1].status == "as expected"
+    assert results.outcomes[0].status == "broken"
+    assert "by nothing" in results.outcomes[0].note
+    assert results.outcomes[1].status == "as expected"
     assert not results.passed
 
 
@@ -193,7 +182,7 @@ def test_a_killed_run_goes_on(tmp_path, stubs):
     assert "1 of 1 experiment met" in page
     assert "still to come: 2." in page
     stubs[NAMES[1]].raises = None
-    assert len(run(tmp_path).experiments) == 3
+    assert len(run(tmp_path).outcomes) == 3
     assert [stubs[name].runs for name in NAMES] == [1, 2, 1]
 
 
@@ -211,22 +200,20 @@ def test_what_was_measured_otherwise_is_measured_again(tmp_path, stubs, monkeypa
     run(tmp_path, fresh=True, names=NAMES[:1])
     assert first.runs == 4
     assert stubs[NAMES[1]].runs == 3
-    (file,) = (tmp_path / report.STEPS).glob(f"*full-0/{NAMES[0]}/*.json")
+    (file,) = (tmp_path / report.STEPS / NAMES[0]).glob("*full-0/*.json")
     file.write_text(file.read_text()[:-5])
     run(tmp_path)
     assert first.runs == 5
-    other = tmp_path / report.STEPS / "precious"
-    other.mkdir()
-    monkeypatch.setattr(report, "source_digest", lambda: "f" * 64)
-    run(tmp_path)
+    monkeypatch.setattr(report, "digest", {NAMES[0]: "f" * 64}.get)
+    run(tmp_path, names=NAMES[:1])
     assert first.runs == 6
-    other.rmdir()
-    assert len(list((tmp_path / report.STEPS).iterdir())) == 1
+    assert len(list((tmp_path / report.STEPS / NAMES[0]).iterdir())) == 1
+    assert len(list((tmp_path / report.STEPS / NAMES[1]).iterdir())) == 3
 
 
 def test_a_program_that_changes_is_noticed(tmp_path, stubs, monkeypatch):
     digests = iter("abcd")
-    monkeypatch.setattr(report, "source_digest", lambda: 16 * next(digests))
+    monkeypatch.setattr(report, "digest", lambda name: 64 * next(digests))
     with pytest.raises(InputError, match="was changed while it ran"):
         run(tmp_path)
 
@@ -307,19 +294,12 @@ def test_the_command_exits_with_1_if_anything_is_not_as_expected(tmp_path, stubs
 
 def test_a_real_run_survives_a_kill(tmp_path):
     """The whole command, killed in the middle of one of its steps."""
-    line = [
-        sys.executable,
-        "-m",
-        "domesim",
-        "validate",
-        "--quick",
-        "--only",
-        "photographed_crosstalk",
-    ]
+    name = "photographed_crosstalk"
+    line = [sys.executable, "-m", "domesim", "validate", "--quick", "--only", name]
     line += ["--out", str(tmp_path)]
     process = subprocess.Popen(line, stdout=subprocess.DEVNULL)
     deadline = time.monotonic() + 120
-    steps = ".domesim-steps/*/photographed_crosstalk/[!.]*.json"
+    steps = f".domesim-steps/{name}/*/[!.]*.json"
     while not list(tmp_path.glob(steps)) and process.poll() is None:
         assert time.monotonic() < deadline
         time.sleep(0.01)
