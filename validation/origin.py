@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import final
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("domesim", "compensate", "validation", "scenes")
+PACKAGES = ("domesim", "compensate", "validation", "testing", "scenes")
 _COMMAND_RUN = '"-m", "domesim"'
 """In the source of what runs commands; they rest on every module of these:"""
 _OF_COMMANDS = ("domesim", "compensate")
