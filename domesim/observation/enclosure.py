@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.observation.spherical import bare_gain
 from domesim.room.lenses import field_weight, lens_gains
+from domesim.room.rays import quadric
 from domesim.room.theatre import Theatre
 
 Floats = NDArray[np.float64]
@@ -428,9 +429,10 @@ class Enclosure:
         roots = _roots(np.sum(across**2, -1), np.sum(flat * across, -1), start)
         result = np.full(apart.shape[:-1], np.inf)
         for at in roots[::-1]:
-            height = points[..., 2] + at * apart[..., 2]
+            between = (at > 1e-7) & (at < 1 - 1e-7)
+            height = points[..., 2] + np.where(between, at, 0) * apart[..., 2]
             within = (height > wall.bottom / self._unit) & (height < wall.top / self._unit)
-            result = np.where((at > 1e-7) & (at < 1 - 1e-7) & within, at, result)
+            result = np.where(between & within, at, result)
         return result
 
     def _floor(self, resolution: int) -> list[Sheet]:
@@ -518,11 +520,10 @@ class Enclosure:
 
 
 def _roots(square: Floats, half: Floats, start: Floats) -> tuple[Floats, Floats]:
-    """Roots of square t² + 2 half t + start = 0; NaN if there are none."""
+    """Roots of square t² + 2 half t + start = 0; infinite if there are none."""
     start = np.where(np.abs(start) < _CLOSE, 0, start)
     with np.errstate(invalid="ignore", divide="ignore"):
-        root = np.sqrt(half**2 - square * start)
-        return (-half - root) / square, (-half + root) / square
+        return quadric(np, square, half, start, on=False)
 
 
 def _last(holds: Callable[[Floats], Flags], around: int) -> Floats:

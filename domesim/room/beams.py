@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from domesim.room.dome import Dome
 from domesim.room.lenses import field_edges, lens_frame
-from domesim.room.theatre import Lens, Theatre
+from domesim.room.rays import quadric
+from domesim.room.theatre import Floor, Lens, Theatre
 
 Floats = NDArray[np.float64]
 
@@ -35,26 +36,26 @@ def field_rays(lens: Lens) -> Floats:
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 
-def lands(theatre: Theatre, start: Floats, rays: Floats) -> Floats:
+def lands(dome: Dome, start: Floats, rays: Floats, floor: Floor | None = None) -> Floats:
     """(..., xyz): where rays from inside meet the ellipsoid of the screen, or first the floor.
 
     Parameters
     ----------
-    theatre
-        The theatre.
+    dome
+        The screen.
     start
         (xyz) where the rays begin, m; inside the ellipsoid.
     rays
-        (..., xyz) unit vectors of the room.
+        (..., xyz) vectors of the room, of any length.
+    floor
+        A floor that goes on beyond its edge.
     """
-    dome = theatre.dome
     squash = np.array([1, 1, 1 / dome.height_ratio]) / dome.radius
     p, d = (start @ dome.to_room) * squash, (rays @ dome.to_room) * squash
-    a, b, c = np.sum(d * d, -1), np.sum(p * d, -1), p @ p - 1
-    reach = (-b + np.sqrt(b * b - a * c)) / a
-    if theatre.floor is not None:
+    _, reach = quadric(np, np.sum(d * d, -1), np.sum(p * d, -1), p @ p - 1, on=False)
+    if floor is not None:
         drop = np.minimum(rays[..., 2], -1e-9)
-        reach = np.minimum(reach, np.maximum(0.0, (theatre.floor.height - start[2]) / drop))
+        reach = np.minimum(reach, np.maximum(0.0, (floor.height - start[2]) / drop))
     return np.asarray(start + reach[..., None] * rays)
 
 
@@ -63,7 +64,7 @@ def lit_edge(theatre: Theatre, lens: Lens) -> tuple[Floats, NDArray[np.bool_]]:
 
     Where the edge of its field misses the screen, the last ray inwards that meets it counts.
     """
-    ends = lands(theatre, np.asarray(lens.position, np.float64), field_rays(lens))
+    ends = lands(theatre.dome, np.asarray(lens.position), field_rays(lens), theatre.floor)
     met = on_screen(theatre.dome, ends)
     return ends[met.argmax(axis=0), np.arange(ends.shape[1])], np.asarray(met.any(axis=0))
 

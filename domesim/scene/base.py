@@ -30,6 +30,8 @@ class Scene(ABC):
         For each figure of the scene file where it is from.
     file
         What commands call it.
+    content
+        SHA-256 of what its file says, and of files that are named there; "" without a file.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Scene(ABC):
     viewing: Viewing
     sources: Mapping[str, str]
     file: str
+    content: str
 
     @property
     def argument(self) -> str:

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from enum import Enum
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, final
-
-import numpy as np
 
 from domesim.errors import InputError
 from domesim.host.console import about
@@ -53,7 +49,7 @@ class SceneChoice:
         if self._scene is not None:
             return self._scene
         scene = self._loaded()
-        if self.content and _digest(scene) != self.content:
+        if self.content and self._content_of(scene) != self.content:
             raise InputError(
                 f"{self.name}: wanted the scene that the job began with, got another; its files "
                 f"were changed, or are not the same on this machine"
@@ -65,9 +61,8 @@ class SceneChoice:
         path = Path(self.name)
         name = self.name if len(path.parts) <= 1 and path.suffix != ".toml" else path.absolute()
         transport = None if self.transport is None else self.transport.absolute()
-        return replace(
-            self, name=str(name), transport=transport, content=_digest(scene), _scene=scene
-        )
+        content = self._content_of(scene)
+        return replace(self, name=str(name), transport=transport, content=content, _scene=scene)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the scene, which may be large: other processes load it."""
@@ -83,6 +78,17 @@ class SceneChoice:
         if self.transport is not None:
             found["--transport"] = self.transport.name
         return found if self.seat is None else {**found, "--seat": self.seat}
+
+    def _content_of(self, scene: Scene) -> str:
+        """SHA-256 of what the scene was made from: its file, files named there, and the transport.
+
+        It does not depend on the seat, nor on where the files are, nor on comments in the scene's.
+        """
+        if self.transport is None:
+            return scene.content
+        with self.transport.open("rb") as file:
+            transport = hashlib.file_digest(file, "sha256").hexdigest()
+        return hashlib.sha256(f"{scene.content} {transport}".encode()).hexdigest()
 
     def _loaded(self) -> Scene:
         scene = load_scene(self.name)
@@ -107,35 +113,3 @@ class SceneChoice:
         elif isinstance(scene, DomeScene) and self.seat is not None:
             scene = scene.seen_from(self.seat)
         return scene
-
-
-def _digest(scene: Scene) -> str:
-    """Digest of all that a scene is made of: the same in all processes."""
-    found = hashlib.sha256()
-    for part in _parts(scene):
-        found.update(part)
-    return found.hexdigest()
-
-
-def _parts(value: Any) -> Iterator[bytes]:
-    """What a value holds, one after the other; no two different ones give the same."""
-    if isinstance(value, np.generic):
-        value = value.item()  # whose text does not depend on NumPy's settings
-    yield f"({type(value).__qualname__} ".encode()
-    if isinstance(value, np.ndarray):
-        yield f"{value.dtype.str} {value.shape} ".encode()
-        yield np.ascontiguousarray(value).tobytes()
-    elif isinstance(value, Mapping):
-        for item in value.items():
-            yield from _parts(item)
-    elif isinstance(value, tuple | list):
-        for item in value:
-            yield from _parts(item)
-    elif value is None or isinstance(value, str | int | float | complex | bytes | Enum | Path):
-        yield repr(value).encode()
-    elif is_dataclass(value):
-        for each in filter(lambda each: each.compare, fields(value)):
-            yield from _parts(getattr(value, each.name))
-    else:
-        yield from _parts(vars(value))
-    yield b")"

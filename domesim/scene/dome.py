@@ -82,6 +82,8 @@ class DomeScene(Scene):
     file
         What commands call it: its file's path, or the name of a bundled one; "" if it was made
         otherwise.
+    content
+        SHA-256 of what its file says, and of files that are named there; "" without a file.
     """
 
     name: str
@@ -96,6 +98,7 @@ class DomeScene(Scene):
     measured: MeasuredSection | None = None
     stereo: DomeStereoSection | None = None
     file: str = field(default="", compare=False)
+    content: str = field(default="", compare=False)
 
     @property
     def views(self) -> int:

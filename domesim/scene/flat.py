@@ -155,6 +155,8 @@ class CinemaScene(Scene):
         Luminance of the unlit screen (projector black and stray light), cd/m².
     file
         What commands call it: its file's path, or the name of a bundled one.
+    content
+        SHA-256 of what its file says, and of files that are named there; "" without a file.
     """
 
     name: str
@@ -165,6 +167,7 @@ class CinemaScene(Scene):
     way: LightsWay
     ambient: float
     file: str = field(default="", compare=False)
+    content: str = field(default="", compare=False)
 
     @property
     def views(self) -> int:

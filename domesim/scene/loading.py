@@ -6,6 +6,8 @@ All mistakes of a file are listed in one go, each with its path.
 from __future__ import annotations
 
 import difflib
+import hashlib
+import json
 import tomllib
 from dataclasses import replace
 from importlib import resources
@@ -153,16 +155,20 @@ def _described(content: dict[str, Any], where: str, folder: Path) -> Scene:
     """The scene of a file that says which kind it is."""
     kind = _kind(content)
     scene: Scene
+    digest = ""  # which has what is in the files that it names
     try:
         if kind is StereoFile:
             scene = stereo.built(StereoFile.model_validate(content), folder)
+            digest = scene.digest
         elif kind is CinemaFile:
             scene = cinema(CinemaFile.model_validate(content))
         else:
             scene = dome.built(DomeFile.model_validate(content), folder)
+            digest = scene.digest
     except ValidationError as error:
         raise InputError(all_mistakes(error, where, kind)) from None
-    return replace(scene, file=where)
+    said = json.dumps(content, sort_keys=True, default=str) + digest
+    return replace(scene, file=where, content=hashlib.sha256(said.encode()).hexdigest())
 
 
 def _kind(content: dict[str, Any]) -> type[DomeFile | StereoFile | CinemaFile]:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError, reason
 from domesim.host.files import read_plain
+from domesim.room.beams import lands, on_screen
 from domesim.room.dome import Dome
 from domesim.room.lenses import field_edges, field_weight, lens_frame
 from domesim.room.masks import grey_of, written_mask
@@ -428,7 +429,8 @@ def written_mpcdi(
             alpha = _blend(points, lens, lenses)
             names = f"alpha{number}.png", f"warp{number}.pfm"
             _put(package, names[0], written_mask(alpha))
-            _put(package, names[1], _written_pfm(np.where(_on(dome, points), points, np.nan)))
+            points[~on_screen(dome, points)] = np.nan
+            _put(package, names[1], _written_pfm(points))
             _describe(buffer, files, lens, (cols, rows), names)
         ET.indent(root, "    ")
         content = ET.tostring(root, encoding="utf-8", xml_declaration=True)
@@ -450,23 +452,7 @@ def landing(dome: Dome, lens: Lens, rows: int, cols: int) -> Floats:
     place = np.stack([(col + 0.5) / cols, 1 - (row + 0.5) / rows], -1)
     place = low + place * (high - low)
     rays = forward + place[..., :1] * right + place[..., 1:] * up
-    squash = np.array([1, 1, 1 / dome.height_ratio])
-    start = np.asarray(lens.position) @ dome.to_room * squash
-    along = rays @ dome.to_room * squash
-    a = np.sum(along**2, axis=-1)
-    b = along @ start
-    c = start @ start - dome.radius**2  # below 0: projectors are inside
-    far = (-b + np.sqrt(b**2 - a * c)) / a
-    return np.asarray(np.asarray(lens.position) + far[..., None] * rays)
-
-
-def _on(dome: Dome, points: Floats) -> NDArray[np.bool_]:
-    """(row, col, 1): whether points of the sphere are of the screen."""
-    theta = np.arccos(np.clip(dome.toward(points)[..., 2], -1, 1))
-    on = theta <= dome.half_angle
-    if dome.truncated_below is not None:
-        on &= points[..., 2] >= dome.truncated_below
-    return np.asarray(on[..., None])
+    return lands(dome, np.asarray(lens.position), rays)
 
 
 def _blend(points: Floats, lens: Lens, lenses: Sequence[Lens]) -> Floats:

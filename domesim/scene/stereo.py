@@ -117,6 +117,8 @@ class StereoScene(Scene):
     file
         What commands call it: its file's path, or the name of a bundled one; "" if it was made
         otherwise.
+    content
+        SHA-256 of what its file says, and of files that are named there; "" without a file.
     """
 
     name: str
@@ -134,6 +136,7 @@ class StereoScene(Scene):
     digest: str = ""
     model: str = ""
     file: str = field(default="", compare=False)
+    content: str = field(default="", compare=False)
 
     @property
     def views(self) -> int:
