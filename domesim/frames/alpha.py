@@ -29,12 +29,12 @@ def opacity(plane: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def is_opaque(plane: NDArray[Any]) -> bool:
-    """Whether nothing shines through."""
+    """Whether alpha is 1 everywhere."""
     return bool(opacity(plane).min() >= 1)
 
 
 def shown_over_black(frame: Frame) -> Frame:
-    """`frame`, whose colours are as stored, as it is shown: over black where it has an alpha."""
+    """Composites `frame` over black by its alpha."""
     header = frame.header
     alpha = header.alpha
     if alpha is None or is_opaque(header.extra[alpha]):

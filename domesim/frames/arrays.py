@@ -1,4 +1,4 @@
-"""Arrays in a .npz file that knows what it is, and whether it is whole."""
+"""Arrays in a .npz file with its format's name and a checksum."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
 
 
 def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> dict[str, Any]:
-    """The arrays that `write_arrays` wrote.
+    """Reads the arrays that `write_arrays` wrote.
 
     Parameters
     ----------

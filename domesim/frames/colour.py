@@ -46,12 +46,12 @@ class ColourTag:
 
     @property
     def assumed(self) -> bool:
-        """Whether nobody said so, or not all of it."""
+        """Whether some of the encoding is assumed, for want of a statement."""
         return "assumed" in self.source
 
     @property
     def managed(self) -> bool:
-        """Whether OpenColorIO says what it is; no file can."""
+        """Whether this is a space of OpenColorIO, which no file can name."""
         return self.transfer.startswith(ocio.PREFIX)
 
     @property
@@ -68,7 +68,7 @@ BT709_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def colour_of_code_points(path: Path, primaries: int, transfer: int, where: str) -> ColourTag:
-    """What code points of ITU-T H.273 mean that a file has `where`.
+    """Returns the colour that a file's code points of ITU-T H.273 stand for.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def code_points_of(colour: ColourTag) -> tuple[int, int]:
 
 
 def is_sayable(colour: ColourTag) -> bool:
-    """Whether code points of ITU-T H.273 can say what it is."""
+    """Whether code points of ITU-T H.273 can express this encoding."""
     return _UNSPECIFIED not in code_points_of(colour)
 
 
@@ -162,7 +162,7 @@ _CICP_PRIMARIES = {1: "BT.709", 9: "BT.2020", 10: "XYZ", 11: "P3-DCI", 12: "P3-D
 
 
 def colour_of_cicp(path: Path, spec: Any) -> ColourTag | None:
-    """What its code points of ITU-T H.273 say; None if it has none."""
+    """Returns the encoding of a file's code points (ITU-T H.273); None if it has none."""
     code_points = spec.getattribute("CICP")
     if code_points is None:
         return None
@@ -174,7 +174,7 @@ def colour_of_cicp(path: Path, spec: Any) -> ColourTag | None:
 
 
 def colour_of_profile(path: Path, spec: Any) -> ColourTag | None:
-    """What its ICC profile says; None if it has none."""
+    """Returns the encoding of a file's ICC profile; None if it has none."""
     profile = spec.getattribute("ICCProfile")
     if not isinstance(profile, np.ndarray):  # an EXR may have any text of that name
         return None
@@ -211,7 +211,7 @@ def primaries_of(chromaticities: Sequence[float]) -> str | None:
 
 
 def unsupported_encoding(path: Path, got: str) -> InputError:
-    """The error for code values of another meaning than is known."""
+    """Returns the error for an encoding that is not supported."""
     wanted = ", ".join(TRANSFER_NAMES.values())
     return InputError(
         f"{path}: wanted code values that are linear, {wanted}, got {got}. "
@@ -224,7 +224,7 @@ def unsupported_encoding(path: Path, got: str) -> InputError:
 
 
 def is_srgb(colour: ColourTag) -> bool:
-    """Whether it is what all programs take for granted."""
+    """Whether this is sRGB, which all programs take for granted."""
     return (colour.transfer, colour.primaries) == ("srgb", "BT.709")
 
 

@@ -1,4 +1,4 @@
-"""Files that say themselves how two views are packed in one picture, and which eye is first.
+"""Packing of two views in one picture, as files state it.
 
 Image formats say it each in its way (``formats``), a video by what FFmpeg calls AVStereo3D:
 Matroska's StereoMode, MP4's st3d, frame packing of H.264 and HEVC. An EXR has views, which have
@@ -21,7 +21,7 @@ _FLAT = 0  # AVStereo3D's type
 @final
 @dataclass(frozen=True)
 class Eyes:
-    """How two views are packed, as a file says it.
+    """Packing of two views, and the eye that is first.
 
     Parameters
     ----------
@@ -63,6 +63,6 @@ def of_video(stereo_3d: bytes | None, mode: str) -> Eyes | None:
 
 
 def stereo_mode(eyes: Eyes) -> str:
-    """What FFmpeg calls it in Matroska."""
+    """Returns FFmpeg's name of this packing in Matroska."""
     names = {SIDE_BY_SIDE: ("left_right", "right_left"), TOP_BOTTOM: ("top_bottom", "bottom_top")}
     return names[eyes.packing][eyes.right_first]

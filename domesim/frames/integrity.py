@@ -1,4 +1,4 @@
-"""Files that are not all there: how that is said, in one line."""
+"""Errors for files that are damaged or cut short."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def damaged(path: Path, label: str, got: str) -> InputError:
 
 @contextmanager
 def enough_memory(path: Path) -> Iterator[None]:
-    """Memory that there is not, as an error for a person."""
+    """Turns a lack of memory into an error for a person."""
     try:
         yield
     except MemoryError as error:
@@ -37,7 +37,7 @@ def enough_memory(path: Path) -> Iterator[None]:
 
 
 def refuse_sides(path: Path, cols: int, rows: int) -> None:
-    """Refuse a picture of sides that no master has."""
+    """Refuses a picture that is larger than any master."""
     if not (0 < cols <= LARGEST_SIDE and 0 < rows <= LARGEST_SIDE):
         raise InputError(
             f"{path}: wanted 1 to {LARGEST_SIDE} px a side, got {cols} x {rows}. "

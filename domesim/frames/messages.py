@@ -1,4 +1,4 @@
-"""What libraries and files say, made fit to stand in a message of one line."""
+"""Texts of libraries and files, made fit for a message of one line."""
 
 from __future__ import annotations
 

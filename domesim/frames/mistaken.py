@@ -17,7 +17,7 @@ from domesim.frames.video import EYES, eye_of, file_of
 
 
 def refuse_packing(paths: Sequence[Path], packing: str | None, got: str) -> None:
-    """Refuse a master that is not packed as was asked, if it was."""
+    """Refuses a master whose packing is another than the one asked for."""
     if packing not in (None, got):
         raise InputError(
             f"{_named(paths)}: wanted a master packed as {packing}, got {got}. "
@@ -100,7 +100,7 @@ def refuse_mistaken_pair(frames: Sequence[Frame], *, allow_identical: bool) -> N
 
 
 def _is_plain(pixels: Pixels) -> bool:
-    """Whether it is of one colour, such as the black before a show."""
+    """Whether a picture has one colour only, such as the black before a show."""
     return bool(np.all(pixels == pixels[0, 0]))
 
 

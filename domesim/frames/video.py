@@ -146,7 +146,7 @@ def is_picture(track: Path) -> bool:
 
 
 def container_of(start: bytes) -> str | None:
-    """What a video's first bytes say that it is in; None if it is none."""
+    """Returns the container that a video's first bytes state; None if it is no video."""
     return next(
         (name for name, place, mark in _MARKS if start[place : place + len(mark)] == mark), None
     )

@@ -34,17 +34,17 @@ class Console:
         self._describe: Callable[[str], None] = lambda text: None
 
     def say(self, *lines: str) -> None:
-        """Lines for a person, on standard output; what belongs to one is indented below it."""
+        """Prints lines for a person; details of a line are indented below it."""
         if self._text:
             _print("\n".join(map(shown, lines)))
 
     def figures(self, figures: dict[str, Any]) -> None:
-        """The command's figures, for a program."""
+        """Prints the command's figures, for a program."""
         if self._json:
             _print(json.dumps(figures, indent=1, allow_nan=False))
 
     def note(self, text: str) -> None:
-        """How the piece of work under way gets on, beside the progress bar."""
+        """Shows beside the progress bar how the current work gets on."""
         self._describe(text)
 
     @contextmanager
@@ -107,13 +107,13 @@ class _Unseen:
 
 
 def complain(message: object) -> None:
-    """A mistake, on standard error."""
+    """Prints a mistake on standard error."""
     with _heard(sys.stderr):
         print(f"domesim: {shown(str(message))}", file=sys.stderr, flush=True)
 
 
 def shown(text: str) -> str:
-    """Text as a terminal may get it: names of files may hold line breaks and terminal codes.
+    """Makes text safe for a terminal: names of files may hold line breaks and terminal codes.
 
     Lines of its own are indented.
     """
@@ -121,13 +121,13 @@ def shown(text: str) -> str:
 
 
 def output_is_lost() -> bool:
-    """Whether something that standard output should have got is lost, as was said."""
+    """Whether a write to standard output has failed."""
     return _lost
 
 
 @contextmanager
 def about(path: Path) -> Iterator[None]:
-    """Whatever mistake is found inside is one of `path`: its message names the file.
+    """Puts the file's name before the message of any `InputError` inside.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def prepare_file(path: Path, *, instead_of: Path | None = None) -> None:
 
 
 def duration(seconds: float) -> str:
-    """A time as a person reads it."""
+    """Formats a time for a person."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
@@ -234,7 +234,7 @@ _lost = False
 
 @final
 class _Sturdy:
-    """A stream for progress bars: that its terminal is closed ends no work."""
+    """A stream for progress bars that survives the end of its terminal."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -253,7 +253,7 @@ class _Sturdy:
 
 @contextmanager
 def _heard(stream: TextIO) -> Iterator[list[OSError]]:
-    """What a stream that cannot be written to complains of; all else that it gets is dropped."""
+    """Collects the errors of a stream that cannot be written to; drops what it is sent after."""
     problems: list[OSError] = []
     try:
         yield problems
@@ -265,7 +265,7 @@ def _heard(stream: TextIO) -> Iterator[list[OSError]]:
 
 
 def sized(count: float) -> str:
-    """Bytes, for a person."""
+    """Formats a number of bytes for a person."""
     unit, name = next(each for each in _UNITS if count >= each[0] or each is _UNITS[-1])
     return f"{count / unit:.3g} {name}"
 

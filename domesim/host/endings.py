@@ -18,23 +18,23 @@ _last: int = signal.SIGINT
 
 
 def exit_code() -> int:
-    """Exit code of a command that was ended, as a shell tells it."""
+    """Exit code of a command that a signal ended, as shells have it."""
     return 128 + _last
 
 
 def name() -> str:
-    """What ended it, for a person."""
+    """Name of the signal that ended the command."""
     return "interrupted" if _last == signal.SIGINT else f"stopped by {signal.Signals(_last).name}"
 
 
 def interrupt(number: int, frame: Any) -> None:
-    """Take a signal for Ctrl-C."""
+    """Treats a signal as Ctrl-C."""
     noted(number)
     raise KeyboardInterrupt
 
 
 def noted(number: int) -> None:
-    """Keep which signal it was, and hear of no other like it."""
+    """Remembers the signal, and ignores others like it."""
     global _last  # noqa: PLW0603
     _last = number
     if number != signal.SIGINT:
@@ -44,14 +44,14 @@ def noted(number: int) -> None:
 
 @contextmanager
 def alike() -> Iterator[None]:
-    """SIGTERM and SIGHUP are Ctrl-C, unless whoever started the command has them ignored."""
+    """Treats SIGTERM and SIGHUP as Ctrl-C, unless the parent process has them ignored."""
     with _instead(interrupt, signal.SIG_DFL, signal.default_int_handler):
         yield
 
 
 @contextmanager
 def heard_by(note: Callable[[], None]) -> Iterator[None]:
-    """Signals that would be a `KeyboardInterrupt` call `note`; a second Ctrl-C is one as ever."""
+    """Calls `note` instead of raising `KeyboardInterrupt`; a second Ctrl-C raises it."""
 
     def hear(number: int, frame: Any) -> None:
         noted(number)
@@ -65,14 +65,14 @@ def heard_by(note: Callable[[], None]) -> Iterator[None]:
 
 @contextmanager
 def ignored() -> Iterator[None]:
-    """Processes that are started meanwhile hear of none, unless they ask to."""
+    """Starts processes that ignore these signals, unless they handle them."""
     with _instead(signal.SIG_IGN, interrupt, signal.SIG_DFL, signal.default_int_handler):
         yield
 
 
 @contextmanager
 def _instead(handler: Any, *usual: Any) -> Iterator[None]:
-    """Handle those signals so that are handled in one of the usual ways."""
+    """Replaces the handlers of those signals that have a usual one."""
     before: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():
         before = {each: found for each in ENDINGS if (found := signal.getsignal(each)) in usual}

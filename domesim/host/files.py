@@ -1,4 +1,4 @@
-"""Files that are read whole: no pipe that never ends, no device, none that fills the memory."""
+"""Reading of plain files: no pipes, no devices, none too large for memory."""
 
 from __future__ import annotations
 

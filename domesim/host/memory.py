@@ -1,4 +1,4 @@
-"""Memory: what this process may have, and what the C library does with what is freed."""
+"""Memory of this process: its limit, and how the C library treats freed memory."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What a scene comes to before any work: coverage, brightness, contrast, plans to scale."""
+"""Figures of a scene before any work: coverage, brightness, contrast, plans to scale."""

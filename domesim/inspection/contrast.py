@@ -1,4 +1,4 @@
-"""System contrast of a flat cinema, as its engineers state it, and what takes it away.
+"""System contrast of a flat cinema, as engineers state it, and its causes.
 
 *Sequential*: a full white frame over a full black one, on the screen. *ANSI*: the mean of the 8
 white fields of a checkerboard of 4 x 4 over the mean of its 8 black ones, read in their middles, of
@@ -36,7 +36,7 @@ _MIDDLE = 0.2  # of a field, that is read
 @final
 @dataclass(frozen=True)
 class Contrast:
-    """What is read off a screen, cd/m².
+    """Luminances read off a screen, cd/m².
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Contrast:
         return self.parts[name] / self.dark if self.dark > 0 else 0.0
 
     def figures(self) -> dict[str, float | dict[str, float] | None]:
-        """By their names, for programs."""
+        """Returns the figures by name, for programs."""
         return {
             "white_cd_m2": self.white,
             "black_cd_m2": self.black,
@@ -115,7 +115,7 @@ def contrast(scene: FlatScene) -> Contrast:
 
 
 def boards(scene: FlatScene) -> tuple[Floats, Floats]:
-    """(board, row, col) what the checkerboard and its complement are, and what is seen, cd/m²."""
+    """Returns the checkerboard and its complement, and what is seen of them, cd/m²."""
     both = _boards()
     return both, _seen(scene, both)
 

@@ -24,7 +24,7 @@ _SIZE = 256
 @final
 @dataclass(frozen=True)
 class Coverage:
-    """How many projectors reach each place.
+    """Number of projectors that reach each place.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Coverage:
 
     @property
     def dark(self) -> float:
-        """Their share of the screen's pixels."""
+        """Share of the screen's pixels that no projector reaches."""
         return float(self.holes.sum() / self.screen.sum())
 
     @property
@@ -68,11 +68,11 @@ class Coverage:
 
     @property
     def whole(self) -> bool:
-        """Whether no more is dark than pixels at the rim."""
+        """Whether projectors reach all of the screen, but for pixels at the rim."""
         return self.dark <= DARK
 
     def told(self) -> list[str]:
-        """Each hole from the largest on, of those with a tenth of the darkness, in words."""
+        """Describes the holes that have a tenth of the darkness or more, the largest first."""
         labels, _ = scipy.ndimage.label(self.holes)
         sizes = np.bincount(labels.ravel())[1:]
         order = np.argsort(-sizes, kind="stable")
@@ -115,7 +115,7 @@ def coverage(theatre: Theatre, size: int = _SIZE) -> Coverage:
 
 
 def require_covered(scene: DomeScene, name: str, drawn: Path | None = None) -> None:
-    """See that a theatre's projectors light all of its screen, before hours of work.
+    """Refuses a theatre whose projectors leave some of its screen dark.
 
     Parameters
     ----------

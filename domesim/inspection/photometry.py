@@ -1,4 +1,4 @@
-"""How bright a theatre is, what contrast is left in a dome, and what ghosts are in 3D.
+"""Brightness of a theatre, contrast in a dome, ghosts in 3D.
 
 All is as observations say.
 
@@ -163,7 +163,7 @@ def _fields(
 
 
 class Ghost(NamedTuple):
-    """What one seat sees of the other eye's picture.
+    """Crosstalk at one seat.
 
     Attributes
     ----------

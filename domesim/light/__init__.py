@@ -34,7 +34,7 @@ def namespace(*arrays: Array) -> Any:
 
 
 def on_host(array: Array) -> NDArray[Any]:
-    """`array` as NumPy's, fetched from its device."""
+    """Returns `array` as a NumPy array, fetched from its device."""
     if is_torch_array(array):
         array = to_device(array, "cpu")
     return np.asarray(array)
@@ -67,7 +67,7 @@ def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: st
 
 
 def kind(array: Array) -> tuple[str, str, str]:
-    """Library, precision and device of `array`, to keep converted copies of constants by."""
+    """Returns library, precision and device of `array`: the key of converted constants."""
     return namespace(array).__name__, str(array.dtype), str(array.device)
 
 

@@ -30,7 +30,7 @@ Floats = NDArray[np.floating]
 
 
 def called(space: str, option: str) -> str:
-    """What a space of the configuration is called in tags: ``ocio:ACEScct#1a2b3c4d``.
+    """Returns the tag of a space of the configuration: ``ocio:ACEScct#1a2b3c4d``.
 
     Parameters
     ----------
@@ -57,13 +57,13 @@ def called(space: str, option: str) -> str:
 
 
 def spoken(name: str) -> str:
-    """The name as people say it: ``OCIO 'ACEScct'``."""
+    """Returns the name that a person reads: ``OCIO 'ACEScct'``."""
     return f"OCIO '{name.removeprefix(PREFIX).rpartition('#')[0]}'"
 
 
 @lru_cache(maxsize=8)
 def space_called(name: str) -> Space:
-    """The space of that name of `called`.
+    """Returns the space that `called` named.
 
     Raises
     ------

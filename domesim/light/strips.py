@@ -26,7 +26,7 @@ _NAME = "domesim-strips"  # of threads
 
 
 def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T]:
-    """`work(view, rows)` for strips of rows that together cover (view, row, col, primary).
+    """Calls `work(view, rows)` for strips of rows that together cover (view, row, col, primary).
 
     All strips share one set of threads, each of which takes the next strip as it has done one.
 
@@ -67,7 +67,7 @@ def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T
 
 
 def is_large(plane: object) -> bool:
-    """Whether an array is so large that memory counts for more than time: above `KEPT`."""
+    """Whether an array is larger than `KEPT`: memory then counts for more than time."""
     return isinstance(plane, np.ndarray) and plane.nbytes > KEPT
 
 
@@ -82,7 +82,7 @@ def all_within(values: NDArray[Any], least: float, most: float) -> bool:
 
 
 def converted(picture: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
-    """(row, col, ...) of another type, by all threads: to and from half NumPy is slow."""
+    """Converts (row, col, ...) to another type by all threads: NumPy's half is slow."""
     if picture.dtype == kind:
         return picture
     found = np.empty(picture.shape, kind)
@@ -102,7 +102,7 @@ def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: 
 
 
 def threads() -> int:
-    """Threads to use: ``OMP_NUM_THREADS`` if it is set, but not more than there are cores."""
+    """Number of threads to use: ``OMP_NUM_THREADS`` or the number of cores, if that is less."""
     given = os.environ.get("OMP_NUM_THREADS", "")
     return min(int(given), cores()) if given.isdecimal() and int(given) else cores()
 

@@ -15,7 +15,7 @@ ROUNDING = 1e-9
 
 
 def ascending(values: ArrayLike, within: float | None = None) -> NDArray[np.intp]:
-    """Order of values from the least on, in which equal values stand as they were given.
+    """Sorts values stably: returns their order, the least first.
 
     Parameters
     ----------
@@ -40,13 +40,13 @@ def ascending(values: ArrayLike, within: float | None = None) -> NDArray[np.intp
 
 
 def upright(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, vector) the same vectors, each with the sign that makes its largest number positive."""
+    """Flips (n, vector) vectors so that the largest number of each is positive."""
     largest = [ascending(-np.abs(each))[0] for each in vectors.T]
     return np.asarray(vectors * np.sign(vectors[largest, np.arange(vectors.shape[1])]))
 
 
 def root_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, n) symmetric L with L L' = covariance (n, n): the only one without negative eigenvalues.
+    """Returns the symmetric square root L of `covariance`, (n, n): L L' = covariance.
 
     A root by eigenvectors would have their signs and their order. Rounding decides both.
     """

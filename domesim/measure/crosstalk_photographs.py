@@ -1,4 +1,4 @@
-"""Crosstalk from photographs through the eyewear: how much, and how it varies over the screen.
+"""Crosstalk from photographs through the eyewear, and its map over the screen.
 
 Through one glass, with black subtracted, a pixel sees o of the eye's own picture and t of the other
 one's. Lens, screen and vignetting are in both alike: t/o is the share that leaks. Over a cell of

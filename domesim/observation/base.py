@@ -34,7 +34,7 @@ class Observation(ABC):
     def _direct(self, light: Light) -> Light: ...
 
     def observe(self, light: Light) -> Light:
-        """Observed light psi(x), of `seen_shape`, of projected `light`, of `shape`.
+        """Returns psi(x), of `seen_shape`: what is seen of projected `light`, of `shape`.
 
         Raises
         ------
@@ -44,7 +44,7 @@ class Observation(ABC):
         return self._observe(self._guarded(light, "observes"))
 
     def direct(self, light: Light) -> Light:
-        """D x: what would be seen without pollution and ambient light."""
+        """Returns D x: what would be seen without pollution and ambient light."""
         return self._direct(self._guarded(light, "observes"))
 
     def _guarded(self, light: Light, does: str) -> Light:
@@ -80,7 +80,7 @@ class AdjointObservation(Observation):
         return self._direct_adjoint(self._guarded_seen(light))
 
     def local(self, light: Light) -> Light:
-        """How each pixel's light is seen in its own place: D x, but where views mix pixelwise."""
+        """Returns what pixels show in their own place: D x, with the other view where views mix."""
         return self.direct(light)
 
     def local_adjoint(self, light: Light) -> Light:

@@ -79,7 +79,7 @@ class ScreenBasis:
 
     @property
     def products(self) -> list[tuple[int, int]]:
-        """(i, j) of the products T_i(u) T_j(v) that `mixing` takes."""
+        """Degrees (i, j) of the products T_i(u) T_j(v) that `mixing` takes."""
         return list(zip(self._i.tolist(), self._j.tolist(), strict=True))
 
     def at_products(self, u: Floats, v: Floats) -> Floats:
@@ -90,7 +90,7 @@ class ScreenBasis:
 
 
 def disc_quadrature(dome: Dome, rings: int) -> tuple[Floats, Floats, Floats]:
-    """Points (u, v) of the domemaster's disc and the screen area (m²) that each stands for.
+    """Quadrature points (u, v) of the domemaster's disc, and their shares of the screen, m².
 
     Gauss-Legendre along theta and even steps round: exact for smooth functions. A truncated ring is
     covered by Gauss-Legendre nodes between its ends, and theta in pieces between the angles where

@@ -109,7 +109,7 @@ class Crosstalk(StereoObservation):
 
     @property
     def strength(self) -> float:
-        """The largest share of the other view's light that any pixel sees: ||s_v M_v||."""
+        """Largest share of the other view's light that a pixel sees: ||s_v M_v||."""
         norms = np.linalg.norm(self._matrices, 2, axis=(1, 2))
         return float(np.max(norms * self._share.max(axis=(1, 2))))
 

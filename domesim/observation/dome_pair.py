@@ -110,7 +110,7 @@ class ReflectedViews(AdjointObservation):
         return spread, collect, core
 
     def ambient(self, like: Light) -> Light | None:
-        """What is seen without a picture, as an array like `like`; None if nothing is."""
+        """Light without a picture, as an array like `like`; None if there is none."""
         if not (np.any(self.summed.factors.ambient) or np.any(self.differing.factors.ambient)):
             return None
         return self.observe(0 * like)

@@ -95,7 +95,7 @@ class Enclosure:
         return float((hidden * self.share).sum(1).max())
 
     def thrown(self) -> tuple[Floats, Floats]:
-        """How projectors light the elements, by points nine times as dense as the screen's.
+        """Light of the projectors on the elements, by points nine times as dense as the screen's.
 
         Returns
         -------
@@ -152,7 +152,7 @@ class Enclosure:
         return self.stopped <= _RIM
 
     def require_lit(self, way_out: str) -> None:
-        """See that projectors light the screen and nothing before it.
+        """Refuse projectors that light something before the screen.
 
         Raises
         ------
@@ -590,7 +590,7 @@ class Sheet:
         return np.asarray(ring * self._sectors + sector)
 
     def normals(self, points: Floats) -> Floats:
-        """(point, xyz) unit normals at points of it."""
+        """Unit normals (point, xyz) at points of the sheet."""
         result = np.zeros_like(points)
         if self.flat:
             result[:, 2] = 1
@@ -600,13 +600,13 @@ class Sheet:
 
     @cached_property
     def corners(self) -> Floats:
-        """(circle, sector, xyz)."""
+        """Corners of the patches: (circle, sector, xyz)."""
         radii, phi = self._radii[:, None], self._bounds[None, :-1]
         heights = np.broadcast_to(self._heights[:, None], (len(self._radii), self._sectors))
         return np.stack([radii * np.cos(phi), radii * np.sin(phi), heights], -1)
 
     def of_corners(self, flags: Flags) -> tuple[Flags, Flags]:
-        """(point, patch) whether some and whether all corners are flagged: (point, corner)."""
+        """Returns (point, patch) whether some corner of it is flagged, and whether all are."""
         grid = flags.reshape(len(flags), -1, self._sectors)
         after = np.roll(grid, -1, axis=2)
         some, every = grid | after, grid & after
@@ -641,7 +641,7 @@ class Sheet:
         return points, flat(*towards), flat(areas)[..., 0]
 
     def faces(self, points: Floats) -> Flags:
-        """(point,) whether points are in front of it."""
+        """Whether points (point,) are in front of the sheet."""
         if self.flat:
             return np.asarray(points[:, 2] > self._heights[0] + 1e-12)
         return np.asarray(np.hypot(points[:, 0], points[:, 1]) < self._radii[0] + _CLOSE)

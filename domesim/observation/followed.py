@@ -1,4 +1,4 @@
-"""Light that is changed twice on its way: what one observation shows is what the next is shown."""
+"""Two observations in a row: the second observes what the first shows."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ class GreyToGrey(Observation):
         return self._levels
 
     def linearised(self, at: Light) -> Linearised:
-        """The affine observation that agrees with this one, and with its slopes, at `at`."""
+        """Linearises at the light `at`: same value, same slopes."""
         at = self._guarded(at, "is linearised at")
         added, own, other = self._looked_up(at)
         return Linearised(self, at, self._observed(at, added), 1 + own, other)

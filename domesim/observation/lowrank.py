@@ -45,7 +45,7 @@ class LowRank:
     ambient: Array
 
     def every(self, step: int) -> LowRank:
-        """Those of every so many rows and columns, whose pixels stand for their neighbours'."""
+        """Factors of a coarser picture: every `step`-th row and column."""
         return LowRank(
             self.direct_gain[::step, ::step],
             self.spread[:, ::step, ::step],

@@ -71,7 +71,7 @@ def radiosity(
     tolerance: float = 1e-4,
     all_lit: bool = False,
 ) -> Transport:
-    """The indirect light of a theatre of Lambertian screen, floor and wall.
+    """Solves the indirect light of a theatre of Lambertian screen, floor and wall.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Several seats that look at one screen: what is projected is the same, what is seen is not."""
+"""Several seats that look at one screen."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ class Transport:
 
     @property
     def rank(self) -> int:
-        """How many modes there are."""
+        """Number of modes."""
         return len(self.modes)
 
     def mean_gain(self) -> Floats:
@@ -111,7 +111,7 @@ class Transport:
         return float(np.max(self.white_error() / np.maximum(self.mean_gain(), 1e-30)))
 
     def reduced(self, tolerance: float = 1e-4, highest: int | None = None) -> Transport:
-        """The fewest modes that carry this transport within a tolerance.
+        """Approximates this transport by the fewest modes within a tolerance.
 
         By the singular values of all primaries' cores together, in the inner product of the
         screen's area: for one symmetric core, the best approximation of its rank.
@@ -150,7 +150,7 @@ class Transport:
         )
 
     def plus(self, other: Transport) -> Transport:
-        """The sum of two transports of one screen, with modes for both; provenance of the first.
+        """Adds another transport of the same screen; the provenance is this one's.
 
         Raises
         ------
@@ -202,7 +202,7 @@ class Transport:
         seen_gain: Floats | None = None,
         ambient: float = 0.0,
     ) -> TabulatedDome:
-        """What the audience sees of a domemaster of that size.
+        """Makes the observation of domemasters of one size.
 
         Parameters
         ----------
@@ -308,7 +308,7 @@ def interpolation(places: NDArray[np.floating[Any]], nodes: int) -> Floats:
 
 
 def sample_nodes(tables: Floats, u: Floats, v: Floats) -> Floats:
-    """Functions on the grid of nodes, at points of the domemaster.
+    """Samples functions on the grid of nodes at points of the domemaster.
 
     Parameters
     ----------
@@ -335,7 +335,7 @@ def sample_nodes(tables: Floats, u: Floats, v: Floats) -> Floats:
 def _lagrange(
     places: NDArray[np.floating[Any]], nodes: int
 ) -> tuple[NDArray[np.int64], tuple[Floats, ...]]:
-    """The second of the four nodes round each place, and the weights of the four."""
+    """Second of the four nodes around a place, and the weights of the four."""
     step = 2 / (nodes - 1 - 2 * MARGIN)
     position = (places + 1) / step + MARGIN
     cell = np.clip(np.floor(position), 1, nodes - 3).astype(np.int64)
@@ -428,7 +428,7 @@ class TabulatedDome(AdjointObservation):
         )
 
     def excitation(self, light: Light) -> Floats:
-        """(primary, node, node): `light` as modes on the nodes collect it.
+        """Collects `light` on the nodes as modes do: (primary, node, node).
 
         The sum of its product with a mode m is the integral of m D x dA / A_s.
         """
@@ -436,7 +436,7 @@ class TabulatedDome(AdjointObservation):
         return on_host(self._collected(light, self._like(light).flux))
 
     def means(self, light: Light) -> Floats:
-        """(primary, node, node) weights by which functions on the nodes are averaged with `light`.
+        """Weights (primary, node, node) that average functions on the nodes by `light`.
 
         The mean is over the screen's area; light off the screen does not count.
         """
@@ -448,7 +448,7 @@ class TabulatedDome(AdjointObservation):
         )
 
     def on_pixels(self, grids: Floats, like: Light) -> Light:
-        """Functions on the grid of nodes, at all pixels.
+        """Spreads functions on the grid of nodes over the pixels.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""How sure an observation is: what a given light would show otherwise.
+"""Uncertainty of an observation: by how much what is seen of a light may differ.
 
 A measured room is known within errors. To first order what is seen of a fixed light x is
 
@@ -48,16 +48,16 @@ class Changes(ABC):
 
 
 class Uncertain(ABC):
-    """An observation that knows how sure it is."""
+    """An observation with an uncertainty."""
 
     @property
     @abstractmethod
     def best(self) -> Observation:
-        """The observation as it is by all that is known."""
+        """The most likely observation."""
 
     @abstractmethod
     def changes(self, light: Light) -> Changes:
-        """How what is seen of `light`, a NumPy array, may differ from the best."""
+        """Returns by how much what is seen of `light` (NumPy) may differ from `best`."""
 
 
 @final

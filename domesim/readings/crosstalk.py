@@ -42,7 +42,7 @@ SAME_BLACK = 0.05
 @final
 @dataclass(frozen=True, eq=False)
 class MeasuredCrosstalk:
-    """What one eye sees of the other's picture.
+    """Crosstalk to one eye, with standard errors.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def _matrix_error(
 def without_small_negatives(
     where: str, measured: Floats, error: Floats, allow_negative: bool
 ) -> tuple[Floats, list[str]]:
-    """A crosstalk matrix whose negative entries within their errors are 0, and what was done.
+    """Sets negative entries of a crosstalk matrix to 0 where they are within their errors.
 
     Parameters
     ----------

@@ -74,7 +74,7 @@ class CommonGamut:
 
     @property
     def lost(self) -> Floats:
-        """(projector,) share of the luminance of its own white that each gives up."""
+        """Share of its white's luminance that a projector gives up: (projector,)."""
         return np.asarray(np.maximum(1 - self.white[1] / self.whites, 0))
 
     def report(self) -> list[str]:

@@ -127,7 +127,7 @@ class Session:
         return self.means["K"][0] if "K" in self.means else None
 
     def full(self, channel: str) -> Mean | None:
-        """The reading of a channel at level 1."""
+        """Returns the reading of a channel at level 1."""
         means = self.means.get(channel, ())
         return means[-1] if means and means[-1].level == 1 else None
 
@@ -212,7 +212,7 @@ class Readings:
 def read_readings(
     path: str | Path, *, black: Black | None = None, noise: Noise | None = None
 ) -> Readings:
-    """Readings of a file.
+    """Reads a file of readings.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def read_readings(
 
 
 def _named_tables(path: Path) -> list[dict[str, Any]]:
-    """Sections [[table]]; none if the file has none, or is not TOML, which others tell."""
+    """Returns the sections [[table]] of a TOML file; none of any other."""
     try:
         sections = tomllib.loads(text_of(path)).get("table", [])
     except tomllib.TOMLDecodeError:
@@ -362,5 +362,5 @@ def _note_conflicts(rows: list[Reading], mistakes: Mistakes) -> None:
 
 
 def told(xyz: Floats) -> str:
-    """Three numbers in words: ``50.3 26 3.37``."""
+    """Formats XYZ for a person: ``50.3 26 3.37``."""
     return " ".join(f"{value:.3g}" for value in xyz)

@@ -1,4 +1,4 @@
-"""How far a reading may be from what it would be on average.
+"""Noise of a meter: how far one reading may be from the mean of many.
 
     sigma² = (relative x)² + absolute²
 
@@ -66,7 +66,7 @@ class Noise:
 
 
 def estimated_noise(repeats: Iterable[Floats], stated: Noise) -> Noise:
-    """The noise that repeats show, or the `stated` one where they are too few.
+    """Estimates noise from repeats; takes the `stated` one where they are too few.
 
     Parameters
     ----------

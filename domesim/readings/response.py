@@ -1,4 +1,4 @@
-"""A display from its readings: primaries, white, black, and light as a function of code value.
+"""A display by its readings: primaries, white, black, and light by code value.
 
 A reading without black lies along its primary's own XYZ vector M; its signal y = net·M/|M|, in
 cd/m², is the light. The gamma model y = a code^gamma is fitted to the ramp of each primary by
@@ -195,7 +195,7 @@ def measured_display(session: Session) -> Display:
 def checked_display(
     session: Session, mistakes: Mistakes, *, with_response: bool = True
 ) -> Display | None:
-    """The display of a session, or None and what is wrong with it among the `mistakes`.
+    """Returns the display of a session, or None, having noted what is wrong in `mistakes`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Tables that people or meters made: rows with the number of the line that they came from.
+"""Tables of people and meters: rows that know their line in the file.
 
 A CSV file has one line of column names; lines that are empty or begin with # are skipped. The same
 table in TOML is a list of [[reading]] sections. Nothing is guessed: what cannot be read is a
@@ -86,7 +86,7 @@ class Table:
     left_out: int = 0
 
     def require(self, known: Iterable[str], wanted: Iterable[str]) -> None:
-        """Note the columns that are not among the `known`, and the `wanted` that are missing."""
+        """Notes unknown columns, and `wanted` ones that are missing."""
         known = tuple(known)
         if {"X", "Y", "Z"} <= set(known) and {"x", "y"} <= self.columns:
             self.mistakes.add(

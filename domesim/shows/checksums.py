@@ -68,7 +68,7 @@ def written_sums(sums: Mapping[str, str]) -> bytes:
 
 
 def listed_sums(listing: Path, files: Sequence[Path]) -> list[str]:
-    """What `listing` has for each file, or frame of a video.
+    """Reads the checksums of a listing, for files or frames of a video.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def listed_sums(listing: Path, files: Sequence[Path]) -> list[str]:
 
 
 def require_sum(path: Path, wanted: str, found: str) -> None:
-    """See that a file has the sum that is listed for it.
+    """Refuses a file whose checksum is not the one listed for it.
 
     Raises
     ------

@@ -68,7 +68,7 @@ class Cinema:
         return (self.path,)
 
     def make(self, orders: Sequence[Order], job: Job, console: Console) -> None:
-        """Make it, if it is not there yet.
+        """Makes the MXF, unless it is there.
 
         Parameters
         ----------
@@ -110,7 +110,7 @@ class Cinema:
         console.say(f"-> {self.path} (24 frames a second, {told}, without sound)")
 
     def _wrapped(self, orders: Sequence[Order], temporary: Path) -> int:
-        """Let asdcp-wrap make `temporary`; how many eyes there are is returned."""
+        """Wraps the frames as `temporary` by asdcp-wrap; returns the number of eyes."""
         eyes = len(orders[0].output)
         for order in orders:
             for path in order.output:
@@ -140,7 +140,7 @@ class Cinema:
 
 
 def becoming(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films | Cinema | None]:
-    """How the frames of a show are written, and what they become together, if that is asked for.
+    """Returns how frames are written, and the MXF that they become, if one is asked for.
 
     Raises
     ------

@@ -49,7 +49,7 @@ class Clients:
         self._own = folder / f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}.json"
 
     def enter_alone(self) -> bool:
-        """Have the lock alone, if nobody else has it."""
+        """Takes the lock alone, if it is free."""
         if not self._take(fcntl.LOCK_EX):
             return False
         for left in self._folder.glob("*.json"):  # of commands that were killed
@@ -57,7 +57,7 @@ class Clients:
         return True
 
     def share(self) -> None:
-        """Have the lock with others, and tell them who has it.
+        """Shares the lock with others, and leaves a note who has it.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Clients:
         write_whole(self._own, json.dumps(who).encode())
 
     def others(self) -> str:
-        """Who else works there, for a person; "" if nobody tells."""
+        """Names the other commands in the folder, for a person; "" if they are unknown."""
         here, found = socket.gethostname(), []
         for place in sorted(self._folder.glob("*.json")):
             with suppress(OSError, ValueError, LookupError, TypeError):
@@ -87,7 +87,7 @@ class Clients:
         return "; ".join(found)
 
     def leave(self) -> None:
-        """Let go of the lock."""
+        """Releases the lock."""
         with suppress(OSError):
             self._own.unlink(missing_ok=True)
         os.close(self._lock)

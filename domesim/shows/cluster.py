@@ -51,7 +51,7 @@ def in_cluster(
     tell: Callable[[str], None],
     task: Callable[[Order], Finished | Failed] | None = None,
 ) -> None:
-    """Do each frame, in whatever order they end; none is begun after one that is hopeless.
+    """Does all frames, in any order; begins none after one that fails for all.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def _serve(
     begin: Callable[[Order], None],
     end: Callable[[Order, Finished | Failed], None],
 ) -> None:
-    """Hand out frames to whoever is free, and hear of the next that ends, if one does soon."""
+    """Hands out frames to free workers, and waits a little for one to end."""
     try:
         while desk.waiting and len(desk.running) < hall.places():
             begin(desk.hand_out())
@@ -157,7 +157,7 @@ def _within(limit: float | None) -> Iterator[None]:
 @final
 @dataclass(frozen=True)
 class _Given:
-    """A frame that was handed out, and when, s."""
+    """A frame that was handed out, and the time, s."""
 
     order: Order
     future: Future
@@ -167,7 +167,7 @@ class _Given:
 @final
 @dataclass(frozen=True)
 class _Heard:
-    """How a frame has ended; None if it was let go of, and waits again."""
+    """Outcome of a frame; None if its worker was lost, and it waits again."""
 
     order: Order
     outcome: Finished | Failed | None
@@ -175,7 +175,7 @@ class _Heard:
 
 @final
 class _Desk:
-    """Hands out frames, and hears of their ends.
+    """Hands out frames, and collects their outcomes.
 
     Attributes
     ----------
@@ -203,7 +203,7 @@ class _Desk:
         self._ended.put("")
 
     def hand_out(self) -> Order:
-        """The next one."""
+        """Hands out the next frame."""
         order = self.waiting.pop()
         needed = dict(self._crew.resources) or None
         future = self._client.submit(self._task, order, pure=False, resources=needed)
@@ -250,7 +250,7 @@ class _Desk:
         return _Heard(given.order, outcome)
 
     def _outcome(self, given: _Given) -> Finished | Failed | None:
-        """What became of a frame; None if the scheduler let go of it.
+        """Outcome of a frame; None if the scheduler has lost it.
 
         Raises
         ------
@@ -272,7 +272,7 @@ class _Desk:
         return Failed(f"{given.order.moment[0]}: {told}")
 
     def _death(self, given: _Given, error: Any) -> str:
-        """What workers died of."""
+        """Why workers died."""
         deaths, limit = error.allowed_failures + 1, self._crew.limit
         if limit is not None and time.monotonic() - given.time >= deaths * limit:
             return (
@@ -322,7 +322,7 @@ class _Hall:
         return sum(all(each.get(name, 0) >= least for name, least in needed) for each in there)
 
     def end_silent(self, late: set[str]) -> None:
-        """End workers that have frames whose time is up, and that nobody hears of any more."""
+        """Ends workers that do not answer and whose frames' time is up."""
         now, heard, before = time.monotonic(), {}, self._heard
         if late:
             workers = self._client.scheduler_info(n_workers=-1)["workers"]

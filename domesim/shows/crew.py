@@ -65,7 +65,7 @@ class Crew:
 
 @contextmanager
 def client_of(crew: Crew, tell: Callable[[str], None]) -> Iterator[Client]:
-    """Who hands work to a crew, whose own workers end with it; `tell` is told of differences.
+    """Opens a client of a crew; workers of its own end with it; calls `tell` of differences.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def _own_workers(crew: Crew) -> Iterator[Client]:
 
 
 def _require_handles(workers: int) -> None:
-    """See that there are file handles for so many, which are waited for in vain otherwise."""
+    """Refuses more workers than there are file handles for: they would wait forever."""
     needed = _HANDLES * (workers + _HANDLES)
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard != resource.RLIM_INFINITY and hard < needed:
@@ -146,7 +146,7 @@ def _require_handles(workers: int) -> None:
 
 
 def _require_locks() -> None:
-    """See that there can be the locks that each of them has."""
+    """Refuses workers whose locks the system cannot make."""
     try:
         with ignored():  # by the process that looks after them, and ends with the command
             get_context("spawn").Lock()
@@ -155,7 +155,7 @@ def _require_locks() -> None:
 
 
 def _end_workers() -> None:
-    """End those that have not ended when they were asked to: Python would wait for them."""
+    """Ends workers that did not end when asked: Python would wait for them."""
     for process in active_children():
         if process.name.startswith("Dask Worker"):
             process.kill()
@@ -168,7 +168,7 @@ def _close(cluster: Any) -> None:
 
 
 def _cause(error: BaseException) -> str:
-    """What went wrong first."""
+    """First cause of an error."""
     while error.__cause__ is not None:
         error = error.__cause__
     return (reason(error) if isinstance(error, OSError) else joined(str(error))) or "no answer"

@@ -1,4 +1,4 @@
-"""What a show will take: a few of its frames are done, and thrown away.
+"""Estimate of a show's cost: a few frames are done, and thrown away.
 
 So is what a run makes of all its frames when they are done: a page about one of the worst, and a
 video. Both are made by the command itself, one after the other.
@@ -51,13 +51,13 @@ class _Cost:
 @final
 @dataclass
 class _Tried:
-    """Frames that were done, as they ended; and why others were not."""
+    """Outcomes of the frames that were tried."""
 
     frames: dict[Order, Finished] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
 
     def end(self, order: Order, outcome: Finished | Failed) -> None:
-        """One has ended."""
+        """Takes the outcome of a frame."""
         if isinstance(outcome, Finished):
             self.frames[order] = outcome
         else:

@@ -62,7 +62,7 @@ class Films:
     sounds: tuple[Path | None, ...]
 
     def make(self, orders: Sequence[Order], job: Job, console: Console) -> None:
-        """Make those that are not there yet.
+        """Makes the videos that are not there.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class Films:
         colour: ColourTag,
         start: Callable[[str], None],
     ) -> list[str]:
-        """Make one of frames; what it lacks is returned, for a person.
+        """Makes a video of frames; returns what it lacks, for a person.
 
         Parameters
         ----------
@@ -159,7 +159,7 @@ class Films:
 def _read(
     frames: Mapping[Path, str], colour: ColourTag, start: Callable[[str], None]
 ) -> Iterator[Frame]:
-    """Each, if it still is as it was written: minutes or hours may lie between."""
+    """Reads frames again, and refuses those that have changed since they were written."""
     for path, digest in frames.items():
         start(path.name)
         if sha256(path) != digest:

@@ -1,4 +1,4 @@
-"""A job: what is kept of the frames that are done, so that a run that was killed goes on.
+"""A job: records of finished frames, by which a run that was killed goes on.
 
 Beside the results, a folder ``job`` holds ``settings.json``, all that results depend on; and for
 each frame a record, written after its result: its figures, the SHA-256 of master, result and
@@ -43,7 +43,7 @@ _PACKAGES = ("domesim", "numpy", "scipy", "openimageio", "distributed", "numba",
 @final
 @dataclass(frozen=True)
 class Record:
-    """What is kept of a frame that is done.
+    """Record of a finished frame.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class Job:
     def kept(
         self, moment: Sequence[Path], output: Sequence[Path], sums: Sequence[str] = ()
     ) -> Record | str:
-        """The record of a frame that is done; else why it is done again, "" if it is new.
+        """Returns the record of a finished frame; else why it is done again, "" if it is new.
 
         If there are `sums`, its master must have had them.
 
@@ -126,7 +126,7 @@ class Job:
         return "its result is not as it was written"
 
     def _unchanged(self, path: Path, known: list[Any]) -> bool:
-        """Whether a master is as it was: by its size and time, or else its content."""
+        """Whether a master is unchanged: by size and time, or else by content."""
         size, changed = _state(path)
         if size != known[0]:
             return False
@@ -141,12 +141,12 @@ class Job:
         return _video_content(video, size, changed, self.folder / f"{video.name}.{mark[:8]}.sha256")
 
     def record(self, output: Sequence[Path]) -> Record | None:
-        """What is kept of the frame whose result is `output`; None if there is nothing whole."""
+        """Returns the record of the frame whose result is `output`; None if none is whole."""
         record = self._read(output)
         return None if isinstance(record, str) else record
 
     def _read(self, output: Sequence[Path]) -> Record | str:
-        """What is kept of a frame; else why not, "" if nothing was."""
+        """Returns the record of a frame; else why it is not used, "" if there is none."""
         try:
             return Record(**read_sealed(self._place(output)))
         except FileNotFoundError:
@@ -155,7 +155,7 @@ class Job:
             return "its record is damaged"
 
     def require_settings(self) -> None:
-        """See that the folder has the job's settings still.
+        """Refuses a folder whose settings have changed.
 
         Raises
         ------
@@ -237,7 +237,7 @@ class Job:
 def open_job(
     out: Path, settings: dict[str, Any], *, mixed: bool = False, anew: bool = False
 ) -> Iterator[Job]:
-    """The job whose results go to the folder `out`; it is made if there is none.
+    """Opens the job whose results go to the folder `out`, or makes it.
 
     Until it is left, no other command can change its settings.
 
@@ -370,7 +370,7 @@ def _video_content(video: Path, size: int, changed: int, place: Path) -> str:
 
 
 def _difference(before: str, settings: dict[str, Any]) -> str:
-    """What settings differ in, for a person: ``method: subtractive there, perceptual now``."""
+    """Difference of settings, for a person: ``method: subtractive there, perceptual now``."""
     try:
         there = json.loads(before)
     except ValueError:

@@ -1,4 +1,4 @@
-"""The page about a job: how far it is while it runs, and then which frames are worst.
+"""The page about a job: its progress, and its worst frames.
 
 It is written anew every few seconds, whole, and asks the browser to load it again until the run has
 ended. Beside it lie all figures as a table: ``frames.csv``, and ``frames.parquet`` where pyarrow is
@@ -101,7 +101,7 @@ class Report:
         self._new = 0
 
     def add(self, order: Order, outcome: Finished | Failed) -> None:
-        """A frame has ended."""
+        """Adds a frame that has ended."""
         self._outcomes[order.output[0].name] = outcome
         self._unchecked.discard(order.output[0].name)
         self._new += not (isinstance(outcome, Finished) and outcome.kept)
@@ -110,7 +110,7 @@ class Report:
                 self._write("running")
 
     def interrupt(self) -> None:
-        """The run ends before all frames are done."""
+        """Marks the run as ended early."""
         with suppress(InputError):  # the run's end is told already
             self._end("stopped")
 
@@ -242,7 +242,7 @@ class Report:
         return quote(os.path.relpath(path, self._job.folder), errors="surrogateescape")
 
     def _judged(self, figures: Mapping[str, Any]) -> Judged | None:
-        """What the recipe says of a frame; nothing of one that another version has recorded."""
+        """Returns the recipe's verdict on a frame; none on one of another version."""
         with suppress(LookupError, TypeError):
             return self._recipe.judged(figures)
         return None

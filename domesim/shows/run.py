@@ -90,7 +90,7 @@ class Running:
 @final
 @dataclass
 class Done:
-    """What became of a show.
+    """Outcome of a show.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class Done:
     films: tuple[Path, ...] = ()
 
     def add_report(self, report: Report) -> None:
-        """Write it; that it cannot be is a failure."""
+        """Writes the report; failing to do so is a failure of the show."""
         try:
             self.report = report.finish()
         except InputError as error:
@@ -270,7 +270,7 @@ def _by_record(orders: list[Order], job: Job | None) -> tuple[list[Order], list[
 def _do(
     orders: list[Order], crew: Crew | None, telling: _Telling, console: Console, what: str
 ) -> None:
-    """Do them, beside a progress bar."""
+    """Does the frames, beside a progress bar."""
     if orders:
         with console.progress(what, len(orders)) as start:
             do_all(orders, crew, start, telling.end, console)
@@ -312,7 +312,7 @@ def pages_of(running: Running, count: int) -> int:
 
 
 def _compare(orders: list[Order], recipe: Recipe, console: Console) -> list[str]:
-    """Write the pages of the worst frames; why some could not be."""
+    """Writes the pages of the worst frames; returns why some could not be written."""
     failed = []
     with console.progress("comparing", len(orders)) as start:
         for order in orders:
@@ -327,7 +327,7 @@ def _compare(orders: list[Order], recipe: Recipe, console: Console) -> list[str]
 
 
 def write_page(order: Order, page: Path) -> str:
-    """Write the page about one frame; why it cannot be is told, and is no reason to end."""
+    """Writes the page about one frame; a failure is printed, and ends nothing."""
     try:
         order.recipe.compare(order.show.read(order.moment, repair=True), page)
     except (InputError, OSError, MemoryError) as error:
@@ -390,7 +390,7 @@ def do_all(
 
 
 def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
-    """Who does a show's frames; None for the command itself.
+    """Returns the crew of a show; None if the command itself does the frames.
 
     Raises
     ------
@@ -424,13 +424,13 @@ def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:
 
 
 def _room(recipe: Recipe, show: Show) -> int:
-    """How many frames memory has room for at once; at least one."""
+    """Number of frames that fit in memory at once; at least one."""
     need = needed_memory(recipe, show)
     return cores() if need is None else max(1, int(_SPARE * free_memory() / need))
 
 
 def _tell_size(show: Show, recipe: Recipe, console: Console) -> None:
-    """Say so if a frame needs more memory than there is; it may yet go well."""
+    """Warns if a frame needs more memory than is free."""
     need, free = needed_memory(recipe, show), free_memory()
     if need is not None and need > free:
         console.say(
@@ -440,7 +440,7 @@ def _tell_size(show: Show, recipe: Recipe, console: Console) -> None:
 
 
 def needed_memory(recipe: Recipe, show: Show) -> int | None:
-    """Bytes that a worker needs, about, by the header of a frame; None if none can be read."""
+    """Estimates the bytes that a worker needs by a frame's header; None if none is readable."""
     for moment in show.moments[:3]:
         with suppress(InputError):
             return recipe.memory(*size_of(moment[0]))
@@ -448,7 +448,7 @@ def needed_memory(recipe: Recipe, show: Show) -> int | None:
 
 
 def free_memory() -> int:
-    """Memory that can be had, bytes: what is free, as far as this process may have it."""
+    """Returns the memory that this process can still take, bytes."""
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     left = inf if limit == resource.RLIM_INFINITY else limit - psutil.Process().memory_info().vms
     return max(0, int(min(psutil.virtual_memory().available, limit_of_group(), left)))
@@ -464,7 +464,7 @@ def _told(crew: Crew) -> str:
 def _settings(
     show: Show, folder: Path, output: Files, recipe: Recipe, writing: Writing
 ) -> dict[str, Any]:
-    """All that results depend on, and whose they are."""
+    """Returns the settings that results depend on."""
     colour = show.colour
     return {
         **recipe.settings(),
@@ -492,7 +492,7 @@ class _Telling:
         self._lock = threading.Lock()
 
     def end(self, order: Order, outcome: Finished | Failed) -> None:
-        """One frame."""
+        """Takes the outcome of one frame."""
         with self._lock:
             self._ended[order] = outcome
             if self._report is not None:
@@ -544,7 +544,7 @@ class _Telling:
         return done
 
     def interrupted(self, job: Job, running: Running) -> None:
-        """The run ends before all are."""
+        """Sums up a run that ends early."""
         if self._report is not None:
             self._report.interrupt()
         count = sum(job.recorded(order.output for order in self._orders))

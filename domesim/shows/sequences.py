@@ -129,7 +129,7 @@ def ranges_of(numbers: Iterable[int]) -> str:
 
 
 def source_of(pattern: Path) -> Path:
-    """What `pattern` means, however it is spelt: ``show.#.exr`` for ``show.####.exr``."""
+    """Normalises `pattern`: ``show.#.exr`` for ``show.####.exr``."""
     sequence = _numbered(pattern)
     if sequence is None or pattern.is_file():
         return pattern
@@ -296,7 +296,7 @@ _Kind = Literal["file", "folder", "nothing", "device or pipe"]
 
 
 def _kind(path: Path) -> _Kind:
-    """What there is at `path`."""
+    """Returns what kind of thing `path` is."""
     try:
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -410,7 +410,7 @@ def _is_a_folder(folder: Path) -> InputError:
 
 
 def _entries(folder: Path, path: Path) -> list[Path]:
-    """What is in a folder, by name."""
+    """Lists a folder by name."""
     try:
         return sorted(folder.iterdir())
     except OSError as error:

@@ -61,7 +61,7 @@ class Show:
     sums: tuple[tuple[str, ...], ...] = ()
 
     def listed_in(self, listing: Path | None) -> Show:
-        """The same, whose masters must have the sums of a file; as it is for None.
+        """Returns the show with checksums to be checked; unchanged for None.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class Show:
         return replace(self, moments=tuple(self.moments[k] for k in chosen), sums=sums)
 
     def read(self, moment: tuple[Path, ...], *, repair: bool, known: Sequence[str] = ()) -> Master:
-        """One of its masters, whose SHA-256 may be `known`.
+        """Reads one of the masters, whose SHA-256 may be `known`.
 
         Raises
         ------

@@ -27,13 +27,13 @@ _GAP = 4
 
 
 def thinned(light: Light) -> Light:
-    """Every so many rows and columns of (view, row, col, primary): enough for a small picture."""
+    """Takes every n-th row and column of (view, row, col, primary), for a small picture."""
     step = max(1, max(light.shape[1:3]) // (_FINER * SIDE))
     return light[:, ::step, ::step]
 
 
 def small_of(folder: Path, output: str) -> Path:
-    """Where the small picture of a result is."""
+    """Path of a result's small picture."""
     return folder / FOLDER / f"{output}.png"
 
 

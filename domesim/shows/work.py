@@ -1,4 +1,4 @@
-"""What is done to each frame of a show, wherever it is done: read, solve, write, and keep a record.
+"""Work on one frame of a show: read, solve, write, keep a record.
 
 Whoever does it (`alone`, `cluster`) only decides where and when. A mistake is handed on as a
 `Failed`, so that the other frames go on.
@@ -57,7 +57,7 @@ class Write(Protocol):
         """Write it."""
 
     def stored(self) -> Master:
-        """What was written, as others read it who know its encoding; once, for it is large."""
+        """Reads back what was written; can be called once, for it is large."""
 
     def beside(self, files: Sequence[Path]) -> None:
         """Other files that belong to the result have been written."""
@@ -121,7 +121,7 @@ class Column:
 @final
 @dataclass(frozen=True)
 class Judged:
-    """What a report says of a frame.
+    """Verdict of a report on a frame.
 
     Parameters
     ----------
@@ -167,14 +167,14 @@ class Recipe(ABC):
         """Bytes that a worker needs for frames of that size, about."""
 
     def resources(self) -> dict[str, float]:
-        """What a worker must have besides cores, by Dask's names: ``{"GPU": 1}``."""
+        """Resources of a worker besides cores, by Dask's names: ``{"GPU": 1}``."""
         return {}
 
     small = ""
     """What the small pictures of a report are, in words; "" without any."""
 
     def judged(self, figures: Mapping[str, Any]) -> Judged | None:
-        """What to say of a frame with these figures; None for nothing."""
+        """Returns the verdict on a frame with these figures; None for none."""
         return None
 
     def options(self, writing: Writing) -> dict[str, str]:
@@ -495,7 +495,7 @@ class _Writer:
 
 
 def _maker() -> dict[str, Any]:
-    """Fields of `Finished` about this process; memory is in bytes."""
+    """Returns the fields of `Finished` about this process; memory is in bytes."""
     return {
         "host": socket.gethostname(),
         "pid": os.getpid(),
@@ -505,7 +505,7 @@ def _maker() -> dict[str, Any]:
 
 
 def program_of(recipe: Recipe) -> str:
-    """What frames are done with: the version of domesim, and of its code and the recipe's.
+    """Returns the version of domesim, and digests of its code and the recipe's.
 
     The code counts, because a version's number need not change with it.
     """
@@ -526,7 +526,7 @@ def code_of(*packages: str) -> str:
 
 
 def _require_program(job: Job, recipe: Recipe) -> None:
-    """See that a worker has the program that the job is done with."""
+    """Refuses a worker that has another version of the program."""
     ours = program_of(recipe)
     if ours != job.program:
         raise InputError(
@@ -537,7 +537,7 @@ def _require_program(job: Job, recipe: Recipe) -> None:
 
 @contextmanager
 def _caught(order: Order) -> Iterator[list[Failed]]:
-    """A mistake, or a fault of our own, becomes a `Failed` in the list."""
+    """Turns a mistake, or a fault of the program, into a `Failed` in the list."""
     failed: list[Failed] = []
     try:
         with about(order.moment[0]):

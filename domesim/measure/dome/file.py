@@ -197,7 +197,7 @@ class SurveyFile(Section):
 @final
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a survey file asks for, with all that it names.
+    """A survey file, with the files that it names.
 
     Attributes
     ----------

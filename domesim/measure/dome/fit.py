@@ -123,7 +123,7 @@ class Meter:
 @final
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What was seen.
+    """The data of a fit.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ class Evidence:
 @final
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What the photographs tell.
+    """Albedos, gain and ambient light that were fitted, with their errors.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ class Survey:
 
     @property
     def complete(self) -> bool:
-        """Whether everything is answered."""
+        """Whether the data determine all figures."""
         return bool(self.answered.all())
 
     @property
@@ -300,7 +300,7 @@ class _Problem:
 
     @property
     def rows(self) -> int:
-        """How many residuals are of data."""
+        """Number of residuals of data."""
         return int(self._evidence.value.size)
 
     @property
@@ -412,7 +412,7 @@ class _Problem:
         return found
 
     def told(self, found: OptimizeResult, noise: float, *, profile: bool) -> Survey:
-        """The answers, and which they are not."""
+        """The fitted figures, and which of them the data leave open."""
         x, jacobian = found.x, found.jac
         covariance = _inverse(jacobian, self._scales())
         spread = np.sqrt(np.diag(covariance))
