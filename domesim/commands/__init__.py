@@ -55,16 +55,16 @@ def build(arguments: Sequence[str] | None = None) -> typer.Typer:
     named = any(entry.name == first for entry in entries)
     for entry in entries:
         if arguments is not None and (named or first in _ITS_OWN) and entry.name != first:
-            told = None if named else _help_of(entry)
-            app.command(entry.name, help=told, short_help=_first(told))(lambda: None)
+            help_text = None if named else _help_of(entry)
+            app.command(entry.name, help=help_text, short_help=_first(help_text))(lambda: None)
             continue
-        found = entry.load()
-        if isinstance(found, typer.Typer):  # a command with subcommands of its own
-            for each in found.registered_commands:
+        loaded = entry.load()
+        if isinstance(loaded, typer.Typer):  # a command with subcommands of its own
+            for each in loaded.registered_commands:
                 each.short_help = _first(inspect.getdoc(each.callback))
-            app.add_typer(found, name=entry.name, short_help=_first(_help_of(entry)))
+            app.add_typer(loaded, name=entry.name, short_help=_first(_help_of(entry)))
         else:
-            app.command(entry.name, short_help=_first(found.__doc__))(found)
+            app.command(entry.name, short_help=_first(loaded.__doc__))(loaded)
     app.callback(help=app.info.help)(_common)
     return app
 
@@ -87,9 +87,9 @@ def _common(version: _Version = False) -> None:
     """Take the options of the command itself; with one subcommand alone typer drops its name."""
 
 
-def _first(told: str | None) -> str | None:
+def _first(text: str | None) -> str | None:
     """The first paragraph of a help text, which typer would cut off in a list of commands."""
-    return None if told is None else " ".join(told.split("\n\n")[0].split())
+    return None if text is None else " ".join(text.split("\n\n")[0].split())
 
 
 def _help_of(entry: EntryPoint) -> str | None:
@@ -102,8 +102,8 @@ def _help_of(entry: EntryPoint) -> str | None:
             return ast.get_docstring(node)
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == entry.attr:
             call = node.value
-            given = {each.arg: each.value for each in getattr(call, "keywords", ())}
-            return ast.literal_eval(given["help"]) if "help" in given else None
+            keywords = {each.arg: each.value for each in getattr(call, "keywords", ())}
+            return ast.literal_eval(keywords["help"]) if "help" in keywords else None
     return None
 
 
@@ -119,9 +119,9 @@ def run() -> None:
         try:
             sys.exit(command(standalone_mode=False, prog_name="domesim"))
         except _UsageError as error:
-            told = io.StringIO()
-            error.show(told)
-            print(*map(shown, told.getvalue().splitlines()), sep="\n", file=sys.stderr)
+            printed = io.StringIO()
+            error.show(printed)
+            print(*map(shown, printed.getvalue().splitlines()), sep="\n", file=sys.stderr)
             sys.exit(error.exit_code)
         finally:
             gc.unfreeze()

@@ -41,7 +41,7 @@ def _section(command: Any, path: str) -> str:
     """A command: what it does, how it is called, and a row for each argument and option."""
     context = typer.Context(command, info_name=path)
     records = (each.get_help_record(context) for each in command.get_params(context))
-    rows = [f"| `{names}` | {_plain(told)} |" for names, told in filter(None, records)]
+    rows = [f"| `{names}` | {_plain(help_text)} |" for names, help_text in filter(None, records)]
     usage = command.get_usage(context).removeprefix("Usage: ")
     lines = [f"## {path}", "", command.help or "", "", "```", " ".join(usage.split()), "```", ""]
     return "\n".join([*lines, "| | |", "| --- | --- |", *rows, ""])

@@ -238,8 +238,8 @@ def grey_to_grey(
     _say_where(console, out, room)
     assumed = [*(["primaries"] if primaries is None else []), *room.assumed]
     eyes = {table.eye: _of_table(table) for table in (left, right)}
-    told = {"levels": _plain(levels), "to_left": _plain(extra[0]), "to_right": _plain(extra[1])}
-    figures = {"readings": str(readings), "eyes": eyes, "table": told}
+    arrays = {"levels": _plain(levels), "to_left": _plain(extra[0]), "to_right": _plain(extra[1])}
+    figures = {"readings": str(readings), "eyes": eyes, "table": arrays}
     finish(console, {"output": str(out), "assumed": assumed, **figures}, [])
 
 
@@ -455,8 +455,8 @@ def dome(
         raise InputError(f"--residual {residual}: is stored as .png, name it so")
     known = dict(_held(text) for text in hold or ())
     if without_geometry:
-        for option, given in (("--hold", hold), ("--residual", residual)):
-            if given:
+        for option, value in (("--hold", hold), ("--residual", residual)):
+            if value:
                 raise InputError(f"{option} is of albedos; leave it out, or --without-geometry")
         _dome_without_geometry(survey, out, console)
         return
@@ -465,22 +465,22 @@ def dome(
         if path is not None:
             prepare_file(path, instead_of=survey)
     with about(survey):
-        cells, found = surveyed(task, known)
-    for line in lines_of(task, found):
+        cells, fit = surveyed(task, known)
+    for line in lines_of(task, fit):
         console.say(line)
     if residual is not None:
         if cells is None:
             raise InputError(f"--residual {residual}: readings have no picture; leave it out")
-        write_whole(residual, _png(residual_picture(cells, found)))
+        write_whole(residual, _png(residual_picture(cells, fit)))
         console.say(f"  -> {residual}")
-    figures = {"survey": str(survey), **figures_of(found)}
-    if not found.complete:
+    figures = {"survey": str(survey), **figures_of(fit)}
+    if not fit.complete:
         complain(
             f"{survey}: not everything is determined, so no scene was written; photograph more "
             f"patterns and the floor, or hold what is known (--hold floor=0.1)"
         )
         finish(console, {"output": None, **figures}, [str(survey)])
-    text = measured_scene(task, found, out.stem, survey)
+    text = measured_scene(task, fit, out.stem, survey)
     scene = scene_of_text(text, str(out), out.parent)
     write_whole(out, text.encode())
     console.say(f"{scene.facts()['Measured']}\n  -> {out}")
@@ -503,19 +503,19 @@ def _dome_without_geometry(survey: Path, out: Path, console: Console) -> None:
     for path in (out, transport):
         prepare_file(path, instead_of=survey)
     with about(survey):
-        found = surveyed_alone(task)
-    for line in lines_of(task, found):
+        fit = surveyed_alone(task)
+    for line in lines_of(task, fit):
         console.say(line)
-    text = measured_scene(task, found, out.stem, survey)
+    text = measured_scene(task, fit, out.stem, survey)
     scene = scene_of_text(text, str(out), out.parent)
     assert isinstance(scene, DomeScene)
-    stored(found, scene, survey).save(transport)
+    stored(fit, scene, survey).save(transport)
     write_whole(out, text.encode())
     console.say(
         f"  -> {out}, {transport}",
         f"Use them: domesim compensate MASTER --scene {out} --transport {transport}",
     )
-    figures = {"survey": str(survey), **figures_of(found)}
+    figures = {"survey": str(survey), **figures_of(fit)}
     finish(console, {"output": str(out), "transport": str(transport), **figures}, [])
 
 
@@ -680,7 +680,7 @@ class _Room:
 def _room(
     width: float | None, height: float | None, distance: float | None, adaptation: float | None
 ) -> _Room:
-    given = {"width": width, "height": height, "distance": distance, "adaptation": adaptation}
+    stated = {"width": width, "height": height, "distance": distance, "adaptation": adaptation}
     wide = _length("--width", WIDTH if width is None else width)
     high = _length("--height", round(wide * 9 / 16, 9) if height is None else height)
     away = _length("--distance", DISTANCE if distance is None else distance)
@@ -688,7 +688,7 @@ def _room(
     if not 1e-6 <= adapted <= 1e6:
         raise InputError(f"--adaptation must be 1e-06 to 1e+06 cd/m², got {adapted:g}")
     return _Room(
-        wide, high, away, adapted, [name for name, value in given.items() if value is None]
+        wide, high, away, adapted, [name for name, value in stated.items() if value is None]
     )
 
 

@@ -83,14 +83,14 @@ def patterns(
     if scene is not None and stereo:
         raise InputError(f"--scene {scene} is for --dome: a 3D screen's patterns need none")
     shape = Dome(1.0, np.pi / 2) if scene is None else load_dome(scene).dome
-    found = dome_patterns(shape, codes, levels) if dome else stereo_patterns(codes, levels)
+    made = dome_patterns(shape, codes, levels) if dome else stereo_patterns(codes, levels)
     folders = (out,) if dome else tuple(out / eye for eye in EYES)
     for folder in folders:
         prepare(folder)
     areas = shape.screen_areas(rows, cols) if dome else np.ones((rows, cols))
     listed = []
-    with console.progress("drawing", len(found)) as start:
-        for number, pattern in enumerate(found, 1):
+    with console.progress("drawing", len(made)) as start:
+        for number, pattern in enumerate(made, 1):
             start(pattern.name)
             files = [folder / f"{number:04d}_{pattern.name}{suffix}" for folder in folders]
             listed.append(
@@ -106,17 +106,17 @@ def patterns(
         tuple(listed),
     )  # fmt: skip
     written = facts.write(out)
-    write_whole(out / PAGE, page(found, facts).encode())
+    write_whole(out / PAGE, page(made, facts).encode())
     for name, table in tables(facts).items():
         write_whole(out / name, table.encode())
-    count = len(found) * len(folders)
+    count = len(made) * len(folders)
     console.say(
-        f"{len(found)} patterns, {count} files of {cols} x {rows} pixels, {codes.bits} bit"
+        f"{len(made)} patterns, {count} files of {cols} x {rows} pixels, {codes.bits} bit"
         f"{' float' if codes.floating else ''}, {colour.transfer}\n  -> {out}",
         f"Print this first: {out / PAGE}",
     )
     names = {"list": str(written), "page": str(out / PAGE), "tables": [*tables(facts)]}
-    finish(console, {"output": str(out), **names, "patterns": len(found), "files": count}, [])
+    finish(console, {"output": str(out), **names, "patterns": len(made), "files": count}, [])
 
 
 def _written(
@@ -149,8 +149,12 @@ def _written(
 
 
 def _write(view: Pixels, path: Path, pattern: Pattern, codes: Codes, colour: ColourTag) -> None:
-    told = ("ImageDescription", "string", f"domesim test pattern {pattern.name}: {pattern.lit}")
-    header = Header(attributes=(told,), colour=colour)
+    description = (
+        "ImageDescription",
+        "string",
+        f"domesim test pattern {pattern.name}: {pattern.lit}",
+    )
+    header = Header(attributes=(description,), colour=colour)
     frame = Frame(view, path, colour, codes.bits, floating=codes.floating, header=header)
     write_frame(frame, path, bits=codes.bits)
 
@@ -168,11 +172,11 @@ def _placed(marker: dict[str, float], dome: Dome, size: int) -> dict[str, float]
 
 def _size(text: str | None, usual: str, *, square: bool) -> tuple[int, int]:
     """Rows and cols."""
-    found = re.fullmatch(r"(\d{1,6})" if square else r"(\d{1,6})x(\d{1,6})", text or usual)
-    if found is None:
+    match = re.fullmatch(r"(\d{1,6})" if square else r"(\d{1,6})x(\d{1,6})", text or usual)
+    if match is None:
         wanted = "a number of pixels" if square else "width x height"
         raise InputError(f"--size must be {wanted}, such as {usual}, got {text!r}")
-    cols, rows = int(found[1]), int(found[1 if square else 2])
+    cols, rows = int(match[1]), int(match[1 if square else 2])
     for side in (cols, rows):
         if side % 2 or not _LEAST <= side <= LARGEST_SIDE:
             raise InputError(

@@ -192,17 +192,17 @@ def _outputs(scene: DomeScene, view: str, out: Path) -> list[Path]:
     return [out.with_name(f"{out.stem}_{eye}{out.suffix}") for eye in "LR"]
 
 
-def _masters(scene: DomeScene, given: Sequence[Path] | None) -> list[Path]:
+def _masters(scene: DomeScene, paths: Sequence[Path] | None) -> list[Path]:
     """One master a view."""
-    if not given:
+    if not paths:
         bundled = Path(str(resources.files("scenes").joinpath("masters", "night.exr")))
         return [bundled] * scene.views
-    if len(given) != scene.views:
+    if len(paths) != scene.views:
         raise InputError(
             f"--master: wanted {'one domemaster' if scene.views == 1 else 'left, then right'} for "
-            f"{scene.name}, got {len(given)}: --master {' --master '.join(map(str, given))}"
+            f"{scene.name}, got {len(paths)}: --master {' --master '.join(map(str, paths))}"
         )
-    return list(given)
+    return list(paths)
 
 
 def tabulate(
@@ -253,7 +253,7 @@ def tabulate(
     console.say(traced_by())
     provenance = {"scene": theatre.name, "digest": theatre.digest}
     with console.share("tabulating") as progress:
-        found = traced(
+        tabulation = traced(
             theatre.theatre,
             error=error,
             most=walks,
@@ -262,30 +262,30 @@ def tabulate(
             provenance=provenance,
             progress=progress,
         )
-    found.transport.save(out)
-    gain = found.transport.mean_gain()
+    tabulation.transport.save(out)
+    gain = tabulation.transport.mean_gain()
     closed = _closed_gain(theatre)
     figures: dict[str, Any] = {
         "scene": theatre.name,
         "output": str(out),
-        "status": found.status.value,
-        "walks": found.walks,
-        "cpu_s": found.seconds,
-        "relative_error": found.transport.relative_error(),
+        "status": tabulation.status.value,
+        "walks": tabulation.walks,
+        "cpu_s": tabulation.seconds,
+        "relative_error": tabulation.transport.relative_error(),
         "mean_gain": gain.tolist(),
         "closed_form_gain": closed.tolist(),
-        "rank": found.transport.rank,
-        "reduced_rank": found.transport.reduced(1e-3).rank,
+        "rank": tabulation.transport.rank,
+        "reduced_rank": tabulation.transport.reduced(1e-3).rank,
     }
     console.say(
         f"{theatre.name}: a white picture's reflected light is {_per_primary(gain)} of its direct "
         f"light (closed form of the bare screen: {_per_primary(closed)})",
-        f"standard error {percent(figures['relative_error'])} of it after {found.walks:,.0f} "
-        f"paths, {found.seconds:.0f} CPU-s. {found.status.value}",
+        f"standard error {percent(figures['relative_error'])} of it after {tabulation.walks:,.0f} "
+        f"paths, {tabulation.seconds:.0f} CPU-s. {tabulation.status.value}",
     )
-    interrupted = found.status is Status.INTERRUPTED
+    interrupted = tabulation.status is Status.INTERRUPTED
     if check and not interrupted:
-        figures["second_opinion"] = _second_opinion(theatre, found, console)
+        figures["second_opinion"] = _second_opinion(theatre, tabulation, console)
     console.say(
         f"  -> {out}", f"Use it: domesim compensate MASTER --scene {scene} --transport {out}"
     )
@@ -295,13 +295,13 @@ def tabulate(
 def _require_no_dome_options(
     scene: StereoScene, error: float, walks: float, degree: int, *, check: bool
 ) -> None:
-    given = {
+    changed = {
         "--error": error != _ERROR,
         "--walks": walks != _WALKS,
         "--degree": degree != _DEGREE,
         "--no-check": not check,
     }
-    named = " and ".join(option for option, is_given in given.items() if is_given)
+    named = " and ".join(option for option, is_given in changed.items() if is_given)
     if named:
         raise InputError(f"{named}: for domes, {scene.name} is a stereo system; leave it out")
 
@@ -325,19 +325,19 @@ def _tabulate_crosstalk(
                 progress((before + done) / len(scene.seats), seat)
 
             weights = scene.projector.luminance_weights
-            found = luminance_map(
+            traced = luminance_map(
                 scene.theatre, weights, seat, *MAP_CELLS, seed=seed, progress=report
             )
-            maps.append(found)
+            maps.append(traced)
             estimate = scene.seats[seat].share
             assert estimate is not None
             middle = tuple(cells // 2 for cells in MAP_CELLS)
             figures = {
-                "mean": float(found.share.mean()),
-                "middle": float(found.share[(0, *middle)]),
-                "middle_standard_error": float(found.standard_error[(0, *middle)]),
-                "largest": float(found.share.max()),
-                "off_the_estimate": float(np.max(np.abs(found.share / estimate - 1))),
+                "mean": float(traced.share.mean()),
+                "middle": float(traced.share[(0, *middle)]),
+                "middle_standard_error": float(traced.standard_error[(0, *middle)]),
+                "largest": float(traced.share.max()),
+                "off_the_estimate": float(np.max(np.abs(traced.share / estimate - 1))),
             }
             rows.append({"seat": seat, **figures})
             console.say(
@@ -356,8 +356,8 @@ def _tabulate_crosstalk(
     }
     stored = CrosstalkMaps(
         tuple(scene.seats),
-        np.stack([found.share for found in maps]),
-        np.stack([found.standard_error for found in maps]),
+        np.stack([traced.share for traced in maps]),
+        np.stack([traced.standard_error for traced in maps]),
         provenance,
     )
     stored.save(out)
@@ -401,13 +401,15 @@ def _closed_gain(scene: DomeScene) -> NDArray[np.float64]:
     return np.array([bare_gain(rho, scene.dome) for rho in scene.albedo])
 
 
-def _second_opinion(scene: DomeScene, found: Tabulation, console: Console) -> dict[str, Any] | None:
+def _second_opinion(
+    scene: DomeScene, first_opinion: Tabulation, console: Console
+) -> dict[str, Any] | None:
     """The mean light by the other method: radiosity, or walks where radiosity was the first."""
     from domesim.observation.radiosity import radiosity  # noqa: PLC0415
     from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
 
     theatre, method = replace(scene.theatre, lamps=()), "radiosity"
-    if found.walks == 0:
+    if first_opinion.walks == 0:
         method = "path tracing"
         other = traced(theatre, error=1e-3, most=1e8, explicit=False).transport
     else:
@@ -417,7 +419,7 @@ def _second_opinion(scene: DomeScene, found: Tabulation, console: Console) -> di
             known, _, _ = str(reason).partition(";")  # its way out is what has just been done
             console.say(f"No second opinion: {known}")
             return None
-    gain, first = other.mean_gain(), found.transport.mean_gain()
+    gain, first = other.mean_gain(), first_opinion.transport.mean_gain()
     # Of a black primary there is nothing to compare.
     apart = float(np.max(np.abs(gain - first) / np.maximum(first, 1e-30)))
     console.say(f"Second opinion: {method} finds {_per_primary(gain)}, {apart:.2%} apart")

@@ -61,31 +61,31 @@ def check(
 ) -> None:
     """List all mistakes of a scene file, and the places that no projector reaches."""
     console = Console(quiet=quiet, json=json)
-    found = load_scene(scene)
-    console.say(*(f"{heading}: {text}" for heading, text in found.facts().items()))
-    figures: dict[str, Any] = {"scene": found.name, "facts": found.facts()}
-    if not isinstance(found, DomeScene):
+    theatre = load_scene(scene)
+    console.say(*(f"{heading}: {text}" for heading, text in theatre.facts().items()))
+    figures: dict[str, Any] = {"scene": theatre.name, "facts": theatre.facts()}
+    if not isinstance(theatre, DomeScene):
         if out is not None:
             raise InputError(f"--out {out}: {scene} has a flat screen; leave --out out")
-        assert isinstance(found, FlatScene)
-        if found.way is not None:
-            told = contrast(found)
-            console.say(*told.lines())
-            figures |= told.figures()
+        assert isinstance(theatre, FlatScene)
+        if theatre.way is not None:
+            measured = contrast(theatre)
+            console.say(*measured.lines())
+            figures |= measured.figures()
         console.figures(figures)
         return
     if out is not None:
         if out.suffix.lower() != ".png":
             raise InputError(f"--out {out}: the picture is a .png, name it so")
         prepare_file(out)
-    lit = coverage(found.theatre, lightmaps.SIZE)
-    light = photometry(found.one_eye, lightmaps.SIZE) if lit.whole else None
-    figures |= _told(found, lit, light, console)
+    lit = coverage(theatre.theatre, lightmaps.SIZE)
+    light = photometry(theatre.one_eye, lightmaps.SIZE) if lit.whole else None
+    figures |= _told(theatre, lit, light, console)
     if out is not None:
         write_whole(out, lightmaps.picture(lit, light))
         console.say(f"  -> {out}")
     console.figures(figures)
-    require_covered(found, scene, out)
+    require_covered(theatre, scene, out)
 
 
 def _told(

@@ -128,17 +128,17 @@ def export_projectors(
     chosen = None if size is None else _SIZE.fullmatch(size.lower())
     if size is not None and (chosen is None or max(int(chosen[1]), int(chosen[2])) > 16384):
         raise InputError(f"--size {size!r}: name columns and rows up to 16384, such as 1920x1200")
-    found = load_dome(scene)
+    theatre = load_dome(scene)
     prepare_file(out)
     pixels = None if chosen is None else (int(chosen[1]), int(chosen[2]))
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
     try:
-        content = written_mpcdi(found.dome, found.theatre.lenses, pixels, date)
+        content = written_mpcdi(theatre.dome, theatre.theatre.lenses, pixels, date)
     except InputError as error:
         raise InputError(f"{scene}: {error}") from None
     write_whole(out, content)
     regions = read_mpcdi(out)
-    sums = blend_sums(found.dome, [region.lens for region in regions])
+    sums = blend_sums(theatre.dome, [region.lens for region in regions])
     console.say(
         *(f"{each.name}: {each.size[0]} x {each.size[1]} px" for each in regions),
         *_told_sums(sums),
@@ -158,8 +158,8 @@ def _screen(
     regions: tuple[Region, ...], file: Path, console: Console
 ) -> tuple[tuple[float, float, float], float | None]:
     """Centre and radius of the sphere that pixels land on; the origin and None if nobody says."""
-    found = [region.points.reshape(-1, 3) for region in regions if region.points is not None]
-    points = np.concatenate(found) if found else np.zeros((0, 3))
+    clouds = [region.points.reshape(-1, 3) for region in regions if region.points is not None]
+    points = np.concatenate(clouds) if clouds else np.zeros((0, 3))
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 4:
         console.say("The file does not say where light lands: the dome is that of --like")

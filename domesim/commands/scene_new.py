@@ -130,23 +130,23 @@ def new(
     On a terminal, with a name alone, it asks. Each figure gets a unit, a comment and a source.
     """
     console = Console(quiet=quiet, json=json)
-    told = {
+    options = {
         "radius": radius, "tilt": tilt, "half_angle": half_angle, "projectors": projectors,
         "layout": layout, "seats": seats, "albedo": albedo, "gain": gain,
         "perforation": perforation, "white": white, "lumens": lumens, "width": width,
         "height": height, "distance": distance, "system": system,
     }  # fmt: skip
-    given = {key: value for key, value in told.items() if value is not None}
+    chosen = {key: value for key, value in options.items() if value is not None}
     file = _file(name)
-    if not given and sys.stdin.isatty() and not (quiet or json):
+    if not chosen and sys.stdin.isatty() and not (quiet or json):
         wish = _asked(console, kind)
     else:
-        wish = _wish(kind, given)
+        wish = _wish(kind, chosen)
     prepare_file(file)
     text = _text(wish, file.stem)
     scene = scene_of_text(text, str(file), file.parent)
     write_whole(file, text.encode())
-    console.say(*(f"{heading}: {told}" for heading, told in scene.facts().items()))
+    console.say(*(f"{heading}: {options}" for heading, options in scene.facts().items()))
     lenses = scene.theatre.lenses if isinstance(scene, DomeScene) else ()
     if lenses:
         console.say(
@@ -183,25 +183,25 @@ def _shape(lens: Lens) -> str:
     return f"across, {shape}{', upright' if lens.aspect < 1 else ''}"
 
 
-def _wish(kind: str, given: dict[str, Any]) -> Wish:
+def _wish(kind: str, options: dict[str, Any]) -> Wish:
     """The wish that the command's options state, by their names."""
     kinds = {"dome": (DomeWish, "radius"), "stereo": (StereoWish, "width")}
     if kind not in kinds:
         raise InputError(f"--kind {kind}: use dome or stereo")
     chosen, needed = kinds[kind]
     known = [each.name for each in fields(chosen)]
-    for key in given:
+    for key in options:
         if key not in known:
             option = f"--{key.replace('_', '-')}"
             raise InputError(f"{option}: is not for --kind {kind}; leave it out")
-    if needed not in given:
+    if needed not in options:
         raise InputError(
             f"--{needed}: is missing: how large is it, in m? On a terminal, with a name alone, "
             f"domesim asks"
         )
     if kind == "stereo":
-        return StereoWish(**{"system": "silver", **given})
-    taken = dict(given)
+        return StereoWish(**{"system": "silver", **options})
+    taken = dict(options)
     if "seats" in taken:
         taken["seats"] = _seats(taken["seats"])
     if "layout" in taken and taken["layout"] not in LAYOUTS:
@@ -210,10 +210,10 @@ def _wish(kind: str, given: dict[str, Any]) -> Wish:
 
 
 def _seats(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"\s*(\d{1,4})\s*[xX×]\s*(\d{1,4})\s*", text)
-    if not found:
+    match = re.fullmatch(r"\s*(\d{1,4})\s*[xX×]\s*(\d{1,4})\s*", text)
+    if not match:
         raise InputError(f"--seats {text}: wanted rows x seats in a row, such as 9x16")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 class _Question(NamedTuple):
@@ -254,20 +254,20 @@ _LEFT = ("tilt", "albedo", "perforation", "white")
 def _asked(console: Console, kind: str) -> Wish:
     """The wish that answers on the terminal state; a bad answer is asked for again."""
     console.say("Enter takes what stands in brackets.")
-    given: dict[str, Any] = {}
+    answers: dict[str, Any] = {}
     questions = list(_OF_A_SCREEN if kind == "stereo" else _OF_A_DOME)
     needed: dict[str, Any] = {"width": 10.0} if kind == "stereo" else {"radius": 7.5}
     while questions:
         key, text, proposed = questions.pop(0)
-        given[key] = typer.prompt(f"{text}?", default=proposed, type=type(proposed))
+        answers[key] = typer.prompt(f"{text}?", default=proposed, type=type(proposed))
         try:
-            _wish(kind, needed | given)
+            _wish(kind, needed | answers)
         except InputError as error:
             console.say(f"  {error}")
-            del given[key]
+            del answers[key]
             questions.insert(0, _Question(key, text, proposed))
-        if key == "projectors" and given.get(key, 1) > 1:
+        if key == "projectors" and answers.get(key, 1) > 1:
             questions.insert(0, _PLACE)
-        if key in _LEFT and given.get(key) == proposed:  # the draft's own choice, and told as one
-            del given[key]
-    return _wish(kind, given)
+        if key in _LEFT and answers.get(key) == proposed:  # the draft's own choice, and told as one
+            del answers[key]
+    return _wish(kind, answers)

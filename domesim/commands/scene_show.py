@@ -69,17 +69,17 @@ def show(
     console = Console(quiet=quiet, json=json)
     if out.suffix.lower() != ".html":
         raise InputError(f"--out {out}: the page is a .html, name it so")
-    found = SceneChoice(scene, transport).load()
+    theatre = SceneChoice(scene, transport).load()
     prepare_file(out)
-    if isinstance(found, DomeScene):
-        require_covered(found, scene)
-        content, figures = _dome(found.one_eye, console, cutaway=cutaway)
+    if isinstance(theatre, DomeScene):
+        require_covered(theatre, scene)
+        content, figures = _dome(theatre.one_eye, console, cutaway=cutaway)
     else:
-        assert isinstance(found, FlatScene)
-        content, figures = _flat(found)
-    write_whole(out, _page(found, content).encode())
+        assert isinstance(theatre, FlatScene)
+        content, figures = _flat(theatre)
+    write_whole(out, _page(theatre, content).encode())
     console.say(f"  -> {out}")
-    console.figures({"scene": found.name, "output": str(out)} | figures)
+    console.figures({"scene": theatre.name, "output": str(out)} | figures)
 
 
 class Row(NamedTuple):
@@ -210,7 +210,7 @@ def _dome_tables(
         Row("projectors", "Projectors", max(1, len(theatre.lenses)), "", ""),
         Row("seats", "Seats", len(theatre.seats), "", "that have room"),
     ]
-    told = light.figures()
+    figures = light.figures()
     names = {
         "white_direct_cd_m2": ("White, direct light", "cd/m²", "a small white patch, nearly"),
         "white_reflected_cd_m2": ("reflected light", "cd/m²", "what a white frame adds by itself"),
@@ -223,7 +223,7 @@ def _dome_tables(
         "white_unevenness": ("Unevenness of white", ": 1", "brightest over darkest place"),
         "lumens": ("Flux of white", "lm", "on the screen, all projectors"),
     }
-    rows = [Row(key, what, told[key], unit, why) for key, (what, unit, why) in names.items()]
+    rows = [Row(key, what, figures[key], unit, why) for key, (what, unit, why) in names.items()]
     pictures = [
         Row("picture_direct_cd_m2", "Night scene, direct", means["picture_direct_cd_m2"], "cd/m²",
             "mean over the screen"),
@@ -243,14 +243,14 @@ def _views(scene: DomeScene, seen: Light, places: Mapping[str, Viewpoint]) -> li
     from domesim.pathtrace.glance import glance  # noqa: PLC0415 - not for other commands
 
     light = np.asarray(scene.projector.to_display(seen)[0])
-    found = []
+    views = []
     for number, (name, place) in enumerate(places.items(), 1):
         view = glance(scene.theatre, light, place, _VIEW)
         x, y, z = place.position
         words = f"{view.screen_share:.0%} of the view is screen; eye at {x:.2f}, {y:.2f}, {z:.2f} m"
         title = name.replace("row", "row ").replace("-seat", ", seat ")
-        found.append(View(number, title, name, _jpeg(view.picture), words))
-    return found
+        views.append(View(number, title, name, _jpeg(view.picture), words))
+    return views
 
 
 def _cut_open(scene: DomeScene, master: Light, console: Console) -> str:
@@ -265,10 +265,10 @@ def _cut_open(scene: DomeScene, master: Light, console: Console) -> str:
 def _left_out(scene: DomeScene) -> dict[str, Any]:
     """What the observation of a theatre does not know, and what to do about it."""
     if scene.transport is not None:
-        told = scene.approximation
+        approximation = scene.approximation
         return {
             "by": "a stored transport of the whole theatre",
-            "reasons": [] if told is None else [told],
+            "reasons": [] if approximation is None else [approximation],
             "way": None,
         }
     return {
@@ -321,33 +321,33 @@ def _seats(scene: StereoScene) -> list[dict[str, Any]]:
     """Crosstalk at each seat, for the page."""
     seats = []
     for number, name in enumerate(scene.seats, 1):
-        found = ghost(scene, name)
-        mean, most = float(found.shares.mean()), float(found.shares.max())
+        crosstalk = ghost(scene, name)
+        mean, most = float(crosstalk.shares.mean()), float(crosstalk.shares.max())
         seats.append(
             {
                 "number": number,
                 "name": name,
                 "mean": mean,
                 "most": most,
-                "matrices": found.matrices.tolist(),
-                "maps": [_cells(eye, most) for eye in found.shares],
+                "matrices": crosstalk.matrices.tolist(),
+                "maps": [_cells(eye, most) for eye in crosstalk.shares],
             }
         )
     return seats
 
 
 def _contrast(scene: FlatScene) -> list[Row]:
-    found = contrast(scene)
-    told = found.figures()
+    measured = contrast(scene)
+    figures = measured.figures()
     parts = [
-        Row(f"ansi_black {name}", name, light, "cd/m²", f"{found.share(name):.0%} of that")
-        for name, light in found.parts.items()
+        Row(f"ansi_black {name}", name, light, "cd/m²", f"{measured.share(name):.0%} of that")
+        for name, light in measured.parts.items()
     ]
     return [
-        Row("sequential_contrast", "Sequential contrast", found.sequential, ": 1",
+        Row("sequential_contrast", "Sequential contrast", measured.sequential, ": 1",
             "a full white frame over a full black one"),
-        Row("ansi_contrast", "ANSI contrast", found.ansi, ": 1", "16 fields, in the room"),
-        *(Row(key, what, cast("float", told[key]), "cd/m²", "") for key, what in (
+        Row("ansi_contrast", "ANSI contrast", measured.ansi, ": 1", "16 fields, in the room"),
+        *(Row(key, what, cast("float", figures[key]), "cd/m²", "") for key, what in (
             ("ansi_white_cd_m2", "White fields"), ("ansi_black_cd_m2", "Black fields"))),
         *parts,
     ]  # fmt: skip

@@ -261,14 +261,14 @@ class Doing:
             self.frame_timeout,
         )
         if self.dry_run:
-            found = estimate(show, self.out, recipe, console, writing, running)
-            console.figures({**facts, "estimate": found})
+            estimated = estimate(show, self.out, recipe, console, writing, running)
+            console.figures({**facts, "estimate": estimated})
             return
         done = each_frame(
             show, self.out, recipe, console, what=what, writing=writing, running=running
         )
-        told = {} if summary is None else summary(done)
-        finish(console, {**facts, **told, **_told(done)}, done.failed)
+        summed = {} if summary is None else summary(done)
+        finish(console, {**facts, **summed, **_told(done)}, done.failed)
 
 
 def suffix_of(file_format: str | None) -> str | None:

@@ -39,11 +39,11 @@ def shown_over_black(frame: Frame) -> Frame:
     alpha = header.alpha
     if alpha is None or is_opaque(header.extra[alpha]):
         return frame
-    said = replace(header, notes=(*header.notes, "over black where its alpha lets it through"))
+    noted = replace(header, notes=(*header.notes, "over black where its alpha lets it through"))
     if not header.straight:
-        return replace(frame, header=said)
+        return replace(frame, header=noted)
     shown = over_black(frame.pixels, header.extra[alpha], frame.colour.transfer)
-    return replace(frame, pixels=shown, header=said)
+    return replace(frame, pixels=shown, header=noted)
 
 
 def over_black(codes: Codes, plane: NDArray[Any], curve: str) -> Codes:

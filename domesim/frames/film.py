@@ -132,9 +132,9 @@ def write_film(
         with suppress(OSError):
             temporary.unlink()
         if isinstance(error, OSError | av.FFmpegError):
-            told = reason(error) if isinstance(error, OSError) else one_line(str(error))
+            problem = reason(error) if isinstance(error, OSError) else one_line(str(error))
             raise InputError(
-                f"{path}: wanted to write it, got '{told}'. Free some space, or choose another "
+                f"{path}: wanted to write it, got '{problem}'. Free some space, or choose another "
                 f"folder; frames that are done stay"
             ) from error
         raise

@@ -47,10 +47,10 @@ def meaning_of(profile: bytes, chromaticities: Mapping[str, tuple[float, ...]]) 
     curves = [curve for curve in CURVES if np.abs(lightness - _expected(curve)).max() <= _CODES]
     if not curves:
         raise ValueError(f"ICC profile '{name}' with another tone curve")
-    found = [getattr(opened.profile, f"{primary}_primary") for primary in ("red", "green", "blue")]
-    if None in found:
+    tags = [getattr(opened.profile, f"{primary}_primary") for primary in ("red", "green", "blue")]
+    if None in tags:
         raise ValueError(f"ICC profile '{name}' without primaries")
-    columns = np.array([xyz for xyz, _ in found]).T
+    columns = np.array([xyz for xyz, _ in tags]).T
     for primaries, xy in chromaticities.items():
         if np.abs(columns - _adapted(xy)).max() <= _NEAR:
             return curves[0], primaries
@@ -66,9 +66,9 @@ def _lightness(profile: Any) -> NDArray[np.float64]:
     relative, exact = ImageCms.Intent.RELATIVE_COLORIMETRIC, ImageCms.Flags.NOOPTIMIZE
     transform = ImageCms.buildTransform(profile, lab, "RGB", "LAB", relative, exact)
     greys = np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 3, axis=2)
-    found = np.asarray(ImageCms.applyTransform(Image.fromarray(greys), transform))[0]
-    tint = np.abs(found[:, 1:].view(np.int8)).max()
-    return found[:, 0].astype(np.float64) if tint <= 2 else np.full(256, -np.inf)
+    converted = np.asarray(ImageCms.applyTransform(Image.fromarray(greys), transform))[0]
+    tint = np.abs(converted[:, 1:].view(np.int8)).max()
+    return converted[:, 0].astype(np.float64) if tint <= 2 else np.full(256, -np.inf)
 
 
 def _expected(curve: str) -> NDArray[np.float64]:

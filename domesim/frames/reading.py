@@ -125,14 +125,14 @@ def opened(path: Path, *, header: bool = False) -> Iterator[tuple[Any, Format]]:
     InputError
         If there is none, or not all of it, or it is of no known format.
     """
-    found = _examined(path, header=header)
-    reader = _reader_of(path, found)
+    form = _examined(path, header=header)
+    reader = _reader_of(path, form)
     try:
         name = reader.format_name()
         if name not in FORMATS:
             raise InputError(f"{path}: wanted {LABELS}, got {name}. Convert it to EXR or PNG.")
         # By its suffix OpenImageIO may take it for another than its first bytes say.
-        yield reader, found if found is not None and found.name == name else FORMATS[name]
+        yield reader, form if form is not None and form.name == name else FORMATS[name]
     finally:
         reader.close()
 
@@ -175,23 +175,23 @@ def _told(path: Path, form: Format, file: BinaryIO, *, header: bool) -> Format:
         ) from error
 
 
-def _reader_of(path: Path, found: Format | None) -> Any:
-    if found is not None and found.stored_anew is not None:
+def _reader_of(path: Path, form: Format | None) -> Any:
+    if form is not None and form.stored_anew is not None:
         with os.fdopen(os.memfd_create("stored-anew"), "rb+") as memory:
-            memory.write(found.stored_anew)
+            memory.write(form.stored_anew)
             memory.flush()
             # The reader has it open by itself.
-            return _open_at(path, f"/proc/self/fd/{memory.fileno()}", found)
+            return _open_at(path, f"/proc/self/fd/{memory.fileno()}", form)
     try:
         name = str(path).encode().decode()
     except UnicodeEncodeError:
         raise InputError(
             f"{path}: wanted a path in UTF-8, got other bytes. Rename the file or its folder."
         ) from None
-    return _open_at(path, name, found)
+    return _open_at(path, name, form)
 
 
-def _open_at(path: Path, name: str, found: Format | None) -> Any:
+def _open_at(path: Path, name: str, form: Format | None) -> Any:
     # Without UnassociatedAlpha, R, G, B of PNG and TIFF come multiplied by alpha.
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
@@ -199,8 +199,8 @@ def _open_at(path: Path, name: str, found: Format | None) -> Any:
     # An error that is not fetched is printed when the process ends.
     problem = problem_of(oiio)
     if reader is None:
-        if found is not None:
-            found.explain(path, problem)
+        if form is not None:
+            form.explain(path, problem)
         _refuse_video(path)
         raise InputError(
             f"{path}: wanted an image, got something that does not open as one "
@@ -311,16 +311,16 @@ def layout_of(
 
 
 def _colours(
-    path: Path, spec: Any, form: Format, given: ColourTag | None
+    path: Path, spec: Any, form: Format, overriding: ColourTag | None
 ) -> tuple[ColourTag, ColourTag | None]:
     """What code values mean; and what the file says of that, None if it is not supported."""
-    if given is None:
+    if overriding is None:
         stated = form.colour(path, spec)
         return stated, stated
     try:
-        return given, form.colour(path, spec)
+        return overriding, form.colour(path, spec)
     except InputError:
-        return given, None
+        return overriding, None
 
 
 def _pixel_notes(path: Path, spec: Any, form: Format) -> tuple[str, ...]:
@@ -414,9 +414,9 @@ def _find_rgb(path: Path, model: str, channels: tuple[str, ...], view: str) -> t
     # OpenImageIO turns others into an RGB of its own making.
     if model not in ("", "RGB", "YCbCr", "palette"):
         raise InputError(f"{path}: wanted channels R, G, B, got {model}. Convert it to RGB.")
-    found = [[k for k, name in enumerate(channels) if name.lower() == wanted] for wanted in "rgb"]
-    if all(len(matches) == 1 for matches in found):
-        red, green, blue = (matches[0] for matches in found)
+    indices = [[k for k, name in enumerate(channels) if name.lower() == wanted] for wanted in "rgb"]
+    if all(len(matches) == 1 for matches in indices):
+        red, green, blue = (matches[0] for matches in indices)
         return red, green, blue
     grey = next((name for name in channels if name.upper() in ("Y", "L", "I")), None)
     way = "R=Y,G=Y,B=Y".replace("Y", grey) if grey else "R=...,G=...,B=..."

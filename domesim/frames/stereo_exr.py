@@ -180,7 +180,7 @@ def _read_views(
     left, right = _left_and_right(path, views)
     channels = channels_of(path, reader.spec())
     of_view = channels_by_view(channels, views)
-    missing = [view for view, found in zip(views, of_view, strict=True) if not found]
+    missing = [view for view, indices in zip(views, of_view, strict=True) if not indices]
     if missing:
         raise InputError(
             f"{path}: wanted channels of the views that multiView lists, got none of {missing[0]}. "
@@ -267,8 +267,8 @@ def _read_parts(
 def _picture(path: Path, specs: Sequence[Any], views: Sequence[str], side: str) -> int:
     """Which part has the picture of that side."""
     of_side = [index for index, view in enumerate(views) if view.casefold() == side]
-    found = [index for index in of_side if _has_picture(specs[index].channelnames)]
-    if len(found) != 1:
+    pictures = [index for index in of_side if _has_picture(specs[index].channelnames)]
+    if len(pictures) != 1:
         got = "; ".join(
             f"{one_line(specs[index].get_string_attribute('oiio:subimagename'))} with "
             f"{listed(specs[index].channelnames)}"
@@ -278,7 +278,7 @@ def _picture(path: Path, specs: Sequence[Any], views: Sequence[str], side: str) 
             f"{path}: wanted one part of view {side} with channels R, G, B, or Y alone, "
             f"got {got}. Keep one such part for each view."
         )
-    return found[0]
+    return pictures[0]
 
 
 def _has_picture(channels: Sequence[str]) -> bool:

@@ -229,8 +229,8 @@ def _refused(path: Path) -> Iterator[None]:
     try:
         yield
     except (av.FFmpegError, UnicodeError) as error:
-        told = error.strerror if isinstance(error, av.FFmpegError) else str(error)
-        got = f"one that does not decode ({one_line(told or '').lower()})"
+        problem = error.strerror if isinstance(error, av.FFmpegError) else str(error)
+        got = f"one that does not decode ({one_line(problem or '').lower()})"
         raise damaged(path, "video", got) from None
 
 
@@ -385,9 +385,9 @@ class _Decoder:
 
     def _begin(self) -> None:
         context = self.stream.codec_context
-        said = [self._container.metadata, *(each.metadata for each in self._container.streams)]
-        found = (each.get("timecode") or each.get("TIMECODE") for each in said)
-        self.timecode = next(filter(None, found), "")
+        metadata = [self._container.metadata, *(each.metadata for each in self._container.streams)]
+        timecodes = (each.get("timecode") or each.get("TIMECODE") for each in metadata)
+        self.timecode = next(filter(None, timecodes), "")
         # Before the decoder knows better, or worse: ProRes has tags of its own, often empty
         self.tags = _tags(context)
         self._step = _step(self.stream)
@@ -418,31 +418,31 @@ class _Decoder:
         ahead = None if before is None else (wanted - before) / self._step
         with _refused(path):
             if ahead is not None and 0.5 < ahead < 0.5 + (1 if self._only_keys else _AHEAD):
-                found = self._reached(wanted)
+                decoded = self._reached(wanted)
             else:
-                found = self._sought(wanted)
-        if found is None or abs(found.pts - wanted) >= self._step / 2:
+                decoded = self._sought(wanted)
+        if decoded is None or abs(decoded.pts - wanted) >= self._step / 2:
             raise damaged(path, "video", "no frame of that number")
         self._at = wanted
-        return found
+        return decoded
 
     def _pair_of(self, path: Path) -> list[Any]:
         """Left and right, which follow each other: the container counts and seeks them as one."""
         number = _number(path)
-        before, found = self._pair
+        before, pair = self._pair
         if number == before:
-            return found
+            return pair
         self._pair = (0, [])
         place = floor(self.stream.start_time + (number - 1) * self._step)
         skipped, sought = 0, number != before + 1 or not before
         with _refused(path):
             if sought and not self._seek(place):
                 skipped, place = 2 * (number - 1), place + number - 1
-            found = list(islice(self._frames, skipped, skipped + 2))
-        if len(found) < 2 or (sought and found[0].pts != place):
+            pair = list(islice(self._frames, skipped, skipped + 2))
+        if len(pair) < 2 or (sought and pair[0].pts != place):
             raise damaged(path, "video", "no frame of that number")
-        self._pair = number, found
-        return found
+        self._pair = number, pair
+        return pair
 
     def _seek(self, place: int) -> bool:
         """Go on from there, or from the first frame where FFmpeg cannot: it takes some MXFs for a
@@ -537,12 +537,12 @@ def _decoder(*state: *tuple[Path, int, int]) -> _Decoder:
     with _choosing:
         if not _decoders:
             KEPT_OPEN.callback(_close_all)
-        found = _decoders.pop(state, None) or _Decoder(state[0])
-        _decoders[state] = found
+        decoder = _decoders.pop(state, None) or _Decoder(state[0])
+        _decoders[state] = decoder
         surplus = [_decoders.pop(each) for each in [*_decoders][:-_KEPT]]
     for each in surplus:
         each.close()
-    return found
+    return decoder
 
 
 def _close_all() -> None:
@@ -616,8 +616,8 @@ _TURNS = {
 
 def _shown(path: Path, metadata: Mapping[str, str], decoded: Any) -> tuple[int, Eyes | None]:
     """How a frame is turned when it is shown, and how two views are packed in it."""
-    told = {each.type.name: bytes(each) for each in decoded.side_data}
-    matrix = np.frombuffer(told.get("DISPLAYMATRIX", b""), np.int32)
+    side_data = {each.type.name: bytes(each) for each in decoded.side_data}
+    matrix = np.frombuffer(side_data.get("DISPLAYMATRIX", b""), np.int32)
     orientation: int | None = UPRIGHT
     if matrix.size:
         orientation = _TURNS.get(tuple((matrix[[0, 1, 3, 4]] / _ONE).tolist()))
@@ -628,7 +628,7 @@ def _shown(path: Path, metadata: Mapping[str, str], decoded: Any) -> tuple[int, 
             "upright."
         )
     try:
-        return orientation, of_video(told.get("STEREO3D"), metadata.get("stereo_mode", ""))
+        return orientation, of_video(side_data.get("STEREO3D"), metadata.get("stereo_mode", ""))
     except ValueError as error:
         raise InputError(
             f"{path}: wanted views side by side or one above the other, got {error}. Export it so."

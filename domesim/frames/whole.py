@@ -38,8 +38,8 @@ def temporary_of(path: Path) -> Path:
 def sweep(folder: Path) -> None:
     """Remove what processes of this machine that are gone left half-written in `folder`."""
     for path in folder.glob(".*.tmp-*"):
-        found = _TEMPORARY.search(path.name)
-        if found and found[1] == _machine() and not psutil.pid_exists(int(found[2])):
+        match = _TEMPORARY.search(path.name)
+        if match and match[1] == _machine() and not psutil.pid_exists(int(match[2])):
             with suppress(OSError):
                 path.unlink()
 

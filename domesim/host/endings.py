@@ -75,12 +75,12 @@ def _instead(handler: Any, *usual: Any) -> Iterator[None]:
     """Replaces the handlers of those signals that have a usual one."""
     before: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():
-        before = {each: found for each in ENDINGS if (found := signal.getsignal(each)) in usual}
+        before = {each: former for each in ENDINGS if (former := signal.getsignal(each)) in usual}
     for each in before:
         signal.signal(each, handler)
     try:
         yield
     finally:
-        for each, found in before.items():
+        for each, former in before.items():
             if signal.getsignal(each) in (handler, signal.default_int_handler):
-                signal.signal(each, found)
+                signal.signal(each, former)

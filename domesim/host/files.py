@@ -25,15 +25,15 @@ def size_of_plain(path: Path, largest: int) -> int:
     OSError
         If there is none.
     """
-    found = path.stat()
-    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+    status = path.stat()
+    if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
         raise InputError(f"{path}: wanted a file, got a device or pipe. Save it as a file first.")
-    if found.st_size > largest:
+    if status.st_size > largest:
         raise InputError(
-            f"{path}: wanted a file of at most {largest >> 20} MiB, got {found.st_size >> 20}. "
+            f"{path}: wanted a file of at most {largest >> 20} MiB, got {status.st_size >> 20}. "
             f"It is probably another one: check the path."
         )
-    return found.st_size
+    return status.st_size
 
 
 def read_plain(path: Path, largest: int = LARGEST) -> bytes:

@@ -151,8 +151,10 @@ def _boards() -> Floats:
 def _seen(scene: FlatScene, pictures: Floats) -> Floats:
     """(picture, row, col) luminance of grey pictures, mean over the eyes, cd/m²."""
     observation, weights = scene.observation(*pictures.shape[1:]), scene.projector.luminance_weights
-    found = []
+    luminances = []
     for picture in pictures:
         light = np.broadcast_to(picture[None, :, :, None], observation.shape).copy()
-        found.append((observation.observe(light) @ weights).mean(axis=0) * scene.projector.white)
-    return np.stack(found)
+        luminances.append(
+            (observation.observe(light) @ weights).mean(axis=0) * scene.projector.white
+        )
+    return np.stack(luminances)

@@ -133,12 +133,12 @@ def require_covered(scene: DomeScene, name: str, drawn: Path | None = None) -> N
     """
     if not scene.theatre.lenses:
         return
-    found = coverage(scene.theatre)
-    if found.whole:
+    lit = coverage(scene.theatre)
+    if lit.whole:
         return
     see = f"domesim scene check {shlex.quote(name)} --out holes.png"
     raise InputError(
-        f"{name}: projectors leave {found.dark:.1%} of the screen dark: {'; '.join(found.told())}. "
+        f"{name}: projectors leave {lit.dark:.1%} of the screen dark: {'; '.join(lit.told())}. "
         f"Widen their fields, aim them elsewhere or add projectors. "
         f"{f'See {see}' if drawn is None else f'See {drawn}'}"
     )

@@ -112,12 +112,12 @@ def _disc(figure: Any, number: int, parts: int, title: str, values: NDArray[np.f
     return axes.imshow(values, interpolation="none", cmap="viridis", vmin=low, vmax=high)
 
 
-def _scale(figure: Any, number: int, parts: int, shown: Any, told: str) -> None:
+def _scale(figure: Any, number: int, parts: int, shown: Any, label: str) -> None:
     axes = _axes(figure, number, parts, 40, 66, SIZE - 80, 14)
     bar = figure.colorbar(shown, cax=axes, orientation="horizontal")
     bar.outline.set_edgecolor(_INK)
     bar.ax.locator_params(nbins=4)
-    bar.set_label(told, color=_INK, fontsize=12)
+    bar.set_label(label, color=_INK, fontsize=12)
     axes.tick_params(color=_INK, labelcolor=_INK, labelsize=12)
 
 

@@ -57,11 +57,11 @@ def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: st
     ValueError
         If it is not a real floating array with four axes, or has another shape.
     """
-    found = tuple(getattr(light, "shape", ()))
-    if shape is not None and found != shape:
-        raise ValueError(f"{who} takes (view, row, col, primary) = {shape}, got {found}")
-    if len(found) != len(AXES):
-        raise ValueError(f"{who} takes axes (view, row, col, primary), got shape {found}")
+    sizes = tuple(getattr(light, "shape", ()))
+    if shape is not None and sizes != shape:
+        raise ValueError(f"{who} takes (view, row, col, primary) = {shape}, got {sizes}")
+    if len(sizes) != len(AXES):
+        raise ValueError(f"{who} takes axes (view, row, col, primary), got shape {sizes}")
     if not namespace(light).isdtype(light.dtype, "real floating"):
         raise ValueError(f"{who} takes float32 or float64 light, got {light.dtype}")
 

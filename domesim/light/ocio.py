@@ -46,14 +46,14 @@ def called(space: str, option: str) -> str:
         that can be converted both ways.
     """
     config = _config(option)
-    found = config.getColorSpace(space)
-    if found is None or found.isData():
+    known = config.getColorSpace(space)
+    if known is None or known.isData():
         names = ", ".join(each.getName() for each in config.getColorSpaces() if not each.isData())
         raise InputError(
             f"{option} {PREFIX}{space}: the configuration in $OCIO has no such space of colours; "
             f"use one of: {names}"
         )
-    return f"{PREFIX}{found.getName()}#{Space(config, found.getName()).digest}"
+    return f"{PREFIX}{known.getName()}#{Space(config, known.getName()).digest}"
 
 
 def spoken(name: str) -> str:

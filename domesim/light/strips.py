@@ -46,7 +46,7 @@ def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T
     ]
     if len(places) == 1 or threading.current_thread().name.startswith(_NAME):
         return [work(*place) for place in places]
-    found: dict[int, T] = {}
+    results: dict[int, T] = {}
     errors: dict[int, BaseException] = {}
     next_ones = iter(range(len(places)))
 
@@ -55,7 +55,7 @@ def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T
             if errors:
                 return
             try:
-                found[k] = work(*places[k])
+                results[k] = work(*places[k])
             except BaseException as error:
                 errors[k] = error
 
@@ -63,7 +63,7 @@ def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T
         each.result()
     if errors:
         raise errors[min(errors)]
-    return [found[k] for k in range(len(places))]
+    return [results[k] for k in range(len(places))]
 
 
 def is_large(plane: object) -> bool:
@@ -85,13 +85,13 @@ def converted(picture: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
     """Converts (row, col, ...) to another type by all threads: NumPy's half is slow."""
     if picture.dtype == kind:
         return picture
-    found = np.empty(picture.shape, kind)
+    result = np.empty(picture.shape, kind)
 
     def convert(_: int, rows: slice) -> None:
-        found[rows] = picture[rows]
+        result[rows] = picture[rows]
 
     in_strips(convert, (1, *picture.shape))
-    return found
+    return result
 
 
 def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: object) -> list[T]:
@@ -103,8 +103,8 @@ def in_parts(work: Callable[[int, slice], T], shape: tuple[int, ...], computes: 
 
 def threads() -> int:
     """Number of threads to use: ``OMP_NUM_THREADS`` or the number of cores, if that is less."""
-    given = os.environ.get("OMP_NUM_THREADS", "")
-    return min(int(given), cores()) if given.isdecimal() and int(given) else cores()
+    wanted = os.environ.get("OMP_NUM_THREADS", "")
+    return min(int(wanted), cores()) if wanted.isdecimal() and int(wanted) else cores()
 
 
 @cache

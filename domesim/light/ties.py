@@ -29,11 +29,11 @@ def ascending(values: ArrayLike, within: float | None = None) -> NDArray[np.intp
     -------
     (value,) indices.
     """
-    given = np.asarray(values, np.float64)
+    numbers = np.asarray(values, np.float64)
     if within is None:
-        within = ROUNDING * float(np.abs(given[np.isfinite(given)]).max(initial=0.0))
-    order = np.argsort(given, kind="stable")
-    ordered = given[order]
+        within = ROUNDING * float(np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0))
+    order = np.argsort(numbers, kind="stable")
+    ordered = numbers[order]
     with np.errstate(invalid="ignore"):  # infinities less each other
         ranks = np.cumsum(np.diff(ordered, prepend=ordered[:1]) > within)
     return np.asarray(order[np.lexsort((order, ranks))])

@@ -101,8 +101,8 @@ class CrosstalkMap:
         if np.ptp(np.diag(self.matrix)) > 0 or np.count_nonzero(self.matrix) > 3:
             for name, row, errors in zip("RGB", self.matrix, self.matrix_error, strict=True):
                 cells = zip("RGB", row, errors, strict=True)
-                told = ", ".join(f"{n} {value:.2%} ± {error:.2%}" for n, value, error in cells)
-                lines.append(f"  own {name} sees of the other's {told}")
+                entries = ", ".join(f"{n} {value:.2%} ± {error:.2%}" for n, value, error in cells)
+                lines.append(f"  own {name} sees of the other's {entries}")
         return [*lines, *(f"  {note}" for note in self.notes)]
 
 

@@ -102,16 +102,16 @@ def _side(light: Floats, start: Floats, end: Floats, reach: float) -> _Side | No
     free = np.full(len(first), np.inf)
     least, most = -free, free.copy()
     least[3], most[3] = 0.1, _WIDEST_BLUR
-    found = least_squares(off, first, bounds=(least, most))
-    variance = 2 * found.cost / max(1, len(seen) - len(first))
-    height = found.x[5]
-    shift = abs(found.x[0]) + abs(found.x[1])
-    if not found.success or height < _LEAST_STEP * np.sqrt(variance) or shift > reach / 2:
+    solution = least_squares(off, first, bounds=(least, most))
+    variance = 2 * solution.cost / max(1, len(seen) - len(first))
+    height = solution.x[5]
+    shift = abs(solution.x[0]) + abs(solution.x[1])
+    if not solution.success or height < _LEAST_STEP * np.sqrt(variance) or shift > reach / 2:
         return None
-    jacobian = np.asarray(found.jac, np.float64)
+    jacobian = np.asarray(solution.jac, np.float64)
     # Pixels on both sides of an edge tell all parameters: no singular value is lost in rounding
     spread = np.asarray(np.linalg.pinv(jacobian.T @ jacobian) * variance, np.float64)
-    return _Side(found.x[:2], spread[:2, :2], float(found.x[2]))
+    return _Side(solution.x[:2], spread[:2, :2], float(solution.x[2]))
 
 
 def _crossings(at: Floats, lines: Floats) -> Floats:

@@ -246,11 +246,11 @@ def read_photographs(path: Path) -> Photographs:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"] if not str(part).startswith("_"))
         raise InputError(f"{path}: {where}: {first['msg'].lower()}") from None
-    told = file.photographs
-    reader = _Reader(path.parent, told.encoding, told.saturation)
+    listed = file.photographs
+    reader = _Reader(path.parent, listed.encoding, listed.saturation)
     glasses = []
     for eye in EYES:
-        section: _Glass = getattr(told, eye)
+        section: _Glass = getattr(listed, eye)
         black = reader.mean(section.black)
         shown = {name: _channels(path, eye, name, getattr(section, name)) for name in EYES}
         if set(shown["left"]) != set(shown["right"]):
@@ -265,8 +265,8 @@ def read_photographs(path: Path) -> Photographs:
         }
         glasses.append(Glass(eye, net))
     assert reader.size is not None
-    corners = _corners(path, told, reader.size)
-    if told.corners is not None and told.corners_error is None:
+    corners = _corners(path, listed, reader.size)
+    if listed.corners is not None and listed.corners_error is None:
         corners = by_edges(glasses, corners)
     rows, cols = reader.size
     place = corners.places(*np.meshgrid(np.arange(cols) + 0.5, np.arange(rows) + 0.5))
@@ -300,8 +300,8 @@ def by_edges(glasses: Sequence[Glass], stated: Corners) -> Corners:
         Where corners are within 4 pixels or so.
     """
     whites = np.array([glass.white(glass.eye) for glass in glasses], np.float64)
-    found = found_corners(whites.sum(axis=(0, -1)), stated.at)
-    return stated if found is None else Corners(*found, "by the picture's edges")
+    corners = found_corners(whites.sum(axis=(0, -1)), stated.at)
+    return stated if corners is None else Corners(*corners, "by the picture's edges")
 
 
 def on_screen(place: Floats) -> NDArray[np.bool_]:
@@ -309,21 +309,21 @@ def on_screen(place: Floats) -> NDArray[np.bool_]:
     return np.asarray(((place >= 0) & (place < 1)).all(axis=-1))
 
 
-def _channels(path: Path, eye: str, projector: str, told: Files | _Colours) -> dict[str, Files]:
-    if not isinstance(told, _Colours):
-        return {"W": told}
-    given = {name: files for name, files in dict(told).items() if files is not None}
-    if not (set(_WHITE) <= set(given) or set(_PRIMARIES) <= set(given)):
+def _channels(path: Path, eye: str, projector: str, section: Files | _Colours) -> dict[str, Files]:
+    if not isinstance(section, _Colours):
+        return {"W": section}
+    listed = {name: files for name, files in dict(section).items() if files is not None}
+    if not (set(_WHITE) <= set(listed) or set(_PRIMARIES) <= set(listed)):
         raise InputError(
             f"{path}: photographs.{eye}.{projector} must have W, or R, G and B, got "
-            f"{', '.join(given) or 'nothing'}"
+            f"{', '.join(listed) or 'nothing'}"
         )
-    if set(given) & set(_PRIMARIES) and not set(_PRIMARIES) <= set(given):
+    if set(listed) & set(_PRIMARIES) and not set(_PRIMARIES) <= set(listed):
         raise InputError(
             f"{path}: photographs.{eye}.{projector} must have all of R, G and B, or none, got "
-            f"{', '.join(given)}"
+            f"{', '.join(listed)}"
         )
-    return given
+    return listed
 
 
 class _Reader:
@@ -354,10 +354,10 @@ class _Reader:
                 )
 
     def digest(self, path: Path) -> str:
-        found = hashlib.sha256(path.read_bytes())
+        digest = hashlib.sha256(path.read_bytes())
         for file in self._read:
-            found.update(hashlib.sha256(file.read_bytes()).digest())
-        return found.hexdigest()
+            digest.update(hashlib.sha256(file.read_bytes()).digest())
+        return digest.hexdigest()
 
     def _one(self, path: Path) -> Samples:
         frame = read_image(path, repair=False, signed=True, colour=self._colour)
@@ -389,20 +389,20 @@ class _Reader:
         return limit, np.asarray((frame.pixels >= _NEARLY * limit).any(axis=-1))
 
 
-def _corners(path: Path, told: _Photographs, size: tuple[int, int]) -> Corners:
+def _corners(path: Path, section: _Photographs, size: tuple[int, int]) -> Corners:
     """As they are stated, or those of the whole photograph."""
     rows, cols = size
     whole = [[0.0, 0.0], [cols, 0.0], [cols, rows], [0.0, rows]]
-    at = np.array(told.corners or whole, np.float64)
+    at = np.array(section.corners or whole, np.float64)
     edges = np.roll(at, -1, axis=0) - at
     if min(float(np.linalg.det(edges[[i - 1, i]])) for i in range(4)) <= 0:
         raise InputError(
             f"{path}: photographs.corners must be [col, row] of the top left, top right, bottom "
-            f"right and bottom left corner, got {told.corners}"
+            f"right and bottom left corner, got {section.corners}"
         )
-    error = told.corners_error
+    error = section.corners_error
     origin = "as stated"
-    if told.corners is None:
+    if section.corners is None:
         error, origin = CROPPED if error is None else error, "of the photograph"
     elif error is None:
         error, origin = READ_OFF, "as stated, for no edges are seen there"

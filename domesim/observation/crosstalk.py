@@ -230,24 +230,24 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
     ValueError
         If it has another shape.
     """
-    given = np.asarray(crosstalk, np.float64)
+    stated = np.asarray(crosstalk, np.float64)
     shapes = {
-        (): lambda: np.broadcast_to(given, (2, primaries)),
-        (2, 1): lambda: np.broadcast_to(given, (2, primaries)),
-        (primaries,): lambda: np.broadcast_to(given, (2, primaries)),
-        (2, primaries): lambda: given,
-        (primaries, primaries): lambda: np.broadcast_to(given, (2, primaries, primaries)),
-        (2, primaries, primaries): lambda: given,
+        (): lambda: np.broadcast_to(stated, (2, primaries)),
+        (2, 1): lambda: np.broadcast_to(stated, (2, primaries)),
+        (primaries,): lambda: np.broadcast_to(stated, (2, primaries)),
+        (2, primaries): lambda: stated,
+        (primaries, primaries): lambda: np.broadcast_to(stated, (2, primaries, primaries)),
+        (2, primaries, primaries): lambda: stated,
     }
-    if given.shape not in shapes:
+    if stated.shape not in shapes:
         raise ValueError(
             f"leak_matrices takes crosstalk of shape {', '.join(map(str, shapes))}, "
-            f"got {given.shape}"
+            f"got {stated.shape}"
         )
-    found = shapes[given.shape]()
-    if found.ndim == 2:
-        found = found[:, :, None] * np.eye(primaries)
-    return np.array(found)
+    matrices = shapes[stated.shape]()
+    if matrices.ndim == 2:
+        matrices = matrices[:, :, None] * np.eye(primaries)
+    return np.array(matrices)
 
 
 def leaks_to_both(to_left: object, to_right: object) -> NDArray[np.float64]:

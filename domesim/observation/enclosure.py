@@ -72,8 +72,8 @@ class Enclosure:
     @property
     def counts(self) -> dict[str, int]:
         """Number of elements of each kind."""
-        found = {"screen": len(self.points)}
-        return found | {sheet.name: len(sheet.areas) for sheet in self._sheets}
+        counts = {"screen": len(self.points)}
+        return counts | {sheet.name: len(sheet.areas) for sheet in self._sheets}
 
     @property
     def places(self) -> tuple[Floats, Floats]:
@@ -367,14 +367,14 @@ class Enclosure:
 
     @cached_property
     def _occluders(self) -> list[tuple[Callable[[Floats], Flags], Callable[..., Flags]]]:
-        found: list[tuple[Callable[[Floats], Flags], Callable[..., Flags]]] = [
+        occluders: list[tuple[Callable[[Floats], Flags], Callable[..., Flags]]] = [
             (self._outside_screen, self._meets_screen)
         ]
         if self.theatre.floor is not None:
-            found.append((self._under_floor, self._meets_floor))
+            occluders.append((self._under_floor, self._meets_floor))
         if self.theatre.wall is not None:
-            found.append((self._outside_wall, self._meets_wall))
-        return found
+            occluders.append((self._outside_wall, self._meets_wall))
+        return occluders
 
     def _outside_screen(self, points: Floats) -> Flags:
         return np.asarray(np.sum(points @ self._shape * points, -1) > 1 + _CLOSE)

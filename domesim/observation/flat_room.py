@@ -69,14 +69,14 @@ def room_observation(
     black
         Light that is there without a picture, 1 = projector white.
     """
-    found = _NOTHING if room is None else room_modes(room)
-    planes = _over_pixels(found.modes, rows, cols)
-    primaries = len(found.core)
+    modes = _NOTHING if room is None else room_modes(room)
+    planes = _over_pixels(modes.modes, rows, cols)
+    primaries = len(modes.core)
     ambient = np.broadcast_to(np.float32(black), (primaries, rows, cols))
     factors = LowRank(
         direct_gain=np.broadcast_to(1.0, (rows, cols)),
         spread=planes,
-        core=found.core / (rows * cols),
+        core=modes.core / (rows * cols),
         collect=planes,
         ambient=ambient,
     )
@@ -132,7 +132,7 @@ def _phi(room: FlatRoom, nodes: tuple[Floats, ...], share: Floats) -> Floats:
     joined = np.block([[flow, (own * a[:, None]).T], [own * a[:, None], np.zeros((len(a),) * 2)]])
     joined /= np.concatenate([areas, a])[:, None]
     once = np.concatenate([sent.T / areas[:, None], np.zeros((len(a), len(a)))])
-    found = []
+    rows = []
     for primary in range(albedos.shape[1]):
         rho = np.concatenate([albedos[:, primary], np.full(len(a), room.screen_albedo)])
         lit = rho[:, None] * once
@@ -140,8 +140,8 @@ def _phi(room: FlatRoom, nodes: tuple[Floats, ...], share: Floats) -> Floats:
         # What is reflected once is known by parts of patches
         back = fine * (rho[: len(areas)] * _PARTS**2 / areas)[:, None]
         first = back.reshape(len(points), -1) @ fine.reshape(len(points), -1).T
-        found.append(room.gain * width * height * (first + sent @ more[: len(areas)]))
-    return np.stack(found)
+        rows.append(room.gain * width * height * (first + sent @ more[: len(areas)]))
+    return np.stack(rows)
 
 
 def _to_parts(

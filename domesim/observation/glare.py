@@ -94,13 +94,13 @@ class Scatter:
         """
         radii, inside = self._discs
         nodes, weights = legendre.leggauss(32)
-        found = np.zeros(np.broadcast_shapes(down.shape, across.shape))
+        shares = np.zeros(np.broadcast_shapes(down.shape, across.shape))
         # Sectors, on either side of the diagonal
         for side, other in ((across, down), (down, across)):
             widest = np.arctan2(other, side)[..., None]
             edge = side[..., None] / np.cos(widest * (nodes + 1) / 2)
-            found += np.sum(weights * widest / 2 * np.interp(edge, radii, inside), axis=-1)
-        return np.asarray(self.share / inside[-1] * found / (2 * np.pi))
+            shares += np.sum(weights * widest / 2 * np.interp(edge, radii, inside), axis=-1)
+        return np.asarray(self.share / inside[-1] * shares / (2 * np.pi))
 
     @property
     def _discs(self) -> tuple[Floats, Floats]:
@@ -241,7 +241,7 @@ def _by_cells(
     down, across = (
         np.fft.fftfreq(wide, 1 / wide) * step for wide, step in zip(padded, steps, strict=True)
     )
-    found = scatter.density(np.hypot(down[:, None], across)) * math.prod(steps)
+    shares = scatter.density(np.hypot(down[:, None], across)) * math.prod(steps)
     reach = [math.ceil(_NEAR * max(steps) / step) for step in steps]
     near = [np.arange(min(each, count - 1) + 1) for each, count in zip(reach, cells, strict=True)]
     sides = [
@@ -253,9 +253,9 @@ def _by_cells(
     exact[0] *= 2  # the other half of the cells on the axes
     exact[:, 0] *= 2
     for rows, cols in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-        found[np.ix_(rows * near[0], cols * near[1])] = np.maximum(exact, 0)
+        shares[np.ix_(rows * near[0], cols * near[1])] = np.maximum(exact, 0)
     # Cells on the rim of the disc of sines count wholly or not at all
-    return np.asarray(found * min(1.0, scatter.share / max(found.sum(), 1e-300)))
+    return np.asarray(shares * min(1.0, scatter.share / max(shares.sum(), 1e-300)))
 
 
 def _linear(pixels: int, cells: int) -> Floats:

@@ -105,10 +105,10 @@ class GreyToGrey(Observation):
         for view in range(2):
             planes: list[list[Any]] = [[], [], []]
             for p in range(self._shape[3]):
-                found = _bilinear(
+                looked_up = _bilinear(
                     levels, table[view, p, :, :], light[view, :, :, p], light[1 - view, :, :, p]
                 )
-                for plane, value in zip(planes, found, strict=True):
+                for plane, value in zip(planes, looked_up, strict=True):
                     plane.append(value)
             for result, plane in zip(results, planes, strict=True):
                 result.append(xp.stack(plane, axis=-1))

@@ -146,8 +146,8 @@ def relative_primaries(xyz: ArrayLike) -> Matrix:
     xyz
         (XYZ, RGB) of full R, G and B without black, in any unit.
     """
-    given = np.asarray(xyz, np.float64)
-    rows = (given / given[1].sum()).tolist()
+    measured = np.asarray(xyz, np.float64)
+    rows = (measured / measured[1].sum()).tolist()
     return tuple((float(r), float(g), float(b)) for r, g, b in rows)
 
 
@@ -156,15 +156,16 @@ def _require_measured(name: str, matrix: Matrix) -> None:
         raise InputError(
             f"projector primaries must be called {MEASURED!r} when they are given, got {name!r}"
         )
-    given = np.asarray(matrix, np.float64)
-    if given.shape != (3, 3) or not np.isfinite(given).all():
+    measured = np.asarray(matrix, np.float64)
+    if measured.shape != (3, 3) or not np.isfinite(measured).all():
         raise InputError(f"measured primaries must be 3 x 3 finite numbers, got {matrix}")
-    if abs(given[1].sum() - 1) > 1e-6:
+    if abs(measured[1].sum() - 1) > 1e-6:
         raise InputError(
-            f"measured primaries must have Y = 1 at white, got {given[1].sum():g}; divide by that"
+            f"measured primaries must have Y = 1 at white, got {measured[1].sum():g}; divide by "
+            f"that"
         )
-    lengths = np.linalg.norm(given, axis=0)
-    if not lengths.min() > 0 or np.linalg.cond(given / lengths) > _SINGULAR:
+    lengths = np.linalg.norm(measured, axis=0)
+    if not lengths.min() > 0 or np.linalg.cond(measured / lengths) > _SINGULAR:
         raise InputError(f"measured primaries must be three colours, got {matrix}; measure again")
 
 

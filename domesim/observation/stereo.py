@@ -59,11 +59,11 @@ def require_black(black: ArrayLike, primaries: int) -> NDArray[np.float64]:
     ValueError
         If it has another shape.
     """
-    given = np.asarray(black, np.float64)
-    if given.shape not in {(), (2, 1), (primaries,), (2, primaries)}:
-        raise ValueError(f"black takes shape (2, {primaries}), got {given.shape}")
-    if not np.isfinite(given).all():
+    stated = np.asarray(black, np.float64)
+    if stated.shape not in {(), (2, 1), (primaries,), (2, primaries)}:
+        raise ValueError(f"black takes shape (2, {primaries}), got {stated.shape}")
+    if not np.isfinite(stated).all():
         raise InputError("black must be finite, got NaN or infinity")
-    if given.min() < 0:
-        raise InputError(f"black must be light >= 0, got {given.min():g}")
-    return np.array(np.broadcast_to(given, (2, primaries)))
+    if stated.min() < 0:
+        raise InputError(f"black must be light >= 0, got {stated.min():g}")
+    return np.array(np.broadcast_to(stated, (2, primaries)))

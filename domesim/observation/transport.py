@@ -84,10 +84,10 @@ class Transport:
             "ambient": (3, nodes, nodes),
         }
         for name, shape in wanted.items():
-            found = getattr(self, name)
-            if found.shape != shape:
-                raise InputError(f"transport {name} must be {shape}, got {found.shape}")
-            if not np.all(np.isfinite(found)):
+            actual = getattr(self, name)
+            if actual.shape != shape:
+                raise InputError(f"transport {name} must be {shape}, got {actual.shape}")
+            if not np.all(np.isfinite(actual)):
                 raise InputError(f"transport {name} has values that are not finite")
 
     @property

@@ -218,8 +218,10 @@ class _PairChanges(Changes):
         return np.concatenate([seat.seen(z) for seat in self._seats])
 
     def products(self, residual: Light) -> tuple[float, Floats, Floats]:
-        found = [seat.products(residual[2 * n : 2 * n + 2]) for n, seat in enumerate(self._seats)]
-        square, crossed, own = (np.mean(part, axis=0) for part in zip(*found, strict=True))
+        products = [
+            seat.products(residual[2 * n : 2 * n + 2]) for n, seat in enumerate(self._seats)
+        ]
+        square, crossed, own = (np.mean(part, axis=0) for part in zip(*products, strict=True))
         return float(square), crossed, own
 
 

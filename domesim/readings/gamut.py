@@ -153,8 +153,8 @@ def _brightest(inverses: Floats, mixed: Floats) -> Floats:
     scale = np.abs(shown).max()
     limits = np.concatenate([shown, -shown]) / scale
     ends = np.concatenate([np.ones(6), np.zeros(6)])
-    found = linprog(-mixed[1] / mixed[1].max(), A_ub=limits, b_ub=ends, method="highs")
-    light = np.zeros(3) if found.x is None else mixed @ found.x / scale
+    solution = linprog(-mixed[1] / mixed[1].max(), A_ub=limits, b_ub=ends, method="highs")
+    light = np.zeros(3) if solution.x is None else mixed @ solution.x / scale
     if not light[1] > _ROUNDING * mixed[1].max():
         raise InputError(
             "common gamut: both projectors must be able to show the same white, got none; give "

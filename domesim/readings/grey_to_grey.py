@@ -93,7 +93,7 @@ def read_grey_to_grey(path: str | Path) -> dict[str, MeasuredGreyToGrey]:
     wanted = ("filter", "own_level", "other_level", "Y")
     table.require((*wanted, "note"), wanted)
     remedy = "divide codes by the largest, 2^bits - 1"
-    found: dict[str, dict[tuple[float, float], list[tuple[float, int]]]] = defaultdict(
+    readings: dict[str, dict[tuple[float, float], list[tuple[float, int]]]] = defaultdict(
         lambda: defaultdict(list)
     )
     for row in table.rows:
@@ -102,11 +102,11 @@ def read_grey_to_grey(path: str | Path) -> dict[str, MeasuredGreyToGrey]:
         other = table.number(row, "other_level", above=0, below=1, remedy=remedy)
         light = table.number(row, "Y", above=0, below=BRIGHTEST, remedy=NOT_LIGHT)
         if eye is not None and own is not None and other is not None and light is not None:
-            found[eye][own, other].append((light, row.line))
+            readings[eye][own, other].append((light, row.line))
     if not table.rows:
         mistakes.add(0, "wanted rows of readings, got none")
     mistakes.raise_any()
-    tables = {eye: _table(eye, cells, mistakes) for eye, cells in found.items()}
+    tables = {eye: _table(eye, cells, mistakes) for eye, cells in readings.items()}
     mistakes.raise_any()
     return {eye: measured for eye, measured in tables.items() if measured is not None}
 

@@ -186,11 +186,11 @@ class Readings:
         InputError
             If there are none.
         """
-        found: dict[str, dict[float, list[Reading]]] = defaultdict(lambda: defaultdict(list))
+        by_level: dict[str, dict[float, list[Reading]]] = defaultdict(lambda: defaultdict(list))
         for row in self.rows:
             if (row.projector, row.through) == (projector, through):
-                found[row.channel][row.level].append(row)
-        if not found:
+                by_level[row.channel][row.level].append(row)
+        if not by_level:
             held = ", ".join("/".join(session) for session in self.sessions)
             raise InputError(
                 f"{self.source}: no reading of projector {projector} through filter {through}; "
@@ -198,7 +198,7 @@ class Readings:
             )
         means = {
             channel: tuple(self._mean(levels[level]) for level in sorted(levels))
-            for channel, levels in found.items()
+            for channel, levels in by_level.items()
         }
         return Session(self.source, projector, through, self.black, means)
 
@@ -238,15 +238,15 @@ def read_readings(
     known = ("projector", "filter", "channel", "level", "X", "Y", "Z", "note")
     paired = ("projector", "filter") if table.columns & {"projector", "filter"} else ()
     table.require(known, (*paired, "channel", "X", "Y", "Z"))
-    found = [reading for row in table.rows if (reading := _reading(table, row))]
+    readings = [reading for row in table.rows if (reading := _reading(table, row))]
     if not table.rows:
         table.mistakes.add(0, "wanted rows of readings, got none")
     black = _black(table) if black is None else black
-    _note_conflicts(found, table.mistakes)
+    _note_conflicts(readings, table.mistakes)
     table.mistakes.raise_any()
     if noise is None:
-        noise = estimated_noise(_repeats(found), Noise())
-    return Readings(table.mistakes.source, tuple(found), black, noise, (path,), table.left_out)
+        noise = estimated_noise(_repeats(readings), Noise())
+    return Readings(table.mistakes.source, tuple(readings), black, noise, (path,), table.left_out)
 
 
 def _named_tables(path: Path) -> list[dict[str, Any]]:
@@ -337,10 +337,10 @@ def _reading(table: Table, row: Row) -> Reading | None:
 
 
 def _groups(rows: list[Reading]) -> list[list[Reading]]:
-    found: dict[tuple[str, str, str, float], list[Reading]] = defaultdict(list)
+    groups: dict[tuple[str, str, str, float], list[Reading]] = defaultdict(list)
     for row in rows:
-        found[row.projector, row.through, row.channel, row.level].append(row)
-    return [group for group in found.values() if len(group) > 1]
+        groups[row.projector, row.through, row.channel, row.level].append(row)
+    return [group for group in groups.values() if len(group) > 1]
 
 
 def _repeats(rows: list[Reading]) -> list[Floats]:

@@ -96,7 +96,7 @@ def estimated_noise(repeats: Iterable[Floats], stated: Noise) -> Noise:
         minimize(unlikelihood, start, method="Nelder-Mead", options={"fatol": _SURE})
         for start in starts
     ]
-    best = tries[ascending([float(found.fun) for found in tries], _SURE)[0]].x
+    best = tries[ascending([float(trial.fun) for trial in tries], _SURE)[0]].x
     relative, absolute = (max(float(value), 1e-12) for value in np.exp(best))
     count = int(freedom.sum())
     return Noise(relative, absolute, f"from repeated readings, {count} degrees of freedom")

@@ -484,7 +484,7 @@ class _GammaFit:
 
 def _power(codes: Floats, y: Floats, covariance: Floats | None) -> tuple[float, float, float]:
     """Gain, exponent and its standard error; from the residuals' size without a covariance."""
-    found, spread = curve_fit(
+    fitted, spread = curve_fit(
         lambda code, gain, exponent: gain * code**exponent,
         codes,
         y,
@@ -492,7 +492,7 @@ def _power(codes: Floats, y: Floats, covariance: Floats | None) -> tuple[float, 
         sigma=covariance,
         absolute_sigma=covariance is not None,
     )
-    return float(found[0]), float(found[1]), float(np.sqrt(spread[1, 1]))
+    return float(fitted[0]), float(fitted[1]), float(np.sqrt(spread[1, 1]))
 
 
 def _lightness(share: Floats) -> Floats:
@@ -509,8 +509,8 @@ def _table(session: Session, ramps: Sequence[Sequence[Mean]]) -> tuple[MeasuredT
         light = np.concatenate([[0.0], y / y[-1]])
         # Black is 0 by definition: nothing moves it.
         weights = np.concatenate([[1e6 / variance.min()], 1 / variance])
-        found = isotonic_regression(light, weights=weights)
-        blocks = found.blocks
+        fitted = isotonic_regression(light, weights=weights)
+        blocks = fitted.blocks
         for first, last in pairwise(blocks):
             if last - first > 1:
                 fall = float(np.max(-np.diff(light[first:last])))
@@ -521,7 +521,7 @@ def _table(session: Session, ramps: Sequence[Sequence[Mean]]) -> tuple[MeasuredT
         # A level block becomes one point, so that the curve rises strictly.
         middle = np.array([levels[a:b].mean() for a, b in pairwise(blocks)])
         middle[0], middle[-1] = 0.0, 1.0
-        knots = np.maximum(found.x[blocks[:-1]], 0.0)
+        knots = np.maximum(fitted.x[blocks[:-1]], 0.0)
         knots, rising = np.unique(knots / knots[-1], return_index=True)
         curves.append(np.interp(codes, middle[rising], knots ** (1 / 2.2)) ** 2.2)
     return MeasuredTable(codes, np.stack(curves, axis=1)), list(dict.fromkeys(repaired))

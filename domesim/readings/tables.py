@@ -54,11 +54,11 @@ class Mistakes:
         InputError
             If there is one.
         """
-        told = [f"line {line}: {text}" if line else text for line, text in sorted(self.found)]
-        if len(told) == 1:
-            raise InputError(f"{self.source}: {told[0]}")
-        if told:
-            raise InputError("\n  ".join([f"{self.source} has {len(told)} mistakes:", *told]))
+        lines = [f"line {line}: {text}" if line else text for line, text in sorted(self.found)]
+        if len(lines) == 1:
+            raise InputError(f"{self.source}: {lines[0]}")
+        if lines:
+            raise InputError("\n  ".join([f"{self.source} has {len(lines)} mistakes:", *lines]))
 
 
 @final
@@ -113,13 +113,13 @@ class Table:
             return None
         cell = row.cells.get(column)
         spelt = {word.lower(): word for word in allowed}
-        found = spelt.get(cell.strip().lower()) if isinstance(cell, str) else None
-        if found is None:
+        spelling = spelt.get(cell.strip().lower()) if isinstance(cell, str) else None
+        if spelling is None:
             got = "nothing" if cell is None else reprlib.repr(cell)
             self.mistakes.add(
                 row.line, f"{column} must be {', '.join(allowed[:-1])} or {allowed[-1]}, got {got}"
             )
-        return found
+        return spelling
 
     def number(
         self, row: Row, column: str, *, above: float, below: float, remedy: str
@@ -262,12 +262,12 @@ def _toml(text: str, mistakes: Mistakes) -> Table:
     if not isinstance(sections, list) or not all(isinstance(s, dict) for s in sections):
         raise InputError(f"{mistakes.source}: wanted sections [[reading]], got none")
     # tomllib tells no lines; headers are found in the text.
-    found = [
+    tables = [
         number
         for number, line in enumerate(text.splitlines(), 1)
         if re.match(r"\s*\[\[\s*reading\s*\]\]", line)
     ]
-    numbers = found if len(found) == len(sections) else [1] * len(sections)
+    numbers = tables if len(tables) == len(sections) else [1] * len(sections)
     rows = tuple(Row(n, section) for n, section in zip(numbers, sections, strict=True))
     columns = frozenset(name for section in sections for name in section)
     return Table(rows, columns, numbers[0], content, mistakes)

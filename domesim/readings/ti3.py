@@ -74,7 +74,7 @@ def ti3_table(text: str, mistakes: Mistakes) -> Table:
     for line, tokens in rows:
         refuse_decimal_comma(source, line, tokens)
     scale = _scale(source, header)
-    found, left_out, brightest = [], 0, 0.0
+    readings, left_out, brightest = [], 0, 0.0
     for line, tokens in rows:
         if len(tokens) != len(names):
             mistakes.add(line, f"must have {len(names)} cells, got {len(tokens)}")
@@ -91,11 +91,11 @@ def ti3_table(text: str, mistakes: Mistakes) -> Table:
             continue
         xyz = {name[-1]: _scaled(cells[name], scale) for name in _XYZ}
         _note_white(row, channel, levels, header, scale, mistakes)
-        found.append(Row(line, {"channel": channel, "level": max(levels), **xyz}))
+        readings.append(Row(line, {"channel": channel, "level": max(levels), **xyz}))
     if rows and brightest <= 0.01:
         mistakes.add(0, f"RGB must be in percent, got at most {100 * brightest:g}; multiply by 100")
     given = frozenset(("channel", "level", *"XYZ"))
-    return Table(tuple(found), given, columns[0][0], {}, mistakes, left_out)
+    return Table(tuple(readings), given, columns[0][0], {}, mistakes, left_out)
 
 
 def _levels(cells: Mapping[str, str], line: int, mistakes: Mistakes) -> list[float] | None:

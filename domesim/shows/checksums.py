@@ -91,14 +91,14 @@ def listed_sums(listing: Path, files: Sequence[Path]) -> list[str]:
     for number, line in enumerate(_lines(listing), 1):
         if not line or line.startswith("#"):
             continue
-        found = _LINE.fullmatch(line)
-        if found is None:
+        match = _LINE.fullmatch(line)
+        if match is None:
             raise InputError(
                 f"{listing}: wanted lines of sha256sum (64 digits, two spaces, a name), line "
                 f"{number} is none. Make it anew (sha256sum show.*.exr > SHA256SUMS)"
             )
-        name = _unescaped(found[3]) if found[1] else found[3]
-        if sums.setdefault(known_as(listing.parent / name), found[2].lower()) != found[2].lower():
+        name = _unescaped(match[3]) if match[1] else match[3]
+        if sums.setdefault(known_as(listing.parent / name), match[2].lower()) != match[2].lower():
             raise InputError(f"{listing}: wanted one sum of each file, got two of {name}. Mend it")
     missing = [path for path in files if known_as(file_of(path)) not in sums]
     if missing:
@@ -110,7 +110,7 @@ def listed_sums(listing: Path, files: Sequence[Path]) -> list[str]:
     return [sums[known_as(file_of(path))] for path in files]
 
 
-def require_sum(path: Path, wanted: str, found: str) -> None:
+def require_sum(path: Path, wanted: str, actual: str) -> None:
     """Refuses a file whose checksum is not the one listed for it.
 
     Raises
@@ -118,9 +118,9 @@ def require_sum(path: Path, wanted: str, found: str) -> None:
     InputError
         If it has another.
     """
-    if found != wanted:
+    if actual != wanted:
         raise InputError(
-            f"{path}: wanted SHA-256 {wanted[:8]}..., as --checksums has it, got {found[:8]}.... "
+            f"{path}: wanted SHA-256 {wanted[:8]}..., as --checksums has it, got {actual[:8]}.... "
             f"The file is damaged, or was changed: copy or render it again"
         )
 
@@ -138,5 +138,5 @@ def _lines(listing: Path) -> list[str]:
 
 
 def _unescaped(name: str) -> str:
-    known = {told: letter for letter, told in _ESCAPES.items()}
+    known = {escape: letter for letter, escape in _ESCAPES.items()}
     return re.sub(r"\\.", lambda found: known.get(found[0], found[0]), name)

@@ -106,8 +106,8 @@ class Cinema:
             with suppress(OSError):
                 temporary.unlink()
         note_made(self.path, job, made_of)
-        told = "left and right" if eyes == 2 else "2D"
-        console.say(f"-> {self.path} (24 frames a second, {told}, without sound)")
+        views = "left and right" if eyes == 2 else "2D"
+        console.say(f"-> {self.path} (24 frames a second, {views}, without sound)")
 
     def _wrapped(self, orders: Sequence[Order], temporary: Path) -> int:
         """Wraps the frames as `temporary` by asdcp-wrap; returns the number of eyes."""
@@ -131,9 +131,9 @@ class Cinema:
             command = [WRAPPER, *options, *map(str, folders), str(temporary)]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode or not temporary.is_file():
-            told = one_line("\n".join(reversed(done.stderr.splitlines())))
+            problem = one_line("\n".join(reversed(done.stderr.splitlines())))
             raise InputError(
-                f"{self.path}: wanted {WRAPPER} to make it, got '{told}' (it ended with "
+                f"{self.path}: wanted {WRAPPER} to make it, got '{problem}' (it ended with "
                 f"{done.returncode}). Frames that are done stay; {_OTHERWISE}"
             )
         return eyes

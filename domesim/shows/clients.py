@@ -78,13 +78,13 @@ class Clients:
 
     def others(self) -> str:
         """Names the other commands in the folder, for a person; "" if they are unknown."""
-        here, found = socket.gethostname(), []
+        here, names = socket.gethostname(), []
         for place in sorted(self._folder.glob("*.json")):
             with suppress(OSError, ValueError, LookupError, TypeError):
                 who = json.loads(place.read_bytes())
                 if place != self._own and (who["host"] != here or psutil.pid_exists(who["pid"])):
-                    found.append(f"{who['host']}, process {who['pid']}, since {who['since']}")
-        return "; ".join(found)
+                    names.append(f"{who['host']}, process {who['pid']}, since {who['since']}")
+        return "; ".join(names)
 
     def leave(self) -> None:
         """Releases the lock."""

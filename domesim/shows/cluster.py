@@ -219,7 +219,7 @@ class _Desk:
         if self._crew.limit is None:
             return set()
         begun = time.monotonic() - self._crew.limit
-        return {key for key, given in self.running.items() if given.time < begun}
+        return {key for key, running in self.running.items() if running.time < begun}
 
     def hear(self) -> _Heard | None:
         """The next that ends; None if none does for a while.
@@ -232,24 +232,24 @@ class _Desk:
             return None
         if not key:
             return None
-        given = self.running[key]
+        frame = self.running[key]
         try:
-            outcome = self._outcome(given)
+            outcome = self._outcome(frame)
         except TimeoutError:  # its worker died before it gave it away: another does the frame again
-            self._listen_to(given.future)
+            self._listen_to(frame.future)
             return None
         del self.running[key]
         if outcome is None:
-            self._cancelled[given.order] += 1
-            if self._cancelled[given.order] <= DEATHS:
-                self.waiting.append(given.order)
-                return _Heard(given.order, None)
-            outcome = Failed(f"{given.order.moment[0]}: the scheduler keeps cancelling it")
+            self._cancelled[frame.order] += 1
+            if self._cancelled[frame.order] <= DEATHS:
+                self.waiting.append(frame.order)
+                return _Heard(frame.order, None)
+            outcome = Failed(f"{frame.order.moment[0]}: the scheduler keeps cancelling it")
         if isinstance(outcome, Failed) and outcome.hopeless:
             self.waiting.clear()
-        return _Heard(given.order, outcome)
+        return _Heard(frame.order, outcome)
 
-    def _outcome(self, given: _Given) -> Finished | Failed | None:
+    def _outcome(self, frame: _Given) -> Finished | Failed | None:
         """Outcome of a frame; None if the scheduler has lost it.
 
         Raises
@@ -259,7 +259,7 @@ class _Desk:
         """
         from distributed import KilledWorker  # noqa: PLC0415
 
-        future = given.future
+        future = frame.future
         if future.status == "finished":
             result: Finished | Failed = future.result(_LOOK)
             return result
@@ -267,14 +267,14 @@ class _Desk:
             return None
         error = future.exception()
         if isinstance(error, KilledWorker):
-            return Failed(f"{given.order.moment[0]}: given up; {self._death(given, error)}")
-        told = joined(f"{type(error).__name__}: {error}")
-        return Failed(f"{given.order.moment[0]}: {told}")
+            return Failed(f"{frame.order.moment[0]}: given up; {self._death(frame, error)}")
+        problem = joined(f"{type(error).__name__}: {error}")
+        return Failed(f"{frame.order.moment[0]}: {problem}")
 
-    def _death(self, given: _Given, error: Any) -> str:
+    def _death(self, frame: _Given, error: Any) -> str:
         """Why workers died."""
         deaths, limit = error.allowed_failures + 1, self._crew.limit
-        if limit is not None and time.monotonic() - given.time >= deaths * limit:
+        if limit is not None and time.monotonic() - frame.time >= deaths * limit:
             return (
                 f"{deaths} workers, one after the other, were not done with it after "
                 f"{duration(limit)}. If that is too short, raise --frame-timeout"
@@ -328,9 +328,9 @@ class _Hall:
             workers = self._client.scheduler_info(n_workers=-1)["workers"]
             for address, keys in self._client.processing().items():
                 if address in workers and not late.isdisjoint(keys):
-                    said = workers[address]["last_seen"]  # by another machine's clock
+                    seen = workers[address]["last_seen"]  # by another machine's clock
                     known = before.get(address)
-                    heard[address] = known if known and known[0] == said else (said, now)
+                    heard[address] = known if known and known[0] == seen else (seen, now)
         self._heard = heard
         silent = [each for each, (_, since) in heard.items() if now - since >= _SILENCE]
         if silent:

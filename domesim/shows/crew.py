@@ -194,8 +194,8 @@ def require_dask(address: str) -> None:
 
     try:
         host, port = get_address_host_port(address, strict=True)
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-        near = all(ip_address(place[0]).is_loopback for *_, place in found)
+        addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        near = all(ip_address(place[0]).is_loopback for *_, place in addresses)
         # In a thread of its own: whoever calls may be in a loop, as a notebook is
         with ThreadPoolExecutor(1) as apart:
             apart.submit(lambda: asyncio.run(greet())).result()
@@ -231,14 +231,14 @@ def _environment(threads: int) -> dict[str, str]:
 def _require_alike(client: Client, crew: Crew, tell: Callable[[str], None]) -> None:
     """See that a scheduler's workers have this program."""
     try:
-        found = client.run(versions)
+        known = client.run(versions)
     except Exception as error:
         raise InputError(
             f"--scheduler {crew.scheduler}: its workers cannot run domesim "
             f"('{joined(str(error))}'). Install the same domesim there"
         ) from None
     ours = versions()
-    for worker, theirs in found.items():
+    for worker, theirs in known.items():
         if theirs.get("domesim") != ours.get("domesim"):
             raise InputError(
                 f"--scheduler {crew.scheduler}: wanted workers with domesim "
@@ -246,7 +246,7 @@ def _require_alike(client: Client, crew: Crew, tell: Callable[[str], None]) -> N
             )
     unlike = {
         f"{name} {theirs.get(name, 'none')}"
-        for theirs in found.values()
+        for theirs in known.values()
         for name in {*theirs, *ours}
         if theirs.get(name) != ours.get(name)
     }

@@ -202,12 +202,12 @@ def _video(tried: _Tried, films: Films, count: int, scratch: Path, console: Cons
     return _Cost(seconds, disk)
 
 
-def _steady(found: Sequence[Finished]) -> tuple[float, float]:
+def _steady(trials: Sequence[Finished]) -> tuple[float, float]:
     """Seconds of a frame once a worker is ready, and what getting ready takes besides."""
     firsts: list[float] = []
     others: list[float] = []
     seen = set()
-    for each in found:
+    for each in trials:
         worker = each.maker["host"], each.maker["pid"]
         (others if worker in seen else firsts).append(sum(each.seconds.values()))
         seen.add(worker)

@@ -88,8 +88,8 @@ class Films:
                 lost = self.write(view, path, frames, colour, start)
             note_made(path, job, made_of)
             unsaid = [] if is_sayable(colour) else [f"{colour.named}, which the file cannot say"]
-            told = "; ".join([f"{float(self.timing.rate):.6g} frames a second", *unsaid, *lost])
-            console.say(f"-> {path} ({told})")
+            notes = "; ".join([f"{float(self.timing.rate):.6g} frames a second", *unsaid, *lost])
+            console.say(f"-> {path} ({notes})")
 
     def write(
         self,
@@ -142,18 +142,18 @@ class Films:
             colours.add(encoding_of(record.figures))
             frames[order.output[view]] = list(record.results.values())[view]
         if len(colours) > 1:
-            found = " and ".join(" ".join(each) for each in sorted(colours))
+            encodings = " and ".join(" ".join(each) for each in sorted(colours))
             raise InputError(
-                f"{self.paths[view]}: wanted frames of one encoding for a video, got {found}. Say "
-                f"what they are (--encoding)"
+                f"{self.paths[view]}: wanted frames of one encoding for a video, got {encodings}. "
+                f"Say what they are (--encoding)"
             )
         return ColourTag(*colours.pop(), "domesim"), frames
 
     def _digest(self, colour: ColourTag, frames: Iterable[str]) -> str:
         """Digest of all that a video depends on."""
         how = asdict(self.format), str(self.timing), self.dither, str(self.sounds)
-        told = [list(frames), asdict(colour), *how]
-        return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+        depends = [list(frames), asdict(colour), *how]
+        return hashlib.sha256(json.dumps(depends).encode()).hexdigest()
 
 
 def _read(
@@ -229,9 +229,9 @@ def place_of(output: Path, suffix: str) -> Path:
 
 def timing_asked(show: Show, fps: float | None) -> Timing:
     """Timing as asked for, as the first master says, or the usual."""
-    found = timing_of(show.moments[0][0], USUAL_RATE)
-    if fps is None or abs(fps - found.rate) < 1e-3:
-        return found
+    timing = timing_of(show.moments[0][0], USUAL_RATE)
+    if fps is None or abs(fps - timing.rate) < 1e-3:
+        return timing
     if not RATES[0] <= fps <= RATES[1]:
         raise InputError(f"--fps must lie between 1 and 1000, got {fps:g}")
     return Timing(exact_rate(fps))

@@ -183,11 +183,11 @@ class Job:
         InputError
             If one cannot be read.
         """
-        found = {}
+        sources = {}
         for name, path in _named(moment).items():
             size, changed = _state(path)
-            found[name] = [size, changed, self._content(path, size, changed)]
-        return found
+            sources[name] = [size, changed, self._content(path, size, changed)]
+        return sources
 
     def keep(
         self, output: Sequence[Path], record: Record, beside: Sequence[Path] = ()
@@ -258,35 +258,35 @@ def open_job(
         If the folder holds a job of other settings and neither is wanted, another command works
         there with other settings, or it cannot be written to.
     """
-    told = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False)
-    digest = hashlib.sha256(told.encode()).hexdigest()
+    text = json.dumps(settings, indent=1, sort_keys=True, allow_nan=False)
+    digest = hashlib.sha256(text.encode()).hexdigest()
     job = Job(out / FOLDER, digest, mixed, settings.get("domesim"))
     with ExitStack() as stack:
         try:
             job.settings_file(digest).parent.mkdir(parents=True, exist_ok=True)
             clients = stack.enter_context(clients_of(job.folder))
-            there = _settle(job, told, clients, change=mixed or anew)
+            there = _settle(job, text, clients, change=mixed or anew)
         except OSError as error:
             raise InputError(
                 f"{job.folder}: wanted a folder for the job's records, got '{reason(error)}'. "
                 f"Choose another --out"
             ) from error
-        if there != told:
+        if there != text:
             others = clients.others()
             raise InputError(_refusal(out, job, there, settings, others, change=mixed or anew))
         yield job
 
 
-def _settle(job: Job, told: str, clients: Clients, *, change: bool) -> str:
-    """Give the folder the settings `told` if it has none, or if they may change and nobody works
+def _settle(job: Job, text: str, clients: Clients, *, change: bool) -> str:
+    """Give the folder the settings `text` if it has none, or if they may change and nobody works
     there; those that it has then.
     """
     place, known = job.folder / _SETTINGS, job.settings_file(job.settings)
     if not known.exists():
-        write_whole(known, told.encode())
+        write_whole(known, text.encode())
     if clients.enter_alone():
-        if change and place.exists() and _text(place) != told:
-            write_whole(place, told.encode())
+        if change and place.exists() and _text(place) != text:
+            write_whole(place, text.encode())
         _create(place, known)
     clients.share()
     _create(place, known)  # who was alone may have been killed
@@ -333,11 +333,11 @@ def _refusal(
 @cache
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that results are made with."""
-    found = {"python": platform.python_version()}
+    versions_by_name = {"python": platform.python_version()}
     for package in _PACKAGES:
         with suppress(PackageNotFoundError):
-            found[package] = version(package)
-    return found
+            versions_by_name[package] = version(package)
+    return versions_by_name
 
 
 def _named(paths: Sequence[Path]) -> dict[str, Path]:

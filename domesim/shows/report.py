@@ -132,12 +132,12 @@ class Report:
 
     def _done(self) -> dict[str, dict[str, Any]]:
         """Figures of the frames that are done, in their order."""
-        found = {
+        figures = {
             name: each.figures
             for name, each in self._outcomes.items()
             if isinstance(each, Finished)
         }
-        return {name: found[name] for name in sorted(found, key=_natural)}
+        return {name: figures[name] for name in sorted(figures, key=_natural)}
 
     def _ranked(self, rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
         """Names of frames, those first whose first column is largest; equal ones in their order."""
@@ -213,11 +213,11 @@ class Report:
 
     def _others(self, rows: Iterable[Mapping[str, Any]]) -> list[tuple[int, str]]:
         """Counts frames that other settings than the job's made, each with its settings' file."""
-        found = Counter(str(row.get("settings", self._job.settings)) for row in rows)
-        del found[self._job.settings]
+        counts = Counter(str(row.get("settings", self._job.settings)) for row in rows)
+        del counts[self._job.settings]
         return [
             (count, str(self._job.settings_file(digest).relative_to(self._job.folder)))
-            for digest, count in found.most_common()
+            for digest, count in counts.most_common()
         ]
 
     def _row(self, name: str, figures: Mapping[str, Any]) -> dict[str, Any]:
@@ -249,11 +249,11 @@ class Report:
 
     def _verdicts(self, rows: Iterable[Mapping[str, Any]]) -> list[tuple[int, Judged]]:
         """How many frames have each verdict, those first that need most."""
-        found: dict[str, tuple[int, Judged]] = {}
+        verdicts: dict[str, tuple[int, Judged]] = {}
         for judged in filter(None, map(self._judged, rows)):
-            count = found[judged.verdict][0] if judged.verdict in found else 0
-            found[judged.verdict] = (count + 1, judged)
-        return sorted(found.values(), key=lambda each: (-each[1].needs, -each[0]))
+            count = verdicts[judged.verdict][0] if judged.verdict in verdicts else 0
+            verdicts[judged.verdict] = (count + 1, judged)
+        return sorted(verdicts.values(), key=lambda each: (-each[1].needs, -each[0]))
 
 
 def page_name(output: str) -> str:

@@ -215,8 +215,8 @@ def _each(
     if report is None or job is None:
         return done
     done.add_report(report)
-    if films is None and (told := told_of_dcp(orders, done.frames)):
-        console.say(told)
+    if films is None and (ending := told_of_dcp(orders, done.frames)):
+        console.say(ending)
     if films is not None and not done.failed:
         if part:
             console.say("A video is made of a whole sequence: leave --frames out for it")
@@ -229,8 +229,8 @@ def _each(
     kept = f", {done.kept} of them before" if done.kept else ""
     others = sum(frame["settings"] != job.settings for frame in done.frames)
     kept += f", {others} of them with other settings" if others else ""
-    told = "" if done.report is None else f" Report: {done.report}"
-    console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}.{told}")
+    ending = "" if done.report is None else f" Report: {done.report}"
+    console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}.{ending}")
     return done
 
 
@@ -262,9 +262,9 @@ def _by_record(orders: list[Order], job: Job | None) -> tuple[list[Order], list[
     """Orders that no run has done, and those that some run says it has done."""
     if job is None:
         return orders, []
-    found = job.recorded(order.output for order in orders)
-    fresh = [order for order, known in zip(orders, found, strict=True) if not known]
-    return fresh, [order for order, known in zip(orders, found, strict=True) if known]
+    recorded = job.recorded(order.output for order in orders)
+    fresh = [order for order, known in zip(orders, recorded, strict=True) if not known]
+    return fresh, [order for order, known in zip(orders, recorded, strict=True) if known]
 
 
 def _do(
@@ -533,14 +533,14 @@ class _Telling:
             done.kept += outcome.kept
             for step in STEPS:
                 done.seconds[step] += outcome.seconds.get(step, 0.0) if not outcome.kept else 0.0
-        told = []
+        lines = []
         if left:
-            told = [f"{left} of {len(self._orders)} frames were not begun after that"]
-            done.failed += told
+            lines = [f"{left} of {len(self._orders)} frames were not begun after that"]
+            done.failed += lines
         if self._hopeless > 1:
-            told.append(f"{self._hopeless - 1} under way failed likewise")
-        if told:
-            complain(f"{', and '.join(told)}; the same command goes on with them")
+            lines.append(f"{self._hopeless - 1} under way failed likewise")
+        if lines:
+            complain(f"{', and '.join(lines)}; the same command goes on with them")
         return done
 
     def interrupted(self, job: Job, running: Running) -> None:

@@ -86,8 +86,8 @@ def find_pairs(
         As for `find_frames`; if one is a file and the other a pattern; or if one has frames that
         the other has not.
     """
-    found = _find(Path(left), frames), _find(Path(right), frames)
-    single = [None in side for side in found]
+    sides = _find(Path(left), frames), _find(Path(right), frames)
+    single = [None in side for side in sides]
     if any(single) and not all(single):
         raise InputError(
             f"{left} and {right}: wanted two files or two numbered patterns, got one of each. "
@@ -96,8 +96,8 @@ def find_pairs(
     if any(single):
         _refuse_other_number(Path(left), Path(right))
     else:
-        _refuse_unmatched(f"{left} and {right}", *({*side} for side in found))
-    return tuple((found[0][number], found[1][number]) for number in found[0])
+        _refuse_unmatched(f"{left} and {right}", *({*side} for side in sides))
+    return tuple((sides[0][number], sides[1][number]) for number in sides[0])
 
 
 def parse_frames(text: str) -> Collection[int]:
@@ -224,9 +224,9 @@ def _find(path: Path, frames: str | None) -> dict[int | None, Path]:
     if numbered is None or kind == "file":
         return {None: _single(path, kind, frames)}
     # show.1-5####.exr names its frames itself
-    found = _chosen(path, _on_disk(path, numbered), frames or numbered.frames)
-    _refuse_links_to_nothing(path, found)
-    return found
+    chosen = _chosen(path, _on_disk(path, numbered), frames or numbered.frames)
+    _refuse_links_to_nothing(path, chosen)
+    return chosen
 
 
 def _video_at(path: Path) -> Path | None:
@@ -239,12 +239,12 @@ def _video_at(path: Path) -> Path | None:
 _Moment = TypeVar("_Moment", Path, tuple[Path, Path])
 
 
-def _chosen(path: Path, found: dict[int, _Moment], frames: str | None) -> dict[int | None, _Moment]:
+def _chosen(path: Path, files: dict[int, _Moment], frames: str | None) -> dict[int | None, _Moment]:
     """Moments of `frames`, or all, in order."""
-    numbers = sorted(found)
+    numbers = sorted(files)
     if frames:
         numbers = sorted(parse_frames(frames))
-        missing = ranges_of(number for number in numbers if number not in found)
+        missing = ranges_of(number for number in numbers if number not in files)
         wanted, way = frames, "choose from"
     else:
         missing = _gaps(numbers)
@@ -252,13 +252,13 @@ def _chosen(path: Path, found: dict[int, _Moment], frames: str | None) -> dict[i
     if missing:
         raise InputError(
             f"{path}: wanted frames {wanted}, missing {missing}. "
-            f"Render what is missing, or {way} --frames {ranges_of(found)}"
+            f"Render what is missing, or {way} --frames {ranges_of(files)}"
         )
-    return {number: found[number] for number in numbers}
+    return {number: files[number] for number in numbers}
 
 
-def _refuse_links_to_nothing(path: Path, found: dict[int | None, Path]) -> None:
-    for number, file in found.items():
+def _refuse_links_to_nothing(path: Path, files: dict[int | None, Path]) -> None:
+    for number, file in files.items():
         if file.is_symlink() and not _is_file(file):
             raise InputError(
                 f"{path}: wanted frame {number}, got a link to nothing: {file.name} -> "
@@ -366,21 +366,21 @@ def _on_disk(path: Path, numbered: _Numbered) -> dict[int, Path]:
     folder = path.parent
     sign = "-?" if numbered.base[-1:] in ("", ".", "_") else ""
     name = re.compile(f"{re.escape(numbered.base)}({sign}[0-9]+){re.escape(numbered.extension)}")
-    found: dict[int, Path] = {}
+    files: dict[int, Path] = {}
     for file in _entries(folder, path):
         match = name.fullmatch(file.name)
         if match is None or not (_is_file(file) or file.is_symlink()):
             continue
         number = int(match[1])
-        if number in found:
+        if number in files:
             raise InputError(
-                f"{path}: wanted one file for frame {number}, got {found[number].name} and "
+                f"{path}: wanted one file for frame {number}, got {files[number].name} and "
                 f"{file.name}. Move one of them elsewhere."
             )
-        found[number] = file
-    if not found:
+        files[number] = file
+    if not files:
         raise InputError(f"{path}: wanted numbered frames, none matches.{_suggestion(folder)}")
-    return found
+    return files
 
 
 def _picture_of(folder: Path) -> Path:
@@ -427,11 +427,11 @@ def _suggestion(folder: Path) -> str:
         if number is not None and _is_file(file):
             base, rest = file.stem[: number.start()], file.stem[number.end() :]
             digits[base, f"{rest}{file.suffix}"].add(number[0])
-    sequences = [(name, found) for name, found in digits.items() if len(found) > 1]
+    sequences = [(name, numbers) for name, numbers in digits.items() if len(numbers) > 1]
     if len(sequences) != 1:
         return ""
-    (((base, extension), found),) = sequences
-    name = f"{base}{'#' * min(map(len, found))}{extension}"
+    (((base, extension), numbers),) = sequences
+    name = f"{base}{'#' * min(map(len, numbers))}{extension}"
     return f" Did you mean {folder / name}?"
 
 

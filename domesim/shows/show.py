@@ -168,9 +168,9 @@ def find_show(
                 "wanted a master, or --left and --right, got none of them; name a file or a "
                 "numbered sequence"
             )
-        given, other = ("--left", "--right") if right is None else ("--right", "--left")
+        named, other = ("--left", "--right") if right is None else ("--right", "--left")
         raise InputError(
-            f"wanted --left and --right, got {given} {left or right} only; name the other eye's as "
+            f"wanted --left and --right, got {named} {left or right} only; name the other eye's as "
             f"{other}"
         )
     if packing is not None:

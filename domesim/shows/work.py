@@ -218,15 +218,15 @@ class Writing:
 
     def options(self) -> dict[str, str]:
         """Options of `Recipe.options` that all commands that write frames have."""
-        found = {
+        options = {
             "--format": "as the master" if self.suffix is None else self.suffix.lstrip("."),
             "--bits": "as the master" if self.bits is None else str(self.bits),
             "--dither": "tpdf" if self.dither else "none",
             "--output-encoding": "as the master" if self.output is None else self.output.named,
         }
         if self.fps is not None:
-            found["--fps"] = f"{self.fps:g}"
-        return found | ({"--repair": "yes"} if self.repair else {})
+            options["--fps"] = f"{self.fps:g}"
+        return options | ({"--repair": "yes"} if self.repair else {})
 
 
 @final
@@ -516,13 +516,13 @@ def program_of(recipe: Recipe) -> str:
 @cache
 def code_of(*packages: str) -> str:
     """SHA-256 of all Python files of these."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for package in packages:
         for place in getattr(sys.modules[package], "__path__", ()):
             for file in sorted(Path(place).rglob("*.py")):
-                found.update(f"{file.relative_to(place)} {file.stat().st_size} ".encode())
-                found.update(file.read_bytes())
-    return found.hexdigest()
+                digest.update(f"{file.relative_to(place)} {file.stat().st_size} ".encode())
+                digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def _require_program(job: Job, recipe: Recipe) -> None:
@@ -555,7 +555,7 @@ def _caught(order: Order) -> Iterator[list[Failed]]:
 
 def _fault(order: Order, error: Exception) -> str:
     """A fault of the program, told in one line; the rest goes into a file."""
-    told = f"{order.moment[0]}: a fault of domesim itself: {type(error).__name__}: {error}"
+    message = f"{order.moment[0]}: a fault of domesim itself: {type(error).__name__}: {error}"
     if order.job is not None:
         place = order.job.fault(order.output)
     else:
@@ -564,7 +564,7 @@ def _fault(order: Order, error: Exception) -> str:
         place = Path(name)
     with suppress(OSError):  # which is told for results
         place.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")
-    return f"{joined(told)} (report it with {place})"
+    return f"{joined(message)} (report it with {place})"
 
 
 @contextmanager

@@ -159,9 +159,9 @@ def _reflected(screen: SilverScreen, to_lamp: Floats, to_eye: Floats, sent: Floa
     mirrored = facets * _unshadowed(cos_lamp, square) * _unshadowed(cos_eye, square)
     mirrored *= (1 - screen.depolarising_share) * screen.albedo / (4 * cos_lamp * cos_eye)
     scattered = screen.depolarising_share * screen.albedo / np.pi
-    found = mirrored[..., None] * _by_facets(to_lamp, to_eye, half, sent)
-    found[..., 0] += scattered * sent[0]
-    return np.asarray(found)
+    reflected = mirrored[..., None] * _by_facets(to_lamp, to_eye, half, sent)
+    reflected[..., 0] += scattered * sent[0]
+    return np.asarray(reflected)
 
 
 def _by_facets(to_lamp: Floats, to_eye: Floats, normal: Floats, sent: Floats) -> Floats:

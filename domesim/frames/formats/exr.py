@@ -128,14 +128,14 @@ class EXR(Format):
 def said(target: Target) -> Attributes:
     """What the header said that still holds of the part that is to be written."""
     assert isinstance(target.format, EXR)
-    found = attributes_in(target.format.carried[0])
+    attributes = attributes_in(target.format.carried[0])
     if not target.keeps_colour:
         for name in _COLOUR:
-            found.pop(name, None)
+            attributes.pop(name, None)
     # A container of SMPTE ST 2065-4 is half, of ACES AP0, and not compressed.
     if set(target.kinds) != {"half"} or not target.keeps_colour:
-        found.pop(_ACES_FLAG, None)
-    return found
+        attributes.pop(_ACES_FLAG, None)
+    return attributes
 
 
 def state_compression(spec: Any, compression: str | None) -> None:
@@ -169,7 +169,7 @@ def attributes_in(carried: bytes) -> Attributes:
 def with_attributes(encoded: bytes, parts: Sequence[Mapping[bytes, bytes]]) -> bytes:
     """The file `encoded` with those attributes in each of its parts, in place of its own."""
     headers, end = _headers(encoded)
-    whole = [{**own, **given} for own, given in zip(headers, parts, strict=True)]
+    whole = [{**own, **carried} for own, carried in zip(headers, parts, strict=True)]
     block = b"".join(b"".join(header.values()) + b"\0" for header in whole)
     (version,) = struct.unpack_from("<I", encoded, 4)
     if version & _MULTI_PART:
@@ -199,7 +199,7 @@ def _headers(content: bytes | mmap) -> tuple[list[Attributes], int]:
 
 def _attributes(content: bytes | mmap, position: int) -> tuple[Attributes, int]:
     """Attributes from a place on up to the end of their header, and the place behind it."""
-    found: Attributes = {}
+    attributes: Attributes = {}
     while (letter := content[position : position + 1]) != b"\0":
         named = content.find(b"\0", position)
         typed = content.find(b"\0", named + 1)
@@ -209,6 +209,6 @@ def _attributes(content: bytes | mmap, position: int) -> tuple[Attributes, int]:
         end = typed + 5 + size
         if end > len(content):
             raise DamagedError("one that ends early")
-        found[content[position:named]] = content[position:end]
+        attributes[content[position:named]] = content[position:end]
         position = end
-    return found, position + 1
+    return attributes, position + 1

@@ -97,10 +97,10 @@ def _metadata_of(content: bytes) -> bytes:
 
 def _with_metadata(encoded: bytes, metadata: bytes) -> bytes:
     """The JPEG `encoded` with those segments in place of its own of that kind."""
-    told, rest = _taken_apart(encoded)
+    segments, rest = _taken_apart(encoded)
     others = [
         (marker, whole)
-        for marker, whole in told
+        for marker, whole in segments
         if not _is_metadata(marker) or whole[4:].startswith(_OF_STORAGE)
     ]
     return _joined(others, metadata, rest)
@@ -108,20 +108,20 @@ def _with_metadata(encoded: bytes, metadata: bytes) -> bytes:
 
 def _with_segment(encoded: bytes, segment: bytes) -> bytes:
     """The JPEG `encoded` with one more."""
-    told, rest = _taken_apart(encoded)
-    return _joined(told, segment, rest)
+    segments, rest = _taken_apart(encoded)
+    return _joined(segments, segment, rest)
 
 
 def _taken_apart(content: bytes) -> tuple[list[tuple[int, bytes]], bytes]:
     """Segments before the first scan, and the rest."""
-    told = list(_segments_of(content))
-    return told, content[2 + sum(len(whole) for _, whole in told) :]
+    segments = list(_segments_of(content))
+    return segments, content[2 + sum(len(whole) for _, whole in segments) :]
 
 
-def _joined(told: list[tuple[int, bytes]], more: bytes, rest: bytes) -> bytes:
+def _joined(segments: list[tuple[int, bytes]], more: bytes, rest: bytes) -> bytes:
     """A JPEG; JFIF's segment, APP0, comes first."""
-    first = b"".join(whole for marker, whole in told if marker == _JFIF)
-    others = b"".join(whole for marker, whole in told if marker != _JFIF)
+    first = b"".join(whole for marker, whole in segments if marker == _JFIF)
+    others = b"".join(whole for marker, whole in segments if marker != _JFIF)
     return b"".join([START[:2], first, more, others, rest])
 
 
@@ -198,8 +198,8 @@ def _index_segment(first: int, place: int, second: int) -> bytes:
 
 
 def _without_index(content: bytes) -> bytes:
-    told, rest = _taken_apart(content)
-    kept = [whole for _, whole in told if not whole[4:].startswith(_INDEX)]
+    segments, rest = _taken_apart(content)
+    kept = [whole for _, whole in segments if not whole[4:].startswith(_INDEX)]
     return START[:2] + b"".join(kept) + rest
 
 

@@ -54,8 +54,10 @@ class JPEG2000(Format):
         cinema, comments = is_cinema(content), comments_of(content)
         boxes = _metadata_of(content)
         # cdef: channel, type, association.
-        told = _inside(_inside(boxes, b"jp2h"), b"cdef")[2:]
-        kinds = [kind for _, kind, _ in struct.iter_unpack(">3H", told[: len(told) // 6 * 6])]
+        channels = _inside(_inside(boxes, b"jp2h"), b"cdef")[2:]
+        kinds = [
+            kind for _, kind, _ in struct.iter_unpack(">3H", channels[: len(channels) // 6 * 6])
+        ]
         straight = _PREMULTIPLIED not in kinds
         return replace(self, cinema=cinema, comments=comments, boxes=boxes, unassociated=straight)
 

@@ -88,17 +88,19 @@ class PNG(Format):
         return replace(self, colour_chunks=colour, carried=carried, eyes=eyes)
 
     def _colour(self, path: Path, spec: Any) -> ColourTag:
-        found = dict(chunks_of(_START + self.colour_chunks))
-        if b"sRGB" in found:  # overrides gAMA and cHRM (PNG specification, third edition, 4.3)
+        chunks = dict(chunks_of(_START + self.colour_chunks))
+        if b"sRGB" in chunks:  # overrides gAMA and cHRM (PNG specification, third edition, 4.3)
             return ColourTag("srgb", "BT.709", "file: sRGB")
         gamma = spec.get_string_attribute("oiio:ColorSpace")
         # 0 means nothing (PNG specification, 11.3.2.2).
-        known = interop_named(path, gamma) if any(found.get(b"gAMA", b"")[8:-4]) else None
+        known = interop_named(path, gamma) if any(chunks.get(b"gAMA", b"")[8:-4]) else None
         transfer = known[0] if known else "srgb"
         sources = ["gAMA"] if known else []
         primaries = "BT.709"
-        if b"cHRM" in found:
-            white_first = [value / 100000 for value in struct.unpack_from(">8I", found[b"cHRM"], 8)]
+        if b"cHRM" in chunks:
+            white_first = [
+                value / 100000 for value in struct.unpack_from(">8I", chunks[b"cHRM"], 8)
+            ]
             named = primaries_of(white_first[2:] + white_first[:2])
             if named is None:
                 sources.append("primaries assumed, its chromaticities are not known ones")
@@ -210,8 +212,8 @@ def _with_carried_chunks(png: bytes, carried: bytes) -> bytes:
 
 def _as_utf8(text: bytes) -> bytes:
     """A chunk tEXt, or iTXt if it must be (PNG specification, 11.3.3)."""
-    keyword, _, said = text[8:-4].partition(b"\0")
-    return text if said.isascii() else chunk(b"iTXt", keyword + b"\0\0\0\0\0" + said)
+    keyword, _, value = text[8:-4].partition(b"\0")
+    return text if value.isascii() else chunk(b"iTXt", keyword + b"\0\0\0\0\0" + value)
 
 
 # The picture.

@@ -49,11 +49,11 @@ def compressed(samples: NDArray[Any]) -> bytes:
         stream = isal_zlib.compressobj(_LEVEL, isal_zlib.DEFLATED, -15)
         return stream.compress(lines.data) + stream.flush(end), lines
 
-    found = [each for strip in in_strips(work, (1, pieces, _PIECE)) for each in strip]
+    parts = [each for strip in in_strips(work, (1, pieces, _PIECE)) for each in strip]
     checksum = 1
-    for _, lines in found:
+    for _, lines in parts:
         checksum = zlib.adler32(lines.data, checksum)
-    return b"".join([_HEADER, *(each for each, _ in found), checksum.to_bytes(4)])
+    return b"".join([_HEADER, *(each for each, _ in parts), checksum.to_bytes(4)])
 
 
 def _filtered(samples: NDArray[Any], rows: slice, pixel: int) -> NDArray[np.uint8]:

@@ -158,8 +158,8 @@ class _File:
             self._require(begin, count * length)
             tags = {}
             for place in range(begin, begin + count * length, length):
-                tag, *told = self._read(entry, place)
-                tags[tag] = _Entry(place, *told)
+                tag, *fields = self._read(entry, place)
+                tags[tag] = _Entry(place, *fields)
                 size = tags[tag].number * _BYTES.get(tags[tag].kind, 0)
                 if size > room:
                     self._require(tags[tag].offset, size)

@@ -43,21 +43,21 @@ def mixing(black: Floats, primaries: Sequence[Floats]) -> Floats:
         name = ("red", "green", "blue")[number]
         sums = (photograph - black).sum((0, 1))
         if not sums[number] > _SEEN * max(float(sums.max()), 0.0) > 0:
-            told = ", ".join(f"{part / max(abs(float(sums.max())), 1e-300):.3f}" for part in sums)
+            shares = ", ".join(f"{part / max(abs(float(sums.max())), 1e-300):.3f}" for part in sums)
             raise InputError(
                 f"colours.{name}: wanted a photograph of full {name}, brighter than black and most "
-                f"of all in the channel {name} or near it, got R, G, B as {told}; is it that of "
+                f"of all in the channel {name} or near it, got R, G, B as {shares}; is it that of "
                 f"another pattern?"
             )
         columns.append(sums / sums[number])
-    found = np.stack(columns, 1)
-    hard = float(np.linalg.cond(found))
+    matrix = np.stack(columns, 1)
+    hard = float(np.linalg.cond(matrix))
     if hard > HARDEST:
         raise InputError(
             f"colours: the camera sees the primaries nearly alike (condition number {hard:.0f}, "
             f"wanted {HARDEST:g} or less); are red, green and blue those of different patterns?"
         )
-    return found
+    return matrix
 
 
 def unmixed(light: Floats, matrix: Floats) -> Floats:

@@ -90,10 +90,10 @@ class CameraSection(Section):
 
     @model_validator(mode="after")
     def _placed(self) -> Self:
-        given = [self.position_m, self.look_at_m, self.field_deg]
-        if self.mapping != "domemaster" and None in given:
+        stated = [self.position_m, self.look_at_m, self.field_deg]
+        if self.mapping != "domemaster" and None in stated:
             raise ValueError(f"a {self.mapping} needs position_m, look_at_m and field_deg")
-        given_at_all = any(part is not None for part in (*given, self.registration))
+        given_at_all = any(part is not None for part in (*stated, self.registration))
         if self.mapping == "domemaster" and given_at_all:
             raise ValueError("a domemaster has no position_m, look_at_m, field_deg or registration")
         if self.mapping != "perspective" and self.k1 != 0:
@@ -242,16 +242,16 @@ def read_survey(path: Path) -> Task:
     file = _parsed(path)
     folder = path.parent
     where = folder / file.theatre
-    told = where if where.suffix == ".toml" else file.theatre
-    scene, content = load_dome(told), scene_content(told)
+    named = where if where.suffix == ".toml" else file.theatre
+    scene, content = load_dome(named), scene_content(named)
     scene = replace(scene, theatre=replace(scene.theatre, lamps=()))
     names = file.pattern_names
     patterns = _patterns([folder / name for name in names], scene)
     files = [file.theatre, *names, *(shot.file for shot in file.photographs)]
-    found = None
+    theatre = None
     if file.camera is not None and file.camera.registration is not None:
         files.append(file.camera.registration)
-        found = _registered(file.camera, folder, scene)
+        theatre = _registered(file.camera, folder, scene)
     if file.colours is not None:
         files += [shot.file for shot in file.colours.shots]
     return Task(
@@ -259,12 +259,12 @@ def read_survey(path: Path) -> Task:
         scene=scene,
         content=content,
         patterns=patterns,
-        photographs=_photographs(file, folder, scene, found) if file.photographs else None,
+        photographs=_photographs(file, folder, scene, theatre) if file.photographs else None,
         readings=tuple(
             Reading(names.index(one.pattern), one.place_m, one.unit, one.value, one.error)
             for one in file.readings
         ),
-        registered=found,
+        registered=theatre,
         known={
             name: Known(three(what.value), three(what.error)) for name, what in file.known.items()
         },

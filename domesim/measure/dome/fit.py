@@ -264,12 +264,12 @@ def survey(
             raise InputError(f"{name} cannot be held: the theatre has {', '.join(names)}")
     problem = _Problem(light, evidence, names, known)
     begin = problem.start(start)
-    found = problem.solved(begin)
-    noise = float(found.fun[: problem.rows] @ found.fun[: problem.rows])
+    solution = problem.solved(begin)
+    noise = float(solution.fun[: problem.rows] @ solution.fun[: problem.rows])
     degrees = problem.degrees
     if degrees > 0 and chi2.sf(noise, degrees) < 1e-3:
-        found = problem.allowed_for(found)
-    return problem.told(found, noise, profile=profile)
+        solution = problem.allowed_for(solution)
+    return problem.told(solution, noise, profile=profile)
 
 
 @final
@@ -392,11 +392,11 @@ class _Problem:
             max_nfev=_MOST,
         )
 
-    def allowed_for(self, found: OptimizeResult) -> OptimizeResult:
+    def allowed_for(self, solution: OptimizeResult) -> OptimizeResult:
         """The best fit with a model error that makes chi² equal its degrees of freedom."""
         for _ in range(2):
 
-            def excess(logarithm: float, at: Floats = found.x) -> float:
+            def excess(logarithm: float, at: Floats = solution.x) -> float:
                 self._model_error = float(np.exp(logarithm))
                 own = self._residual(at)[: self.rows]
                 return float(own @ own) - self.degrees
@@ -408,29 +408,29 @@ class _Problem:
                 if excess(high) < 0 < excess(low)
                 else 0
             )
-            found = self.solved(found.x)
-        return found
+            solution = self.solved(solution.x)
+        return solution
 
-    def told(self, found: OptimizeResult, noise: float, *, profile: bool) -> Survey:
+    def told(self, solution: OptimizeResult, noise: float, *, profile: bool) -> Survey:
         """The fitted figures, and which of them the data leave open."""
-        x, jacobian = found.x, found.jac
+        x, jacobian = solution.x, solution.jac
         covariance = _inverse(jacobian, self._scales())
         spread = np.sqrt(np.diag(covariance))
         figures = self._told
         error = spread[figures]
-        answered = (SIGMAS * error < WIDEST) & (found.status > 0)
+        answered = (SIGMAS * error < WIDEST) & (solution.status > 0)
         wrong = self._model_error > LARGEST_MODEL_ERROR
         unsure = answered & (SIGMAS * error > _NARROW) & (profile and not wrong)
         for p, at in zip(*np.nonzero(unsure), strict=True):
             name = self._names[at]
             exact = name in self._known and self._known[name].error[p] == 0
-            if not exact and not self._rises(found, int(figures[p, at]), float(error[p, at])):
+            if not exact and not self._rises(solution, int(figures[p, at]), float(error[p, at])):
                 answered[p, at] = False
         leaning = {}
         for name, what in self._known.items():
             at = self._names.index(name)
             if what.assumed:
-                answered[:, at] = found.status > 0
+                answered[:, at] = solution.status > 0
                 if np.any(error[:, at] > _LEANING * np.asarray(what.error)):
                     leaning[name] = what
         shared = covariance[np.ix_(figures.ravel(), figures.ravel())]
@@ -449,7 +449,7 @@ class _Problem:
         ambient, ambient_error = self._ambient(x, covariance)
         shown_error = error.copy()
         shown_error[:, 0] *= value[:, 0]
-        own = found.fun[: self.rows].reshape(self._evidence.value.shape)
+        own = solution.fun[: self.rows].reshape(self._evidence.value.shape)
         root = np.sqrt(self._variance(self._modelled(x)[0]))
         left = own * np.where(np.isfinite(root), root, 0.0)
         mine = slice(3 * self._count, 3 * self._count + self._nuisances)
@@ -481,16 +481,16 @@ class _Problem:
         return np.concatenate([np.tile([1.0] + [0.3] * (self._count - 1), 3),
                                np.ones(self._nuisances + self._white)])  # fmt: skip
 
-    def _rises(self, found: OptimizeResult, at: int, error: float) -> bool:
+    def _rises(self, solution: OptimizeResult, at: int, error: float) -> bool:
         """Whether chi² rises by what it should to both ends of an interval."""
         for side in (-1, 1):
-            end = found.x[at] + side * SIGMAS * error
+            end = solution.x[at] + side * SIGMAS * error
             albedo = at < 3 * self._count and at % self._count > 0
             if albedo and not 0 < end < BRIGHTEST:
                 continue  # albedos end there by themselves
-            other = self.solved(found.x, {at: end})
+            other = self.solved(solution.x, {at: end})
             self._held = {}
-            if 2 * (other.cost - found.cost) < _RISE * SIGMAS**2:
+            if 2 * (other.cost - solution.cost) < _RISE * SIGMAS**2:
                 return False
         return True
 
@@ -645,8 +645,8 @@ def _doubts(names: Sequence[str], value: Floats, covariance: Floats) -> tuple[st
             continue
         group = [at, *(other for other in left if other != at and alike[at, other])]
         left = [other for other in left if other not in group]
-        told = [f"{names[one]} is {value[one]:+.1f} ± {spread[one]:.1f}" for one in group]
-        line = f"{' and '.join(told)} of its stated error"
+        values = [f"{names[one]} is {value[one]:+.1f} ± {spread[one]:.1f}" for one in group]
+        line = f"{' and '.join(values)} of its stated error"
         lines.append(
             line
             if len(group) == 1

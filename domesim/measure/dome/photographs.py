@@ -304,8 +304,8 @@ def _averaged(
     # not, by which only the mean of black is a little off.
     area = np.where(kinds == 0, pixels, 0) / max(1, int(pixels[kinds == 0].sum()))
     noise = _noise(light, label, value, pixels)
-    found = Cells(places, u, v, area, value, value, pixels, label, noise)
-    return replace(found, variance=found.variance_at(value))
+    averaged = Cells(places, u, v, area, value, value, pixels, label, noise)
+    return replace(averaged, variance=averaged.variance_at(value))
 
 
 def _like_their_cells(places: Floats, cell: NDArray[np.int64], chosen: NDArray[np.int64]) -> Floats:
@@ -331,8 +331,8 @@ def _like_their_cells(places: Floats, cell: NDArray[np.int64], chosen: NDArray[n
     spread = some - some.mean(1, keepdims=True)
     own = spread.transpose(0, 2, 1) @ spread / spread.shape[1]
     tiny = 1e-9 * np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-    wanted, found = np.linalg.cholesky(products + tiny), np.linalg.cholesky(own + tiny)
-    turned = wanted @ np.linalg.inv(found)
+    wanted, actual = np.linalg.cholesky(products + tiny), np.linalg.cholesky(own + tiny)
+    turned = wanted @ np.linalg.inv(actual)
     return np.moveaxis(middle[:, None] + spread @ turned.transpose(0, 2, 1), -1, 0)
 
 
@@ -365,16 +365,16 @@ def pixel_noise(level: Floats, local: Floats, count: NDArray[np.int64]) -> Pixel
     usable = count >= 3
     if not usable.any():
         return PixelNoise(np.zeros(3), np.inf)
-    found, weight = np.zeros(3), np.sqrt(count[usable])
+    noise, weight = np.zeros(3), np.sqrt(count[usable])
     terms, target = _noise_terms(level[usable]), np.maximum(local[usable], 1e-300)
     scale = np.maximum(_noise_terms(level).max(0), 1e-300)
     guess = np.full(len(target), float(np.mean(target)))
     for _ in range(4):
         # Areas differ in light, if only by noise, so that no two terms are the same
         whitened = terms / scale * (weight / guess)[:, None]
-        found = nnls(whitened, target * weight / guess)[0] / scale
-        guess = np.maximum(terms @ found, 1e-3 * guess)
-    return PixelNoise(found, 1e-3 * float(guess.min()))
+        noise = nnls(whitened, target * weight / guess)[0] / scale
+        guess = np.maximum(terms @ noise, 1e-3 * guess)
+    return PixelNoise(noise, 1e-3 * float(guess.min()))
 
 
 def _noise_terms(level: Floats) -> Floats:

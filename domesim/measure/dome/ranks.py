@@ -109,19 +109,19 @@ def cross_validated(responses: Responses, cores: Sequence[Core]) -> Ranks | None
     light, allowed, excess = np.zeros(len(folds)), 0.0, 0.0
     for number, (pattern, kept) in enumerate(folds):
         others = responses.only(kept)
-        found = [fitted(others, p, core.expectation, core.core) for p, core in enumerate(cores)]
-        modes = modes_of([each.core for each in found])
+        fits = [fitted(others, p, core.expectation, core.core) for p, core in enumerate(cores)]
+        modes = modes_of([each.core for each in fits])
         for shot in np.flatnonzero(responses.pattern == pattern):
-            for p, each in enumerate(found):
+            for p, each in enumerate(fits):
                 for rank in range(1, highest + 1):
                     part = reduced(each.core, modes[:, :rank])
-                    told = foretold(responses, p, kept, each.counted, part, int(shot))
-                    weight = told.counted / told.variance
-                    lost[number, rank - 1] += np.sum(weight * told.off**2 - told.counted)
-                told = foretold(responses, p, kept, each.counted, each.core, int(shot))
-                weight = told.counted / told.variance
-                light[number] += np.sum(weight * told.reflected**2)
-                excess += float(np.sum(weight * told.off**2 - told.counted))
+                    predicted = foretold(responses, p, kept, each.counted, part, int(shot))
+                    weight = predicted.counted / predicted.variance
+                    lost[number, rank - 1] += np.sum(weight * predicted.off**2 - predicted.counted)
+                predicted = foretold(responses, p, kept, each.counted, each.core, int(shot))
+                weight = predicted.counted / predicted.variance
+                light[number] += np.sum(weight * predicted.reflected**2)
+                excess += float(np.sum(weight * predicted.off**2 - predicted.counted))
                 allowed += float(weight @ _claimed(responses, each, p, int(shot)))
     shares = lost / light.sum()
     total = shares.sum(0)

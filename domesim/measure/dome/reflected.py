@@ -348,8 +348,8 @@ class _System:
     def solution(self, expectation: Expectation, mean: float) -> Floats:
         """(function, function) most probable core."""
         factor = self._factor(expectation, mean)
-        found = self._turn.T @ cho_solve(factor, self._right)
-        return np.asarray(found.reshape(self._count, -1))
+        solved = self._turn.T @ cho_solve(factor, self._right)
+        return np.asarray(solved.reshape(self._count, -1))
 
     def uncertainty(self, expectation: Expectation, mean: float) -> Uncertainty:
         """Uncertainty of the most probable core."""

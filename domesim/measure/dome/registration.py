@@ -97,18 +97,18 @@ def registered(dome: Dome, markers: Floats, photograph: Floats, start: Camera) -
     places = dome.surface(*np.radians(markers[:, 1::-1].T)) @ dome.to_room.T
     blobs, sizes = _blobs(photograph)
     cols = photograph.shape[1]
-    camera, found, seen = start, np.zeros(0, np.int64), np.zeros(0, np.int64)
+    camera, matched, seen = start, np.zeros(0, np.int64), np.zeros(0, np.int64)
     for turn in range(_SEVERAL):
-        found, seen, of = _matched(camera, places, blobs, photograph.shape[:2])
-        if len(found) < FEWEST:
+        matched, seen, of = _matched(camera, places, blobs, photograph.shape[:2])
+        if len(matched) < FEWEST:
             raise InputError(
-                f"registration: found {len(found)} of {of} dots where the stated camera would see "
-                f"them, wanted {FEWEST} or more; photograph the registration pattern in the dark, "
-                f"sharply, with all other light off, and state position, look_at and field to "
-                f"within a few degrees"
+                f"registration: found {len(matched)} of {of} dots where the stated camera would "
+                f"see them, wanted {FEWEST} or more; photograph the registration pattern in the "
+                f"dark, sharply, with all other light off, and state position, look_at and field "
+                f"to within a few degrees"
             )
-        camera, covariance = _fitted(camera, places[found], blobs[seen], free=turn > 0)
-    u, v = camera.places(places[found])
+        camera, covariance = _fitted(camera, places[matched], blobs[seen], free=turn > 0)
+    u, v = camera.places(places[matched])
     off = np.hypot(*(np.stack([u, v]) - blobs[seen].T)) / camera.pixels_in(1.0, cols) * cols / 2
     rms = float(np.sqrt(np.mean(off**2)))
     if rms > WIDEST:
@@ -116,9 +116,11 @@ def registered(dome: Dome, markers: Floats, photograph: Floats, start: Camera) -
             f"registration: dots are {np.degrees(rms):.1f}° (rms) from where any camera of this "
             f"kind would see them; check mapping, field_deg, and the dome's shape"
         )
-    _require_upright(markers[found], sizes[seen])
+    _require_upright(markers[matched], sizes[seen])
     spread = three(np.sqrt(np.diag(covariance)[:3]))
-    return Registered(camera, len(found), of, rms, spread, three(np.sqrt(np.diag(covariance)[3:6])))
+    return Registered(
+        camera, len(matched), of, rms, spread, three(np.sqrt(np.diag(covariance)[3:6]))
+    )
 
 
 def _blobs(photograph: Floats) -> tuple[Floats, Floats]:
@@ -180,14 +182,14 @@ def _fitted(camera: Camera, places: Floats, blobs: Floats, *, free: bool) -> tup
     if bent:
         low[7] = 0.95 * folding(camera.field * np.exp(_WIDER)) - camera.distortion
         low[7], high[7] = min(low[7], -1e-6), 1.0
-    found = least_squares(
+    solution = least_squares(
         off, np.zeros(7 + bent), bounds=(low, high), loss="soft_l1", f_scale=0.005, x_scale="jac"
     )
-    slopes = np.asarray(found.jac)
+    slopes = np.asarray(solution.jac)
     # Dots all over the screen tell all parameters: no singular value is lost in rounding
     inverse = np.linalg.pinv(slopes.T @ slopes)
-    variance = float(np.sum(off(found.x) ** 2)) / max(1, 2 * len(places) - len(found.x))
-    return moved(found.x), inverse * variance
+    variance = float(np.sum(off(solution.x) ** 2)) / max(1, 2 * len(places) - len(solution.x))
+    return moved(solution.x), inverse * variance
 
 
 def _require_upright(markers: Floats, sizes: Floats) -> None:

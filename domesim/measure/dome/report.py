@@ -19,72 +19,72 @@ from domesim.scene.writing import as_toml
 Floats = NDArray[np.float64]
 
 
-def lines_of(task: Task, found: Survey) -> list[str]:
+def lines_of(task: Task, survey: Survey) -> list[str]:
     """What was found, for a person."""
     lines = [] if task.registered is None else [task.registered.told()]
     unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
     for name, value, error, answered in zip(
-        found.names, found.value, found.error, found.answered, strict=True
+        survey.names, survey.value, survey.error, survey.answered, strict=True
     ):
-        told = [
+        parts = [
             f"{p} {decimal(v, 4)} ± {decimal(SIGMAS * e, 2)}" if good else f"{p} not determined"
             for p, v, e, good in zip("RGB", value, error, answered, strict=True)
         ]
         what = f"white, direct light alone ({unit})" if name == GAIN else f"{name} albedo"
-        lines.append(f"{what}: {', '.join(told)}")
-    if found.answered[0].all():
-        told = [
+        lines.append(f"{what}: {', '.join(parts)}")
+    if survey.answered[0].all():
+        parts = [
             f"{p} {decimal(v)} ± {decimal(SIGMAS * e, 1)}"
-            for p, v, e in zip("RGB", found.ambient, found.ambient_error, strict=True)
+            for p, v, e in zip("RGB", survey.ambient, survey.ambient_error, strict=True)
         ]
-        lines.append(f"black as it is seen, of white: {', '.join(told)}")
+        lines.append(f"black as it is seen, of white: {', '.join(parts)}")
     verdict = "noise alone explains the residuals"
-    if not found.plausible:
+    if not survey.plausible:
         verdict = (
-            f"more than noise: each place is off by another {found.model_error:.2%}, which the "
+            f"more than noise: each place is off by another {survey.model_error:.2%}, which the "
             f"intervals have been widened for"
         )
-    lines.append(f"fit: chi² {found.chi2:.0f} for {found.degrees} degrees of freedom; {verdict}")
-    for name, assumed in found.leaning.items():
+    lines.append(f"fit: chi² {survey.chi2:.0f} for {survey.degrees} degrees of freedom; {verdict}")
+    for name, assumed in survey.leaning.items():
         values = ", ".join(f"{p} {decimal(v)}" for p, v in zip("RGB", assumed.value, strict=True))
         lines.append(
             f"{name} albedo: the photographs tell little of it; it was taken to be {values} as "
             f"described, ± {decimal(SIGMAS * max(assumed.error), 2)}. If you know better: --hold "
             f"{name}=VALUE,ERROR"
         )
-    lines += [f"check the description: {line}" for line in found.doubts]
-    return lines + [f"not told apart: {line}" for line in found.confusions]
+    lines += [f"check the description: {line}" for line in survey.doubts]
+    return lines + [f"not told apart: {line}" for line in survey.confusions]
 
 
-def figures_of(found: Survey) -> dict[str, Any]:
+def figures_of(survey: Survey) -> dict[str, Any]:
     """The same for a program; what is not answered is null."""
 
     def table(values: Floats, answered: NDArray[np.bool_]) -> dict[str, list[float | None]]:
         return {
             name: [float(v) if good else None for v, good in zip(row, goods, strict=True)]
-            for name, row, goods in zip(found.names, values, answered, strict=True)
+            for name, row, goods in zip(survey.names, values, answered, strict=True)
         }
 
     return {
-        "values": table(found.value, found.answered),
-        "standard_errors": table(found.error, np.ones_like(found.answered)),
-        "correlations": found.correlations.tolist(),
-        "ambient_of_white": found.ambient.tolist(),
-        "ambient_standard_error": found.ambient_error.tolist(),
-        "chi2": found.chi2,
-        "degrees_of_freedom": found.degrees,
-        "model_error": found.model_error,
-        "nuisances": {name: list(pair) for name, pair in found.nuisances.items()},
-        "doubts": list(found.doubts),
+        "values": table(survey.value, survey.answered),
+        "standard_errors": table(survey.error, np.ones_like(survey.answered)),
+        "correlations": survey.correlations.tolist(),
+        "ambient_of_white": survey.ambient.tolist(),
+        "ambient_standard_error": survey.ambient_error.tolist(),
+        "chi2": survey.chi2,
+        "degrees_of_freedom": survey.degrees,
+        "model_error": survey.model_error,
+        "nuisances": {name: list(pair) for name, pair in survey.nuisances.items()},
+        "doubts": list(survey.doubts),
         "assumed": {
             name: {"value": list(what.value), "standard_error": list(what.error)}
-            for name, what in found.leaning.items()
+            for name, what in survey.leaning.items()
         },
-        "undetermined": list(found.confusions),
+        "undetermined": list(survey.confusions),
     }
 
 
-def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
+def measured_scene(task: Task, fit: Survey, name: str, survey: Path) -> str:
     """The theatre's file with what was found in it.
 
     Raises
@@ -92,10 +92,10 @@ def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
     ValueError
         If not everything is answered.
     """
-    if not found.complete:
+    if not fit.complete:
         raise ValueError("a scene needs all of its figures answered")
     scene = task.scene
-    values = dict(zip(found.names, found.value, strict=True))
+    values = dict(zip(fit.names, fit.value, strict=True))
     content = described(task)
     content["name"] = name
     content["description"] = f"{scene.description} As measured: {survey.name}."
@@ -108,10 +108,10 @@ def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
     if "lumens" in content["projector"]:
         weights = scene.projector.luminance_weights
         white *= float(weights @ values["screen"] / (weights @ scene.theatre.screen_albedo))
-    content["projector"] = projector_section(task, white, values[GAIN], found.ambient)
+    content["projector"] = projector_section(task, white, values[GAIN], fit.ambient)
     content["ambient"] = {"luminance_cd_m2": 0.0}
     content.pop("lamps", None)
-    measured = ", ".join(f"{surface}.albedo" for surface in found.names[1:])
+    measured = ", ".join(f"{surface}.albedo" for surface in fit.names[1:])
     content["sources"] = {
         **{
             key: text
@@ -123,18 +123,18 @@ def measured_scene(task: Task, found: Survey, name: str, survey: Path) -> str:
     content["measured"] = measured_section(
         task,
         survey,
-        names=found.names,
-        values=found.value,
-        errors=found.error,
-        correlations=found.correlations,
-        chi2=found.chi2,
-        degrees=found.degrees,
-        model_error=found.model_error,
+        names=fit.names,
+        values=fit.value,
+        errors=fit.error,
+        correlations=fit.correlations,
+        chi2=fit.chi2,
+        degrees=fit.degrees,
+        model_error=fit.model_error,
     )
     return as_toml(content)
 
 
-def residual_picture(cells: Cells, found: Survey) -> NDArray[np.uint8]:
+def residual_picture(cells: Cells, survey: Survey) -> NDArray[np.uint8]:
     """(row, col, RGB): residuals of each photograph beside each other; red is brighter than model.
 
     The strongest colour is five standard errors, in the second primary; grey is what was left out.
@@ -143,7 +143,7 @@ def residual_picture(cells: Cells, found: Survey) -> NDArray[np.uint8]:
 
     colours = colormaps["RdBu_r"]
     pictures = []
-    for residual in found.residual[..., 1]:
+    for residual in survey.residual[..., 1]:
         shown = np.full((*cells.label.shape, 3), 0.5)
         used = cells.label >= 0
         shown[used] = colours(np.clip(0.5 + residual / 10, 0, 1))[cells.label[used], :3]

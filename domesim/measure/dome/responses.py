@@ -163,7 +163,7 @@ def responses_of(
     scale = theta / np.maximum(np.hypot(rays[..., 0], rays[..., 1]), 1e-300)
     basis = ScreenBasis(dome, degree)
     u, v = (_blocks(rays[..., axis] * scale, step)[counted] for axis in (0, 1))
-    told = Responses(
+    responses = Responses(
         value=value[:, counted],
         variance=variance[:, counted],
         direct=direct[:, counted],
@@ -174,7 +174,7 @@ def responses_of(
         noise=noises,
         pixels=step**2,
     )
-    return told.weighed(told.value)
+    return responses.weighed(responses.value)
 
 
 def screen_alone(theatre: Theatre) -> Theatre:

@@ -79,10 +79,10 @@ def survey_of_spots(
     surfaces = surfaces_of(theatre)
     known = _with_wall(known, surfaces, albedos)
     light = Interreflection(theatre, shown)
-    found = survey(light, seen, albedos, surfaces, known, profile=profile)
+    fit = survey(light, seen, albedos, surfaces, known, profile=profile)
     # The primaries are the same figures, so they are off together.
-    one = found.covariance[:1, :, :1]
-    return replace(found, covariance=np.tile(one, (3, 1, 3, 1)))
+    one = fit.covariance[:1, :, :1]
+    return replace(fit, covariance=np.tile(one, (3, 1, 3, 1)))
 
 
 def _with_wall(
@@ -167,5 +167,5 @@ def survey_of(
         return survey(model, whole(full), albedos, surfaces, known, profile=tested)
 
     near = fitted(coarse, {}, tested=False).nuisances
-    found = fitted(light, {name: value for name, (value, _) in near.items()}, tested=profile)
-    return cells, replace(found, residual=found.residual[:shots, :places])
+    fit = fitted(light, {name: value for name, (value, _) in near.items()}, tested=profile)
+    return cells, replace(fit, residual=fit.residual[:shots, :places])

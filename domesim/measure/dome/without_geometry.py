@@ -201,49 +201,49 @@ def _ambient(responses: Responses, core: Core, primary: int) -> Floats:
     return result
 
 
-def stored(found: Found, scene: DomeScene, survey: Path) -> Transport:
+def stored(fit: Found, scene: DomeScene, survey: Path) -> Transport:
     """The transport as it is stored, for a scene that was written with it: less its black."""
     return replace(
-        found.transport,
-        ambient=found.transport.ambient - scene.ambient / scene.projector.white,
+        fit.transport,
+        ambient=fit.transport.ambient - scene.ambient / scene.projector.white,
         provenance={
             "scene": scene.name,
             "digest": scene.digest,
             "method": PHOTOGRAPHS,
             "measured": survey.name,
-            "rank": found.ranks.rank,
-            "cross_validated_error": found.ranks.error.tolist(),
-            "relative_error": found.transport.relative_error(),
+            "rank": fit.ranks.rank,
+            "cross_validated_error": fit.ranks.error.tolist(),
+            "relative_error": fit.transport.relative_error(),
             "domesim": version("domesim"),
         },
     )
 
 
-def lines_of(task: Task, found: Found) -> list[str]:
+def lines_of(task: Task, fit: Found) -> list[str]:
     """What was found, for a person."""
     unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
-    hidden = f"; {found.hidden} others are hidden from the camera" if found.hidden else ""
+    hidden = f"; {fit.hidden} others are hidden from the camera" if fit.hidden else ""
     lines = [] if task.registered is None else [task.registered.told()]
     lines += [
-        f"{found.photographs} photographs of black and {found.patterns} patterns, {found.places} "
+        f"{fit.photographs} photographs of black and {fit.patterns} patterns, {fit.places} "
         f"places of the screen{hidden}",
         f"white, direct light alone ({unit}), median and 90 % of the places: "
         + _each(
             f"{decimal(gain)} ({decimal(low)} to {decimal(high)})"
-            for gain, (low, high) in zip(found.gain, found.spread, strict=True)
+            for gain, (low, high) in zip(fit.gain, fit.spread, strict=True)
         ),
         "reflected light of a white picture, of its direct light: "
         + _each(
             f"{white:.4f} ± {decimal(SIGMAS * error, 1)}"
-            for white, error in zip(found.white, found.white_error, strict=True)
+            for white, error in zip(fit.white, fit.white_error, strict=True)
         ),
-        "black as it is seen, of white: " + _each(decimal(part) for part in found.ambient),
+        "black as it is seen, of white: " + _each(decimal(part) for part in fit.ambient),
     ]
     verdict = "noise alone explains the residuals"
-    if found.misfit > 1 + 3 / np.sqrt(2 * found.degrees):
-        verdict = f"more than noise, for which errors have been widened {found.misfit:.2f} times"
-    lines.append(f"fit: chi² {found.chi2:.0f} for {found.degrees} degrees of freedom; {verdict}")
-    ranks = found.ranks
+    if fit.misfit > 1 + 3 / np.sqrt(2 * fit.degrees):
+        verdict = f"more than noise, for which errors have been widened {fit.misfit:.2f} times"
+    lines.append(f"fit: chi² {fit.chi2:.0f} for {fit.degrees} degrees of freedom; {verdict}")
+    ranks = fit.ranks
     errors = ", ".join(f"{rank}: {_share(part)}" for rank, part in enumerate(ranks.error, 1))
     lines.append(
         f"error of the reflected light of patterns left out, by number of modes: {errors}; taken: "
@@ -268,32 +268,32 @@ def lines_of(task: Task, found: Found) -> list[str]:
     return lines
 
 
-def figures_of(found: Found) -> dict[str, Any]:
+def figures_of(fit: Found) -> dict[str, Any]:
     """The same for a program."""
     return {
-        "gain": found.gain.tolist(),
-        "reflected_of_white": found.white.tolist(),
-        "reflected_standard_error": found.white_error.tolist(),
-        "ambient_of_white": found.ambient.tolist(),
-        "rank": found.ranks.rank,
-        "cross_validated_error": found.ranks.error.tolist(),
-        "error_widening": found.ranks.widening,
-        "more_patterns_would_tell_more": found.ranks.exhausted,
-        "places": found.places,
-        "hidden_places": found.hidden,
-        "chi2": found.chi2,
-        "degrees_of_freedom": found.degrees,
+        "gain": fit.gain.tolist(),
+        "reflected_of_white": fit.white.tolist(),
+        "reflected_standard_error": fit.white_error.tolist(),
+        "ambient_of_white": fit.ambient.tolist(),
+        "rank": fit.ranks.rank,
+        "cross_validated_error": fit.ranks.error.tolist(),
+        "error_widening": fit.ranks.widening,
+        "more_patterns_would_tell_more": fit.ranks.exhausted,
+        "places": fit.places,
+        "hidden_places": fit.hidden,
+        "chi2": fit.chi2,
+        "degrees_of_freedom": fit.degrees,
     }
 
 
-def measured_scene(task: Task, found: Found, name: str, survey: Path) -> str:
+def measured_scene(task: Task, fit: Found, name: str, survey: Path) -> str:
     """A scene of the bare screen that goes with the transport."""
     content = described(task, ("dome", "projector", "viewing", "viewpoints"))
     share = task.scene.dome.screen_area / (4 * np.pi * task.scene.dome.radius**2)
-    albedo = found.white / (share * (1 + found.white))
-    slope = 1 / (share * (1 + found.white) ** 2)
+    albedo = fit.white / (share * (1 + fit.white))
+    slope = 1 / (share * (1 + fit.white) ** 2)
     white = task.scene.projector.white
-    content["projector"] = projector_section(task, white, found.gain, found.ambient)
+    content["projector"] = projector_section(task, white, fit.gain, fit.ambient)
     return as_toml(
         {
             "name": name,
@@ -315,11 +315,11 @@ def measured_scene(task: Task, found: Found, name: str, survey: Path) -> str:
                 survey,
                 names=("screen",),
                 values=albedo[None],
-                errors=(slope * found.white_error)[None],
+                errors=(slope * fit.white_error)[None],
                 correlations=np.eye(3),
-                chi2=found.chi2,
-                degrees=found.degrees,
-                model_error=float(found.ranks.error[found.ranks.rank - 1]),
+                chi2=fit.chi2,
+                degrees=fit.degrees,
+                model_error=float(fit.ranks.error[fit.ranks.rank - 1]),
             ),
         }
     )

@@ -73,10 +73,10 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
         return lights(name, kind, lit, region, CHANNELS["W"], **parameters)
 
     ramp = codes.ramp(levels)
-    found = [lights("black", "black", "nothing", _all, BLACK, channel="K", level=0.0)]
+    patterns = [lights("black", "black", "nothing", _all, BLACK, channel="K", level=0.0)]
     for channel, word in WORDS.items():
         kind: Kind = "white" if channel == "W" else "primary"
-        found.append(
+        patterns.append(
             lights(
                 word,
                 kind,
@@ -88,7 +88,7 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
             )
         )
     for channel, word in WORDS.items():
-        found += [
+        patterns += [
             lights(
                 f"ramp-{word}-{number:02d}",
                 "ramp",
@@ -100,12 +100,12 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
             )
             for number, level in enumerate(ramp, 1)
         ]
-    found += [
+    patterns += [
         white(f"half-{side}", "half", f"the {side} half", _sector(start, 180), **_range(start, 180))
         for side, start in HALVES.items()
     ]
     wide = 360 // SECTORS
-    found += [
+    patterns += [
         white(
             f"sector-{start:03d}-{start + wide:03d}",
             "sector",
@@ -116,7 +116,7 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
         for start in range(0, 360, wide)
     ]
     edges = np.linspace(0, np.degrees(dome.half_angle), RINGS + 1)
-    found += [
+    patterns += [
         white(
             f"ring-{number}",
             "ring",
@@ -129,7 +129,7 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
     ]
     for sectors, rings in BOARDS:
         name = f"checkerboard-{sectors}x{rings}"
-        found += [
+        patterns += [
             white(
                 f"{name}-{one}",
                 "checkerboard",
@@ -143,7 +143,7 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
         ]
     radius = np.degrees(PATCH * dome.half_angle)
     for name, azimuth, angle in _patches(dome):
-        found.append(
+        patterns.append(
             white(
                 f"patch-{name}",
                 "patch",
@@ -154,7 +154,7 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
                 radius_deg=float(radius),
             )
         )
-    return (_registration(dome), *found)
+    return (_registration(dome), *patterns)
 
 
 def _registration(dome: Dome) -> Pattern:
@@ -168,10 +168,10 @@ def _registration(dome: Dome) -> Pattern:
 
     def lit(directions: Directions) -> Mask:
         x, y = _plane(dome, directions)
-        found = letter("F", x, y - _LETTER_AT, _LETTER_HEIGHT)
+        points = letter("F", x, y - _LETTER_AT, _LETTER_HEIGHT)
         for region in regions:
-            found |= region(directions)
-        return found
+            points |= region(directions)
+        return points
 
     return Pattern(
         "registration",
@@ -187,10 +187,10 @@ def _markers(dome: Dome) -> list[dict[str, float]]:
     """Markers on the screen: places of their middles, and their radii."""
     half, size = np.degrees(dome.half_angle), MARKER * np.degrees(dome.half_angle)
     rings = [(azimuth, share * half) for share in (0.3, 0.6, 0.9) for azimuth in range(0, 360, 30)]
-    found = [(azimuth, angle, size * LARGER.get(azimuth, 1.0)) for azimuth, angle in rings]
+    markers = [(azimuth, angle, size * LARGER.get(azimuth, 1.0)) for azimuth, angle in rings]
     return [
         {"azimuth_deg": float(azimuth), "angle_deg": float(angle), "radius_deg": float(radius)}
-        for azimuth, angle, radius in [(0, 0.0, size), *found]
+        for azimuth, angle, radius in [(0, 0.0, size), *markers]
         if _on_screen(dome, _towards(azimuth, angle))
     ]
 
@@ -198,12 +198,12 @@ def _markers(dome: Dome) -> list[dict[str, float]]:
 def _patches(dome: Dome) -> list[tuple[str, float, float]]:
     """Name, azimuth and angle from the zenith, degrees."""
     half = float(np.degrees(dome.half_angle))
-    found = [("zenith", 0.0, 0.0)]
+    patches = [("zenith", 0.0, 0.0)]
     for ring, share in (("upper", 0.4), ("lower", 0.8)):
-        found += [
+        patches += [
             (f"{ring}-{azimuth:03d}", azimuth, share * half) for azimuth in range(30, 360, 60)
         ]
-    return [each for each in found if _on_screen(dome, _towards(*each[1:]))]
+    return [each for each in patches if _on_screen(dome, _towards(*each[1:]))]
 
 
 def _on_screen(dome: Dome, direction: Directions) -> bool:
@@ -214,12 +214,12 @@ def _on_screen(dome: Dome, direction: Directions) -> bool:
 
 def _on(dome: Dome, region: Region) -> Callable[[int, int], Mask]:
     def mask(rows: int, cols: int) -> Mask:
-        found = dome.inside(rows, cols)[None]
+        inside = dome.inside(rows, cols)[None]
         if region is _all:
-            return found
+            return inside
         for strip in strips(rows, cols):
-            found[0, strip] &= region(dome.directions(rows, cols, strip))
-        return found
+            inside[0, strip] &= region(dome.directions(rows, cols, strip))
+        return inside
 
     return mask
 

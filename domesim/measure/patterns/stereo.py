@@ -57,15 +57,15 @@ def stereo_patterns(codes: Codes, levels: int) -> tuple[Pattern, ...]:
     """
     ramp = codes.ramp(levels)
     both = (CHANNELS["W"],) * 2
-    found = [
+    patterns = [
         Pattern("black", "black", "nothing", (BLACK, BLACK), _all, {"channel": "K", "level": 0.0}),
         Pattern("white-both", "white", "both eyes' pictures, white", both, _all),
     ]
     for eye in EYES:
-        found += _alone(eye, codes, ramp)
+        patterns += _alone(eye, codes, ramp)
     for one, other in _pairs(GREYS):
         left, right = (codes.nearest(each / (GREYS - 1)) for each in (one, other))
-        found.append(
+        patterns.append(
             Pattern(
                 f"grey-{one}-{other}",
                 "grey to grey",
@@ -76,8 +76,8 @@ def stereo_patterns(codes: Codes, levels: int) -> tuple[Pattern, ...]:
             )
         )
     for eye in EYES:
-        found += _parts(eye)
-    return (_registration(), *found)
+        patterns += _parts(eye)
+    return (_registration(), *patterns)
 
 
 def _pairs(count: int) -> Iterator[tuple[int, int]]:
@@ -121,8 +121,8 @@ def _parts(eye: str) -> list[Pattern]:
     def white(name: str, kind: Kind, told: str, region: Region, **parameters: Any) -> Pattern:
         colours = _only(eye, CHANNELS["W"])
         lit = f"the {eye} eye's picture: {told}"
-        found = {"projector": eye, **parameters}
-        return Pattern(f"{eye}-{name}", kind, lit, colours, _as_mask(region), found)
+        reading = {"projector": eye, **parameters}
+        return Pattern(f"{eye}-{name}", kind, lit, colours, _as_mask(region), reading)
 
     boards = [
         white(
@@ -166,15 +166,15 @@ def _registration() -> Pattern:
     discs = [_disc(m["x"], m["y"], m["radius_of_height"]) for m in markers]
 
     def lit(rows: int, cols: int) -> Mask:
-        found = np.zeros((rows, cols), np.bool_)
+        lit_pixels = np.zeros((rows, cols), np.bool_)
         for disc in discs:
-            found |= disc(rows, cols)
+            lit_pixels |= disc(rows, cols)
         x, y = _points(rows, cols)
         # Between two columns of markers, off the middle
         letters = [
             letter(name, x - cols / rows * 0.4437, y - 0.605, _LETTER_HEIGHT) for name in "LR"
         ]
-        return np.stack([found | each for each in letters])
+        return np.stack([lit_pixels | each for each in letters])
 
     return Pattern(
         "registration",
