@@ -184,6 +184,17 @@ def test_ssim_of_greys_is_the_published_formula():
     assert found == pytest.approx(expected, rel=1e-4)
 
 
+def test_vsi_hangs_on_no_single_pixel():
+    """Without dither, it is 0.989: `findings/piq-vsi-one-pixel.sh` says why."""
+    pytest.importorskip("piq")
+    down, across = np.mgrid[:256, :256] / 256
+    glow = (np.exp(-((down - 0.9) ** 2) / 0.05) + 0.1) * (np.hypot(across - 0.5, down - 0.5) < 0.4)
+    warm = (glow[None, ..., None] * [0.6, 0.3, 0.1]).astype(np.float32)
+    other = warm.copy()
+    other[0, 128, 242] = [0, 1e-4, 1e-4]
+    assert chosen("PU21-VSI").judge(warm, other, LED) > 0.999
+
+
 def test_light_above_full_scale_is_clipped_where_piq_insists():
     pytest.importorskip("piq")
     bright = [even(grey, size=168)[:, :, :168] for grey in (1.5, 3.0)]
