@@ -8,7 +8,7 @@ from itertools import cycle
 
 import numpy as np
 import pytest
-from findings import failed, no_colorvideovdp
+from mistakes import failed, no_colorvideovdp
 
 from compensate.aim import dome
 from domesim.scene import load_scene

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from findings import change, failed, no_colorvideovdp
+from mistakes import change, failed, no_colorvideovdp
 
 from compensate.aim import Aim
 from testing.places import dome_at, stereo_at

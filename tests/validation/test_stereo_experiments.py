@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from findings import failed
+from mistakes import failed
 
 from compensate.aim import pair
 from compensate.methods import STEREO
