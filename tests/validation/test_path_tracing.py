@@ -14,7 +14,8 @@ from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre
 from testing.statistics import assert_unbiased
 from validation import reflection
-from validation.experiments import corrected_models, second_opinion
+from validation.rooms import chosen
+from validation.ways import CLOSED, MITSUBA, TABULATED, Effort, light_of
 
 
 def sweep(half_angles, albedos, picture="white"):
@@ -69,55 +70,38 @@ def test_a_biased_tracer_would_be_noticed(monkeypatch):
         )
 
 
+CASES = {case.name: case for case in chosen()}
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(
-    ("theatre", "pictures", "error", "allowed"),
+    ("name", "error", "allowed"),
     [
-        pytest.param("recessed floor", ("white", "patch"), 5e-4, 1e-3, marks=pytest.mark.long),
-        pytest.param(
-            "floor at the spring line", ("white", "patch"), 1e-3, 5e-3, marks=pytest.mark.long
-        ),
-        pytest.param("gain lobe of share 0.3", ("white",), 3e-3, 5e-3, marks=pytest.mark.long),
+        ("recessed floor", 5e-4, 1e-3),
+        ("floor at the spring line, albedo 0.2", 1e-3, 5e-3),
+        ("gain lobe, share 0.3", 3e-3, 5e-3),
     ],
 )
-def test_tabulated_transport_is_what_brute_force_finds(theatre, pictures, error, allowed):
-    found = corrected_models.measure(theatre, errors=(error,), brute_force=0.01, pictures=pictures)
-    tabulated = [one for one in found if one.model.startswith(corrected_models.TABULATED)]
-    assert [one.picture for one in tabulated] == list(pictures)
-    for one in tabulated:
-        assert one.claimed <= error
-        assert one.noise < 2.5e-3
-        assert one.rms < np.hypot(allowed, one.noise)
-
-
-def test_form_factors_of_discs():
-    """Howell's catalogue, C-41: equal discs one radius apart; one near a huge one."""
-    between = corrected_models._between_discs
-    assert between(1, 1, 1) == pytest.approx((3 - np.sqrt(5)) / 2)
-    assert between(1, 1e4, 1) == pytest.approx(1, abs=1e-7)
-    assert between(2, 3, 1.5) * 4 == pytest.approx(between(3, 2, 1.5) * 9)
-
-
-def test_one_node_a_surface_loses_no_light():
-    theatre = corrected_models.THEATRES["recessed floor"]
-    factors, _, areas = corrected_models._nodes(theatre)
-    np.testing.assert_allclose(factors.sum(1), 1)
-    np.testing.assert_allclose(areas[:, None] * factors, (areas[:, None] * factors).T)
-    bare = replace(theatre, floor=None, wall=None)
-    assert corrected_models.one_node_a_surface(bare) == pytest.approx(1 / 3)
+def test_tabulated_transport_is_what_paths_find(name, error, allowed):
+    case = replace(CASES[name], error=0.01, tabulated=error, others=())
+    found = light_of(case, Effort(1.0, 8, 0, 0), 0)
+    for light in found.values():
+        tabulated = light.by[TABULATED]
+        assert tabulated.error < 1.5 * error
+        assert light.noise < 2.5e-3
+        assert tabulated.rms < np.hypot(allowed, light.noise)
 
 
 @pytest.mark.parametrize(
-    "theatre", ["bare", pytest.param("seats and lobe", marks=pytest.mark.long)]
+    "name",
+    ["tilted, lens aside", pytest.param("furnished, with a gain lobe", marks=pytest.mark.long)],
 )
-def test_mitsubas_integrator_finds_the_same(theatre):
-    found = second_opinion.measure(
-        second_opinion.theatres()[theatre], size=32, samples=256, error=0.04
-    )
-    assert np.all(np.abs(found.off_by) < 6e-4 + 3.5 * np.array(found.error))
-    assert max(found.error) < 2e-3
-    if theatre == "bare":
-        assert found.known is not None
-        assert np.all(np.abs(found.known[0]) < 4 * np.array(found.error))
+def test_mitsubas_integrator_finds_the_same(name):
+    found = light_of(CASES[name], Effort(2.0, 8, 64, 0), 0)["coloured"].by
+    assert abs(found[MITSUBA].off_by) < 2.5e-3 + 3.5 * found[MITSUBA].error
+    assert found[MITSUBA].error < 4e-3
+    if name == "tilted, lens aside":
+        assert abs(found[CLOSED].off_by) < 4 * found[CLOSED].error
 
 
 def test_light_is_not_made():

@@ -18,8 +18,8 @@ from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.room.theatre import Theatre
 from domesim.scene import load_dome
-from testing.theatres import THEATRES
 from validation.benchmarks.commands import Job, run_command
+from validation.rooms import RECESSED
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def rates(walks: int = 256, size: int = 128) -> Iterator[Rate]:
     """Throughput of the bounce loop for a white picture, from the bare cap to a furnished room."""
     theatres: dict[str, Theatre] = {
         "bare hemisphere": load_dome("dome_hemisphere").theatre,
-        "floor and wall": THEATRES["recessed floor"],
+        "floor and wall": RECESSED,
         "planetarium (meshes)": load_dome("dome_planetarium").theatre,
     }
     for name, theatre in theatres.items():
@@ -67,7 +67,7 @@ def application(size: int = 4096) -> tuple[float, float, float]:
 
     Wall-clock time of the second application, float32 pictures of `size`² pixels.
     """
-    theatre = THEATRES["recessed floor"]
+    theatre = RECESSED
     transport = tabulate(theatre, error=1e-3).transport
     observation = transport.observation(size, size)
     random = np.random.default_rng(0)

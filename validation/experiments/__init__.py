@@ -7,11 +7,7 @@ from collections.abc import Mapping
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "What light does": (
         "closed_form",
-        "departures",
-        "corrected_models",
-        "second_opinion",
-        "public_cases",
-        "random_theatres",
+        "truth",
         "polarised_crosstalk",
         "domes_in_3d",
         "flat_cinema",

@@ -1,61 +1,40 @@
-"""Our walks find CIE 171:2006's analytic values, and Radiance finds our domes' reflected light.
+"""Published cases of light by diffuse surfaces, CIE 171:2006 [1], by walks and by form factors.
 
-Rationale
-    Other people's cases were not chosen to suit us. CIE 171:2006 [1] has analytic ones for lighting
-    programs; those of light by diffuse surfaces can be built of our solids and lamps: an area
-    source (5.3), reflection by a surface (5.6, scenario 2), by one behind an obstruction (5.7), and
-    all bounces in a cube (5.8). Two of its daylight terms are other things: a surface that is lit
-    evenly, and a point source, are written here as sources of walks. Figures of 5.7 are the
-    corrected ones: the printed table is wrong, as a validation of another program found [2]. The
-    report itself is not public. Its tables are taken from a public transcription [3], and each
-    figure is computed here once more, by form factors. Where projectors light a dome, Radiance
-    [4] is the second program: it has its own shapes, shadows and bounces.
-Expected
-    Walks within 0.5 % of each published value but for three standard errors, and no further from
-    the form factors than their own standard errors say. The mean reflected light of a white
-    picture in the bare dome, with floor and wall, with a box in the beam, and with a floor in the
-    beam, as Radiance finds it, to 3.5 standard errors.
+They are built of our solids and lamps: an area source (5.3), reflection by a surface (5.6, scenario
+2), by one behind an obstruction (5.7), and all bounces in a cube (5.8). Two of its daylight terms
+are other things: a surface that is lit evenly, and a point source, are written here as sources of
+walks. Figures of 5.7 are the corrected ones: the printed table is wrong, as a validation of another
+program found [2]. The report itself is not public. Its tables are taken from a public transcription
+[3], and each figure is computed here once more, by form factors, and by Radiance.
 
 [1] CIE 171:2006, *Test cases to assess the accuracy of lighting computer programs*, tables 12, 17,
 19 and 20. [2] Dau Design and Consulting, *Validation of NVIDIA Iray against CIE 171:2006* (2016),
-table 14. [3] J. Thompson, CyclesCIEtest, `engine/cie171`. [4] `validation.radiance`.
+table 14. [3] J. Thompson, CyclesCIEtest, `engine/cie171`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.observation.spherical import bare_gain
 from domesim.pathtrace.loop import Colour, Source, Walks, bounce_limit, cosine_direction
-from domesim.pathtrace.tracer import Settings, Tracer
+from domesim.pathtrace.tracer import Tracer
 from domesim.room.dome import Dome
 from domesim.room.furniture import box
 from domesim.room.rays import NOTHING, SOLID, Hit, Lanes, Room, Vector, dot, scaled
-from domesim.room.theatre import Floor, Lamp, Solid, Theatre, Wall
+from domesim.room.theatre import Lamp, Solid, Theatre
 from testing.statistics import bias_p
 from validation import radiance
-from validation.experiment import (
-    Check,
-    Column,
-    Finding,
-    Table,
-    Work,
-    at_least,
-    at_most,
-    require_tracer,
-)
+from validation.experiment import Check, Column, Table, at_least, at_most
 
 Floats = NDArray[np.float64]
 
 LANES = 1 << 14
-SIZE = 48
-"""Pixels a side of the domes' pictures."""
-GREY = (0.5, 0.5, 0.5)
 SIDE, FLUX = 4.0, 10_000.0
 """Side of the cube of case 5.8, m, and flux of the source in its middle, lm."""
 
@@ -86,17 +65,17 @@ class Found:
     Attributes
     ----------
     published
-        By CIE 171; None for domes.
+        By CIE 171.
     analytic
-        By form factors, or the closed form; None if there is none.
+        By form factors.
     ours, error
         By walks, and its standard error.
     other, other_error
         By Radiance, likewise; None if it was not asked.
     """
 
-    published: float | None
-    analytic: float | None
+    published: float
+    analytic: float
     ours: float
     error: float
     other: float | None = None
@@ -319,80 +298,70 @@ def cube(albedo: float, count: int, seed: int, *, asked: bool) -> Found:
     return _founds((BOUNCED[albedo],), [analytic], *ours, other)[0]
 
 
-def domes() -> Mapping[str, Theatre]:
-    """Theatres of ours, lit white from their centre."""
-    bare = Theatre(Dome(6.0, np.pi / 2), GREY)
-    floor, wall = Floor(-1.5, 6.0, (0.2,) * 3), Wall(6.0, -1.5, 0.0, (0.3,) * 3)
-    things = box("box", (1, 1, 1), (2, 2, 2), (0.6,) * 3)
-    wide = Theatre(Dome(6.0, np.radians(120)), GREY, floor=Floor(-1.0, 6.0, (0.3,) * 3))
+def cases(count: int, seed: int, *, asked: bool) -> dict[str, Callable[[], list[Found]]]:
+    """The cases, by name.
+
+    Parameters
+    ----------
+    count, seed
+        How many walks, in units of `LANES`, and the seed of their random numbers.
+    asked
+        Whether Radiance is asked, too.
+    """
+
+    def cubes() -> list[Found]:
+        return [cube(rho, max(1, count // 8), seed, asked=asked) for rho in BOUNCED]
+
     return {
-        "bare hemisphere": bare,
-        "floor and wall": replace(bare, floor=floor, wall=wall),
-        "box in the beam": replace(bare, solids=(things,)),
-        "floor in the beam": wide,
+        "5.3 area source": partial(area_source, count, seed),
+        "5.6 diffuse reflection": partial(reflection, 4 * count, seed, asked=asked),
+        "5.7 with an obstruction": partial(obstruction, 8 * count, seed, asked=asked),
+        "5.8 all bounces": cubes,
     }
 
 
-def dome(theatre: Theatre, error: float, rays: int, seed: int) -> Found:
-    """Mean reflected light of a white picture over the screen; projector white is 1."""
-    tracer = Tracer(theatre)
-    areas = theatre.dome.screen_areas(SIZE, SIZE)
-    white = tracer.picture(np.ones((SIZE, SIZE, 3), np.float32))
-    ours = tracer.screen(white, SIZE, SIZE, Settings(error=error, seed=seed)).pooled_error(areas)
-    known = None if theatre.departures() else bare_gain(theatre.screen_albedo[0], theatre.dome)
-    if not rays:
-        return Found(None, known, *ours)
-    mean, spread = radiance.reflected(theatre, rays=rays, seed=seed)
-    return Found(None, known, *ours, float(mean[0]), float(spread[0]))
+LETTERS: Mapping[str, Sequence[str]] = {
+    "5.3 area source": "ABCDEFGHIJKLMN",
+    "5.6 diffuse reflection": "BCDEFGHIJKLMN",
+    "5.7 with an obstruction": "ABCDEFGHIJK",
+    "5.8 all bounces": [f"albedo {rho:g}" for rho in BOUNCED],
+}
+"""Case -> its points."""
 
 
-def run(work: Work) -> Finding:
-    """Go through all cases."""
-    require_tracer()
-    asked = radiance.installed()
-    count, seed = 8 if work.quick else 64, 1 + 1000 * work.seed
-    albedos = (0.2, 0.5, 0.8) if work.quick else tuple(BOUNCED)
-    cases = {
-        "5.3 area source": work.step("5.3", list[Found], lambda: area_source(count, seed)),
-        "5.6 diffuse reflection": work.step(
-            "5.6", list[Found], lambda: reflection(4 * count, seed, asked=asked)
+def checks(name: str, found: Sequence[Found]) -> Iterator[Check]:
+    """Whether a case came out as it was published."""
+    beyond = max(off(one, allowed=3 * one.error) for one in found)
+    yield at_most(f"{name}: difference beyond three standard errors", beyond, 5e-3)
+    lit = [one for one in found if one.analytic]
+    p = bias_p(*zip(*[(one.ours, one.error, one.analytic) for one in lit], strict=True))
+    yield at_least(f"{name}: p-value of no bias", min(p), 5e-4)
+    if found[0].other is not None:
+        far = max(abs(_apart(one)) for one in lit)
+        yield at_most(f"{name}: standard errors from Radiance", far, 4.0)
+
+
+def table(cases: Mapping[str, Sequence[Found]]) -> Table:
+    """All figures, by everyone who has them."""
+    return Table(
+        caption="CIE 171:2006: illuminance, lux (5.3, 5.8), or % of what is reflected (5.6, 5.7).",
+        columns=(
+            Column(name="case"), Column(name="point"), Column(name="published", digits=".5g"),
+            Column(name="form factors", digits=".5g"), Column(name="ours", digits=".5g"),
+            Column(name="standard error", digits=".1g"), Column(name="Radiance", digits=".4g"),
+            Column(name="its error", digits=".1g"),
+            Column(name="ours - published", unit="%", digits="+.2f"),
         ),
-        "5.7 with an obstruction": work.step(
-            "5.7", list[Found], lambda: obstruction(8 * count, seed, asked=asked)
+        rows=tuple(
+            (
+                name, letter, one.published, one.analytic, one.ours, one.error, one.other,
+                one.other_error,
+                100 * (one.ours / one.published - 1) if one.published else None,
+            )
+            for name, found in cases.items()
+            for letter, one in zip(LETTERS[name], found, strict=True)
         ),
-        "5.8 all bounces": list(
-            work.each(
-                {f"5.8, albedo {rho}": rho for rho in albedos},
-                Found,
-                lambda rho: cube(rho, count // 8, seed, asked=asked),
-            ).values()
-        ),
-    }
-    rays = (40_000 if work.quick else 400_000) if asked else 0
-    error = 0.1 if work.quick else 0.02
-    ours = work.each(domes(), Found, lambda theatre: dome(theatre, error, rays, seed))
-    worst = max(_off(one) for case in cases.values() for one in case)
-    apart = max((abs(_apart(one)) for one in ours.values()), default=0.0) if asked else None
-    count_of = sum(map(len, cases.values()))
-    text = (
-        f"{count_of} figures of four cases of CIE 171 lie within {worst:.2%} of the published "
-        f"values. "
-    )
-    text += (
-        f"Radiance and ours differ by {apart:.1f} standard errors at most in {len(ours)} theatres."
-        if apart is not None
-        else f"Domes were not compared with Radiance: {radiance.MISSING}."
-    )
-    return Finding(
-        result=text,
-        checks=tuple(_checks(cases, ours, asked=asked)),
-        tables=(_table(cases, albedos), _dome_table(ours)),
-        figures={
-            "public_cases.cie_worst": worst,
-            "public_cases.radiance_sigma": apart,
-        },
-        left_out=() if asked else (f"Radiance. {radiance.MISSING}.",),
-    )
+    )  # fmt: skip
 
 
 def _founds(
@@ -432,9 +401,8 @@ def _by_radiance(text: str, places: Floats, normals: Floats, count: int) -> tupl
     return light.mean(1), light.std(1, ddof=1) / np.sqrt(each)
 
 
-def _off(one: Found, allowed: float = 0.0) -> float:
+def off(one: Found, allowed: float = 0.0) -> float:
     """Relative difference from the published value, but for what is allowed; of nothing, all."""
-    assert one.published is not None
     return max(abs(one.ours - one.published) - allowed, 0.0) / (one.published or 1.0)
 
 
@@ -443,72 +411,3 @@ def _apart(one: Found) -> float:
     assert one.other is not None
     assert one.other_error is not None
     return (one.ours - one.other) / float(np.hypot(one.error, one.other_error))
-
-
-def _checks(
-    cases: Mapping[str, list[Found]], ours: Mapping[str, Found], *, asked: bool
-) -> list[Check]:
-    checks = []
-    for name, found in cases.items():
-        beyond = max(_off(one, allowed=3 * one.error) for one in found)
-        checks.append(at_most(f"{name}: difference beyond three standard errors", beyond, 5e-3))
-        lit = [one for one in found if one.analytic]
-        p = bias_p(*zip(*[(one.ours, one.error, one.analytic) for one in lit], strict=True))
-        checks.append(at_least(f"{name}: p-value of no bias", min(p), 5e-4))
-        if found[0].other is not None:
-            far = max(abs(_apart(one)) for one in lit)
-            checks.append(at_most(f"{name}: standard errors from Radiance", far, 4.0))
-    for name, one in ours.items():
-        if one.analytic is not None:
-            far = abs(one.ours - one.analytic) / one.error
-            checks.append(at_most(f"{name}: standard errors from the closed form", far, 3.5))
-        if asked:
-            checks.append(at_most(f"{name}: standard errors from Radiance", abs(_apart(one)), 3.5))
-    return checks
-
-
-def _table(cases: Mapping[str, list[Found]], albedos: tuple[float, ...]) -> Table:
-    letters = {
-        "5.3 area source": "ABCDEFGHIJKLMN",
-        "5.6 diffuse reflection": "BCDEFGHIJKLMN",
-        "5.7 with an obstruction": "ABCDEFGHIJK",
-        "5.8 all bounces": [f"albedo {rho:g}" for rho in albedos],
-    }
-    return Table(
-        caption="CIE 171:2006: illuminance, lux (5.3, 5.8), or % of what is reflected (5.6, 5.7).",
-        columns=(
-            Column(name="case"), Column(name="point"), Column(name="published", digits=".5g"),
-            Column(name="form factors", digits=".5g"), Column(name="ours", digits=".5g"),
-            Column(name="standard error", digits=".1g"), Column(name="Radiance", digits=".4g"),
-            Column(name="its error", digits=".1g"),
-            Column(name="ours - published", unit="%", digits="+.2f"),
-        ),
-        rows=tuple(
-            (
-                name, letter, one.published, one.analytic, one.ours, one.error, one.other,
-                one.other_error,
-                100 * (one.ours / one.published - 1) if one.published else None,
-            )
-            for name, found in cases.items()
-            for letter, one in zip(letters[name], found, strict=True)
-        ),
-    )  # fmt: skip
-
-
-def _dome_table(ours: Mapping[str, Found]) -> Table:
-    return Table(
-        caption="Domes of albedo 0.5 lit white: mean reflected light, projector white = 1.",
-        columns=(
-            Column(name="theatre"), Column(name="closed form", digits=".5f"),
-            Column(name="ours", digits=".5f"), Column(name="standard error", digits=".5f"),
-            Column(name="Radiance", digits=".5f"), Column(name="its error", digits=".5f"),
-            Column(name="ours - Radiance", unit="%", digits="+.2f"),
-        ),
-        rows=tuple(
-            (
-                name, one.analytic, one.ours, one.error, one.other, one.other_error,
-                100 * (one.ours / one.other - 1) if one.other else None,
-            )
-            for name, one in ours.items()
-        ),
-    )  # fmt: skip
