@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy, ghost_contour
 from compensate.plain import PlainFigures, PlainRuler
-from compensate.pose import Posed, differences, is_rounding
+from compensate.pose import Posed, differences
 from compensate.ruler import Ruler
 from compensate.solver.result import Result
 from compensate.weighting import Weighting
 from domesim.light import Light
+from domesim.light.rounding import is_rounding
 from domesim.light.strips import in_strips
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.seats import SeveralSeats
@@ -180,8 +181,8 @@ class Appraisal:
     def _untouched(self) -> tuple[float, NDArray[np.floating], float, float]:
         """`pollution`, a pair's ghosts, `loss_before` and the black that is seen, cd/m².
 
-        Ghosts are (view, row, col) luminance that is seen too much. The last two are NaN where
-        subtraction is exact: they may never be asked for.
+        Ghosts are (view, row, col) luminance that is seen too much, cd/m². The last two are NaN
+        where subtraction is exact: they may never be asked for.
         """
         residual = self.posed.observation.observe(self.posed.desired)
         lost, black = math.nan, math.nan
@@ -189,18 +190,10 @@ class Appraisal:
             lost = _mean(self._losses(residual))
             black = self._plain.black(self._of_first_seat(residual))
         residual -= self.posed.wanted
-        ghost = self._luminance(residual[: self._scene.views if self.of_ghosts else 0])
+        ghosts = residual[: self._scene.views if self.of_ghosts else 0]
+        ghost = self._scene.projector.luminance(ghosts)
         pollution = mean_luminance(residual, self._scene, self.posed.setting.areas)
         return pollution, ghost, lost, black
-
-    def _luminance(self, light: Light) -> NDArray[np.floating]:
-        planes = np.empty(light.shape[:3], light.dtype)
-        weights = self._scene.projector.luminance_weights.astype(light.dtype)
-        in_strips(
-            lambda view, rows: np.matmul(light[view, rows], weights, out=planes[view, rows]),
-            light.shape,
-        )
-        return planes
 
     def _too_bright(self, part: Light, rows: slice) -> int:
         """How many pixels of the screen show more light than they should, in some primary."""
@@ -303,12 +296,12 @@ class Appraisal:
         if not self.of_ghosts:
             return None
         ghost = self._untouched[1]
-        if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT:
+        if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT * self._scene.projector.white:
             return None
         if self.posed.exact and light is self.posed.subtractive:
             return 0.0
-        error = self._luminance(self.posed.residual(light)[: self._scene.views])
-        if is_rounding(error):
+        error = self._error(light)
+        if is_rounding(error / self._scene.projector.white):
             return 0.0
         density = self._scene.viewing.pixels_per_degree(*self._screen.shape)
         energy = edge_energy(error, ghost, density)
@@ -324,9 +317,13 @@ class Appraisal:
         first = slice(self._scene.views)
         too_bright = self.posed.shown[first] - self.posed.wanted[first] > _INVISIBLE_LIGHT
         where = np.any(too_bright, axis=-1) & self._screen
-        error = self._luminance(self.posed.residual(light)[: self._scene.views])
         density = self._scene.viewing.pixels_per_degree(*self._screen.shape)
-        return ghost_contour(error, self._untouched[1], where, density)
+        return ghost_contour(self._error(light), self._untouched[1], where, density)
+
+    def _error(self, light: Light) -> NDArray[np.floating]:
+        """(view, row, col) luminance that is seen too much at the first seat, cd/m²."""
+        residual = self.posed.residual(light)[: self._scene.views]
+        return self._scene.projector.luminance(residual)
 
     def lost_map(self, seen: Light) -> NDArray[np.floating]:
         """(view, row, col) JOD of what is seen at the first seat, as `Ruler.lost_map`."""

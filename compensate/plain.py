@@ -40,7 +40,6 @@ from numpy.typing import NDArray
 from compensate.ruler import BLACK, averaged
 from domesim.light import Light
 from domesim.light.blocks import block_sums
-from domesim.light.strips import in_strips
 from domesim.scene import Scene
 
 FINE, COARSE = (0.25, 1.0), (2.0, 10.0)
@@ -219,13 +218,7 @@ class PlainRuler:
 
     def _luminance(self, light: Light) -> Floats:
         """(view, row, col), cd/m²."""
-        found = np.empty(light.shape[:3], np.float32)
-        weights = (self._weights * self._scene.projector.white).astype(np.float32)
-        in_strips(
-            lambda view, rows: np.matmul(light[view, rows], weights, out=found[view, rows]),
-            light.shape,
-        )
-        return found
+        return self._scene.projector.luminance(light.astype(np.float32, copy=False))
 
     @cached_property
     def _points(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Floats]]:

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.aim import Aim, Sight, aimed_light
-from compensate.aim.seats import seat_of
 from compensate.problem import Problem
 from compensate.subtract import reflecting, subtracted
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Array, Light, namespace, require_light
+from domesim.light.rounding import is_rounding
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.base import AdjointObservation, Observation
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -39,8 +39,6 @@ NEGLIGIBLE = 0.001
 
 Eye: TypeAlias = Aim | PerceptualWeighting
 """What a picture is made for: its contrasts by an aim, or the paper's least squares."""
-
-_ROUNDING = 8 * float(np.finfo(np.float32).eps)  # of white; as `ADMM` sees it
 
 
 @final
@@ -303,7 +301,9 @@ def _setting(
     if observation is None:
         observation = single = scene.solvable(rows, cols)
         if isinstance(observation, SeveralSeats):
-            single = seat_of(scene, rows, cols)
+            # One picture serves all seats: it is made for what the mean one is shown
+            assert isinstance(scene, StereoScene)
+            single = scene.mean_seat(rows, cols)
     assert single is not None
     return Setting(
         scene, eye, observation, single, scene.screen(rows, cols), scene.pixel_areas(rows, cols)
@@ -349,23 +349,6 @@ def _on(screen: NDArray[np.bool_], light: Light) -> Light:
 
     in_strips(keep, light.shape)
     return kept
-
-
-def is_rounding(residual: Light, expected: Light | None = None) -> bool:
-    """Whether a residual is no more than rounding away from what is expected, or from 0."""
-    beyond = threading.Event()  # which ends the search
-
-    def work(view: int, rows: slice) -> None:
-        if beyond.is_set():
-            return
-        part = residual[view, rows]
-        if expected is not None:
-            part = part - expected[view, rows]
-        if max(float(part.max()), -float(part.min())) > _ROUNDING:
-            beyond.set()
-
-    in_strips(work, residual.shape)
-    return not beyond.is_set()
 
 
 def differences(scene: Scene, weighting: Weighting) -> float:

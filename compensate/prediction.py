@@ -492,8 +492,7 @@ class _Eye:
 
     def _luminance(self, light: Light) -> Planes:
         """(view, row, col) as it reaches the retina, cd/m²; a little below 0 is 0."""
-        weights = (self._projector.luminance_weights * self._projector.white).astype(np.float32)
-        planes = np.asarray(np.maximum(light @ weights, 0))
+        planes: Planes = np.maximum(self._projector.luminance(light), 0)
         if self._settings.eye is None:
             return planes
         planes = np.where(self._grid.screen, planes, np.float32(0))

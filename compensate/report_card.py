@@ -106,11 +106,10 @@ def crosstalk(scene: StereoScene) -> dict[str, Crosstalk]:
         Scene of one chosen seat.
     """
     observation = scene.crosstalk_alone.observation(*GRID)
-    weights = scene.projector.luminance_weights
 
     def seen(left: float, right: float) -> NDArray[Any]:
         frame: Light = np.ones((2, *GRID, 3)) * np.reshape([left, right], (2, 1, 1, 1))
-        return np.asarray(observation.observe(frame) @ weights)
+        return scene.projector.luminance(observation.observe(frame))
 
     black, alone = seen(0, 0), (seen(1, 0), seen(0, 1))
     found = {}
@@ -157,13 +156,11 @@ def viewer_crosstalk(posed: Posed) -> Mapping[str, float]:
     """Leaked over own light of the untouched pair: median, and share of the picture above 10 %."""
     scene = posed.scene
     assert isinstance(scene, StereoScene)
-    weights = scene.projector.luminance_weights
-    own = posed.desired @ weights
-    black = np.zeros_like(posed.desired)
+    luminance, black = scene.projector.luminance, np.zeros_like(posed.desired)
     observation = scene.crosstalk_alone.observation(*black.shape[1:3])
-    leaked = (observation.observe(posed.desired) - posed.desired) @ weights
-    stray = observation.observe(black) @ weights
-    ratio = np.maximum(leaked - stray, 0) / np.maximum(own + stray, 1e-6)
+    own, stray = luminance(posed.desired), luminance(observation.observe(black))
+    leaked = luminance(observation.observe(posed.desired) - posed.desired)
+    ratio = np.maximum(leaked - stray, 0) / np.maximum(own + stray, 1e-6 * scene.projector.white)
     return {
         "median": float(np.median(ratio)),
         "share_above_10": float(np.mean(ratio > ACCEPTABLE)),

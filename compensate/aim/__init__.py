@@ -2,8 +2,8 @@
 
 The product's default. A dome's master is lifted with its surroundings (`compensate.aim.dome`), a
 pair gets veils that hide the edges of its ghosts (`pair`), a 3D dome both (`pair_in_a_dome`).
-Several seats are shown what the mean one is (`seats`). Exact subtraction (`compensate.subtract`)
-then shows the aim: no solver and no transform is needed. Laws, and how the numbers were chosen:
+Several seats are shown what the mean one is. Exact subtraction (`compensate.subtract`) then shows
+the aim: no solver and no transform is needed. Laws, and how the numbers were chosen:
 ``validation/notes/0007``.
 """
 

@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 from numpy.typing import NDArray
 
 from compensate.aim import Aim
-from compensate.compiled import compiles
 from compensate.devices import CPU
 from compensate.live.coding import Coding, PixelFormat, stored, views_of
+from compensate.live.compiled import compiles
 from compensate.live.constants import DomeConstants, constants_of
 from compensate.pose import Stage
 from compensate.solve import solved

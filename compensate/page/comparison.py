@@ -150,13 +150,12 @@ class Comparison:
 
     def _table(self) -> list[Figure]:
         screen, projector = self.posed.screen, self.posed.scene.projector
-        weights = projector.luminance_weights * projector.white
         titles = shown_methods(self.posed.scene)
         names = {method: titles[method][0] for method in self.outcomes}
         pictures = {"Master": self._wanted}
         pictures |= {names[method]: seen for method, seen in self._seen()}
         darkest = {
-            name: float(np.percentile(seen[:, screen] @ weights, 1))
+            name: float(np.percentile(projector.luminance(seen)[:, screen], 1))
             for name, seen in pictures.items()
         }
         table = [

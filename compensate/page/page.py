@@ -41,6 +41,7 @@ from compensate.page.packing import (
 from compensate.vision.differences import EXPONENT, JOD, STILL, in_thresholds
 from domesim.errors import InputError
 from domesim.frames import write_whole
+from domesim.light.rounding import ROUNDING
 from domesim.room.theatre import Theatre
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
@@ -59,7 +60,6 @@ BYTES = 6_000_000
 """Largest size of a page, bytes, up to 1024 x 1024 pixels; larger pictures get as much a pixel."""
 MAP_SIZE = 512
 """Longest side of a map of visible differences, pixels."""
-ROUNDING = 1e-6  # of white: light this little below zero is a solver's rounding, not a mistake
 
 
 @dataclass(frozen=True)

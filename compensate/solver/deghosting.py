@@ -55,6 +55,7 @@ from compensate.solver.baselines import clipped_subtraction, computed
 from compensate.solver.result import Result, Status
 from compensate.subtract import subtracted
 from domesim.light import Array, Light, namespace
+from domesim.light.rounding import ROUNDING
 from domesim.observation.base import Observation
 from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.projector import conversion
@@ -219,7 +220,6 @@ class LocallyRaisedBlack:
         observation, desired = _affine(problem), problem.desired
         xp = namespace(desired)
         sigma = self.degrees * self.pixels_per_degree
-        negligible = _rounding(desired)
         needed = np.zeros((2, *desired.shape[1:3]))
         black = np.zeros_like(needed)
         status = Status.EXHAUSTED
@@ -229,8 +229,8 @@ class LocallyRaisedBlack:
             veil = xp.asarray(black[..., None], dtype=desired.dtype, device=desired.device)
             light, _ = _unclipped(observation, desired + veil * (1 - desired))
             lacking = np.asarray(xp.max(_share(problem.lower - light, 1 - desired), axis=-1))
-            if lacking.max() <= negligible:
-                exact = not black.any() and float(xp.max(light - problem.upper)) <= negligible
+            if lacking.max() <= ROUNDING:
+                exact = not black.any() and float(xp.max(light - problem.upper)) <= ROUNDING
                 status = Status.EXACT if exact else Status.CLOSED_FORM
                 break
             # a hair more, so that the last rounds end
@@ -245,8 +245,7 @@ def uncorrectable(problem: Problem, light: Light) -> NDArray[np.bool_]:
     That is where more, or less, light is seen than desired, by more than rounding.
     """
     error = np.asarray(problem.observation.observe(light) - problem.desired)
-    found: NDArray[np.bool_] = np.abs(error) > max(1e-9, 10 * _rounding(light))
-    return found
+    return np.asarray(np.abs(error) > ROUNDING)
 
 
 def bumps(needed: Floats, sigma: float) -> Floats:
@@ -282,10 +281,6 @@ def _share(short: Array, rise: Array) -> Array:
     some = short > 0
     enough = xp.where(some, xp.maximum(rise, short), xp.ones_like(short))
     return xp.where(some, short, xp.zeros_like(short)) / enough
-
-
-def _rounding(light: Light) -> float:
-    return 32 * float(namespace(light).finfo(light.dtype).eps)
 
 
 def _two_views(problem: Problem) -> Observation:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from domesim.errors import InputError
 from domesim.frames.colour import CHROMATICITIES
 from domesim.light import Light
+from domesim.light.strips import in_strips
 from domesim.light.transfer import Transfer
 
 Pixels = NDArray[np.floating]
@@ -132,6 +133,17 @@ class Projector:
     def luminance_weights(self) -> NDArray[np.float64]:
         """(primary,): share of each primary in the luminance of white; sums to 1."""
         return _luminance_weights(self._space)
+
+    def luminance(self, light: Light) -> NDArray[Any]:
+        """(view, row, col) luminance of (view, row, col, primary) light, cd/m²."""
+        weights = (self.white * self.luminance_weights).astype(light.dtype)
+        planes = np.empty(light.shape[:-1], light.dtype)
+
+        def weigh(view: int, rows: slice) -> None:
+            np.matmul(light[view, rows], weights, out=planes[view, rows])
+
+        in_strips(weigh, light.shape)
+        return planes
 
     @property
     def _space(self) -> str | Matrix:

@@ -42,6 +42,7 @@ from compensate.solver.admm.pixels import Pixels, Planes, planes_of
 from compensate.solver.result import Result, Status
 from compensate.weighting import CsfWeighting
 from domesim.light import Array, Light, namespace, total
+from domesim.light.rounding import is_rounding
 
 
 @final
@@ -89,7 +90,7 @@ class ADMM:
         xp = namespace(residual)
         support = xp.asarray(weighting.support, device=residual.device)[None, :, :, None]
         residual = xp.where(support, residual, 0 * residual)
-        if float(xp.max(xp.abs(residual))) <= _ROUNDING:
+        if is_rounding(residual):
             return Result(problem.anchor, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
         run = _Run(self, problem, hessian_of(problem, weighting), residual, weighting.typical)
         light, cost, gap, status = run.solve(problem.project(start))
@@ -258,7 +259,6 @@ def require_certifiable(problem: Problem) -> CsfWeighting:
     return weighting
 
 
-_ROUNDING = 8 * float(np.finfo(np.float32).eps)  # of white
 _RELAXATION = 1.9  # alpha
 _MEMORY = 5  # old points that the acceleration combines
 _SHARE = 0.5
