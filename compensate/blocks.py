@@ -24,16 +24,21 @@ _BOXES = 3
 
 
 def box_mean(planes: Array, radius: int, count: Array | None = None) -> Array:
-    """Means over squares of 2 `radius` + 1 pixels.
+    """Averages planes over squares of pixels.
 
     Parameters
     ----------
     planes
         (..., row, col); 0 where nothing counts.
     radius
-        Pixels.
+        A square has 2 `radius` + 1 pixels a side.
     count
         `box_sum` of what counts, if not every pixel of the picture does.
+
+    Returns
+    -------
+    means
+        (..., row, col) around each pixel.
     """
     if count is None:
         return _boxes(planes, [radius], means=True)
@@ -41,15 +46,38 @@ def box_mean(planes: Array, radius: int, count: Array | None = None) -> Array:
 
 
 def box_sum(planes: Array, radius: int) -> Array:
-    """Sums over squares of 2 `radius` + 1 pixels; nothing lies outside the picture."""
+    """Sums planes over squares of pixels; nothing lies outside the picture.
+
+    Parameters
+    ----------
+    planes, radius
+        As for `box_mean`.
+
+    Returns
+    -------
+    sums
+        (..., row, col) around each pixel.
+    """
     return _boxes(planes, [radius], means=False)
 
 
 def smooth(planes: Array, sigma: float) -> Array:
-    """Means by nearly a Gaussian of standard deviation `sigma`, pixels.
+    """Averages planes by nearly a Gaussian, in three boxes.
 
     A box of radius r has the variance r (r + 1) / 3. Boxes of the two nearest radii are taken, as
     many of each as come closest to the variance sigma².
+
+    Parameters
+    ----------
+    planes
+        (..., row, col).
+    sigma
+        Standard deviation, pixels.
+
+    Returns
+    -------
+    means
+        (..., row, col) around each pixel.
     """
     small = int((sigma**2 + 0.25) ** 0.5 - 0.5)
     wanted = (sigma**2 - small * (small + 1)) / (2 * (small + 1) / 3)
@@ -60,21 +88,25 @@ def smooth(planes: Array, sigma: float) -> Array:
 def guided(
     pixels: Array, weight: Array, first: Array, second: Array, radius: int, edge: float
 ) -> tuple[Array, Array]:
-    """Slope and offset of the edge-preserving mean of a value, (row, col) of blocks each.
+    """Computes an edge-preserving mean of a value by blocks: the guided filter of He et al.
 
-    It is the guided filter of He et al., with the picture as its own guide: both, `enlarged`, make
-    the mean of each pixel's value.
+    The picture is its own guide: slope and offset, enlarged, make the mean of each pixel's value.
 
     Parameters
     ----------
     pixels, weight
-        Of each block: how many pixels count, and the sum of their importance.
+        (row, col) of blocks: how many pixels count, and the sum of their importance.
     first, second
-        Sums of the value and of its square, by importance.
+        (row, col) sums of the value and of its square, by importance.
     radius
         Radius of the boxes, blocks.
     edge
         Standard deviation within a box at which half of it is kept: the root of their epsilon.
+
+    Returns
+    -------
+    slope, offset
+        (row, col) of blocks.
     """
     xp = namespace(pixels)
     within = _mean_over(box_sum(weight, radius), radius)

@@ -222,7 +222,20 @@ class Appraisal:
         return _mean(self._losses(self._seen(light)))
 
     def look(self, light: Light, *, plain: bool = True) -> Look:
-        """`loss`, by seat, and plain figures, which are left out if not `plain`."""
+        """Computes what changes from method to method.
+
+        Parameters
+        ----------
+        light
+            (view, row, col, primary) that is projected.
+        plain
+            Whether to compute plain figures, too.
+
+        Returns
+        -------
+        look
+            Quality lost, in the mean and by seat, and plain figures.
+        """
         seen, found = self._seen(light), PlainFigures()
         subtracted = light is self.posed.subtractive
         losses = self._losses_subtractive if subtracted else self._losses(seen)

@@ -43,8 +43,8 @@ class Interval:
     high: float
 
     @property
-    def told(self) -> tuple[float, float, float]:
-        """The interval's ends and its median: (low, likely, high)."""
+    def ends(self) -> tuple[float, float, float]:
+        """The interval's low end, its median and its high end."""
         return self.low, self.likely, self.high
 
     def times(self, unit: float) -> Interval:

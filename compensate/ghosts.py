@@ -66,7 +66,20 @@ Floats = NDArray[np.floating[Any]]
 
 
 def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
-    """Ghost edge energy of planes of luminance (view, row, col): infinite if there was no ghost."""
+    """Computes the ghost edge energy: 0 if no edge of a ghost is left, 1 if all are.
+
+    Parameters
+    ----------
+    error, ghost
+        (view, row, col) luminance that is seen too much: now, and of the untouched master.
+    pixels_per_degree
+        As the audience sees it.
+
+    Returns
+    -------
+    energy
+        Infinite if there was no ghost, and there is an error.
+    """
     sigma = edge_sigma(pixels_per_degree)
     return float(
         np.sqrt(_ratio(_common_edges(error, error, sigma), _common_edges(ghost, ghost, sigma)))
@@ -74,7 +87,18 @@ def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float
 
 
 def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
-    """Share of the ghost's own edges in the error, both (view, row, col): 0 if there was none."""
+    """Computes the share of the ghost's own edges in the error.
+
+    Parameters
+    ----------
+    error, ghost, pixels_per_degree
+        As for `edge_energy`.
+
+    Returns
+    -------
+    share
+        0 if there was no ghost.
+    """
     sigma = edge_sigma(pixels_per_degree)
     edges = _common_edges(ghost, ghost, sigma)
     return _common_edges(error, ghost, sigma) / edges if edges > 0 else 0.0
@@ -83,16 +107,19 @@ def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
 def ghost_contour(
     error: Floats, ghost: Floats, where: NDArray[np.bool_], pixels_per_degree: float
 ) -> float | None:
-    """Ghost contour C (see the module); None where the ghost has no edges.
+    """Computes the ghost contour C (see the module).
 
     Parameters
     ----------
-    error, ghost
-        (view, row, col) luminance that is seen too much: now, and of the untouched master.
+    error, ghost, pixels_per_degree
+        As for `edge_energy`.
     where
-        (view, row, col) pixels of which the edges are taken.
-    pixels_per_degree
-        As the audience sees it.
+        (view, row, col) bool: pixels of which the edges are taken.
+
+    Returns
+    -------
+    contour
+        None where the ghost has no edges.
     """
     sigma = edge_sigma(pixels_per_degree)
     edges, slopes = (
@@ -117,7 +144,20 @@ def edge_sigma(pixels_per_degree: float) -> float:
 
 
 def slope_magnitudes(planes: Floats, sigma: float) -> Floats:
-    """|grad (G * plane)| of (view, row, col) planes, per pixel, in their own precision."""
+    """Computes |grad (G * plane)|, in the planes' own precision.
+
+    Parameters
+    ----------
+    planes
+        (view, row, col).
+    sigma
+        Standard deviation of G, pixels.
+
+    Returns
+    -------
+    slopes
+        (view, row, col), per pixel.
+    """
     found = np.empty_like(planes)
 
     def fill(view: int, rows: slice) -> None:

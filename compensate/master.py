@@ -49,7 +49,7 @@ def compensate(
     weighting: Eye | Weighting | None = None,
     observation: AdjointObservation | None = None,
 ) -> Result:
-    """The light to project so that what the audience sees is as close as can be to `desired`.
+    """Finds the light to project so that the audience sees as nearly as possible what is desired.
 
     Parameters
     ----------
@@ -68,6 +68,12 @@ def compensate(
         `domesim.observation.linear.LinearObservation`. The weighting is the paper's then, unless it
         is an `Aim`; by default the solver is that of `compensate.solver.fitting`.
 
+    Returns
+    -------
+    result
+        The light, (view, row, col, primary), and why the method stopped. Off the screen it is the
+        master's.
+
     Raises
     ------
     InputError
@@ -82,22 +88,44 @@ def compensate(
         problem = own_problem(desired, scene, observation, weighting)
         chosen = solver or fitting(problem).solver
         assert problem.anchor is not None
-        found = chosen(problem, problem.anchor)
-        return replace(found, light=np.where(screen[None, :, :, None], found.light, desired))
+        result = chosen(problem, problem.anchor)
+        return replace(result, light=np.where(screen[None, :, :, None], result.light, desired))
     if weighting is None and solver is not None:
         weighting = PerceptualWeighting()
     posed = Stage(scene, weighting, observation).pose(desired)
-    found = solved(posed, "perceptual", solver)
+    result = solved(posed, "perceptual", solver)
     if posed.desired is desired:
-        return found
+        return result
     on = posed.screen[None, :, :, None]
-    return replace(found, light=np.where(on, found.light, desired))
+    return replace(result, light=np.where(on, result.light, desired))
 
 
 def solve_frame(
     frame: Master, posed: Posed, out_of_range: float, method: str, solver: Solver | None = None
 ) -> Solution:
-    """What one method projects for a master that `Stage.pose_frame` has posed."""
+    """Solves a master that `Stage.pose_frame` has posed, by one method.
+
+    Parameters
+    ----------
+    frame
+        The master as a file.
+    posed, out_of_range
+        What `Stage.pose_frame` made of it.
+    method
+        One of `compensate.methods.METHODS`.
+    solver
+        The method's solver with other settings than its own.
+
+    Returns
+    -------
+    solution
+        What the method projects, and the seconds it took.
+
+    Raises
+    ------
+    InputError
+        If the method cannot solve this problem.
+    """
     begin = time.perf_counter()
     result = solved(posed, method, solver)
     return Solution(frame, posed, out_of_range, method, result, time.perf_counter() - begin)
@@ -106,7 +134,17 @@ def solve_frame(
 @final
 @dataclass(frozen=True)
 class Solution:
-    """A solved frame: parameters as of `solve_frame`, what it found, and the seconds it took."""
+    """A solved frame.
+
+    Parameters
+    ----------
+    frame, posed, out_of_range, method
+        As for `solve_frame`.
+    result
+        What the method projects.
+    seconds
+        Time of the solution.
+    """
 
     frame: Master
     posed: Posed
@@ -116,48 +154,60 @@ class Solution:
     seconds: float
 
     def outcome(self, appraisal: Appraisal | None = None) -> Outcome:
-        """The frame to project, in the master's own encoding, and the figures.
+        """Encodes the frame as the master is, and computes its figures.
 
         Other methods' outcomes of the same posed master may share an `appraisal`.
         """
-        found = appraisal or Appraisal(self.posed)
+        appraisal = appraisal or Appraisal(self.posed)
         frame, clipped = self.encoded()
-        return Outcome(frame, self.result.light, self.figures(found, clipped), found)
+        return Outcome(frame, self.result.light, self.figures(appraisal, clipped), appraisal)
 
     def encoded(self) -> tuple[Master, float]:
-        """The frame to project, and `Figures.file_clipped`."""
+        """Encodes the frame to project; the second value is `Figures.file_clipped`."""
         if self.method == "none" and self.frame.fits:
             return self.frame, 0.0
         return encoded(self.frame, self.result.light, self.posed.scene, self.posed.screen)
 
-    def figures(self, found: Appraisal, file_clipped: float, *, brief: bool = False) -> Figures:
-        """The figures of what `encoded` gives.
+    def figures(self, appraisal: Appraisal, file_clipped: float, *, brief: bool = False) -> Figures:
+        """Computes the figures of the frame.
 
-        If `brief`, `loss_before` and plain figures are left out where subtraction shows what is
-        desired: in a sequence, their transforms would take longer than all the rest.
+        Parameters
+        ----------
+        appraisal
+            What computes them.
+        file_clipped
+            Share of the screen's pixels that the file cannot hold, as of `encoded`.
+        brief
+            Leaves out `loss_before` and plain figures where subtraction is exact: in a sequence,
+            they would take longer than all the rest.
+
+        Returns
+        -------
+        figures
+            See `Figures`.
         """
         posed, result = self.posed, self.result
         brief = brief and posed.exact and result.light is posed.subtractive
-        look = found.look(result.light, plain=not brief)
-        left = found.foreseen(result.light)
+        look = appraisal.look(result.light, plain=not brief)
+        left = appraisal.foreseen(result.light)
         return Figures(
             method=self.method,
-            clipped=found.clipped,
+            clipped=appraisal.clipped,
             out_of_range=self.out_of_range,
-            pollution=found.pollution,
-            loss_before=None if brief else found.loss_before,
-            loss_subtractive=found.loss_subtractive,
+            pollution=appraisal.pollution,
+            loss_before=None if brief else appraisal.loss_before,
+            loss_subtractive=appraisal.loss_subtractive,
             loss_after=look.loss,
             **vars(look.plain),
-            ghost_edges=found.ghost_edges(result.light),
+            ghost_edges=appraisal.ghost_edges(result.light),
             loss_by_seat=look.by_seat,
             file_clipped=file_clipped,
             status=result.status.value,
             gap=result.gap,
-            distance=found.distance(result),
+            distance=appraisal.distance(result),
             iterations=result.iterations,
             ffts=result.ffts,
             seconds=self.seconds,
-            light_left=None if left is None else left.light.told,
-            error_left=None if left is None else left.weighted.told,
+            light_left=None if left is None else left.light.ends,
+            error_left=None if left is None else left.weighted.ends,
         )

@@ -33,7 +33,7 @@ def perceptual(
     *,
     progress: Callable[[int, float], None] | None = None,
 ) -> Solver:
-    """The solver of the paper's weighting: the least visible error.
+    """Makes the solver of the paper's weighting, which minimises the visible error.
 
     Parameters
     ----------
@@ -43,6 +43,11 @@ def perceptual(
         Certified relative gap of the cost at which to stop.
     progress
         As for `ADMM`.
+
+    Returns
+    -------
+    solver
+        Takes a problem and a start.
     """
     admm = ADMM(tolerance=tolerance, progress=progress)
     return Fitted(admm) if _in_a_room(scene) else admm
@@ -80,7 +85,7 @@ METHODS = tuple(dict.fromkeys([*REFLECTED, *STEREO]))
 
 
 def methods_of(scene: Scene) -> Mapping[str, Chosen]:
-    """The methods that a scene has."""
+    """Returns the methods that a scene has, by name."""
     if isinstance(scene, DomeScene) or _in_a_room(scene):
         return REFLECTED
     if isinstance(scene, StereoScene) and scene.table is not None:
@@ -91,12 +96,24 @@ def methods_of(scene: Scene) -> Mapping[str, Chosen]:
 
 
 def require_method(name: str, scene: Scene) -> Chosen:
-    """The method of that name.
+    """Looks up a method of a scene.
+
+    Parameters
+    ----------
+    name
+        One of `METHODS`.
+    scene
+        The theatre, or stereo system.
+
+    Returns
+    -------
+    chosen
+        Takes the scene and a problem, and makes the solver.
 
     Raises
     ------
     InputError
-        If the scene has none.
+        If the scene has no such method.
     """
     known = methods_of(scene)
     if name not in known:

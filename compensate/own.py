@@ -76,7 +76,7 @@ def own_problem(
     observation: AdjointObservation | None = None,
     weighting: Weighting | PerceptualWeighting | None = None,
 ) -> Problem:
-    """The problem of a master in a scene with another observation or weighting than its own.
+    """Poses a master with another observation or weighting than the scene's own.
 
     Where the weighting sees nothing, the light is the nearest to what is desired by plain least
     squares, as exact subtraction.
@@ -91,6 +91,11 @@ def own_problem(
         What is seen; None for the scene's.
     weighting
         How much a residual matters; None for the paper's.
+
+    Returns
+    -------
+    problem
+        Its anchor is the nearest light.
 
     Raises
     ------
@@ -112,7 +117,7 @@ def own_problem(
     if not isinstance(weighting, Weighting):
         settings = weighting or PerceptualWeighting()
         views = observation.seen_shape[0]
-        weighting = settings.of(scene.viewing, scene.projector, screen, views)
+        weighting = settings(scene.viewing, scene.projector.luminance_weights, screen, views)
     on = screen[None, :, :, None].astype(desired.dtype)
     desired = desired * on
     wanted = observation.direct(desired)

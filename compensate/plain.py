@@ -125,7 +125,7 @@ class PlainRuler:
         self._wanted, self._scene, self._screen = wanted, scene, screen
 
     def black(self, seen: Light) -> float:
-        """Mean luminance of the darker half as it is seen, cd/m².
+        """Returns the mean luminance of the darker half as it is seen, cd/m².
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class PlainRuler:
         return self._black(self._luminance(averaged(seen, self._screen)))
 
     def figures(self, seen: Light, untouched: float) -> PlainFigures:
-        """All figures.
+        """Computes all figures.
 
         Parameters
         ----------
@@ -143,6 +143,11 @@ class PlainRuler:
             (view, row, col, primary).
         untouched
             `black` of what is seen untouched, cd/m².
+
+        Returns
+        -------
+        figures
+            See `PlainFigures`.
         """
         found = averaged(seen, self._screen)
         light = self._luminance(found)
@@ -251,7 +256,7 @@ class PlainRuler:
 
 
 def of_colours(master: Floats, seen: Floats, luminance_weights: Floats) -> Colours | None:
-    """Hue shift and saturation of some pixels, (pixel, primary); None if all are grey or black.
+    """Compares the hue and saturation of pixels with the master's.
 
     Parameters
     ----------
@@ -259,6 +264,11 @@ def of_colours(master: Floats, seen: Floats, luminance_weights: Floats) -> Colou
         (pixel, primary) light.
     luminance_weights
         (primary,): share of each in the luminance of white.
+
+    Returns
+    -------
+    colours
+        None if all pixels are grey or black.
     """
     wanted, light = _opponent(master, luminance_weights)
     shown, _ = _opponent(seen, luminance_weights)

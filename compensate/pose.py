@@ -138,7 +138,18 @@ class Posed:
 
 
 def pose(desired: Light, scene: Scene, weighting: Eye | None = None) -> Posed:
-    """A master in a scene; parameters as for `compensate.master.compensate`."""
+    """Poses one master in a scene; of a show, `Stage` poses many.
+
+    Parameters
+    ----------
+    desired, scene, weighting
+        As for `compensate.master.compensate`.
+
+    Returns
+    -------
+    posed
+        The master, ready for a method.
+    """
     return Stage(scene, weighting).pose(desired)
 
 
@@ -169,18 +180,26 @@ class Stage:
         self._lock = threading.Lock()
 
     def ready(self, rows: int, cols: int) -> None:
-        """Compute what masters in files of that size share."""
+        """Computes in advance what masters of one size share.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of a view, pixels.
+        """
         dome = self._of_size(rows, cols).dome
         if dome is not None:
             dome.factors_like(np.empty(0, np.float32))
 
     def pose(self, desired: Light) -> Posed:
-        """The optimisation problem of a master (view, row, col, primary); see `compensate`.
+        """Poses a master (view, row, col, primary).
 
         Raises
         ------
         InputError
             If the master leaves 0..1 on the screen.
+        ValueError
+            If it is no light, or not of the scene's views.
         """
         require_light(desired, who="compensate")
         setting = self._of_size(*desired.shape[1:3])
@@ -191,7 +210,7 @@ class Stage:
         return Posed(setting, desired, subtractive, setting.observation.observe(subtractive))
 
     def pose_frame(self, frame: Master) -> tuple[Posed, float]:
-        """`pose` for a master, and the share of its screen out of the projector's range."""
+        """Poses a master's file; the second value is the share of its screen out of range."""
         light = decoded(frame, self._scene)
         desired, out_of_range = within_range(light, self._of_size(*light.shape[1:3]).screen)
         return self.pose(desired), out_of_range
@@ -274,7 +293,8 @@ class Setting:
         return default.with_importance(self.weighting.importance).counted_apart()
 
     def _weighting(self, settings: PerceptualWeighting) -> CsfWeighting:
-        return settings.of(self.scene.viewing, self.scene.projector, self.screen, self.scene.views)
+        weights = self.scene.projector.luminance_weights
+        return settings(self.scene.viewing, weights, self.screen, self.scene.views)
 
     def upper_like(self, light: Light) -> Array | float:
         """The largest light: 0 off the screen, for there nothing is projected."""
@@ -311,7 +331,14 @@ def _setting(
 
 
 def require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:
-    """See that light is within 0..1 on the screen.
+    """Checks that light is within 0..1 on the screen.
+
+    Parameters
+    ----------
+    desired
+        (view, row, col, primary).
+    screen
+        (row, col) bool.
 
     Raises
     ------
@@ -352,5 +379,18 @@ def _on(screen: NDArray[np.bool_], light: Light) -> Light:
 
 
 def differences(scene: Scene, weighting: Weighting) -> float:
-    """Just-noticeable differences in a weighted residual of 1.0 (white)."""
+    """Converts weighted residuals to just-noticeable differences.
+
+    Parameters
+    ----------
+    scene
+        Where: projector white and adaptation luminance, cd/m².
+    weighting
+        What weighted the residual.
+
+    Returns
+    -------
+    factor
+        Just-noticeable differences in a weighted residual of 1.0 (white).
+    """
     return scene.projector.white / scene.viewing.adaptation * weighting.peak

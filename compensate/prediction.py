@@ -262,28 +262,55 @@ class Triage:
 def predict(
     posed: Posed, light: Light | None = None, settings: Prediction | None = None
 ) -> Predicted:
-    """Where the pollution of `light` is visible.
+    """Predicts where the pollution of light is visible.
 
     Parameters
     ----------
     posed
         The master in its scene; of several seats, the first counts.
     light
-        What is projected, (view, row, col, primary). Default: the untouched master.
+        (view, row, col, primary) what is projected. Default: the untouched master.
     settings
         See `Prediction`.
+
+    Returns
+    -------
+    predicted
+        All maps, (view, row, col).
     """
     eye = _viewer(posed, settings or Prediction())
     return eye.predicts(posed.desired if light is None else light)
 
 
 def remaining(posed: Posed, settings: Prediction | None = None) -> Visible:
-    """Where what exact clipped subtraction leaves is visible; parameters as for `predict`."""
+    """Predicts where the pollution that exact clipped subtraction leaves is visible.
+
+    Parameters
+    ----------
+    posed, settings
+        As for `predict`.
+
+    Returns
+    -------
+    visible
+        The mask alone.
+    """
     return _viewer(posed, settings or Prediction()).sees(posed.subtractive)
 
 
 def triage(posed: Posed, settings: Prediction | None = None) -> Triage:
-    """Whether a frame needs nothing, subtraction or a solver; parameters as for `predict`."""
+    """Says whether a frame needs nothing, subtraction or a solver.
+
+    Parameters
+    ----------
+    posed, settings
+        As for `predict`.
+
+    Returns
+    -------
+    triage
+        The maps, and the verdict.
+    """
     chosen = settings or Prediction()
     eye = _viewer(posed, chosen)
     untouched = eye.predicts(posed.desired)
@@ -299,7 +326,7 @@ def triage(posed: Posed, settings: Prediction | None = None) -> Triage:
 
 
 def regions(mask: Mask, margin: int = 0) -> list[tuple[slice, slice]]:
-    """Rectangles (rows, cols) that hold all that is true in a mask, with a margin around it.
+    """Finds rectangles that hold all that is true in a mask, with a margin around it.
 
     They are the bounding boxes of what is connected once it is dilated by the margin; boxes that
     overlap or touch are made one, so that no pixel lies in two. Eyes share their rectangles: they
@@ -308,9 +335,14 @@ def regions(mask: Mask, margin: int = 0) -> list[tuple[slice, slice]]:
     Parameters
     ----------
     mask
-        (row, col) or (view, row, col).
+        (row, col) or (view, row, col) bool.
     margin
         Pixels that are added on all sides, as far as there is picture.
+
+    Returns
+    -------
+    boxes
+        (rows, cols) of each rectangle.
 
     Raises
     ------

@@ -108,14 +108,19 @@ class Problem:
         return 0.5 * energy + penalty, gradient
 
     def penalty_and_gradient(self, light: Light, weighted: Light) -> tuple[float, Light]:
-        """The regulariser's part of the cost, and the whole gradient; needs no FFT.
+        """Computes the regulariser's part of the cost, and the whole gradient; it needs no FFT.
 
         Parameters
         ----------
         light
-            Where, (view, row, col, primary).
+            (view, row, col, primary).
         weighted
-            lambda'lambda of the residual there, (seen view, row, col, primary).
+            (seen view, row, col, primary) lambda'lambda of its residual.
+
+        Returns
+        -------
+        penalty, gradient
+            A number, and (view, row, col, primary).
         """
         if self.anchor is None:
             return 0.0, self.observation.adjoint(weighted)
@@ -144,7 +149,18 @@ class Problem:
         return self.kkt_residual(light, self.gradient(light))
 
     def kkt_residual(self, light: Light, gradient: Light) -> float:
-        """`optimality` of a light whose gradient is known."""
+        """Computes `optimality` of a light whose gradient is known.
+
+        Parameters
+        ----------
+        light, gradient
+            (view, row, col, primary).
+
+        Returns
+        -------
+        residual
+            Largest |x - P(x - gradient)|.
+        """
         xp = namespace(light)
         lower, upper = (xp.broadcast_to(bound, light.shape) for bound in (self.lower, self.upper))
 

@@ -46,7 +46,18 @@ NO_DIFFERENCE = 0.02
 
 
 def compared(lost: float, other: float) -> str:
-    """What one loss is against another, JOD: "better than", "no different from" or "worse than"."""
+    """Says in words how one loss of quality compares with another.
+
+    Parameters
+    ----------
+    lost, other
+        JOD.
+
+    Returns
+    -------
+    words
+        "better than", "no different from" or "worse than".
+    """
     if abs(lost - other) < NO_DIFFERENCE:
         return "no different from"
     return "better than" if lost < other else "worse than"
@@ -134,7 +145,12 @@ def averaged(light: Light, screen: NDArray[np.bool_]) -> Light:
     light
         (view, row, col, primary).
     screen
-        (row, col): light elsewhere counts as 0.
+        (row, col) bool: light elsewhere counts as 0.
+
+    Returns
+    -------
+    means
+        (view, row, col, primary) of blocks.
     """
     block = -(-max(screen.shape) // FINEST)
     rows, cols = (slice(side // block * block) for side in screen.shape)

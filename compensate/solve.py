@@ -9,7 +9,21 @@ from domesim.errors import InputError
 
 
 def solved(posed: Posed, method: str, solver: Solver | None = None) -> Result:
-    """What one method projects; `solver` is the method's with other settings.
+    """Solves a posed master by one method.
+
+    Parameters
+    ----------
+    posed
+        The master in its scene.
+    method
+        One of `compensate.methods.METHODS`.
+    solver
+        The method's solver with other settings than its own.
+
+    Returns
+    -------
+    result
+        What to project.
 
     Raises
     ------

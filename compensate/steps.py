@@ -25,7 +25,7 @@ _EVERY = 4  # rows that are looked at
 def visible_steps(
     frame: Master, seen: Light, screen: NDArray[np.bool_], weights: NDArray[np.floating]
 ) -> float:
-    """Share of the screen where neighbouring codes of a master are seen as a step.
+    """Measures where neighbouring codes of a master are seen as a step.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ def visible_steps(
     Returns
     -------
     share
-        Of pixels beside one whose code differs by one in some primary and by no more in any, those
-        whose luminance differs by `VISIBLE`, over all pixels. 0 for depths above 8 bits.
+        Share of all pixels. A pixel counts if its code differs from its neighbour's by one in some
+        primary and by no more in any, and its luminance by `VISIBLE`. 0 for depths above 8 bits.
     """
     first = frame.frames[0]
     if first.floating or first.bits > BITS:

@@ -63,7 +63,7 @@ def subtracted(
     start: Light | None = None,
     max_rounds: int = MAX_ROUNDS,
 ) -> tuple[Light, int]:
-    """Light within bounds that shows what is wanted where any can.
+    """Finds the light within bounds that shows what is wanted, wherever any light can.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def reflecting(observation: Observation) -> LowRankObservation | None:
 
 
 def newton_step(core: Floats, sums: Floats, slopes: Floats, s: Floats) -> Floats:
-    """Newton's step of s towards K V'x(s).
+    """Computes Newton's step of s towards K V'x(s).
 
     Parameters
     ----------
@@ -123,6 +123,11 @@ def newton_step(core: Floats, sums: Floats, slopes: Floats, s: Floats) -> Floats
         (group, n, n) how sums fall as s rises.
     s
         (group, n).
+
+    Returns
+    -------
+    change
+        (group, n) to add to s.
     """
     system = np.eye(s.shape[1]) + core @ slopes
     off = (core @ sums[..., None])[..., 0] - s

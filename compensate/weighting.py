@@ -26,7 +26,6 @@ from compensate.fourier import Fourier, padded_size
 from compensate.vision.csf import LowFrequencyFloor, daly
 from domesim.light import Array, Light, dot, kind, namespace, require_light
 from domesim.light.strips import in_parts, in_strips
-from domesim.observation.projector import Projector
 from domesim.room.viewing import Viewing
 
 Gains: TypeAlias = NDArray[np.floating[Any]]
@@ -373,12 +372,6 @@ class PerceptualWeighting:
     chroma_low_frequency: LowFrequencyFloor = field(default_factory=lambda: LowFrequencyFloor(1.0))
     padding: int = 64
 
-    def of(
-        self, viewing: Viewing, projector: Projector, support: NDArray[np.bool_], views: int
-    ) -> CsfWeighting:
-        """The weighting of `views` pictures with that `support` (row, col) seen that way."""
-        return self(viewing, projector.luminance_weights, support, views)
-
     def __call__(
         self,
         viewing: Viewing,
@@ -386,10 +379,26 @@ class PerceptualWeighting:
         support: Array,
         views: int = 1,
     ) -> CsfWeighting:
-        """The weighting of `views` pictures with that `support` (row, col) seen that way.
+        """Makes the weighting of pictures that are seen one way.
 
         All channels get Daly's achromatic sensitivity, as in the paper, but for the policies at low
         frequencies.
+
+        Parameters
+        ----------
+        viewing
+            How pictures are seen.
+        luminance_weights
+            (primary,) share of each in the luminance of white.
+        support
+            (row, col) bool: where a residual counts.
+        views
+            How many pictures.
+
+        Returns
+        -------
+        weighting
+            A_l T.
         """
         rows, cols = support.shape
         padded = (padded_size(rows, self.padding), padded_size(cols, self.padding))
@@ -412,9 +421,24 @@ def csf_gains(
     padded: tuple[int, int],
     low_frequency: LowFrequencyFloor,
 ) -> tuple[Gains, float]:
-    """Omega (padded row, padded col // 2 + 1) of Daly's sensitivity, 1 at its peak, and the peak.
+    """Computes Omega of Daly's sensitivity.
 
-    In single precision: as much memory as pictures take, and no CSF is known to seven digits.
+    It is of single precision: it takes as much memory as pictures, and no CSF is known to seven
+    digits.
+
+    Parameters
+    ----------
+    viewing
+        How the picture is seen.
+    size, padded
+        (rows, cols) of the picture, and of the padded grid.
+    low_frequency
+        The policy below the peak.
+
+    Returns
+    -------
+    omega, peak
+        (padded row, padded col // 2 + 1), 1 at the peak; and the peak's sensitivity.
     """
     row_frequency, col_frequency = Fourier(*padded).frequencies(viewing.pixels_per_degree(*size))
     sensitivity = _daly(viewing)

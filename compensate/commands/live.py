@@ -19,7 +19,7 @@ from compensate.live.coding import PIXEL_FORMATS, Coding, PixelFormat
 from compensate.live.engines import engine_of
 from compensate.live.process import (
     HELD,
-    Told,
+    Report,
     read_exactly,
     read_into,
     read_line,
@@ -83,7 +83,7 @@ def live(
     fps: Annotated[
         float | None,
         typer.Option(
-            help="Frames a second of the stream: latency is told in frames, too.",
+            help="Frames a second of the stream: latency is given in frames, too.",
             show_default=False,
         ),
     ] = None,
@@ -155,12 +155,12 @@ def live(
     frames = _raw(room, pixels) if header is None else _of_y4m(header)
     if header is not None:
         os.write(_OUTPUT, header.line + b"\n")
-    told = stream(frames, compensated, _OUTPUT, drop=drop, head=_written(header))
+    report = stream(frames, compensated, _OUTPUT, drop=drop, head=_written(header))
     if json:
-        facts = {**place.about(theatre), "computed_by": name, **told.figures(fps)}
+        facts = {**place.about(theatre), "computed_by": name, **report.figures(fps)}
         print(to_json.dumps(facts, indent=1), file=sys.stderr)
     elif not quiet:
-        print(_line(told), file=sys.stderr)
+        print(_line(report), file=sys.stderr)
 
 
 @grouped
@@ -277,14 +277,14 @@ def _written(header: Y4M | None) -> Callable[[Any], list[Any]]:
     return lambda frame: [FRAME + b"\n", header.encoded(frame)]
 
 
-def _line(told: Told) -> str:
+def _line(report: Report) -> str:
     """For a person."""
-    found = told.figures(None)
-    if not told.frames:
+    figures = report.figures(None)
+    if not report.frames:
         return "no frames"
-    dropped = f", {told.dropped} dropped" if told.dropped else ""
-    latency = found["latency_ms"]
+    dropped = f", {report.dropped} dropped" if report.dropped else ""
+    latency = figures["latency_ms"]
     return (
-        f"{told.frames} frames{dropped}, {found['fps']:.1f} a second, latency "
+        f"{report.frames} frames{dropped}, {figures['fps']:.1f} a second, latency "
         f"{latency['median']:.0f} ms (slowest hundredth {latency['p99']:.0f} ms)"
     )

@@ -142,7 +142,21 @@ Constants: TypeAlias = DomeConstants | PairConstants
 
 
 def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> Constants:
-    """What `scene` means for pictures of `rows` x `cols` pixels a view.
+    """Computes what a scene means for live pictures of one size.
+
+    Parameters
+    ----------
+    scene
+        The theatre, or stereo system.
+    rows, cols
+        Size of a view, pixels.
+    aim
+        Its settings; the default's if None.
+
+    Returns
+    -------
+    constants
+        Of a dome, or of a pair.
 
     Raises
     ------
@@ -172,7 +186,7 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
 
 
 def turns_of(k: PairConstants) -> int:
-    """How often the eyes take turns until subtraction is exact to 1e-5.
+    """Returns how often the eyes take turns until subtraction is exact to 1e-5.
 
     Each gains what the strongest crosstalk leaves of the other's last change.
     """

@@ -38,14 +38,14 @@ def engine_of(
     dithers: bool,
     device: str | None = None,
 ) -> tuple[str, Engine]:
-    """The name of what computes, and itself.
+    """Chooses what computes live pictures.
 
     Parameters
     ----------
     scene
         The theatre, or stereo system.
     rows, cols
-        Of each view.
+        Size of a view, pixels.
     coding, pixels
         What code values mean, and their layout.
     beside
@@ -55,6 +55,11 @@ def engine_of(
     device
         As for `compensate.devices.on_device`. If None: compiled loops, which are as fast on some
         cores as PyTorch on a GPU; without the extra ``fast``, a GPU where PyTorch finds one.
+
+    Returns
+    -------
+    name, engine
+        The name of what computes, and what compensates frames.
 
     Raises
     ------

@@ -40,7 +40,7 @@ class _GoneError(Exception):
 
 @final
 @dataclass
-class Told:
+class Report:
     """What became of the frames.
 
     Parameters
@@ -68,22 +68,22 @@ class Told:
 
         `core_ms` is what a frame took of all cores, and `copies` how often it could be copied.
         """
-        found: dict[str, Any] = {"frames": self.frames, "dropped": self.dropped}
+        figures: dict[str, Any] = {"frames": self.frames, "dropped": self.dropped}
         if not self.frames:
-            return found
+            return figures
         latencies = np.array(self.latencies)
-        found["fps"] = self.frames / max(self.seconds, 1e-9)
-        each = self.busy / self.frames
-        found["core_ms"] = each * 1e3
-        found["copies"] = each / copying(self.size)
-        found["latency_ms"] = {
+        figures["fps"] = self.frames / max(self.seconds, 1e-9)
+        seconds = self.busy / self.frames
+        figures["core_ms"] = seconds * 1e3
+        figures["copies"] = seconds / copying(self.size)
+        figures["latency_ms"] = {
             "median": float(np.median(latencies) * 1e3),
             "p99": float(np.quantile(latencies, 0.99) * 1e3),
             "largest": float(latencies.max() * 1e3),
         }
         if fps is not None:
-            found["latency_frames"] = float(np.median(latencies) * fps)
-        return found
+            figures["latency_frames"] = float(np.median(latencies) * fps)
+        return figures
 
 
 def copying(size: int) -> float:
@@ -98,7 +98,21 @@ def copying(size: int) -> float:
 
 
 def read_into(source: int, view: memoryview, sink: int | None = None) -> int:
-    """Fill a buffer from a file descriptor; how many bytes came, fewer only at its end.
+    """Fills a buffer from a file descriptor.
+
+    Parameters
+    ----------
+    source
+        The file descriptor.
+    view
+        The buffer.
+    sink
+        File descriptor of the results: reading ends if nobody reads them any more.
+
+    Returns
+    -------
+    count
+        Bytes that came: fewer than the buffer takes only at the end.
 
     Raises
     ------
@@ -123,9 +137,22 @@ def read_into(source: int, view: memoryview, sink: int | None = None) -> int:
     return got
 
 
-def read_exactly(source: int, wanted: int, sink: int | None = None) -> bytearray:
-    """That many bytes of a file descriptor; see `read_into`."""
-    data = bytearray(wanted)
+def read_exactly(source: int, count: int, sink: int | None = None) -> bytearray:
+    """Reads bytes of a file descriptor.
+
+    Parameters
+    ----------
+    source, sink
+        As for `read_into`.
+    count
+        How many bytes.
+
+    Returns
+    -------
+    data
+        Fewer bytes only at the end.
+    """
+    data = bytearray(count)
     with memoryview(data) as view:
         got = read_into(source, view, sink)
     return data[:got]
@@ -139,7 +166,20 @@ def widen(*pipes: int) -> None:
 
 
 def read_line(source: int, longest: int, sink: int | None = None) -> bytes:
-    """Bytes up to the next end of a line, which is taken off, or to the end; see `read_exactly`."""
+    """Reads bytes of a file descriptor up to the next end of a line, or to the end.
+
+    Parameters
+    ----------
+    source, sink
+        As for `read_into`.
+    longest
+        Bytes at most.
+
+    Returns
+    -------
+    line
+        The bytes without the end of the line.
+    """
     line = bytearray()
     while len(line) < longest:
         byte = read_exactly(source, 1, sink)
@@ -156,8 +196,8 @@ def stream(
     *,
     drop: bool = False,
     head: Callable[[Any], list[Any]] = lambda frame: [frame],
-) -> Told:
-    """Compensate frames until there are no more.
+) -> Report:
+    """Compensates frames until there are no more.
 
     Parameters
     ----------
@@ -171,6 +211,11 @@ def stream(
         Leave out frames that wait while a newer one has come; else whoever sends them waits.
     head
         The buffers to write of a frame, which nothing changes while `HELD` - 1 more are made.
+
+    Returns
+    -------
+    report
+        What became of the frames.
 
     Raises
     ------
@@ -194,11 +239,11 @@ def stream(
     for error in line.errors:
         if isinstance(error, _GoneError | BrokenPipeError):
             raise InputError(
-                f"standard output: whoever read the frames has gone, after {line.told.frames} of "
+                f"standard output: whoever read the frames has gone, after {line.report.frames} of "
                 f"them"
             ) from None
         raise error
-    return line.told
+    return line.report
 
 
 @final
@@ -208,7 +253,7 @@ class _Line:
     def __init__(self, frames: Iterator[Any], sink: int, drop: bool) -> None:
         self._frames, self._sink, self._drop = frames, sink, drop
         self._begun = time.process_time()
-        self.told = Told()
+        self.report = Report()
         self.came: Queue[Any] = Queue(1)
         self.made: Queue[Any] = Queue(1)
         self.room = threading.Semaphore(1)
@@ -251,7 +296,7 @@ class _Line:
             if self._drop and frame is not None:
                 with contextlib.suppress(Empty):
                     self.came.get_nowait()
-                    self.told.dropped += 1
+                    self.report.dropped += 1
             self.put(self.came, None if frame is None else (time.perf_counter(), frame))
             if frame is None:
                 return
@@ -264,11 +309,11 @@ class _Line:
                 _write_all(self._sink, buffer)
             now = time.perf_counter()
             first = read_at if first is None else first
-            self.told.frames += 1
-            self.told.seconds = now - first
-            self.told.busy = time.process_time() - self._begun
-            self.told.size = sum(memoryview(buffer).nbytes for buffer in buffers)
-            self.told.latencies.append(now - read_at)
+            self.report.frames += 1
+            self.report.seconds = now - first
+            self.report.busy = time.process_time() - self._begun
+            self.report.size = sum(memoryview(buffer).nbytes for buffer in buffers)
+            self.report.latencies.append(now - read_at)
 
 
 def _write_all(sink: int, buffer: Any) -> None:

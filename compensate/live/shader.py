@@ -68,20 +68,25 @@ def shader_of(
     beside: bool = True,
     aim: Aim | None = None,
 ) -> str:
-    """The text of a user shader.
+    """Writes a user shader for a scene.
 
     Parameters
     ----------
     scene
         The theatre, or stereo system.
     rows, cols
-        Of each view, pixels.
+        Size of a view, pixels.
     colour
         What code values are.
     beside
         Whether the video has both views of a pair side by side, and not one above the other.
     aim
         Its settings.
+
+    Returns
+    -------
+    text
+        The shader.
 
     Raises
     ------

@@ -146,7 +146,7 @@ _CHECKED = 10  # iterations from one certificate to the next
 
 
 def convexity(problem: Problem) -> float:
-    """m: a lower bound of the Hessian's eigenvalues, by the regulariser alone.
+    """Returns m, a lower bound of the Hessian's eigenvalues, by the regulariser alone.
 
     L is made of a matrix in each pixel. Its least singular value is at least that of its diagonal
     less the mean of what is beside it in row and column (C. R. Johnson, "A Gersgorin-type lower
@@ -172,7 +172,22 @@ def convexity(problem: Problem) -> float:
 
 
 def certified(problem: Problem, light: Light, gradient: Light, modulus: float) -> float:
-    """How much less any light within the bounds can cost, at most."""
+    """Bounds how much less any light within the bounds can cost.
+
+    Parameters
+    ----------
+    problem
+        What is minimised.
+    light, gradient
+        (view, row, col, primary) where, and the cost's gradient there.
+    modulus
+        m, as of `convexity`.
+
+    Returns
+    -------
+    gain
+        In the cost's unit; infinite where m is 0.
+    """
     if modulus <= 0:
         return math.inf
     xp = namespace(light)
@@ -182,5 +197,18 @@ def certified(problem: Problem, light: Light, gradient: Light, modulus: float) -
 
 
 def relative(cost: float, gained: float) -> float:
-    """(cost - minimum) / minimum, where the minimum is lower by `gained` at most."""
+    """Divides what could be gained by the least cost that is possible.
+
+    Parameters
+    ----------
+    cost
+        Cost of a light.
+    gained
+        What `certified` returns for it.
+
+    Returns
+    -------
+    gap
+        Infinite where nothing is certified.
+    """
     return gained / (cost - gained) if gained < cost else math.inf

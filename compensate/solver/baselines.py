@@ -86,7 +86,20 @@ class RaisedBlack:
 def clipped_subtraction(
     problem: Problem, max_rounds: int = MAX_ROUNDS, start: Light | None = None
 ) -> tuple[Light, int]:
-    """`compensate.subtract.subtracted` of what a problem observes and desires, in its bounds."""
+    """Subtracts within a problem's bounds; see `compensate.subtract.subtracted`.
+
+    Parameters
+    ----------
+    problem
+        What is observed and desired.
+    max_rounds, start
+        As for `subtracted`.
+
+    Returns
+    -------
+    light, rounds
+        (view, row, col, primary), and the rounds taken.
+    """
     bounds = problem.lower, problem.upper
     return subtracted(
         problem.observation, problem.desired, bounds, start=start, max_rounds=max_rounds
@@ -96,7 +109,22 @@ def clipped_subtraction(
 def computed(
     problem: Problem, light: Light, iterations: int, status: Status = Status.CLOSED_FORM
 ) -> Result:
-    """The result of a baseline: its light, with the cost that it happens to have."""
+    """Makes the result of a baseline: its light, with the cost that it happens to have.
+
+    Parameters
+    ----------
+    problem
+        Whose cost it is.
+    light
+        (view, row, col, primary).
+    iterations, status
+        As of `Result`.
+
+    Returns
+    -------
+    result
+        With cost and KKT residual.
+    """
     before = problem.ffts
     cost, gradient = problem.quadratic(light)
     optimality = problem.kkt_residual(light, gradient)

@@ -59,7 +59,7 @@ class Fitted:
     known: ADMM
 
     def general(self, scene: Scene) -> str:
-        """What to say where the general solver takes a scene; "" where a fast one does."""
+        """Says that only the general solver takes a scene; "" where a fast one does."""
         if kind_of(scene.solvable(8, 8)) is not Kind.OTHER:
             return ""
         return (

@@ -194,7 +194,7 @@ DETAIL = float(np.pi * 1.5**2)
 def castle(
     frequency: ArrayLike, luminance: ArrayLike, mechanism: Mechanism, *, area: float
 ) -> Floats:
-    """Sensitivity (1 / threshold contrast) to a static grating in the fovea; 0 at frequency 0.
+    """Computes the sensitivity (1 / threshold contrast) to a static grating in the fovea.
 
     The contrast is `opponent_contrast`'s: for `ACHROMATIC` the Weber contrast, for the colours the
     change of the mechanism's response over the background's *achromatic* response.
@@ -209,6 +209,11 @@ def castle(
         `ACHROMATIC`, `RED_GREEN` or `YELLOW_VIOLET`.
     area
         A, the grating's area, deg² (pi sigma² for a Gaussian window).
+
+    Returns
+    -------
+    sensitivity
+        Of the common shape; 0 at frequency 0.
 
     Raises
     ------

@@ -30,7 +30,7 @@ def daly(
     distance: float,
     eccentricity: float = 0.0,
 ) -> Floats:
-    """Sensitivity (1 / threshold contrast) to a grating; 0 at frequency 0.
+    """Computes the sensitivity (1 / threshold contrast) to a grating.
 
     ``S = P min[S1(rho / (r_a r_e r_theta)), S1(rho)]``
 
@@ -48,6 +48,11 @@ def daly(
         Viewing distance d, m.
     eccentricity
         e, degrees.
+
+    Returns
+    -------
+    sensitivity
+        Of the frequency's shape; 0 at frequency 0.
 
     Raises
     ------
@@ -114,5 +119,18 @@ class LowFrequencyFloor:
             raise InputError(f"low-frequency gain must lie in 0..1, got {self.gain:g}")
 
     def __call__(self, frequency: Floats, weight: Floats, peak_frequency: Floats) -> Floats:
-        """`weight` (1 at the peak) with the floor applied below `peak_frequency`."""
+        """Raises weights below the peak to the floor.
+
+        Parameters
+        ----------
+        frequency, weight
+            Cycles/degree, and weights, 1 at the peak; of one shape.
+        peak_frequency
+            Cycles/degree.
+
+        Returns
+        -------
+        weight
+            Of the same shape.
+        """
         return np.where(frequency < peak_frequency, np.maximum(weight, self.gain), weight)

@@ -158,7 +158,23 @@ def in_thresholds(lost: Floats) -> Planes:
 
 
 def bands(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Band]:
-    """The bands, from fine to coarse; parameters and errors as of `visible_difference`."""
+    """Compares two pictures band by band.
+
+    Parameters
+    ----------
+    wanted, seen, pixels_per_degree
+        As for `visible_difference`.
+
+    Returns
+    -------
+    bands
+        From fine to coarse.
+
+    Raises
+    ------
+    InputError
+        As `visible_difference`.
+    """
     return Reference(wanted, pixels_per_degree).bands(seen)
 
 
@@ -221,7 +237,7 @@ class Reference:
         return np.asarray(quality_lost(STILL * total), np.float32)
 
     def pooled(self, seen: Floats, share: Planes | None = None) -> Floats:
-        """Q of another picture of its shape, (view,).
+        """Pools the differences of another picture of its shape.
 
         Parameters
         ----------
@@ -229,6 +245,11 @@ class Reference:
             As for `visible_difference`.
         share
             (row, col) how much a pixel's differences count, 0..1; all of them do by default.
+
+        Returns
+        -------
+        differences
+            (view,) Q.
 
         Raises
         ------
@@ -246,7 +267,7 @@ class Reference:
         return pooled(squares, base.mean((-2, -1), dtype=np.float64))
 
     def bands(self, seen: Floats) -> list[Band]:
-        """`bands` of the picture and another of its shape; raises what that does."""
+        """Compares it with another picture of its shape, band by band; raises what `bands` does."""
         levels = self._levels_of(seen)
         found = []
         for number, wanted in enumerate(self._contrasts):
@@ -337,7 +358,18 @@ class Reference:
 
 
 def mutually_masked(wanted: Planes, seen: Planes) -> Planes:
-    """D_k of T and T', (mechanism, row, col): 1 for a difference at threshold on nothing."""
+    """Masks differences by what both pictures have in common.
+
+    Parameters
+    ----------
+    wanted, seen
+        (mechanism, row, col) T and T'.
+
+    Returns
+    -------
+    differences
+        (mechanism, row, col) D_k: 1 for a difference at threshold on nothing.
+    """
     spread = _spread(*wanted.shape[-2:])
     both, apart = _compared(wanted, seen)
     for axis in (-1, -2):
@@ -353,7 +385,20 @@ def reduced(planes: Planes) -> Planes:
 
 
 def expanded(planes: Planes, size: tuple[int, ...]) -> Planes:
-    """The level below, of `size` (row, col), that has as much light."""
+    """Expands a level of the Gaussian pyramid to the one below, with as much light.
+
+    Parameters
+    ----------
+    planes
+        (..., row, col).
+    size
+        (row, col) of the level below.
+
+    Returns
+    -------
+    planes
+        (..., row, col) of `size`.
+    """
     return _expanded_rows(planes, slice(0, size[-2]), size[-1])
 
 

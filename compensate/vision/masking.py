@@ -97,21 +97,42 @@ def sensitivity(frequency: ArrayLike, viewing: Viewing) -> Floats:
 
 
 def mesa(frequency: Floats, edge: float) -> Floats:
-    """Low pass: 1 up to `edge`, falling as a raised cosine to 0 at ``2 edge``."""
+    """Low pass: 1 up to an edge, falling as a raised cosine to 0 at twice its frequency.
+
+    Parameters
+    ----------
+    frequency, edge
+        Cycles/degree, any shape.
+
+    Returns
+    -------
+    gain
+        Of the frequency's shape, 0..1.
+    """
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.clip(frequency / edge - 1, 0, 1)))
 
 
 def dom(frequency: Floats, peak: float) -> Floats:
-    """Band pass, a difference of mesas: 0 up to ``peak / 2`` and from ``2 peak``, 1 at `peak`.
+    """Band pass, a difference of mesas: 1 at `peak`, 0 up to ``peak / 2`` and from ``2 peak``.
 
     It is one octave wide at half height, and it and its neighbours at ``peak / 2`` and ``2 peak``
     add up to 1.
+
+    Parameters
+    ----------
+    frequency, peak
+        Cycles/degree, any shape.
+
+    Returns
+    -------
+    gain
+        Of the frequency's shape, 0..1.
     """
     return np.asarray(mesa(frequency, peak) - mesa(frequency, peak / 2))
 
 
 def fan(angle: Floats, index: int, orientations: int) -> Floats:
-    """Orientations around ``index pi / orientations``; all fans add up to 1.
+    """Passes orientations around ``index pi / orientations``; all fans add up to 1.
 
     Parameters
     ----------
@@ -121,6 +142,11 @@ def fan(angle: Floats, index: int, orientations: int) -> Floats:
         Which fan, from 0.
     orientations
         How many fans there are.
+
+    Returns
+    -------
+    gain
+        (row, col), 0..1.
     """
     away = np.abs(angle - index * np.pi / orientations)
     away = np.minimum(away, np.pi - away) * orientations

@@ -77,7 +77,9 @@ def test_the_solver_that_fits_says_why(desired):
 
 def test_a_weighting_of_ones_own(desired):
     """Twice a weighting, told by functions: the same optimum."""
-    csf = PerceptualWeighting().of(DOME.viewing, DOME.projector, DOME.screen(SIZE, SIZE), 1)
+    csf = PerceptualWeighting()(
+        DOME.viewing, DOME.projector.luminance_weights, DOME.screen(SIZE, SIZE)
+    )
     own = LinearWeighting(SHAPE, csf.apply, csf.adjoint)
     found = compensate(desired, DOME, weighting=own, solver=Accelerated(1e-7))
     problem = own_problem(desired, DOME)

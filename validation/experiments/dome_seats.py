@@ -88,7 +88,8 @@ def differences(posed: Posed, residual: Light) -> NDArray[np.float64]:
 
     def at(factor: float) -> tuple[NDArray[np.float64]]:
         here = replace(viewing, extent=viewing.extent / factor)
-        weighting = PerceptualWeighting().of(here, scene.projector, posed.screen, scene.views)
+        weights = scene.projector.luminance_weights
+        weighting = PerceptualWeighting()(here, weights, posed.screen, scene.views)
         seen = np.asarray(weighting.apply(residual))[0]
         rows, cols = posed.screen.shape
         unit = scene.projector.white / viewing.adaptation * weighting.peak

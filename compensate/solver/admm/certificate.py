@@ -31,7 +31,7 @@ _ROUNDINGS = 16  # of the base's cost, and twice as many of the bound
 def split(
     pixels: Pixels, curvature: float, gradient: Planes, w: Planes, light: Planes
 ) -> tuple[float, Planes]:
-    """The least of g_B'(v - w) within the bounds, and g_F; g is the `gradient` at w.
+    """Splits a gradient between bounds and quadratic.
 
     Parameters
     ----------
@@ -40,9 +40,14 @@ def split(
     curvature
         h.
     gradient, w
-        (seen plane, row, col).
+        (seen plane, row, col): g at w.
     light
         A feasible d near w.
+
+    Returns
+    -------
+    least, free
+        The least of g_B'(v - w) within the bounds, and g_F, (seen plane, row, col).
     """
     xp = namespace(w)
     lower, upper = pixels.lower, pixels.upper
@@ -59,7 +64,7 @@ def split(
 
 @final
 class Certificate:
-    """The last feasible cost, the best lower bound of the minimum, and what they tell.
+    """The last feasible cost, and the best lower bound of the minimum.
 
     Parameters
     ----------
@@ -79,16 +84,29 @@ class Certificate:
         self._least, self._progress_at = math.inf, 0
 
     def gap(self, cost: float) -> float:
-        """Certified (cost - minimum) / minimum; infinite as long as nothing is certified."""
+        """Returns the certified (cost - minimum) / minimum; infinite while nothing is certified."""
         return max(cost - self._lower, 0.0) / self._lower if self._lower > 0 else math.inf
 
     def raise_to(self, bound: float) -> None:
-        """Note a new lower bound of the minimum."""
+        """Notes a new lower bound of the minimum."""
         rounded = max(abs(bound), self._base) + 2 * abs(bound)
         self._lower = max(self._lower, bound - self._rounding * rounded)
 
     def verdict(self, cost: float, iteration: int) -> Status | None:
-        """Status to stop with at a feasible cost after `iteration` iterations; None to go on."""
+        """Decides whether to stop.
+
+        Parameters
+        ----------
+        cost
+            Of a feasible light.
+        iteration
+            Iterations done.
+
+        Returns
+        -------
+        status
+            None to go on.
+        """
         gap = self.gap(cost)
         if gap < 0.9 * self._least:
             self._least, self._progress_at = gap, iteration
@@ -101,5 +119,5 @@ class Certificate:
         return None
 
     def wait(self, iteration: int) -> None:
-        """Be patient anew."""
+        """Begins to be patient anew."""
         self._progress_at = iteration

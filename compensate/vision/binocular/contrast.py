@@ -46,12 +46,17 @@ Floats = NDArray[np.float64]
 
 
 def two_stage(left: ArrayLike, right: ArrayLike) -> Floats:
-    """Response r to the contrasts of two eyes.
+    """Computes the response r to the contrasts of two eyes.
 
     Parameters
     ----------
     left, right
         Contrasts of at least 0, %; any shapes that go together.
+
+    Returns
+    -------
+    response
+        Of the common shape.
     """
     left, right = (np.asarray(contrast, np.float64) for contrast in (left, right))
     stage = (left**M + right**M) / (S + left + right)
@@ -61,7 +66,7 @@ def two_stage(left: ArrayLike, right: ArrayLike) -> Floats:
 def gain_control(
     left: ArrayLike, right: ArrayLike, left_energy: ArrayLike, right_energy: ArrayLike
 ) -> Floats:
-    """The picture I that two eyes make (eq. 6).
+    """Combines what two eyes see into one picture I.
 
     Parameters
     ----------
@@ -69,6 +74,11 @@ def gain_control(
         Signals, such as signed contrasts in a band; any shapes that go together.
     left_energy, right_energy
         Contrast energies e around there, at least 0.
+
+    Returns
+    -------
+    picture
+        Of the common shape.
     """
     left, right = (np.asarray(signal, np.float64) for signal in (left, right))
     own, other = (np.asarray(energy, np.float64) for energy in (left_energy, right_energy))

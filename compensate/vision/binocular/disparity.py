@@ -63,12 +63,17 @@ class Disparity:
 
 
 def disparities(left: Floats, right: Floats) -> tuple[Disparity, Disparity]:
-    """Disparity of the left picture, and of the right one.
+    """Matches two pictures, each with the other.
 
     Parameters
     ----------
     left, right
         (row, col) luminance, white = 1.
+
+    Returns
+    -------
+    left, right
+        Disparity of the left picture, and of the right one.
 
     Raises
     ------

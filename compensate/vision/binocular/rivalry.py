@@ -28,12 +28,17 @@ Floats = NDArray[np.floating[Any]]
 
 
 def contrast_ratio(left: Floats, right: Floats) -> Floats:
-    """The lesser contrast over the greater one; 1 where there is none.
+    """Divides the lesser contrast by the greater one.
 
     Parameters
     ----------
     left, right
         Contrasts of at least 0, in any unit; of one shape.
+
+    Returns
+    -------
+    ratio
+        Of the same shape, 0..1; 1 where there is no contrast.
     """
     greater = np.maximum(left, right)
     ratio = np.ones_like(greater)
@@ -41,12 +46,17 @@ def contrast_ratio(left: Floats, right: Floats) -> Floats:
 
 
 def rivals(left: Floats, right: Floats) -> NDArray[np.bool_]:
-    """Where two eyes rival.
+    """Says where two eyes rival.
 
     Parameters
     ----------
     left, right
         Contrasts over their threshold, at least 0; of one shape.
+
+    Returns
+    -------
+    rivalry
+        Bool, of the same shape.
     """
     seen = np.maximum(left, right) >= VISIBLE
     return np.asarray(seen & (contrast_ratio(left, right) < RATIO))

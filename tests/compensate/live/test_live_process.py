@@ -47,13 +47,13 @@ def pipe() -> tuple[int, int]:
 def test_frames_keep_their_order_and_their_number():
     source, sink = pipe()
     frames = iter([bytes([n]) * 10 for n in range(20)])
-    told = stream(frames, lambda frame, number: frame + bytes([number]), sink)
+    report = stream(frames, lambda frame, number: frame + bytes([number]), sink)
     os.close(sink)
     data = read_exactly(source, 1000)
     os.close(source)
     assert data == b"".join(bytes([n]) * 11 for n in range(20))
-    assert (told.frames, told.dropped) == (20, 0)
-    assert told.figures(25.0)["latency_frames"] >= 0
+    assert (report.frames, report.dropped) == (20, 0)
+    assert report.figures(25.0)["latency_frames"] >= 0
 
 
 def test_a_frame_waits_for_one_other_at_most():
@@ -65,10 +65,10 @@ def test_a_frame_waits_for_one_other_at_most():
         time.sleep(each)
         return frame
 
-    told = stream(iter([b"x"] * 8), slow, sink)
-    assert told.dropped == 0
-    assert max(told.latencies) < 2.9 * each
-    assert told.figures(1 / each)["latency_frames"] < 2.5
+    report = stream(iter([b"x"] * 8), slow, sink)
+    assert report.dropped == 0
+    assert max(report.latencies) < 2.9 * each
+    assert report.figures(1 / each)["latency_frames"] < 2.5
 
 
 def test_late_frames_are_dropped_if_asked_for():
@@ -79,9 +79,9 @@ def test_late_frames_are_dropped_if_asked_for():
             time.sleep(0.01)
             yield bytes([n])
 
-    told = stream(come(), lambda frame, number: time.sleep(0.06) or frame, sink, drop=True)
-    assert told.dropped > 5
-    assert told.frames + told.dropped == 30
+    report = stream(come(), lambda frame, number: time.sleep(0.06) or frame, sink, drop=True)
+    assert report.dropped > 5
+    assert report.frames + report.dropped == 30
 
 
 def test_whoever_reads_has_gone():
