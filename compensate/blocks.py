@@ -135,25 +135,25 @@ def _boxes(planes: Array, radii: Sequence[int], *, means: bool) -> Array:
             for size in planes.shape[-2:]
         )
         return down @ planes @ namespace(planes).matrix_transpose(across)
-    found = planes.reshape(-1, *planes.shape[-2:])
+    result = planes.reshape(-1, *planes.shape[-2:])
     for axis in (1, 2):
-        found = _along(found, axis, radii, means=means)
-    return found.reshape(planes.shape)
+        result = _along(result, axis, radii, means=means)
+    return result.reshape(planes.shape)
 
 
 def _along(planes: Array, axis: int, radii: Sequence[int], *, means: bool) -> Array:
     """`_boxes` of (plane, row, col) along rows or columns, in strips that a core's cache holds."""
-    found = np.empty_like(planes, order="C")
+    result = np.empty_like(planes, order="C")
 
     def work(plane: int, beside: slice) -> None:
         place = (plane, slice(None), beside) if axis == 1 else (plane, beside, slice(None))
         lines = planes[place]
         for radius in radii:
             lines = _box(lines, axis - 1, radius, means=means)
-        found[place] = lines
+        result[place] = lines
 
     in_strips(work, (len(planes), planes.shape[3 - axis], planes.shape[axis]))
-    return found
+    return result
 
 
 def _box(lines: Array, axis: int, radius: int, *, means: bool) -> Array:
@@ -184,9 +184,9 @@ def _weights(
     xp: Any, dtype: Any, device: Any, size: int, radii: tuple[int, ...], means: bool
 ) -> Array:
     """(place, of) by which `_boxes` weighs a line of `size` values."""
-    found = np.eye(size)
+    weights = np.eye(size)
     apart = np.abs(np.arange(size)[:, None] - np.arange(size))
     for radius in radii:
         box = (apart <= radius).astype(float)
-        found = (box / box.sum(axis=1, keepdims=True) if means else box) @ found
-    return xp.asarray(found, dtype=dtype, device=device)
+        weights = (box / box.sum(axis=1, keepdims=True) if means else box) @ weights
+    return xp.asarray(weights, dtype=dtype, device=device)

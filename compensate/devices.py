@@ -28,7 +28,7 @@ _KNOWN = "cpu (NumPy), or cuda or cuda:1 (PyTorch on a GPU)"
 
 
 def on_device(solver: Solver, device: str) -> Solver:
-    """A solver of problems in NumPy that works on a device.
+    """Makes a solver that works on a device of a solver of problems in NumPy.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ def on_device(solver: Solver, device: str) -> Solver:
         there = problem.sent(send)
         # Solvers know their own start again by its being the anchor
         at_anchor = start is problem.anchor
-        found = solver(there, there.anchor if at_anchor else send(start))
-        return replace(found, light=on_host(found.light))
+        result = solver(there, there.anchor if at_anchor else send(start))
+        return replace(result, light=on_host(result.light))
 
     return update_wrapper(solve, solver, assigned=(), updated=())  # for `inspect.unwrap`
 
@@ -93,12 +93,12 @@ def _torch(device: str) -> Any:
 
 def _require_gpu(device: str, count: Callable[[], int], number: int) -> None:
     try:
-        found = count()
+        devices = count()
     except Exception:
-        found = 0
-    if number < found:
+        devices = 0
+    if number < devices:
         return
-    there = f"only {found} CUDA device(s)" if found else "no CUDA device"
+    there = f"only {devices} CUDA device(s)" if devices else "no CUDA device"
     raise InputError(
         f"--device {device}: {there} found; leave --device out to run on the processor"
     )

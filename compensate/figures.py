@@ -200,11 +200,11 @@ class Appraisal:
         if part.max() <= _INVISIBLE_LIGHT:
             return 0
         # Primary by primary: NumPy's `any` of three is ten times slower
-        found = reduce(np.logical_or, np.moveaxis(part > _INVISIBLE_LIGHT, -1, 0))
-        return int(np.count_nonzero(found & self._screen[rows]))
+        too_bright = reduce(np.logical_or, np.moveaxis(part > _INVISIBLE_LIGHT, -1, 0))
+        return int(np.count_nonzero(too_bright & self._screen[rows]))
 
     def visible_error(self, light: Light) -> float:
-        """Root-mean-square weighted residual over the screen, in just-noticeable differences.
+        """Computes the weighted residual over the screen, JND rms.
 
         It is the paper's: Daly's sensitivity at one adaptation luminance, with the default settings
         of `PerceptualWeighting`. A weighted residual is in light (1.0 = white) at the eye's most
@@ -218,7 +218,7 @@ class Appraisal:
         return self._in_differences(judge.energy(residual), judge)
 
     def loss(self, light: Light) -> float:
-        """How much worse it looks than the master, JOD (`compensate.ruler`); of all seats."""
+        """Returns how much worse light looks than the master, JOD; the mean of all seats."""
         return _mean(self._losses(self._seen(light)))
 
     def look(self, light: Light, *, plain: bool = True) -> Look:
@@ -236,13 +236,13 @@ class Appraisal:
         look
             Quality lost, in the mean and by seat, and plain figures.
         """
-        seen, found = self._seen(light), PlainFigures()
+        seen, figures = self._seen(light), PlainFigures()
         subtracted = light is self.posed.subtractive
         losses = self._losses_subtractive if subtracted else self._losses(seen)
         if plain:
-            found = self._plain.figures(self._of_first_seat(seen), self._black_before)
+            figures = self._plain.figures(self._of_first_seat(seen), self._black_before)
         several = isinstance(self.posed.observation, SeveralSeats)
-        return Look(_mean(losses), losses if several else {}, found)
+        return Look(_mean(losses), losses if several else {}, figures)
 
     @cached_property
     def _black_before(self) -> float:
@@ -267,7 +267,7 @@ class Appraisal:
         return float(np.sqrt(mean_square)) * differences(self._scene, weighting)
 
     def foreseen(self, light: Light) -> Foreseen | None:
-        """What is left of the pollution in fact; None if nothing of the scene was measured.
+        """Foresees what is left of the pollution in fact; None if nothing was measured.
 
         Its weighted residual is in just-noticeable differences, as `visible_error`.
         """
@@ -276,13 +276,13 @@ class Appraisal:
             return None
         residual = uncertain.best.observe(light)
         residual -= self.posed.wanted
-        found = foreseen(residual, uncertain.changes(light), self.posed.setting.judge.apply)
+        forecast = foreseen(residual, uncertain.changes(light), self.posed.setting.judge.apply)
         pixels = np.count_nonzero(self._screen) * self._scene.views
         unit = differences(self._scene, self.posed.setting.judge) / np.sqrt(pixels)
-        return replace(found, weighted=found.weighted.times(unit))
+        return replace(forecast, weighted=forecast.weighted.times(unit))
 
     def distance(self, result: Result) -> float | None:
-        """How far, at most, what is seen is from what the optimum x* shows, JND rms; see `Figures`.
+        """Bounds how far what is seen is from what the optimum x* shows, JND rms.
 
         As x* is optimal, 1/2 ||lambda(psi(x) - psi(x*))||² <= cost(x) - cost(x*), of an affine psi:
         None for a table, and for several seats, which count by their weights.
@@ -301,7 +301,7 @@ class Appraisal:
         return self._scene.views > 1 and self.posed.setting.dome is None
 
     def ghost_edges(self, light: Light) -> float | None:
-        """Ghost edge energy of a stereo pair at the first seat; None without ghosts that have any.
+        """Computes a pair's ghost edge energy at the first seat; None without ghosts' edges.
 
         A ghost that was rounding from the start gives no figure. Nor does a 3D dome: what is lifted
         there has edges of its own.
@@ -321,7 +321,7 @@ class Appraisal:
         return energy if np.isfinite(energy) else None
 
     def ghost_contour(self, light: Light) -> float | None:
-        """Ghost contour of a stereo pair at the first seat, where subtraction clips.
+        """Computes a pair's ghost contour at the first seat, where subtraction clips.
 
         None without ghosts that have edges there, and for a 3D dome, as of `ghost_edges`.
         """
@@ -339,7 +339,7 @@ class Appraisal:
         return self._scene.projector.luminance(residual)
 
     def lost_map(self, seen: Light) -> NDArray[np.floating]:
-        """(view, row, col) JOD of what is seen at the first seat, as `Ruler.lost_map`."""
+        """Maps the quality that is lost at the first seat, (view, row, col), JOD."""
         ruler = next(iter(self._rulers.values()))
         if is_rounding(seen, ruler.wanted):
             return np.zeros(seen.shape[:3], np.float32)
@@ -357,10 +357,10 @@ class Appraisal:
         """Loss by the seat's name, from what all seats see; a single seat has no name."""
         losses = {}
         for number, (name, ruler) in enumerate(self._rulers.items()):
-            shown = seen
+            of_seat = seen
             if isinstance(self.posed.observation, SeveralSeats):
-                shown = self.posed.observation.of_seat(seen, number)
-            losses[name] = 0.0 if is_rounding(shown, ruler.wanted) else ruler.lost(shown)
+                of_seat = self.posed.observation.of_seat(seen, number)
+            losses[name] = 0.0 if is_rounding(of_seat, ruler.wanted) else ruler.lost(of_seat)
         return losses
 
     @cached_property

@@ -70,7 +70,7 @@ class Foreseen:
 
 
 def foreseen(residual: Light, changes: Changes, weigh: Callable[[Light], Array]) -> Foreseen:
-    """How large a residual may be in fact.
+    """Foresees how large a residual may be in fact.
 
     Parameters
     ----------

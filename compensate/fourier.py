@@ -60,7 +60,7 @@ class Fourier:
         return Fourier(self.rows // 2, self.cols // 2, self)
 
     def forward(self, planes: Array) -> Array:
-        """(..., row, col) real -> (..., row, col // 2 + 1) complex, of the same precision."""
+        """Transforms real (..., row, col) to complex (..., row, col // 2 + 1) planes."""
         self._note(math.prod(planes.shape[:-2]))
         if isinstance(planes, np.ndarray):
             return transforms().rfft2(planes, workers=threads())
@@ -72,14 +72,14 @@ class Fourier:
         size = (self.rows, self.cols)
         if isinstance(spectrum, np.ndarray):
             if spent:
-                given: dict[str, Any] = {"overwrite_x": True, "workers": threads()}
-                columns = transforms().ifft(spectrum, axis=-2, **given)
-                return transforms().irfft(columns, n=self.cols, axis=-1, **given)
+                options: dict[str, Any] = {"overwrite_x": True, "workers": threads()}
+                columns = transforms().ifft(spectrum, axis=-2, **options)
+                return transforms().irfft(columns, n=self.cols, axis=-1, **options)
             return transforms().irfft2(spectrum, s=size, workers=threads())
         return namespace(spectrum).fft.irfftn(spectrum, s=size, axes=(-2, -1))
 
     def dot(self, left: Array, right: Array) -> float:
-        """<l, r> of the real planes whose spectra these are (Parseval), summed in float64.
+        """Returns <l, r> of the real planes whose spectra these are (Parseval), in float64.
 
         If the spectra are some rows of whole ones, it is those rows' part of the sum.
         """
@@ -96,7 +96,7 @@ class Fourier:
         return float(result) / (self.rows * self.cols)
 
     def frequencies(self, samples_per_unit: float) -> tuple[Any, Any]:
-        """Row and column frequencies (row, 1) and (1, col // 2 + 1), cycles per unit."""
+        """Returns row and column frequencies, (row, 1) and (1, col // 2 + 1), cycles per unit."""
         rows = np.fft.fftfreq(self.rows, 1 / samples_per_unit)
         cols = np.fft.rfftfreq(self.cols, 1 / samples_per_unit)
         return rows[:, None], cols[None, :]
@@ -118,12 +118,12 @@ def transforms() -> Any:
     if os.environ.get("DOMESIM_FAST", "1") != "0":
         for name in LIBRARIES:
             try:
-                found = importlib.import_module(name)
+                library = importlib.import_module(name)
             except (ImportError, OSError):
                 continue
             if name.startswith("pyfftw"):
                 importlib.import_module("pyfftw.interfaces.cache").enable()
-            return found
+            return library
     return scipy.fft
 
 

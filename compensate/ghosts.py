@@ -139,7 +139,7 @@ def ghost_contour(
 
 
 def edge_sigma(pixels_per_degree: float) -> float:
-    """Standard deviation of the Gaussian whose derivative passes 3 cycles/degree most, pixels."""
+    """Returns sigma, pixels, of the derivative that passes 3 cycles/degree most."""
     return max(FINEST_SIGMA, pixels_per_degree / (2 * np.pi * BEST_FREQUENCY))
 
 
@@ -158,13 +158,13 @@ def slope_magnitudes(planes: Floats, sigma: float) -> Floats:
     slopes
         (view, row, col), per pixel.
     """
-    found = np.empty_like(planes)
+    slopes = np.empty_like(planes)
 
     def fill(view: int, rows: slice) -> None:
-        np.hypot(*_slopes(planes[view], rows, sigma), out=found[view, rows])
+        np.hypot(*_slopes(planes[view], rows, sigma), out=slopes[view, rows])
 
     in_strips(fill, planes.shape)
-    return found
+    return slopes
 
 
 def _common_edges(first: Floats, second: Floats, sigma: float) -> float:

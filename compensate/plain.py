@@ -68,7 +68,7 @@ Mask = NDArray[np.bool_]
 @final
 @dataclass(frozen=True)
 class PlainFigures:
-    """What is seen, in plain figures; see the module's docstring.
+    """Figures of what is seen; see the module's docstring.
 
     Attributes
     ----------
@@ -149,9 +149,9 @@ class PlainRuler:
         figures
             See `PlainFigures`.
         """
-        found = averaged(seen, self._screen)
-        light = self._luminance(found)
-        colours = of_colours(self._sampled(self._small), self._sampled(found), self._weights)
+        small = averaged(seen, self._screen)
+        light = self._luminance(small)
+        colours = of_colours(self._sampled(self._small), self._sampled(small), self._weights)
         fine, coarse = (None if band is None else band.seen(light) for band in self._bands)
         return PlainFigures(
             self._black(light) / untouched if untouched > 0 else None,
@@ -176,11 +176,11 @@ class PlainRuler:
 
     def _darker(self, share: float) -> Mask:
         """(view, row, col) the darker `share` of the screen: of pixels that wholly lie on it."""
-        found = np.zeros(self._master.shape, np.bool_)
+        darker = np.zeros(self._master.shape, np.bool_)
         if self._whole.any():
-            for view, dark in zip(self._master, found, strict=True):
+            for view, dark in zip(self._master, darker, strict=True):
                 np.less_equal(view, np.quantile(view[self._whole], share), out=dark)
-        return found & self._whole
+        return darker & self._whole
 
     @cached_property
     def _whole(self) -> Mask:
@@ -201,13 +201,13 @@ class PlainRuler:
         """Fine and coarse contrast."""
         per_degree = self._scene.viewing.pixels_per_degree(*self._small.shape[1:3])
         faint = self._darker(FAINT)
-        found: list[_Contrast | None] = []
+        bands: list[_Contrast | None] = []
         for fine, coarse in (FINE, COARSE):
             block = int(np.ceil(fine * per_degree))
             times = round(coarse * per_degree / block)
             band = _Contrast(self._master, faint, block, times) if times > 1 else None
-            found.append(band if band and band.is_there else None)
-        return found
+            bands.append(band if band and band.is_there else None)
+        return bands
 
     def _sampled(self, light: Light) -> Light:
         """(pixel, primary) at most `COLOURED` pixels of the darker half."""
@@ -228,11 +228,11 @@ class PlainRuler:
     @cached_property
     def _points(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Floats]]:
         """Rows, cols and light of the stars of each view."""
-        found = []
+        points = []
         for view in self._luminance(self._wanted):
             rows, cols = _points(view, self._screen)
-            found.append((rows, cols, _light_of(view, rows, cols)))
-        return found
+            points.append((rows, cols, _light_of(view, rows, cols)))
+        return points
 
     def _stars(self, seen: Light) -> tuple[float | None, float | None]:
         """Light of stars over the master's, and share of pairs in order."""
@@ -240,19 +240,19 @@ class PlainRuler:
         if not wanted.size:
             return None, None
         weights = (self._weights * self._scene.projector.white).astype(np.float32)
-        shown = np.concatenate(
+        stars = np.concatenate(
             [
                 _light_of(view, rows, cols, weights)
                 for view, (rows, cols, _) in zip(seen, self._points, strict=True)
             ]
         )
         ranks = np.argsort(wanted, kind="stable")[:: -(-wanted.size // STARS)]
-        master, other = wanted[ranks], shown[ranks]
-        told = master[:, None] >= STEP * master
-        kept = told & (other[:, None] >= SEEN_STEP * np.maximum(other, 0))
-        pairs = np.count_nonzero(told)
+        master, other = wanted[ranks], stars[ranks]
+        apart = master[:, None] >= STEP * master
+        kept = apart & (other[:, None] >= SEEN_STEP * np.maximum(other, 0))
+        pairs = np.count_nonzero(apart)
         order = float(np.count_nonzero(kept) / pairs) if pairs else None
-        return float(np.median(shown / wanted)), order
+        return float(np.median(stars / wanted)), order
 
 
 def of_colours(master: Floats, seen: Floats, luminance_weights: Floats) -> Colours | None:
@@ -270,13 +270,13 @@ def of_colours(master: Floats, seen: Floats, luminance_weights: Floats) -> Colou
     colours
         None if all pixels are grey or black.
     """
-    wanted, light = _opponent(master, luminance_weights)
-    shown, _ = _opponent(seen, luminance_weights)
-    weight = np.abs(wanted) * light
-    if not weight.sum() > GREY * light.sum():
+    master_hues, Y = _opponent(master, luminance_weights)
+    seen_hues, _ = _opponent(seen, luminance_weights)
+    weight = np.abs(master_hues) * Y
+    if not weight.sum() > GREY * Y.sum():
         return None
-    turned = weight @ np.abs(np.angle(shown * np.conj(wanted), deg=True)) / weight.sum()
-    return Colours(float(turned), float(weight @ np.abs(shown) / (weight @ np.abs(wanted))))
+    turn = weight @ np.abs(np.angle(seen_hues * np.conj(master_hues), deg=True)) / weight.sum()
+    return Colours(float(turn), float(weight @ np.abs(seen_hues) / (weight @ np.abs(master_hues))))
 
 
 def _opponent(colours: Floats, luminance_weights: Floats) -> tuple[NDArray[Any], Floats]:
@@ -295,28 +295,28 @@ class _Contrast:
         self._faint, self._block, self._times = faint, block, times
         self._count = [block_sums(view.astype(np.float32), block) for view in faint]
         self._more = [np.maximum(block_sums(count, times), 1) for count in self._count]
-        found = self._of(master)
+        contrasts = self._of(master)
         # The master's contrast, which counts by how many pixels a block has
-        self._weighted = [c * count for c, count in zip(found, self._count, strict=True)]
+        self._weighted = [c * count for c, count in zip(contrasts, self._count, strict=True)]
         self._power = sum(
             float(np.sum(w * c, dtype=np.float64))
-            for w, c in zip(self._weighted, found, strict=True)
+            for w, c in zip(self._weighted, contrasts, strict=True)
         )
         pixels = sum(float(count.sum(dtype=np.float64)) for count in self._count)
         self.is_there = self._power > FLAT**2 * pixels
 
     def seen(self, luminance: Floats) -> float:
         """Share of the master's contrast in (view, row, col) luminance, cd/m²."""
-        found = self._of(luminance)
+        contrasts = self._of(luminance)
         product = sum(
             float(np.sum(w * c, dtype=np.float64))
-            for w, c in zip(self._weighted, found, strict=True)
+            for w, c in zip(self._weighted, contrasts, strict=True)
         )
         return product / self._power
 
     def _of(self, luminance: Floats) -> list[Floats]:
         """Weber contrast of the blocks of each view; 0 where none is faint."""
-        found = []
+        contrasts = []
         for view, faint, count, more in zip(
             luminance, self._faint, self._count, self._more, strict=True
         ):
@@ -324,8 +324,8 @@ class _Contrast:
             rows, cols = sums.shape
             around = np.maximum(block_sums(sums, self._times) / more, np.float32(BLACK))
             around = around.repeat(self._times, 0).repeat(self._times, 1)[:rows, :cols]
-            found.append(np.where(count > 0, sums / (np.maximum(count, 1) * around) - 1, 0))
-        return found
+            contrasts.append(np.where(count > 0, sums / (np.maximum(count, 1) * around) - 1, 0))
+        return contrasts
 
 
 def _points(plane: Floats, screen: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -341,9 +341,9 @@ def _points(plane: Floats, screen: Mask) -> tuple[NDArray[np.intp], NDArray[np.i
     row, col = row[inside], col[inside]
     near, on_screen = (_around(each, row, col) for each in (plane, screen))
     peak = plane[row, col]
-    found = on_screen.all(axis=(1, 2)) & (peak >= near.max(axis=(1, 2)))
-    found &= peak >= POINT * near[:, _RING].max(axis=1)
-    return row[found], col[found]
+    stars = on_screen.all(axis=(1, 2)) & (peak >= near.max(axis=(1, 2)))
+    stars &= peak >= POINT * near[:, _RING].max(axis=1)
+    return row[stars], col[stars]
 
 
 _RING = np.pad(np.zeros((3, 3), np.bool_), 1, constant_values=True)

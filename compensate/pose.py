@@ -116,7 +116,7 @@ class Posed:
         )
 
     def aimed(self) -> Light | None:
-        """The light that shows the aim; None if the picture is made for something else."""
+        """Returns the light that shows the aim; None if pictures are made for something else."""
         setting = self.setting
         if not isinstance(setting.eye, Aim):
             return None
@@ -127,13 +127,13 @@ class Posed:
         return aimed_light(setting.eye, setting.sight, setting.single, wanted, light, seen, upper)
 
     def residual(self, light: Light) -> Light:
-        """psi(x) - wanted, of all seats: (seen view, row, col, primary)."""
+        """Returns psi(x) - wanted, (seen view, row, col, primary), of all seats."""
         residual = self.observation.observe(light)
         residual -= self.wanted
         return residual
 
     def seen(self, light: Light) -> Light:
-        """(view, row, col, primary) what is seen of projected `light`, at the first seat."""
+        """Returns what is seen of projected light at the first seat, (view, row, col, primary)."""
         return self.observation.observe(light)[: self.scene.views, ...]
 
 
@@ -304,7 +304,7 @@ class Setting:
         return upper[None, :, :, None]
 
     def subtracted(self, desired: Light) -> Light:
-        """Exact clipped subtraction of a master, at the one seat or the mean one."""
+        """Subtracts exactly from a master, at the one seat or the mean one."""
         wanted = self.single.direct(desired)
         return subtracted(self.single, wanted, (0.0, self.upper_like(wanted)))[0]
 

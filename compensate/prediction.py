@@ -184,7 +184,7 @@ class Prediction:
 @final
 @dataclass(frozen=True)
 class Visible:
-    """Where pollution is visible.
+    """A mask of where pollution is visible.
 
     Parameters
     ----------
@@ -434,18 +434,18 @@ class _Eye:
         """All maps of projected `light`."""
         full = self._grid.full
         seen = self._posed.seen(light)
-        found = self._looks(seen)
-        masking = self._masking(found, slice(None), slice(None)) + self._base_band(found)
+        look = self._looks(seen)
+        masking = self._masking(look, slice(None), slice(None)) + self._base_band(look)
         saliency = full(self._saliency)
         if self._contrasts is None:
-            visible = full(np.where(found.delta, probability(masking), np.float32(0)))  # eq. 12
+            visible = full(np.where(look.delta, probability(masking), np.float32(0)))  # eq. 12
         else:
             visible = probability(self._contrasts.differences(seen))
         salient = visible * saliency  # eq. 13
         prediction = salient if self._settings.counts_saliency else visible
         return Predicted(
-            residual=full(found.residual),
-            tvi=full(found.tvi),
+            residual=full(look.residual),
+            tvi=full(look.tvi),
             masking=full(masking),
             saliency=saliency,
             prediction=prediction,
@@ -463,16 +463,16 @@ class _Eye:
                 weight = self._grid.full(self._saliency)
             visible = weight * probability(self._contrasts.differences(light_seen))
             return _visible(self._posed, visible > least)
-        found = self._looks(light_seen)
-        veils = self._base_band(found)
-        seen = found.delta & (weight * probability(veils) > least)
-        open_ = found.delta & (weight > least) & ~seen
+        look = self._looks(light_seen)
+        veils = self._base_band(look)
+        seen = look.delta & (weight * probability(veils) > least)
+        open_ = look.delta & (weight > least) & ~seen
         if open_.any():
             # beyond the widest mechanism's period nothing matters
             part = _bounds(
                 np.asarray(open_.any(axis=0)), int(np.ceil(self._per_degree / self._lowest))
             )
-            masking = self._masking(found, *part) + veils[:, *part]
+            masking = self._masking(look, *part) + veils[:, *part]
             weights = np.broadcast_to(weight, seen.shape)[:, *part]
             seen[:, *part] |= open_[:, *part] & (weights * probability(masking) > least)
         return _visible(self._posed, self._grid.full(seen))
@@ -593,15 +593,15 @@ class _Contrasts:
         """Visible differences of the light that is seen, (view, row, col), JOD."""
         here = self._grid.mean(seen)
         wanted = np.clip(here, self._desired, self._with_room)
-        found = visible_difference(self._xyz(wanted), self._xyz(here), self._per_degree)
-        return self._grid.full(found)
+        lost = visible_difference(self._xyz(wanted), self._xyz(here), self._per_degree)
+        return self._grid.full(lost)
 
     def _xyz(self, light: Light) -> Light:
         """XYZ of light as it reaches the retina, cd/m²; 0 off the screen."""
-        found = np.where(self._grid.screen[..., None], light, np.float32(0)) @ self._to_xyz
+        xyz = np.where(self._grid.screen[..., None], light, np.float32(0)) @ self._to_xyz
         if self._eye is None:
-            return found
-        return np.moveaxis(self._eye.seen(np.moveaxis(found, -1, 1), self._per_degree), 1, -1)
+            return xyz
+        return np.moveaxis(self._eye.seen(np.moveaxis(xyz, -1, 1), self._per_degree), 1, -1)
 
 
 @final
@@ -639,7 +639,7 @@ def _step(per_degree: float, finest: float) -> int:
 
 
 def probability(masking: Planes) -> Planes:
-    """P(v) = 1 - 2^-v."""
+    """Returns P(v) = 1 - 2^-v."""
     return np.asarray(-np.expm1(-np.float32(np.log(2)) * masking))
 
 

@@ -90,19 +90,19 @@ class Problem:
         return math.ceil(self.weighting.fourier.count)
 
     def residual(self, light: Light) -> Light:
-        """psi(x) - desired."""
+        """Returns psi(x) - desired, (seen view, row, col, primary)."""
         return self.observation.observe(light) - self.desired
 
     def cost(self, light: Light) -> float:
-        """The objective at `light`."""
+        """Returns the objective at `light`."""
         return 0.5 * self.weighting.energy(self.residual(light)) + self.penalty(light)  # eq. 3
 
     def gradient(self, light: Light) -> Light:
-        """Its gradient, (view, row, col, primary)."""
+        """Returns the objective's gradient, (view, row, col, primary)."""
         return self.quadratic(light)[1]
 
     def quadratic(self, light: Light) -> tuple[float, Light]:
-        """The objective and its gradient, sharing their transforms."""
+        """Returns the objective and its gradient, which share their transforms."""
         energy, weighted = self.weighting.quadratic(self.residual(light))
         penalty, gradient = self.penalty_and_gradient(light, weighted)
         return 0.5 * energy + penalty, gradient
@@ -133,19 +133,19 @@ class Problem:
         return penalty, gradient
 
     def curvature(self, direction: Light) -> tuple[float, Light]:
-        """<d, H d> and H d of the (constant) Hessian H."""
+        """Returns <d, H d> and H d of the (constant) Hessian H."""
         energy, weighted = self.weighting.quadratic(self.observation.linear(direction))
         product = self.observation.adjoint(weighted)
         damped = self._damped(direction)
         return energy + dot(direction, damped), product + damped
 
     def project(self, light: Light) -> Light:
-        """The nearest light within the bounds."""
+        """Returns the nearest light within the bounds."""
         xp = namespace(light)
         return xp.minimum(xp.maximum(light, self.lower), self.upper)
 
     def optimality(self, light: Light) -> float:
-        """Largest KKT residual |x - P(x - gradient)|; 0 exactly at the minimiser."""
+        """Returns the largest KKT residual |x - P(x - gradient)|; 0 at the minimiser."""
         return self.kkt_residual(light, self.gradient(light))
 
     def kkt_residual(self, light: Light, gradient: Light) -> float:
@@ -204,7 +204,7 @@ class Problem:
         )
 
     def penalty(self, light: Light) -> float:
-        """The regulariser's part of the cost."""
+        """Returns the regulariser's part of the cost."""
         if self.anchor is None:
             return 0.0
         change = light - self.anchor

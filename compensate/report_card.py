@@ -98,7 +98,7 @@ class Way:
 
 
 def crosstalk(scene: StereoScene) -> dict[str, Crosstalk]:
-    """Crosstalk of each eye at the scene's seat, without light of lens and room.
+    """Computes the crosstalk of each eye at the scene's seat, without light of lens and room.
 
     Parameters
     ----------
@@ -112,13 +112,13 @@ def crosstalk(scene: StereoScene) -> dict[str, Crosstalk]:
         return scene.projector.luminance(observation.observe(frame))
 
     black, alone = seen(0, 0), (seen(1, 0), seen(0, 1))
-    found = {}
+    crosstalks = {}
     for view, eye in enumerate(EYES):
         kk, wk, kw = (plane[view] for plane in (black, alone[view], alone[1 - view]))
         leak = (kw - kk) / (wk - kk)
         system = float((kw - kk).mean() / (wk - kk).mean())
-        found[eye] = Crosstalk(system, float(leak.max()), 1 / system if system > 0 else None)
-    return found
+        crosstalks[eye] = Crosstalk(system, float(leak.max()), 1 / system if system > 0 else None)
+    return crosstalks
 
 
 def to_the_eye(scene: FlatScene, age: float = EYES_AGE) -> tuple[float, float]:
@@ -136,7 +136,7 @@ def to_the_eye(scene: FlatScene, age: float = EYES_AGE) -> tuple[float, float]:
 
 
 def ways(posed: Posed) -> dict[str, Way]:
-    """What two eyes see of a pair, by each of `METHODS`.
+    """Says what two eyes see of a pair, by each of `METHODS`.
 
     Raises
     ------
@@ -144,16 +144,16 @@ def ways(posed: Posed) -> dict[str, Way]:
         If it is no pair, or OpenCV is not installed.
     """
     pair = Pair(posed.wanted[: posed.scene.views], posed.scene)
-    appraisal, found = Appraisal(posed), {}
+    appraisal, by_method = Appraisal(posed), {}
     for method in METHODS:
         light = solved(posed, method).light
         two = pair.two_eyes(posed.seen(light))
-        found[method] = Way(two.fused_loss, two.contrast, two.rivalry, appraisal.loss(light))
-    return found
+        by_method[method] = Way(two.fused_loss, two.contrast, two.rivalry, appraisal.loss(light))
+    return by_method
 
 
 def viewer_crosstalk(posed: Posed) -> Mapping[str, float]:
-    """Leaked over own light of the untouched pair: median, and share of the picture above 10 %."""
+    """Divides leaked by own light of the untouched pair: median, and share above 10 %."""
     scene = posed.scene
     assert isinstance(scene, StereoScene)
     luminance, black = scene.projector.luminance, np.zeros_like(posed.desired)

@@ -82,25 +82,25 @@ class Ruler:
         self._scene, self._screen = scene, screen
 
     def lost(self, seen: Light) -> float:
-        """What ColorVideoVDP takes from 10, JOD; 0 where the master is seen.
+        """Returns what ColorVideoVDP takes from 10, JOD; 0 where the master is seen.
 
         Parameters
         ----------
         seen
             (view, row, col, primary).
         """
-        found = self._shown(seen)
-        squares = sum(reference.pooled(found, share) ** 2 for reference, share in self._references)
+        xyz = self._shown(seen)
+        squares = sum(reference.pooled(xyz, share) ** 2 for reference, share in self._references)
         return float(np.mean(quality_lost(np.sqrt(squares))))
 
     def lost_map(self, seen: Light) -> NDArray[np.floating[Any]]:
-        """(view, row, col) JOD that are lost if all of the picture looks like that place.
+        """Maps what is lost if all of the picture looks like a place, (view, row, col), JOD.
 
         It has the pixels of what is compared: see the module's docstring.
         """
-        found = self._shown(seen)
+        xyz = self._shown(seen)
         maps = [
-            reference.difference(found) * (1 if share is None else share)
+            reference.difference(xyz) * (1 if share is None else share)
             for reference, share in self._references
         ]
         return np.asarray(reduce(np.add, maps))

@@ -59,5 +59,5 @@ def visible_steps(
         step = near & (np.abs(np.diff(light, axis=1)) > VISIBLE * lower)
         return int(np.count_nonzero(step)), int(np.count_nonzero(on))
 
-    found = in_strips(count, seen.shape)
-    return sum(steps for steps, _ in found) / max(sum(pairs for _, pairs in found), 1)
+    counts = in_strips(count, seen.shape)
+    return sum(steps for steps, _ in counts) / max(sum(pairs for _, pairs in counts), 1)

@@ -97,7 +97,7 @@ def subtracted(
 
 
 def reflecting(observation: Observation) -> LowRankObservation | None:
-    """Returns what reflects light all over the screen: of two views, how their sum is reflected.
+    """Returns what reflects light over the screen: of two views, how their sum is reflected.
 
     None if nothing reflects.
     """

@@ -91,7 +91,7 @@ class SpatiallyWeighted:
 
 
 def reach_of(posed: Posed) -> int:
-    """`REACH` in pixels."""
+    """Returns `REACH` in pixels."""
     return _pixels(REACH, posed)
 
 

@@ -56,7 +56,7 @@ class Weighting(ABC):
     def _adjoint(self, weighted: Array) -> Light: ...
 
     def apply(self, residual: Light) -> Array:
-        """(view, channel, padded row, padded col) planes lambda(r).
+        """Returns lambda(r), (view, channel, padded row, padded col) planes.
 
         Raises
         ------
@@ -67,16 +67,16 @@ class Weighting(ABC):
         return self._apply(residual)
 
     def adjoint(self, weighted: Array) -> Light:
-        """Light lambda'(w): <lambda(r), w> = <r, lambda'(w)>."""
+        """Returns light lambda'(w): <lambda(r), w> = <r, lambda'(w)>."""
         return self._adjoint(weighted)
 
     def energy(self, residual: Light) -> float:
-        """||lambda(r)||²."""
+        """Returns ||lambda(r)||²."""
         weighted = self.apply(residual)
         return dot(weighted, weighted)
 
     def quadratic(self, residual: Light) -> tuple[float, Light]:
-        """||lambda(r)||² and lambda'(lambda(r)), sharing their transforms.
+        """Returns ||lambda(r)||² and lambda'(lambda(r)), which share their transforms.
 
         As residuals are 0 off the support and on the padding, lambda' ends on the support.
         """
@@ -168,9 +168,9 @@ class CsfWeighting(Weighting):
         return float(np.median(self.gains[0])) ** 2
 
     def squares(self, light: Light) -> list[Array]:
-        """Omega_c² of each channel as arrays like `light`; channels of one sensitivity share one.
+        """Returns Omega_c² of each channel as arrays like `light`.
 
-        They are kept for the next frame.
+        Channels of one sensitivity share one. They are kept for the next frame.
         """
         key = kind(light)
         if key not in self._squares:
@@ -209,7 +209,7 @@ class CsfWeighting(Weighting):
         return self._peak
 
     def energy(self, residual: Light) -> float:
-        """||lambda(r)||², with one FFT a channel."""
+        """Returns ||lambda(r)||², with one FFT a channel."""
         spectrum = self._weighted_spectrum(residual)
         return self._fourier.dot(spectrum, spectrum)  # eq. 5
 
@@ -479,7 +479,7 @@ def _peak(sensitivity: Sensitivity) -> tuple[float, Any]:
 
 
 def linear_ycbcr(luminance_weights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """(channel, primary): Y, Cb, Cr of *linear* light, with ITU-R BT.709's construction.
+    """Returns (channel, primary): Y, Cb, Cr of *linear* light, by ITU-R BT.709's construction.
 
     Y is luminance; Cb = (B - Y) / (2 (1 - w_B)); Cr = (R - Y) / (2 (1 - w_R)).
     """

@@ -32,7 +32,7 @@ def aimed_light(
     seen: Light,
     upper: Array | float = 1.0,
 ) -> Light:
-    """The light that shows what is aimed at.
+    """Computes the light that shows what is aimed at.
 
     Parameters
     ----------
@@ -67,10 +67,10 @@ def aimed_light(
 
 def _less(light: Light, other: Light) -> Light:
     """`light` - `other`, by all threads: new memory takes longer than the difference."""
-    found = np.empty_like(light)
+    difference = np.empty_like(light)
 
     def subtract(view: int, rows: slice) -> None:
-        np.subtract(light[view, rows], other[view, rows], out=found[view, rows])
+        np.subtract(light[view, rows], other[view, rows], out=difference[view, rows])
 
     in_strips(subtract, light.shape)
-    return found
+    return difference

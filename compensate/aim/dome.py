@@ -77,13 +77,13 @@ _TINY = 1e-9  # of white
 
 
 def block_of(density: float) -> tuple[int, int]:
-    """Pixels of a block's side, and blocks of the guided mean's radius; of pixels a degree."""
+    """Returns the side of a block, pixels, and the guided mean's radius, blocks."""
     block = max(1, round(density / BLOCKS))
     return block, max(1, round(REACH * density / block))
 
 
 def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light) -> Light:
-    """The aim of a dome.
+    """Lifts the master with its surroundings.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
         return block_sums(xp.stack([on, missing, w, w * log_m, w * log_m**2]), block)
 
     v, bases = 0.0, []
-    for found in xp.unstack(by_blocks(sums, wanted.shape, block, wanted), axis=0):
-        pixels, missing, w, first, second = xp.unstack(found, axis=0)
+    for planes in xp.unstack(by_blocks(sums, wanted.shape, block, wanted), axis=0):
+        pixels, missing, w, first, second = xp.unstack(planes, axis=0)
         v = max(v, aim.lift * _darkest(pixels, missing))
         bases.append(xp.stack(guided(pixels, w, first, second, radius, EDGE)))
 

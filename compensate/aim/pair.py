@@ -30,7 +30,7 @@ _TINY = 1e-9  # of white
 
 
 def block_of(density: float) -> tuple[int, float]:
-    """Pixels of the side of a block of veils, and G's standard deviation in blocks."""
+    """Returns the side of a veil's block, pixels, and G's standard deviation, blocks."""
     sigma, block = SPREAD * density, 1
     while sigma / (2 * block) >= _BOXED:
         block *= 2
@@ -38,7 +38,7 @@ def block_of(density: float) -> tuple[int, float]:
 
 
 def veiled(aim: Aim, sight: Sight, wanted: Light, ghosts: Light) -> Light:
-    """The aim of a pair.
+    """Adds veils around the ghosts of a pair.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ def aimed(
     brightest: Light,
     upper: Array | float,
 ) -> Light:
-    """What is aimed at in a 3D dome.
+    """Lifts both views of a 3D dome, then adds veils around what ghosts are left.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ class Sight:
     density: float
 
     def luminance(self, light: Light) -> Array:
-        """(..., row, col) luminance of (..., row, col, primary) light, 1 = white, at least 0."""
+        """Returns the (..., row, col) luminance of light, 1 = white, at least 0."""
         xp = namespace(light)
         weights = xp.asarray(self.weights, dtype=light.dtype, device=light.device)
         return xp.maximum(light @ weights, xp.zeros_like(light[..., 0]))

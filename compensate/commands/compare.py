@@ -95,8 +95,8 @@ def demo(
         files.append(str(out / f"{name}.exr"))
     page = out / "compare.html"
     comparison.write_page(page, size=1024, command=_command_line())
-    if told := lacking():
-        console.say(told)
+    if missing := lacking():
+        console.say(missing)
     console.say(f"Frames: {', '.join(files)}", f"Open {page.resolve()}")
     facts = {**about_scene(theatre), **frame.facts(), "files": files, "page": str(page)}
     console.figures({**facts, "methods": comparison.figures()})

@@ -32,7 +32,7 @@ _SECONDS = 1.0
 def doctor(quiet: Quiet = False, json: Json = False) -> None:
     """Tell what is installed here, for bug reports: versions, extras, LLVM, GPU, disk."""
     console = Console(quiet=quiet, json=json)
-    found = {
+    facts = {
         "domesim": f"{domesim.__version__}, {Path(domesim.__file__).parent}",
         "Python": f"{platform.python_version()}, {sys.executable}",
         "System": f"{platform.platform()}, {os.cpu_count()} cores, "
@@ -45,7 +45,7 @@ def doctor(quiet: Quiet = False, json: Json = False) -> None:
         "GPU": _gpu(),
         "ffmpeg": _program("ffmpeg", "-version"),
         "Browser": next(
-            (told for name in _BROWSERS if (told := _program(name, "--version")) != _NONE), _NONE
+            (text for name in _BROWSERS if (text := _program(name, "--version")) != _NONE), _NONE
         ),
         "Disk": _disk(Path.cwd()),
         "Settings": ", ".join(
@@ -53,9 +53,9 @@ def doctor(quiet: Quiet = False, json: Json = False) -> None:
         )
         or _NONE,
     }
-    width = max(map(len, found))
-    console.say(*(f"{name:{width}}  {told}" for name, told in found.items()))
-    console.figures({"doctor": found})
+    width = max(map(len, facts))
+    console.say(*(f"{name:{width}}  {value}" for name, value in facts.items()))
+    console.figures({"doctor": facts})
 
 
 _NONE = "none"

@@ -105,10 +105,10 @@ def predict(place: Place, masters: Masters, seeing: Seeing, doing: Doing, tellin
     require_free(show, doing.out, scene.views)
 
     def summary(done: Done) -> dict[str, Any]:
-        found = worst(done)
+        frames = worst(done)
         if len(show.moments) > 1 and done.frames:
-            console.say(summary_of(done, found))
-        return {"worst": [frame["input"] for frame in found]}
+            console.say(summary_of(done, frames))
+        return {"worst": [frame["input"] for frame in frames]}
 
     doing.show(
         show,

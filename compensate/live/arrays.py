@@ -104,14 +104,14 @@ class ByArrays:
             halves = fetched(xp.stack(planes, axis=-1))
             views = views_of(codes, self._shape[0], axis)
             return stored(halves, views, self._screen, self._pixels, axis=axis, noise=None)
-        found = xp.stack(planes, axis=-2)
+        result = xp.stack(planes, axis=-2)
         if self._off is not None:
-            found = xp.where(self._off[..., None], sent[..., :3, :], found)
+            result = xp.where(self._off[..., None], sent[..., :3, :], result)
         if self._pixels.channels > 3:
-            found = xp.concat([found, sent[..., 3:, :]], axis=-2)
+            result = xp.concat([result, sent[..., 3:, :]], axis=-2)
         if self._shape[0] > 1:
-            found = xp.concat([found[0, ...], found[1, ...]], axis=axis)
-        return fetched(found).view(codes.dtype).reshape(codes.shape)
+            result = xp.concat([result[0, ...], result[1, ...]], axis=axis)
+        return fetched(result).view(codes.dtype).reshape(codes.shape)
 
     def _views(self, frame: Array) -> Array:
         """(view, row, col, channel, byte) of a frame's bytes."""
@@ -152,13 +152,13 @@ class ByArrays:
         xp, (views, rows, cols) = namespace(codes), self._shape
         shifts = self._send(shifts_of(number, rows).astype(np.int32))
         along = xp.arange(cols, dtype=xp.int32, device=codes.device)
-        found = []
+        noise = []
         for view in range(views):
             at = shifts[:, None] + (along + (primary + 3 * view) * APART)[None, :]
             near = xp.minimum(codes[view, ...], self._pixels.largest - codes[view, ...])
             second = xp.astype(near >= 0.5, codes.dtype) * _taken(self._noise[1, :], at)
-            found.append(_taken(self._noise[0, :], at) + second)
-        return xp.stack(found)
+            noise.append(_taken(self._noise[0, :], at) + second)
+        return xp.stack(noise)
 
     def _projected(self, desired: Light) -> Light:
         """Light that shows the aim of a master; see `compensate.solve`."""

@@ -102,7 +102,7 @@ class Coding:
         return bool(np.abs(self.mixing - np.eye(3)).max() > 1e-12)
 
     def table(self, codes: PixelFormat) -> NDArray[np.float32]:
-        """(code,) linear light of each code; of half precision by its bits, and NaN of NaN."""
+        """Returns the (code,) linear light of each code; of half precision by its bits."""
         every = np.arange(1 << 8 * codes.size, dtype=f"<u{codes.size}")
         if codes.floating:
             values = every.view("<f2").astype(np.float32)

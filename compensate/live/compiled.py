@@ -21,7 +21,7 @@ _SETTINGS = {
 
 
 def compiles() -> bool:
-    """Whether loops are compiled; then Numba, which is not imported here, is told how."""
+    """Says whether loops are compiled, and tells Numba how, without importing it."""
     if os.environ.get("DOMESIM_FAST", "1") == "0" or importlib.util.find_spec("numba") is None:
         return False
     # Numba's own setting is for one thread of ours only

@@ -144,9 +144,9 @@ class CompiledDome:
 
     def _wide(self, floors: NDArray[np.float32]) -> NDArray[np.float32]:
         """(4, cell row, col)."""
-        found = np.empty((*floors.shape[:2], self._k.screen.shape[1]), np.float32)
-        widened(floors, *self._cells, found)
-        return found
+        wide = np.empty((*floors.shape[:2], self._k.screen.shape[1]), np.float32)
+        widened(floors, *self._cells, wide)
+        return wide
 
     def _raised(self, floors: NDArray[np.float32]) -> float:
         """How far black is lifted, v of `compensate.aim.dome`.
@@ -173,11 +173,11 @@ class CompiledDome:
                 break
             apart = (high[1] - low[1]) - high[2] * (high[0] - low[0])
             level = low[0] + apart / (low[2] - high[2])
-            found = tangent(level)
-            least = min(least, found[1])
-            if found[1] - (low[1] + low[2] * (level - low[0])) < _EXACT * high[0]:
+            new = tangent(level)
+            least = min(least, new[1])
+            if new[1] - (low[1] + low[2] * (level - low[0])) < _EXACT * high[0]:
                 break
-            low, high = (found, high) if found[2] < 0 else (low, found)
+            low, high = (new, high) if new[2] < 0 else (low, new)
         return k.aim.lift * least
 
 
@@ -186,6 +186,6 @@ def _spans(screen: NDArray[np.bool_]) -> NDArray[np.uint64]:
     edges = np.diff(screen.astype(np.int8), axis=1, prepend=0, append=0)
     (row, begin), end = np.nonzero(edges > 0), np.nonzero(edges < 0)[1]
     piece = np.arange(len(row)) - np.searchsorted(row, row)
-    found = np.zeros((len(screen), piece.max(initial=0) + 1, 2), np.uint64)
-    found[row, piece] = np.stack([begin, end], axis=1)
-    return found
+    spans = np.zeros((len(screen), piece.max(initial=0) + 1, 2), np.uint64)
+    spans[row, piece] = np.stack([begin, end], axis=1)
+    return spans

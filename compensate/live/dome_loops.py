@@ -17,10 +17,10 @@ from compensate.live.tile_loops import (
     INSIDE,
     LINE,
     NEXT,
-    NO,
-    NONE,
     ONE,
+    START,
     TINY,
+    ZERO,
     about,
     between,
     copied,
@@ -76,7 +76,7 @@ def _set(w: Any, k: int, a: Any, b: Any, value: Any) -> None:
 
 @INSIDE
 def _luminance(k: Any, red: Any, green: Any, blue: Any) -> Any:
-    return max(k.weights[0] * red + k.weights[1] * green + k.weights[2] * blue, NO)
+    return max(k.weights[0] * red + k.weights[1] * green + k.weights[2] * blue, ZERO)
 
 
 @INSIDE
@@ -124,10 +124,10 @@ def _aimed(
         low_blue = between(below, 2, at, c)
         least = min(red / max(low_red, TINY), green / max(low_green, TINY))
         least = min(least, blue / max(low_blue, TINY), ONE)
-        own = ONE - (ONE - ONE / gain) * (ONE - max(_TWO * least - ONE, NO))
+        own = ONE - (ONE - ONE / gain) * (ONE - max(_TWO * least - ONE, ZERO))
         red, green, blue = y + own * (red - y), y + own * (green - y), y + own * (blue - y)
-        over_red, over_green = max(red - low_red, NO), max(green - low_green, NO)
-        over_blue = max(blue - low_blue, NO)
+        over_red, over_green = max(red - low_red, ZERO), max(green - low_green, ZERO)
+        over_blue = max(blue - low_blue, ZERO)
         over = max(_luminance(k, over_red, over_green, over_blue), TINY)
         less = ONE - min(y / (gain * over), ONE)
         w[0, j], w[1, j] = red - less * over_red, green - less * over_green
@@ -140,12 +140,12 @@ def _counted(
 ) -> None:
     """Add subtracted light, and which of it moves with the floor, by columns."""
     for p in range(3):
-        _set(w, p, a, begin, NO)
-        _set(w, p, end, b, NO)
+        _set(w, p, a, begin, ZERO)
+        _set(w, p, end, b, ZERO)
         for j in range(a, b):
             free = w[p, j] - between(floors, p, at, first + j)
             w[_SUMS + p, j] += within(free)
-            w[_SUMS + 3 + p, j] += ONE if free > NO and free < ONE else NO
+            w[_SUMS + 3 + p, j] += ONE if free > ZERO and free < ONE else ZERO
 
 
 @INSIDE
@@ -160,7 +160,7 @@ def _subtracted(floors: Any, at: Any, first: Any, a: Any, b: Any, w: Any) -> Non
 def _begun(sums: Any, planes: int) -> None:
     """Sums begin anew."""
     for p in range(planes):
-        sums[p] = NO
+        sums[p] = ZERO
 
 
 @COMPILED
@@ -196,12 +196,12 @@ def sweep(
     _begun(heap, _OF_BLOCKS if stage == MASTER else 0)
     for band in numba.prange(sums.shape[1]):
         w = np.zeros((_PLANES, _PITCH), np.float32)
-        places, found = np.empty(_WIDE, np.uint32), np.empty((3, _WIDE), out.dtype)
+        places, coded = np.empty(_WIDE, np.uint32), np.empty((3, _WIDE), out.dtype)
         last = min((band + 1) * k.cell, rows) - 1
-        for first in range(NONE, k.cols, _WIDE):
+        for first in range(START, k.cols, _WIDE):
             wide = min(_WIDE, k.cols - first)
             for i in range(band * k.cell, last + 1):
-                at, done = about(i, k.cell, floors), NONE
+                at, done = about(i, k.cell, floors), START
                 for piece in range(k.spans.shape[1]):
                     a = max(k.spans[i, piece, 0], first) - first
                     b = min(max(k.spans[i, piece, 1], first) - first, wide)
@@ -213,8 +213,8 @@ def sweep(
                     decoded(code, codes, i, first, a, b, w, 0)
                     if stage == MASTER:
                         _set(w, _HERE, a, b, ONE)
-                        _set(w, _HERE, a, begin, NO)
-                        _set(w, _HERE, end, b, NO)
+                        _set(w, _HERE, a, begin, ZERO)
+                        _set(w, _HERE, end, b, ZERO)
                         _moments(k, floors, at, first, a, b, w)
                     else:
                         if stage == AIMED:
@@ -225,9 +225,9 @@ def sweep(
                         _counted(floors, at, first, begin, end, a, b, w)
                         continue
                     _subtracted(floors, at, first, a, b, w)
-                    encoded(code, w, 0, a, b, noise[i] + first, places, found)
+                    encoded(code, w, 0, a, b, noise[i] + first, places, coded)
                     copied(code, codes, i, first + done, first + begin, out)
-                    stored(code, codes, i, first, begin, end, found, out)
+                    stored(code, codes, i, first, begin, end, coded, out)
                     done = end
                 if stage == WRITTEN:
                     copied(code, codes, i, first + done, first + wide, out)
@@ -238,25 +238,25 @@ def sweep(
 
 
 @INSIDE
-def _boxed(planes: Any, i: Any, radius: int, line: Any, found: Any) -> None:
+def _boxed(planes: Any, i: Any, radius: int, line: Any, sums: Any) -> None:
     """Sums over squares about row `i` of (plane, row, col)."""
     reach, cols = np.uint64(radius), np.uint64(planes.shape[2])
     for k in range(planes.shape[0]):
-        line[:] = NO
+        line[:] = ZERO
         for near in range(max(i - radius, 0), min(i + radius + 1, planes.shape[1])):
             for j in range(cols):
                 line[reach + j] += planes[k, near, j]
-        found[k] = NO
+        sums[k] = ZERO
         for d in range(reach + reach + NEXT):
             for j in range(cols):
-                found[k, j] += line[d + j]
+                sums[k, j] += line[d + j]
 
 
 @COMPILED
 def guided(
     counted: Any, around: Any, heap: Any, radius: int, variance: Any, work: Any, result: Any
 ) -> None:
-    """`compensate.blocks.guided` from what `sweep` has found.
+    """`compensate.blocks.guided` from the sums of `sweep`.
 
     `counted`, `around`: (row, col) of blocks: pixels that count, and their sums over boxes.
     `variance`: of an edge.
@@ -271,7 +271,7 @@ def guided(
             weight = max(sums[0, j], _LEAST)
             middle = sums[1, j] / weight
             spread = heap[2, i, j] + (middle * heap[0, i, j] - 2 * heap[1, i, j]) * middle
-            work[0, i, j], work[1, i, j], work[2, i, j] = max(spread, NO), middle, weight
+            work[0, i, j], work[1, i, j], work[2, i, j] = max(spread, ZERO), middle, weight
     for i in numba.prange(rows):
         line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((1, cols), np.float32)
         _boxed(work[:1], i, radius, line, sums)
@@ -289,7 +289,7 @@ def guided(
 
 
 @COMPILED
-def lacking(floor: Any, side: int, luminance: Any, counted: Any, found: Any) -> None:
+def lacking(floor: Any, side: int, luminance: Any, counted: Any, missing: Any) -> None:
     """(block row, block col) missing light: of a (1, cell row, block col) floor, what is shown.
 
     `side`: blocks along a cell.
@@ -297,8 +297,8 @@ def lacking(floor: Any, side: int, luminance: Any, counted: Any, found: Any) -> 
     for i in numba.prange(counted.shape[0]):
         at = about(i, side, floor)
         for j in range(np.uint64(counted.shape[1])):
-            shown = luminance[i, j] / max(counted[i, j], ONE)
-            found[i, j] = max(between(floor, 0, at, j) - shown, NO)
+            seen = luminance[i, j] / max(counted[i, j], ONE)
+            missing[i, j] = max(between(floor, 0, at, j) - seen, ZERO)
 
 
 @COMPILED
@@ -308,12 +308,12 @@ def excess(counted: Any, values: Any, level: Any) -> Any:
     more: Any = 0.0
     total: Any = 0.0
     for i in numba.prange(counted.shape[0]):
-        line_above, line_more, line_total = NO, NO, NO
+        line_above, line_more, line_total = ZERO, ZERO, ZERO
         for j in range(counted.shape[1]):
             value = values[i, j] - level
             line_total += counted[i, j]
-            line_above += counted[i, j] if value > 0 else NO
-            line_more += counted[i, j] * max(value, NO)
+            line_above += counted[i, j] if value > 0 else ZERO
+            line_more += counted[i, j] * max(value, ZERO)
         above += line_above
         more += line_more
         total += line_total

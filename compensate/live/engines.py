@@ -85,7 +85,7 @@ def engine_of(
 
 
 def has_gpu() -> bool:
-    """Whether PyTorch finds a GPU; it is not imported where there is no sign of one."""
+    """Says whether PyTorch finds a GPU; it is not imported where there is no sign of one."""
     if not Path("/dev/nvidia0").exists() or importlib.util.find_spec("torch") is None:
         return False
     import torch  # noqa: PLC0415 - it takes seconds
@@ -104,8 +104,8 @@ def _plain(
         views = views_of(codes, scene.views, axis)
         screen = scene.screen(*views.shape[1:3])
         desired, _ = within_range(coding.decoded(views), screen)
-        found = coding.encoded(solved(stage.pose(desired), "perceptual").light)
+        projected = coding.encoded(solved(stage.pose(desired), "perceptual").light)
         noise = number if dithers else None
-        return stored(found, views, screen, pixels, axis=axis, noise=noise)
+        return stored(projected, views, screen, pixels, axis=axis, noise=noise)
 
     return compensated

@@ -16,9 +16,9 @@ from compensate.live.tile_loops import (
     COMPILED,
     INSIDE,
     NEXT,
-    NO,
-    NONE,
+    START,
     TINY,
+    ZERO,
     about,
     between,
     decoded,
@@ -72,15 +72,15 @@ class Pair(NamedTuple):
 def _leak(k: Any, w: Any, view: int, p: int, other: int, j: Any) -> Any:
     """What a primary gets of the light in planes from `other`, where the map is 1."""
     m = k.matrices
-    found = m[view, p, 0] * w[other, j] + m[view, p, 1] * w[other + 1, j]
-    return found + m[view, p, 2] * w[other + 2, j]
+    leak = m[view, p, 0] * w[other, j] + m[view, p, 1] * w[other + 1, j]
+    return leak + m[view, p, 2] * w[other + 2, j]
 
 
 @INSIDE
 def _turned(k: Any, view: int, wide: Any, w: Any) -> None:
     """An eye's turn: what is wanted less what leaks of what the other is shown."""
     mine, other = 3 * view, _SHOWN + 3 - 3 * view
-    for j in range(NONE, wide):
+    for j in range(START, wide):
         for p in range(3):
             leaks = w[_SHARE + view, j] * _leak(k, w, view, p, other, j)
             w[_SHOWN + mine + p, j] = within(w[mine + p, j] - k.black[view, p] - leaks)
@@ -90,7 +90,7 @@ def _turned(k: Any, view: int, wide: Any, w: Any) -> None:
 def _subtracted(k: Any, wide: Any, w: Any) -> None:
     """What to project so that the light is seen."""
     for p in range(3, 6):
-        for j in range(NONE, wide):
+        for j in range(START, wide):
             w[_SHOWN + p, j] = within(w[p, j] - k.black[1, p - 3])
     for _ in range(k.rounds):
         _turned(k, 0, wide, w)
@@ -102,13 +102,13 @@ def _ghost(k: Any, w: Any, view: int, p: int, j: Any) -> Any:
     """How much more is seen of a primary than is wanted."""
     leaks = w[_SHARE + view, j] * _leak(k, w, view, p, _SHOWN + 3 - 3 * view, j)
     mine = 3 * view + p
-    return max(w[_SHOWN + mine, j] + k.black[view, p] + leaks - w[mine, j], NO)
+    return max(w[_SHOWN + mine, j] + k.black[view, p] + leaks - w[mine, j], ZERO)
 
 
 @INSIDE
 def _counted(k: Any, view: int, wide: Any, w: Any) -> None:
     """Add ghosts of a view, by columns."""
-    for j in range(NONE, wide):
+    for j in range(START, wide):
         for p in range(3):
             w[_SUMS + 3 * view + p, j] += _ghost(k, w, view, p, j)
 
@@ -117,7 +117,7 @@ def _counted(k: Any, view: int, wide: Any, w: Any) -> None:
 def _veiled(k: Any, up: Any, view: int, wide: Any, w: Any) -> None:
     """Add a view's veils to its light, where they are brighter than its ghosts."""
     mine = 3 * view
-    for j in range(NONE, wide):
+    for j in range(START, wide):
         red, green = _rim(k, w, view, 0, up, j), _rim(k, w, view, 1, up, j)
         blue = _rim(k, w, view, 2, up, j)
         rim = k.weights[0] * red + k.weights[1] * green + k.weights[2] * blue
@@ -130,14 +130,14 @@ def _veiled(k: Any, up: Any, view: int, wide: Any, w: Any) -> None:
 @INSIDE
 def _luminance(k: Any, w: Any, plane: int, j: Any) -> Any:
     """Luminance of the light in a plane and the two after it."""
-    found = k.weights[0] * w[plane, j] + k.weights[1] * w[plane + 1, j]
-    return max(found + k.weights[2] * w[plane + 2, j], NO)
+    luminance = k.weights[0] * w[plane, j] + k.weights[1] * w[plane + 1, j]
+    return max(luminance + k.weights[2] * w[plane + 2, j], ZERO)
 
 
 @INSIDE
 def _rim(k: Any, w: Any, view: int, p: int, up: Any, j: Any) -> Any:
     """How much brighter a primary's veil is than its ghost."""
-    return max(_row_between(w, 3 * view + p, up, j) - _ghost(k, w, view, p, j), NO)
+    return max(_row_between(w, 3 * view + p, up, j) - _ghost(k, w, view, p, j), ZERO)
 
 
 @INSIDE
@@ -148,10 +148,10 @@ def _row_between(w: Any, plane: int, part: Any, j: Any) -> Any:
 
 
 @INSIDE
-def _added(k: Any, w: Any, first: Any, wide: Any, row: Any, counts: Any, found: Any) -> None:
+def _added(k: Any, w: Any, first: Any, wide: Any, row: Any, counts: Any, ghosts: Any) -> None:
     """Means over a row of blocks, of sums by columns, which begin anew."""
     begin, blocks = first // k.block, (wide + k.block - NEXT) // k.block
-    for p in range(found.shape[0]):
+    for p in range(ghosts.shape[0]):
         source, width = _SUMS + p, _WIDE
         while width > _WIDE // k.block:
             width //= np.uint64(2)
@@ -160,9 +160,9 @@ def _added(k: Any, w: Any, first: Any, wide: Any, row: Any, counts: Any, found: 
                 w[target, c] = w[source, c + c] + w[source, c + c + NEXT]
             source = target
         for c in range(blocks):
-            found[p, row, begin + c] = w[source, c] * counts[row, begin + c]
+            ghosts[p, row, begin + c] = w[source, c] * counts[row, begin + c]
         for j in range(_WIDE):
-            w[_SUMS + p, j] = NO
+            w[_SUMS + p, j] = ZERO
 
 
 @COMPILED
@@ -173,7 +173,7 @@ def sweep(
     codes: Any,
     shares: Any,
     counts: Any,
-    found: Any,
+    ghosts: Any,
     veils: Any,
     lows: Any,
     parts: Any,
@@ -184,7 +184,7 @@ def sweep(
 
     `shares`: (2, cell row, col): the map.
     `counts`: (block row, block col): one over the pixels of each block.
-    `found`: (6, block row, block col): means of ghosts, of both views.
+    `ghosts`: (6, block row, block col): means of ghosts, of both views.
     `veils`: the same, of veils.
     `lows`, `parts`: (col,) blocks' columns below, see `places_along`.
     `noise`: (row,) places at which noise begins.
@@ -195,23 +195,23 @@ def sweep(
         w = np.zeros((_PLANES, _PITCH), np.float32)
         places, kept = np.empty(_WIDE, np.uint32), np.empty((3, _WIDE), out.dtype)
         last = min((number + 1) * band, k.rows) - 1
-        for first in range(NONE, k.cols, _WIDE):
+        for first in range(START, k.cols, _WIDE):
             wide = min(_WIDE, k.cols - first)
             held: Any = -9
             for i in range(number * band, last + 1):
                 right = i + np.int64(k.down)
                 at = about(i, k.cell, shares)
-                decoded(code, codes, i, first, NONE, wide, w, 0)
-                decoded(code, codes, right, first + k.across, NONE, wide, w, 3)
+                decoded(code, codes, i, first, START, wide, w, 0)
+                decoded(code, codes, right, first + k.across, START, wide, w, 3)
                 for view in range(2):
-                    for j in range(NONE, wide):
+                    for j in range(START, wide):
                         w[_SHARE + view, j] = between(shares, view, at, first + j)
                 _subtracted(k, wide, w)
                 if not writes:
                     _counted(k, 0, wide, w)
                     _counted(k, 1, wide, w)
                     if (i + 1) % block == 0 or i == last:
-                        _added(k, w, first, wide, i // block, counts, found)
+                        _added(k, w, first, wide, i // block, counts, ghosts)
                     continue
                 up = about(i, block, veils)
                 low = np.int64(up.low)
@@ -227,8 +227,8 @@ def sweep(
                 _veiled(k, up.part, 1, wide, w)
                 _subtracted(k, wide, w)
                 begin = noise[i] + first
-                encoded(code, w, _SHOWN, NONE, wide, begin, places, kept)
-                stored(code, codes, i, first, NONE, wide, kept, out)
+                encoded(code, w, _SHOWN, START, wide, begin, places, kept)
+                stored(code, codes, i, first, START, wide, kept, out)
                 begin += np.uint64(3 * APART)
-                encoded(code, w, _SHOWN + 3, NONE, wide, begin, places, kept)
-                stored(code, codes, right, first + k.across, NONE, wide, kept, out)
+                encoded(code, w, _SHOWN + 3, START, wide, begin, places, kept)
+                stored(code, codes, right, first + k.across, START, wide, kept, out)

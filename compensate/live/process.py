@@ -64,7 +64,7 @@ class Report:
     latencies: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT))
 
     def figures(self, fps: float | None) -> dict[str, Any]:
-        """For a program; latencies in frames if the stream's rate is known.
+        """Returns figures for a program; latencies in frames if the stream's rate is known.
 
         `core_ms` is what a frame took of all cores, and `copies` how often it could be copied.
         """
@@ -159,7 +159,7 @@ def read_exactly(source: int, count: int, sink: int | None = None) -> bytearray:
 
 
 def widen(*pipes: int) -> None:
-    """Let pipes hold more, so that a frame takes fewer turns; what is no pipe stays as it is."""
+    """Lets pipes hold more, so that a frame takes fewer turns; others stay as they are."""
     for pipe in pipes:
         with contextlib.suppress(OSError):
             fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, _PIPE)

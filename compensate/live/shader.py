@@ -106,10 +106,10 @@ def shader_of(
         **_about_coding(coding),
     }
     if isinstance(constants, DomeConstants):
-        name, found = "dome.glsl.j2", _about_dome(constants)
+        name, facts = "dome.glsl.j2", _about_dome(constants)
     else:
-        name, found = "pair.glsl.j2", _about_pair(constants, beside=beside)
-    about |= found
+        name, facts = "pair.glsl.j2", _about_pair(constants, beside=beside)
+    about |= facts
     said = repr(sorted((key, _told(value)) for key, value in about.items()))
     about["digest"] = hashlib.sha256(said.encode()).hexdigest()[:16]
     return _rendered(name, about)

@@ -31,8 +31,9 @@ INSIDE: Any = numba.njit(
 LEAST_LOG = -24
 """Power of 2 of the light at which tables for encoding begin."""
 TINY = np.float32(1e-9)
-NO, ONE = np.float32(0), np.float32(1)
-NONE, NEXT = np.uint64(0), np.uint64(1)
+ZERO, ONE = np.float32(0), np.float32(1)
+START, NEXT = np.uint64(0), np.uint64(1)
+"""The first place of an array, and the step from one to the next: unsigned, see above."""
 
 _LEAST = np.float32(2.0**LEAST_LOG)
 _SHIFT = np.uint32(16)  # bits of a float32 that do not choose the place in a table
@@ -118,7 +119,7 @@ class About(NamedTuple):
 @INSIDE
 def within(value: Any) -> Any:
     """The value, at least 0 and at most 1."""
-    return min(max(value, NO), ONE)
+    return min(max(value, ZERO), ONE)
 
 
 @INSIDE
@@ -171,8 +172,8 @@ def decoded(code: Any, codes: Any, i: Any, first: Any, a: Any, b: Any, w: Any, k
 
 
 @INSIDE
-def encoded(code: Any, w: Any, k: int, a: Any, b: Any, noise: Any, places: Any, found: Any) -> None:
-    """Codes of the light in planes from `k`, which is lost, into `found` (3, col).
+def encoded(code: Any, w: Any, k: int, a: Any, b: Any, noise: Any, places: Any, coded: Any) -> None:
+    """Codes of the light in planes from `k`, which is lost, into `coded` (3, col).
 
     A table is linear in between: its places are a float's exponent and the first 7 bits after it.
     Noise is as of `domesim.frames.dithering`, from place `noise` on.
@@ -190,30 +191,30 @@ def encoded(code: Any, w: Any, k: int, a: Any, b: Any, noise: Any, places: Any, 
                 place = places[j]
                 low = code.codes_of[place]
                 w[k + p, j] = low + (code.codes_of[place + _AFTER] - low) * w[k + p, j]
-            if code.largest <= NO:
+            if code.largest <= ZERO:
                 for j in range(begin, end):
-                    found[p, j] = w[k + p, j]
+                    coded[p, j] = w[k + p, j]
                 continue
             at = noise + np.uint64(p * APART)
             for j in range(begin, end):
                 value = w[k + p, j]
                 second = code.noise[1, at + j]
                 inside = min(value, code.largest - value) >= _HALF
-                some = code.noise[0, at + j] + (second if inside else NO)
-                found[p, j] = np.int32(min(max(value + some + _HALF, NO), code.largest))
+                some = code.noise[0, at + j] + (second if inside else ZERO)
+                coded[p, j] = np.int32(min(max(value + some + _HALF, ZERO), code.largest))
 
 
 @INSIDE
-def stored(code: Any, codes: Any, i: Any, first: Any, a: Any, b: Any, found: Any, out: Any) -> None:
+def stored(code: Any, codes: Any, i: Any, first: Any, a: Any, b: Any, coded: Any, out: Any) -> None:
     """Write codes of columns `first` + `a` to `b` of row `i`; alpha stays as it was in `codes`."""
     if code.channels == _THREE:  # a step that is known makes vectors
         for j in range(a, b):
             at = (first + j) * _THREE
-            out[i, at], out[i, at + NEXT], out[i, at + _TWO] = found[0, j], found[1, j], found[2, j]
+            out[i, at], out[i, at + NEXT], out[i, at + _TWO] = coded[0, j], coded[1, j], coded[2, j]
     else:
         for j in range(a, b):
             at = (first + j) * _FOUR
-            out[i, at], out[i, at + NEXT], out[i, at + _TWO] = found[0, j], found[1, j], found[2, j]
+            out[i, at], out[i, at + NEXT], out[i, at + _TWO] = coded[0, j], coded[1, j], coded[2, j]
             out[i, at + _THREE] = codes[i, at + _THREE]
 
 
@@ -236,24 +237,24 @@ def places_along(count: int, side: int, cells: int) -> tuple[NDArray[np.uint32],
 
 @INSIDE
 def widened_row(
-    coarse: Any, p: Any, i: Any, lows: Any, parts: Any, first: Any, wide: Any, found: Any, k: Any
+    coarse: Any, p: Any, i: Any, lows: Any, parts: Any, first: Any, wide: Any, out: Any, k: Any
 ) -> None:
     """Row `i` of plane `p` of a coarse array, at columns from `first` on, into plane `k`."""
     last = np.uint64(coarse.shape[2] - 1)
-    for j in range(NONE, wide):
+    for j in range(START, wide):
         at = np.uint64(lows[first + j])
         low = coarse[p, i, at]
-        found[k, j] = low + (coarse[p, i, min(at + NEXT, last)] - low) * parts[first + j]
+        out[k, j] = low + (coarse[p, i, min(at + NEXT, last)] - low) * parts[first + j]
 
 
 @COMPILED
-def widened(coarse: Any, lows: Any, parts: Any, found: Any) -> None:
+def widened(coarse: Any, lows: Any, parts: Any, out: Any) -> None:
     """Coarse (plane, row, col) at all columns."""
     count, rows = coarse.shape[:2]
-    cols = np.uint64(found.shape[2])
+    cols = np.uint64(out.shape[2])
     for i in numba.prange(rows):
         for p in range(count):
-            widened_row(coarse, p, i, lows, parts, NONE, cols, found[p], i)
+            widened_row(coarse, p, i, lows, parts, START, cols, out[p], i)
 
 
 @INSIDE
@@ -274,18 +275,18 @@ def between(planes: Any, k: int, row: Any, j: Any) -> Any:
 
 @INSIDE
 def summed(
-    w: Any, k: int, planes: int, first: Any, wide: Any, side: Any, row: Any, found: Any
+    w: Any, k: int, planes: int, first: Any, wide: Any, side: Any, row: Any, sums: Any
 ) -> None:
     """Add planes of a tile to sums over the columns of cells or blocks, and begin anew."""
     for p in range(planes):
-        j, c = NONE, first // side
+        j, c = START, first // side
         while j < wide:
             end = min((c + NEXT) * side - first, wide)
-            some = NO
+            some = ZERO
             while j < end:
                 some += w[k + p, j]
                 j += NEXT
-            found[p, row, c] += some
+            sums[p, row, c] += some
             c += NEXT
-        for place in range(NONE, wide):
-            w[k + p, place] = NO
+        for place in range(START, wide):
+            w[k + p, place] = ZERO

@@ -86,8 +86,8 @@ class Y4M:
 
     def encoded(self, pixels: NDArray[np.uint16]) -> bytes:
         """Planes of (row, col, RGB) code values of 16 bits."""
-        found = yuv.limited_codes(pixels.astype(np.float32) / np.float32(65535), _MATRIX, self.bits)
-        planes = [found[0], *(yuv.small_size(plane, self.chroma) for plane in found[1:])]
+        codes = yuv.limited_codes(pixels.astype(np.float32) / np.float32(65535), _MATRIX, self.bits)
+        planes = [codes[0], *(yuv.small_size(plane, self.chroma) for plane in codes[1:])]
         largest = (1 << self.bits) - 1
         return b"".join(
             np.clip(np.rint(plane), 0, largest).astype(self.dtype).tobytes() for plane in planes
@@ -95,7 +95,7 @@ class Y4M:
 
 
 def header_of(line: bytes) -> Y4M:
-    """What a header says.
+    """Reads what a header says.
 
     Raises
     ------
@@ -103,28 +103,28 @@ def header_of(line: bytes) -> Y4M:
         If it is none, or of a sampling that is not known.
     """
     words = line.decode("latin-1").split(" ")
-    told = {word[:1]: word[1:] for word in words[1:] if word}
-    if not line.startswith(MAGIC) or not (told.get("W", "") + told.get("H", "")).isdecimal():
+    fields = {word[:1]: word[1:] for word in words[1:] if word}
+    if not line.startswith(MAGIC) or not (fields.get("W", "") + fields.get("H", "")).isdecimal():
         raise InputError(
             f"standard input: wanted a Y4M stream, got {line[:24]!r}; write one (ffmpeg -f "
             f"yuv4mpegpipe), or give --size for raw frames"
         )
-    if told.get("I", "p") not in ("p", "?", ""):
+    if fields.get("I", "p") not in ("p", "?", ""):
         raise InputError(
-            f"standard input: wanted whole frames, got interlaced ones (I{told['I']}); "
+            f"standard input: wanted whole frames, got interlaced ones (I{fields['I']}); "
             f"deinterlace them first (ffmpeg -vf bwdif)"
         )
-    sampling = _SAMPLING.fullmatch(told.get("C", "420jpeg"))
+    sampling = _SAMPLING.fullmatch(fields.get("C", "420jpeg"))
     if sampling is None or any(word == "XCOLORRANGE=FULL" for word in words):
-        what = "full range" if sampling else f"C{told['C']}"
+        what = "full range" if sampling else f"C{fields['C']}"
         raise InputError(
             f"standard input: wanted a Y4M stream of 4:2:0, 4:2:2 or 4:4:4 in limited range, got "
             f"{what}; convert it (ffmpeg -vf scale=out_range=tv,format=yuv420p)"
         )
     return Y4M(
         line,
-        int(told["W"]),
-        int(told["H"]),
+        int(fields["W"]),
+        int(fields["H"]),
         ":".join(sampling[1]),
         int(sampling[3] or 8),
     )

@@ -191,9 +191,9 @@ class Comparison:
     def _plain(self, names: Mapping[str, str]) -> Iterator[Figure]:
         """Figures of `compensate.plain` that some method has."""
         for key, (title, unit, form, meaning) in PLAIN.items():
-            found = {names[m]: getattr(o.figures, key) for m, o in self.outcomes.items()}
+            values = {names[m]: getattr(o.figures, key) for m, o in self.outcomes.items()}
             texts = {
-                name: format(value, form) for name, value in found.items() if value is not None
+                name: format(value, form) for name, value in values.items() if value is not None
             }
             if texts:
                 yield Figure(title, unit, texts, meaning)
@@ -202,9 +202,9 @@ class Comparison:
         """What is left of the ghosts, as `compensate.ghosts` and the documents define it."""
         contours: dict[str, str] = {}
         for method, outcome in self.outcomes.items():
-            found = self.appraisal.ghost_contour(outcome.light)
-            if found is not None:
-                contours[names[method]] = f"{found:.0%}"
+            contour = self.appraisal.ghost_contour(outcome.light)
+            if contour is not None:
+                contours[names[method]] = f"{contour:.0%}"
         edges = {
             names[m]: f"{o.figures.ghost_edges:.0%}"
             for m, o in self.outcomes.items()

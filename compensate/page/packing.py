@@ -97,12 +97,12 @@ def pack(pictures: Sequence[Pictures], mask: Mask, eyes: int, room: float) -> Pa
     low, high = 0, STEPS
     while low < high:  # the least division that fits, by the sample
         middle = (low + high) // 2
-        found = _encoded(planes, models, mask, peak, _top(middle), _SAMPLE)
-        fits = sum(len(deflated(part)) for part in found) <= sampled
+        parts = _encoded(planes, models, mask, peak, _top(middle), _SAMPLE)
+        fits = sum(len(deflated(part)) for part in parts) <= sampled
         low, high = (low, middle) if fits else (middle + 1, high)
     while True:
-        found = _encoded(planes, models, mask, peak, _top(low))
-        payloads = [deflated(head + part) for head, part in zip(heads, found, strict=True)]
+        parts = _encoded(planes, models, mask, peak, _top(low))
+        payloads = [deflated(head + part) for head, part in zip(heads, parts, strict=True)]
         if sum(map(len, payloads)) <= room or low == STEPS:
             break
         low += 1
@@ -193,8 +193,8 @@ def _modelled(planes: Sequence[NDArray[Any]], number: int, eyes: int, mask: Mask
     wanted = np.cbrt(planes[number][:, rows])
 
     def off(model: _Model) -> float:
-        found = np.cbrt(model.predict([planes[base][:, rows] for base in model.bases], rows))
-        return float(np.log1p(FINEST * np.abs(found - wanted))[:, mask[rows]].sum())
+        predicted = np.cbrt(model.predict([planes[base][:, rows] for base in model.bases], rows))
+        return float(np.log1p(FINEST * np.abs(predicted - wanted))[:, mask[rows]].sum())
 
     return min((_fitted(planes, number, bases, mask) for bases in sorted(candidates)), key=off)
 
@@ -241,7 +241,7 @@ def _encoded(
     inside = mask[rows]
     light = peak * (np.arange(top + 1) / top) ** POWER  # of each code
     stored: list[NDArray[Any]] = []
-    found = []
+    parts = []
     for plane, model in zip(planes, models, strict=True):
         exact = top * np.cbrt(plane[:, rows] / peak)
         if model.bases:
@@ -255,13 +255,13 @@ def _encoded(
             off = np.where(inside, codes - codes[1], 0)
             off[1] = np.where(inside, codes[1], 0)
         stored.append(light[np.where(inside, codes, 0)])
-        found.append(_bytes(off))
-    return found
+        parts.append(_bytes(off))
+    return parts
 
 
 def _coded(light: NDArray[Any], peak: float, top: int) -> Codes:
-    found = np.floor(top * np.cbrt(np.maximum(light, 0) / peak) + 0.5)
-    return np.asarray(np.minimum(found, top), np.int64)
+    codes = np.floor(top * np.cbrt(np.maximum(light, 0) / peak) + 0.5)
+    return np.asarray(np.minimum(codes, top), np.int64)
 
 
 def _bytes(values: Codes) -> bytes:

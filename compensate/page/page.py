@@ -153,13 +153,13 @@ def write_page(
     rows, cols = views[0].light.shape[:2]
     on_screen = np.ones((rows, cols), np.bool_) if mask is None else mask
     eyes = 1 if views[0].right is None else 2
-    shown = [
+    pictures = [
         _reduce(light, on_screen, size)
         for view in views
         for light in (view.light, view.right)[:eyes]
         if light is not None
     ]
-    small_mask = shown[0][1]
+    small_mask = pictures[0][1]
     maps = _maps(views, small_mask)
     html = _environment().from_string(_resource("compare.html.j2"))
 
@@ -197,10 +197,10 @@ def write_page(
         )
         return page.encode("utf-8", "replace")  # names of files may be any bytes
 
-    empty = Packed(FINEST, 1.0, ((),) * len(shown), ("",) * len(shown))
+    empty = Packed(FINEST, 1.0, ((),) * len(pictures), ("",) * len(pictures))
     pixels = max(1.0, small_mask.size / 1024**2)
     room = BYTES * pixels - len(rendered(empty)) - 1000  # for digits of what is not yet known
-    packed = pack([picture for picture, _ in shown], small_mask, eyes, room)
+    packed = pack([picture for picture, _ in pictures], small_mask, eyes, room)
     write_whole(Path(path), rendered(packed))
 
 

@@ -93,13 +93,13 @@ class Predicting(Recipe):
             return posed, triage(posed, self.prediction)
 
         def end(solved: tuple[Posed, Triage], write: Write) -> tuple[dict[str, Any], str]:
-            posed, found = solved
+            posed, frame_triage = solved
             places = _places_of(write.output, theatre.views)
-            brightened = _write(places, posed, found)
-            figures = _figures(posed, found)
+            brightened = _write(places, posed, frame_triage)
+            figures = _figures(posed, frame_triage)
             pictures = [path for place in places for path in place.pictures]
             write.beside(pictures)
-            _write_small(write, posed, found)
+            _write_small(write, posed, frame_triage)
             told = {"pictures": [str(path) for path in pictures], "brightened": brightened}
             return {**figures, **told}, _line(figures)
 
@@ -108,9 +108,9 @@ class Predicting(Recipe):
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
         settings = asdict(self.prediction)
-        told = {name: getattr(value, "value", value) for name, value in settings.items()}
-        told["threshold"] = self.prediction.least
-        return {"command": "predict", **self.scene.settings(), **told}
+        values = {name: getattr(value, "value", value) for name, value in settings.items()}
+        values["threshold"] = self.prediction.least
+        return {"command": "predict", **self.scene.settings(), **values}
 
     small = "The master, and the prediction: white is what subtraction leaves, grey it removes"
 
@@ -198,16 +198,16 @@ def require_free(show: Show, folder: Path, views: int) -> None:
 # What is written.
 
 
-def _write(places: list[_Place], posed: Posed, found: Triage) -> int:
+def _write(places: list[_Place], posed: Posed, triage: Triage) -> int:
     """Write all files of a frame at once; by what the residual is brightened."""
-    maps, white = found.untouched, posed.scene.projector.white
+    maps, white = triage.untouched, posed.scene.projector.white
     brightened = _brightening(maps.residual[:, posed.screen] / white)
     contents = []
     for place in places:
-        contents.append((place.maps, _exr(place, found)))
+        contents.append((place.maps, _exr(place, triage)))
         for name, view in place.views.items():
             ghost = np.abs(maps.residual[view]) * (brightened / white)
-            for kind, shown in _shown(found, view).items():
+            for kind, shown in _shown(triage, view).items():
                 caption = f"{PICTURES[kind]} Left: the map. Right: the map times the pollution's "
                 caption += f"light, {brightened} times brighter."
                 path = place.picture(name, kind)
@@ -216,26 +216,26 @@ def _write(places: list[_Place], posed: Posed, found: Triage) -> int:
     return brightened
 
 
-def _write_small(write: Write, posed: Posed, found: Triage) -> None:
-    prediction = thinned(_prediction(found, 0)[None, :, :, None])[0]
+def _write_small(write: Write, posed: Posed, triage: Triage) -> None:
+    prediction = thinned(_prediction(triage, 0)[None, :, :, None])[0]
     master = posed.scene.projector.to_display(thinned(posed.desired))[0]
     write.small(master, np.broadcast_to(prediction, master.shape) ** 2.2)
 
 
-def _shown(found: Triage, view: int) -> dict[str, Planes]:
+def _shown(triage: Triage, view: int) -> dict[str, Planes]:
     """The maps as they are shown, 0..1."""
-    maps = found.untouched
+    maps = triage.untouched
     return {
         "tvi": np.minimum(maps.tvi[view] / 2, 1),
         "masking": probability(maps.masking[view]),
         "saliency": maps.saliency[view],
-        "prediction": _prediction(found, view),
+        "prediction": _prediction(triage, view),
     }
 
 
-def _prediction(found: Triage, view: int) -> Planes:
+def _prediction(triage: Triage, view: int) -> Planes:
     """White is what subtraction leaves, grey what it removes."""
-    remaining, mask = found.subtracted.mask[view], found.untouched.mask[view]
+    remaining, mask = triage.subtracted.mask[view], triage.untouched.mask[view]
     return np.where(remaining, 1, np.float32(0.5) * mask)
 
 
@@ -247,10 +247,10 @@ def _brightening(residual: Planes) -> int:
     return int(2 ** max(0, np.floor(np.log2(1 / bright))))
 
 
-def _png(path: Path, shown: Planes, ghost: Planes, caption: str) -> bytes:
+def _png(path: Path, plane: Planes, ghost: Planes, caption: str) -> bytes:
     """A map beside itself times the ghost, as sRGB."""
-    step = -(-max(shown.shape) // LARGEST)
-    small, light = light_means(np.stack([shown, shown * ghost])[..., None], step)
+    step = -(-max(plane.shape) // LARGEST)
+    small, light = light_means(np.stack([plane, plane * ghost])[..., None], step)
     gap = np.ones((len(light), GAP, 1), np.float32)
     picture = np.hstack([small, gap, np.minimum(light, 1) ** (1 / 2.2)])
     codes = np.rint(picture * 255).astype(np.uint8)
@@ -260,16 +260,16 @@ def _png(path: Path, shown: Planes, ghost: Planes, caption: str) -> bytes:
     return with_colour_chunks(png, colour_chunks(ColourTag("srgb", "BT.709", "computed")))
 
 
-def _exr(place: _Place, found: Triage) -> bytes:
+def _exr(place: _Place, triage: Triage) -> bytes:
     """All maps of the views of a file, as float channels."""
-    maps = found.untouched
+    maps = triage.untouched
     each = (
         maps.tvi,
         maps.masking,
         maps.saliency,
         maps.prediction,
         maps.mask,
-        found.subtracted.mask,
+        triage.subtracted.mask,
     )
     names = tuple(f"{name}{channel}" for name in place.views for channel in CHANNELS)
     samples = np.stack([planes[k] for k in place.views.values() for planes in each], axis=-1)
@@ -291,17 +291,17 @@ def _rounded(samples: Planes) -> Planes:
 # What is said.
 
 
-def _figures(posed: Posed, found: Triage) -> dict[str, Any]:
+def _figures(posed: Posed, triage: Triage) -> dict[str, Any]:
     """Figures of a frame: see `Predicted` and `Triage`."""
     density = posed.scene.viewing.pixels_per_degree(*posed.screen.shape)
-    boxes = regions(found.subtracted.mask, round(MARGIN * density))
+    boxes = regions(triage.subtracted.mask, round(MARGIN * density))
     return {
-        "visible": found.untouched.share,
-        "visible_by_view": list(found.untouched.visible.shares),
-        "visible_salient": found.untouched.salient,
-        "visible_subtracted": found.subtracted.share,
-        "visible_subtracted_by_view": list(found.subtracted.shares),
-        "verdict": found.verdict.name.lower(),
+        "visible": triage.untouched.share,
+        "visible_by_view": list(triage.untouched.visible.shares),
+        "visible_salient": triage.untouched.salient,
+        "visible_subtracted": triage.subtracted.share,
+        "visible_subtracted_by_view": list(triage.subtracted.shares),
+        "verdict": triage.verdict.name.lower(),
         "regions": [[rows.start, rows.stop, cols.start, cols.stop] for rows, cols in boxes],
     }
 
@@ -331,14 +331,14 @@ def worst(done: Done) -> list[dict[str, Any]]:
     return sorted(done.frames, key=need)
 
 
-def summary_of(done: Done, found: list[dict[str, Any]]) -> str:
-    """A line on all frames, of which those that need most come first in `found`."""
+def summary_of(done: Done, frames: list[dict[str, Any]]) -> str:
+    """Sums up all frames in a line, the worst of `frames` first."""
     counts = Counter(frame["verdict"] for frame in done.frames)
     parts = [f"{count} {each.value}" for each in Verdict if (count := counts[each.name.lower()])]
     named = [
         f"{_name(frame['input'])} ({_percent(frame['visible'])}, "
         f"{_percent(frame['visible_subtracted'])} after subtraction)"
-        for frame in found[:TOLD]
+        for frame in frames[:TOLD]
         if frame["verdict"] != Verdict.NOTHING.name.lower()
     ]
     text = f"{len(done.frames)} frames: {'; '.join(parts)}"

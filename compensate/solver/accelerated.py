@@ -107,13 +107,13 @@ class Accelerated:
             if optimality <= goal:
                 status = Status.CONVERGED
             if modulus is not None and iteration % _CHECKED == 0:
-                status, found = self._checked(problem, x, cost, gradient, modulus, status)
+                status, relative_gap = self._checked(problem, x, cost, gradient, modulus, status)
                 if self.progress is not None:
-                    self.progress(iteration, found)
+                    self.progress(iteration, relative_gap)
         gap = None
         if modulus is not None:
-            found = relative(cost, certified(problem, x, gradient, modulus))
-            gap = found if math.isfinite(found) else None
+            relative_gap = relative(cost, certified(problem, x, gradient, modulus))
+            gap = relative_gap if math.isfinite(relative_gap) else None
         return Result(x, cost, optimality, status, iteration, problem.ffts - before, gap)
 
     def _checked(
@@ -127,12 +127,12 @@ class Accelerated:
     ) -> tuple[Status, float]:
         """Whether what is certified is enough, and the relative gap."""
         gained = certified(problem, light, gradient, modulus)
-        found = relative(cost, gained)
-        if self.gap is not None and found <= self.gap:
+        relative_gap = relative(cost, gained)
+        if self.gap is not None and relative_gap <= self.gap:
             status = Status.CONVERGED
         elif gained <= problem.negligible:
             status = Status.INVISIBLE
-        return status, found
+        return status, relative_gap
 
     def _curvature(self, problem: Problem, direction: Light) -> float:
         """Curvature along a direction: the first L."""

@@ -240,7 +240,7 @@ class LocallyRaisedBlack:
 
 
 def uncorrectable(problem: Problem, light: Light) -> NDArray[np.bool_]:
-    """(view, row, col, primary): where clipped subtraction, `light`, cannot show what is desired.
+    """Finds where clipped subtraction, `light`, cannot show what is desired.
 
     That is where more, or less, light is seen than desired, by more than rounding.
     """
@@ -249,7 +249,7 @@ def uncorrectable(problem: Problem, light: Light) -> NDArray[np.bool_]:
 
 
 def bumps(needed: Floats, sigma: float) -> Floats:
-    """(row, col) smooth veil, at least `needed` everywhere and 0 beyond 3 `sigma` (pixels) of it.
+    """Makes a smooth veil, at least `needed` everywhere and 0 beyond 3 `sigma` of it.
 
     (sum_q (needed_q g(p - q))^64)^(1/64) with a Gaussian g of height 1: a convolution, for g^64
     is a Gaussian too. Outside the picture nothing is needed.
@@ -335,8 +335,8 @@ class _Pixels:
     def nearest(self, light: Floats, max_rounds: int, tolerance: float) -> tuple[Floats, int]:
         """Lights within the box that look nearest to the desired ones, and rounds taken."""
         parts = np.array_split(np.arange(len(light)), -(-len(light) // PIXELS_AT_ONCE))
-        found = [self._nearest(light, part, max_rounds, tolerance) for part in parts]
-        return np.concatenate([x for x, _ in found]), max(rounds for _, rounds in found)
+        solved = [self._nearest(light, part, max_rounds, tolerance) for part in parts]
+        return np.concatenate([x for x, _ in solved]), max(rounds for _, rounds in solved)
 
     def _nearest(
         self, light: Floats, part: NDArray[np.intp], max_rounds: int, tolerance: float
@@ -401,8 +401,8 @@ class _Pixels:
 
 def _picked(light: Light, where: NDArray[np.bool_]) -> Floats:
     """(pixel, view, primary) lights at the pixels (row, col) `where`."""
-    found = np.asarray(light, np.float64)[:, where]
-    return np.ascontiguousarray(found.transpose(1, 0, 2))
+    picked = np.asarray(light, np.float64)[:, where]
+    return np.ascontiguousarray(picked.transpose(1, 0, 2))
 
 
 def _lab(xyz: Floats) -> tuple[Floats, Floats]:

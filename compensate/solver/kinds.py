@@ -42,7 +42,7 @@ class DomePair(NamedTuple):
 
 
 def kind_of(observation: Observation) -> Kind:
-    """What an observation is."""
+    """Returns what an observation is."""
     if isinstance(observation, LowRankObservation):
         return Kind.LOW_RANK
     if isinstance(observation, StereoObservation):

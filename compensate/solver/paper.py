@@ -97,12 +97,12 @@ class PaperMethod:
             )
             if mask is not None:
                 alone = Masked(mask, alone)
-            found = self.solver(
+            result = self.solver(
                 Problem(leak, alone, wanted[one], (low, high)), np.clip(channels[one], low, high)
             )
-            channels[one] = found.light
-            iterations, ffts = max(iterations, found.iterations), ffts + found.ffts
-            converged &= found.status is Status.CONVERGED
+            channels[one] = result.light
+            iterations, ffts = max(iterations, result.iterations), ffts + result.ffts
+            converged &= result.status is Status.CONVERGED
         light = problem.project((channels @ np.linalg.inv(to_ycc).T).astype(start.dtype))
         before = problem.ffts
         cost, gradient = problem.quadratic(light)

@@ -93,25 +93,25 @@ class Windows:
 
 
 def joined(boxes: Iterable[Box], reach: int, overhead: int) -> tuple[Box, ...]:
-    """Fewer, larger rectangles that hold the same, where that is less to compute.
+    """Joins rectangles to fewer, larger ones, where that is less to compute.
 
     Two are made one if their window is no larger than both of theirs and the `overhead` of one, or
     if they overlap.
     """
-    found: list[Box] = []
+    kept: list[Box] = []
     waiting = list(boxes)
     while waiting:
         box = waiting.pop()
-        for k, other in enumerate(found):
+        for k, other in enumerate(kept):
             hull = _hull(box, other)
             apart = _pixels(box, reach) + _pixels(other, reach) + overhead
             if _overlap(box, other) or _pixels(hull, reach) <= apart:
                 waiting.append(hull)
-                del found[k]
+                del kept[k]
                 break
         else:
-            found.append(box)
-    return tuple(found)
+            kept.append(box)
+    return tuple(kept)
 
 
 def _pixels(box: Box, reach: int) -> int:

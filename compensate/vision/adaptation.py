@@ -33,7 +33,7 @@ def adaptation_luminance(
     *,
     diameter: float = FOVEA,
 ) -> Planes:
-    """Mean luminance over a disc around each pixel, of the screen's pixels only.
+    """Averages luminance over a disc around each pixel, of the screen's pixels only.
 
     Where the disc is 16 pixels or more across, blocks of pixels are averaged first and the means
     interpolated after; at the rim of the screen this shifts by up to half a block what is counted.

@@ -246,7 +246,7 @@ def _shape(rho: Floats, l: Floats, mechanism: Mechanism) -> Floats:  # noqa: E74
 
 
 def opponent_contrast(difference: ArrayLike, background: ArrayLike) -> Floats:
-    """Signed contrast of a coloured difference for each mechanism, in the order of `MECHANISMS`.
+    """Returns signed contrasts of a coloured difference, in the order of `MECHANISMS`.
 
     ``C_k = (M difference)_k / (M background)_achromatic``, M = `DKL_FROM_XYZ` (the authors'
     post-receptoral contrast, csf_chrom_directions in CSF_castleCSF.m, with its sign kept).

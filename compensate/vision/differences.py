@@ -118,7 +118,7 @@ class Band:
 
 
 def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -> Planes:
-    """How much worse `seen` looks than `wanted`, place by place.
+    """Maps how much worse `seen` looks than `wanted`.
 
     Parameters
     ----------
@@ -140,13 +140,13 @@ def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -
 
 
 def quality_lost(differences: Floats) -> Floats:
-    """Quality v that is lost by differences Q, any shape, JOD."""
+    """Returns the quality v that is lost by differences Q, any shape, JOD."""
     toe = JOD * TOE ** (EXPONENT - 1)
     return np.where(differences > TOE, JOD * differences**EXPONENT, toe * differences)
 
 
 def in_thresholds(lost: Floats) -> Planes:
-    """Q / s of v, any shape: a difference of one mechanism in one band at its threshold has 1.
+    """Returns Q / s of v, any shape: 1 for one mechanism at its threshold in one band.
 
     It is what a page calls just-noticeable differences (JND); parameters as `visible_difference`
     returns them.
@@ -179,7 +179,7 @@ def bands(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Band]:
 
 
 def pooled(squares: Sequence[Floats], base: Floats | None = None) -> Floats:
-    """Q of pictures.
+    """Pools differences over bands and mechanisms to Q.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def pooled(squares: Sequence[Floats], base: Floats | None = None) -> Floats:
 
 @final
 class Reference:
-    """A picture that others are compared with: what of it all comparisons share.
+    """A picture that others are compared with.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ class Reference:
             self._look(number)
 
     def difference(self, seen: Floats) -> Planes:
-        """`visible_difference` of the picture and another of its shape; raises what that does."""
+        """Computes `visible_difference` of another picture of its shape."""
         levels = self._levels_of(seen)
         base = _base_band(self._levels[-1], levels[-1])
         total = _of_all(base * _BASE[:, None, None].astype(np.float32))
@@ -269,13 +269,13 @@ class Reference:
     def bands(self, seen: Floats) -> list[Band]:
         """Compares it with another picture of its shape, band by band; raises what `bands` does."""
         levels = self._levels_of(seen)
-        found = []
+        bands = []
         for number, wanted in enumerate(self._contrasts):
             views, every = range(len(wanted)), slice(0, wanted.shape[-2])
             contrasts = np.stack([self._seen(levels, number, view, every) for view in views])
             frequency = _frequency(number, self._per_degree)
-            found.append(Band(frequency, wanted, contrasts))
-        return found
+            bands.append(Band(frequency, wanted, contrasts))
+        return bands
 
     def _levels_of(self, seen: Floats) -> list[Planes]:
         if np.shape(seen) != self._shape:

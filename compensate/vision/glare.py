@@ -69,7 +69,7 @@ _NEAR = 8  # pixels
 
 
 def disability_glare(angle: ArrayLike, age: float, pigmentation: float = BROWN) -> Floats:
-    """Veil of a small source, cd/m² per lx at the eye: the CIE's equation above.
+    """Returns the veil of a small source, cd/m² per lx at the eye: the CIE's equation above.
 
     Parameters
     ----------

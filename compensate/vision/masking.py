@@ -198,7 +198,7 @@ def masked_difference(
     *,
     cortex: Cortex | None = None,
 ) -> Planes:
-    """Squared difference of the mechanisms' responses to two pictures (v in eq. 11).
+    """Squares the difference of the mechanisms' responses to two pictures (v in eq. 11).
 
     Bands to which the eye is blind are left out: those with S < 1, where a contrast of 1 is below
     threshold. Each band is computed on the coarsest of the grids, each half as fine as the one

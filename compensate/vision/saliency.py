@@ -87,7 +87,7 @@ NOISE = 1e-6
 
 
 def gbvs(image: ArrayLike) -> Floats:
-    """Saliency of every pixel: 0 at the least salient, 1 at the most.
+    """Computes the saliency of every pixel: 0 at the least salient, 1 at the most.
 
     A picture without features (one colour, black, a single pixel) prefers no place: 1 everywhere,
     so that a mask made of it hides nothing.

@@ -100,24 +100,24 @@ class Hessian:
             self.strength += float(np.sqrt(np.abs(amplified).max()))
 
     def solve(self, spectra: Spectra, sigma: Sequence[float]) -> Spectra:
-        """(H + diag(sigma))^-1 of spectra, for a (plane,) sigma > 0."""
-        found = self._blocks_solved(spectra, sigma)
+        """Returns (H + diag(sigma))^-1 of spectra, for a (plane,) sigma > 0."""
+        solved = self._blocks_solved(spectra, sigma)
         if self._modes is None:
-            return found
-        known = [self._dots(self._modes.collect, found), self._dots_of_second(found)]
+            return solved
+        known = [self._dots(self._modes.collect, solved), self._dots_of_second(solved)]
         c, e = np.split(self._small_inverse(tuple(sigma)) @ np.concatenate(known), 2)
         second = self._weighted(self._combined(self._modes.spread, self._modes.core @ e))
-        return found - self._blocks_solved(self._combined(self._modes.collect, c) + second, sigma)
+        return solved - self._blocks_solved(self._combined(self._modes.collect, c) + second, sigma)
 
     def energy(self, spectra: Spectra) -> float:
-        """<w, H w> of the planes w whose spectra these are."""
+        """Returns <w, H w> of the planes w whose spectra these are."""
         if self._modes is not None:
             excited = self._modes.core @ self._dots(self._modes.collect, spectra)
             spectra = spectra + self._combined(self._modes.spread, excited)
         return self.fourier.dot(spectra, self._weighted(spectra))
 
     def seen(self, residual: Spectra) -> tuple[float, Spectra]:
-        """||A r||², and its half's gradient C'W r, of spectra of a seen residual r."""
+        """Returns ||A r||² and half of its gradient, C'W r, of spectra of a seen residual r."""
         gradient = self._weighted(residual)
         energy = self.fourier.dot(residual, gradient)
         if self._modes is not None:

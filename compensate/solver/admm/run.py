@@ -153,15 +153,15 @@ class _Run:
             if not due:
                 continue
             cost, self.iterations = self._cost_of(z), iteration
-            found = certificate.verdict(cost, iteration)
+            verdict = certificate.verdict(cost, iteration)
             if settings.progress:
                 settings.progress(iteration, certificate.gap(cost))
-            if found is Status.STALLED and anderson.memory:
+            if verdict is Status.STALLED and anderson.memory:
                 # It may have been the acceleration, and not rounding
                 anderson = Anderson(0)
                 certificate.wait(iteration)
-            elif found is not None:
-                status = found
+            elif verdict is not None:
+                status = verdict
                 break
         if self._cost < cost:
             return self._best(problem.anchor, self._cost, status)

@@ -96,7 +96,7 @@ class Pair:
         return disparities(*(view[..., 1] / white for view in self._wanted))
 
     def two_eyes(self, seen: Light) -> TwoEyes:
-        """What two eyes see.
+        """Says what two eyes see.
 
         Parameters
         ----------
