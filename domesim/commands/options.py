@@ -128,7 +128,7 @@ class Place:
     def about(self, scene: Scene) -> dict[str, Any]:
         """What a command's figures say of its scene, and of the seat that was asked for."""
         facts = about_scene(scene)
-        if self.seat is not None and not isinstance(scene, StereoScene):
+        if self.seat is not None and not scene.chosen:
             facts["seats"] = [self.seat]
         return facts
 
@@ -136,7 +136,7 @@ class Place:
 def about_scene(scene: Scene) -> dict[str, Any]:
     """What a command's figures say of its scene."""
     facts: dict[str, Any] = {"scene": scene.name, "approximation": scene.approximation}
-    if isinstance(scene, StereoScene):
+    if scene.chosen:
         facts["seats"] = list(scene.chosen)
     return facts
 

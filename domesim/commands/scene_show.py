@@ -26,7 +26,6 @@ from domesim.inspection.plans import (
     dome_plan,
     dome_section,
     flat_plan,
-    flat_seats,
     flat_section,
 )
 from domesim.library import load_master
@@ -302,7 +301,7 @@ def _flat(scene: FlatScene) -> tuple[dict[str, Any], dict[str, Any]]:
     seats = _seats(scene) if isinstance(scene, StereoScene) else []
     figures = {row.key: row.value for _, each in tables for row in each}
     figures |= {f"crosstalk {seat['name']}": seat["mean"] for seat in seats}
-    drawn = list(flat_seats(scene))
+    drawn = list(scene.places)
     content = {
         "tables": tables,
         "drawings": [

@@ -15,7 +15,7 @@ from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES, WRITTEN
 from domesim.host.console import Console
-from domesim.scene import Scene, StereoScene
+from domesim.scene import Scene
 from domesim.shows.cinema import SUFFIX as CINEMA
 from domesim.shows.estimate import estimate
 from domesim.shows.run import FRAME_TIMEOUT, Done, Running, each_frame
@@ -297,7 +297,7 @@ def require_one_seat(scene: Scene, seat: str | None, why: str) -> None:
     InputError
         If it is looked at from several, by ``--seat SEAT``; it says why not.
     """
-    if isinstance(scene, StereoScene) and scene.several_seats:
+    if scene.several_seats:
         raise InputError(f"--seat {seat}: {why}; name one of {', '.join(scene.chosen)}")
 
 

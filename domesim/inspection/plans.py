@@ -19,7 +19,7 @@ from domesim.room.beams import lit_edge
 from domesim.room.dome import Dome
 from domesim.room.furniture import EYE_HEIGHT
 from domesim.room.theatre import Theatre, Viewpoint
-from domesim.scene import DomeScene, FlatScene, StereoScene
+from domesim.scene import DomeScene, FlatScene
 
 Floats = NDArray[np.float64]
 
@@ -261,13 +261,6 @@ def _marks(draw: _Drawing, places: Sequence[Sequence[float]], reach: float) -> N
 # A flat screen.
 
 
-def flat_seats(scene: FlatScene) -> dict[str, Floats]:
-    """Places of the seats that have one; the middle one at the viewing distance if none has."""
-    if isinstance(scene, StereoScene) and scene.theatre is not None:
-        return {name: np.asarray(place, float) for name, place in scene.theatre.seats.items()}
-    return {"viewing distance": np.array([0.0, -scene.viewing.distance, 0.0])}
-
-
 def flat_plan(scene: FlatScene) -> str:
     """A flat screen from above, the screen on the right."""
     return _flat(scene, 0, f"Plan of {scene.name}")
@@ -276,12 +269,6 @@ def flat_plan(scene: FlatScene) -> str:
 def flat_section(scene: FlatScene) -> str:
     """A flat screen from its side, the screen on the right."""
     return _flat(scene, 2, f"Section of {scene.name}")
-
-
-def _lenses(scene: FlatScene) -> list[tuple[float, ...]]:
-    if isinstance(scene, StereoScene) and scene.theatre is not None:
-        return [projector.position for projector in scene.theatre.projectors]
-    return [(0.0, -scene.way.throw, 0.0)] if scene.way is not None and scene.way.scatters else []
 
 
 def _room(scene: FlatScene, axis: int) -> Floats:
@@ -297,8 +284,7 @@ def _room(scene: FlatScene, axis: int) -> Floats:
 
 def _flat(scene: FlatScene, axis: int, label: str) -> str:
     """The screen on the right, lenses and seats: depth across; x downwards (plan), or z upwards."""
-    seats = flat_seats(scene)
-    lenses = _lenses(scene)
+    seats, lenses = scene.places, scene.lenses
     places = np.array([*seats.values(), *lenses], float)
     room = _room(scene, axis)
     far = float(-min(*places[:, 1], *room[:, 0], 0.0))

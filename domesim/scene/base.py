@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,8 @@ class Scene(ABC):
         What commands call it.
     content
         SHA-256 of what its file says, and of files that are named there; "" without a file.
+    chosen
+        The seats that are looked from, where each sees something else.
     """
 
     name: str
@@ -41,6 +44,7 @@ class Scene(ABC):
     sources: Mapping[str, str]
     file: str
     content: str
+    chosen: tuple[str, ...]
 
     @property
     def argument(self) -> str:
@@ -59,8 +63,30 @@ class Scene(ABC):
 
     @property
     @abstractmethod
+    def masters(self) -> str:
+        """What its masters are, in words."""
+
+    @property
     def several_seats(self) -> bool:
         """Whether it is looked at from several seats at once."""
+        return len(self.chosen) > 1
+
+    @abstractmethod
+    def asked(self, transport: Path | None, seat: str | None) -> Scene:
+        """The same scene as options of a command ask for it.
+
+        Parameters
+        ----------
+        transport
+            A file of what was stored of it: light transport, or crosstalk maps.
+        seat
+            The seat that it is looked at from, or "all" of them.
+
+        Raises
+        ------
+        InputError
+            If it has no such thing.
+        """
 
     @property
     @abstractmethod

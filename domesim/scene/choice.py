@@ -8,10 +8,7 @@ from pathlib import Path
 from typing import Any, final
 
 from domesim.errors import InputError
-from domesim.host.console import about
-from domesim.observation.transport import load_transport
-from domesim.scene import CinemaScene, DomeScene, Scene, StereoScene, load_scene
-from domesim.scene.crosstalk_maps import load_maps
+from domesim.scene import Scene, load_scene
 
 
 @final
@@ -48,7 +45,7 @@ class SceneChoice:
         """
         if self._scene is not None:
             return self._scene
-        scene = self._loaded()
+        scene = load_scene(self.name).asked(self.transport, self.seat)
         if self.content and self._content_of(scene) != self.content:
             raise InputError(
                 f"{self.name}: wanted the scene that the job began with, got another; its files "
@@ -89,27 +86,3 @@ class SceneChoice:
         with self.transport.open("rb") as file:
             transport = hashlib.file_digest(file, "sha256").hexdigest()
         return hashlib.sha256(f"{scene.content} {transport}".encode()).hexdigest()
-
-    def _loaded(self) -> Scene:
-        scene = load_scene(self.name)
-        if isinstance(scene, CinemaScene):
-            for option, value in (("--transport", self.transport), ("--seat", self.seat)):
-                if value is not None:
-                    raise InputError(
-                        f"{option} {value}: {scene.name} is a 2-D cinema, whose room its scene "
-                        f"file describes, the same for all seats; leave it out"
-                    )
-        if self.transport is not None:
-            with about(self.transport):
-                if isinstance(scene, StereoScene):
-                    scene = scene.with_maps(load_maps(self.transport))
-                elif isinstance(scene, DomeScene):
-                    scene = scene.with_transport(load_transport(self.transport))
-        if isinstance(scene, StereoScene):
-            if self.seat == "all":
-                scene = scene.seen_from(*scene.seats)
-            elif self.seat is not None:
-                scene = scene.seen_from(self.seat)
-        elif isinstance(scene, DomeScene) and self.seat is not None:
-            scene = scene.seen_from(self.seat)
-        return scene

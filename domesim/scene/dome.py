@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.host.console import about
 from domesim.host.numbers import decimal
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk
@@ -20,7 +21,7 @@ from domesim.observation.followed import Followed
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.projector import Projector
 from domesim.observation.spherical import ClosedFormDome, bare_gain
-from domesim.observation.transport import PHOTOGRAPHS, TabulatedDome, Transport
+from domesim.observation.transport import PHOTOGRAPHS, TabulatedDome, Transport, load_transport
 from domesim.observation.uncertain import SIGMAS, UncertainDome
 from domesim.room import furniture, viewing
 from domesim.room.dome import Dome
@@ -84,6 +85,8 @@ class DomeScene(Scene):
         otherwise.
     content
         SHA-256 of what its file says, and of files that are named there; "" without a file.
+    chosen
+        None: a dome has one viewing.
     """
 
     name: str
@@ -99,6 +102,7 @@ class DomeScene(Scene):
     stereo: DomeStereoSection | None = None
     file: str = field(default="", compare=False)
     content: str = field(default="", compare=False)
+    chosen: tuple[str, ...] = field(default=(), init=False)
 
     @property
     def views(self) -> int:
@@ -116,9 +120,17 @@ class DomeScene(Scene):
         return self if self.stereo is None else replace(self, stereo=None)
 
     @property
-    def several_seats(self) -> bool:
-        """False: a dome has one viewing."""
-        return False
+    def masters(self) -> str:
+        """See `Scene`."""
+        return "left and right" if self.views == 2 else "a domemaster"
+
+    def asked(self, transport: Path | None, seat: str | None) -> DomeScene:
+        """See `Scene`."""
+        scene = self
+        if transport is not None:
+            with about(transport):
+                scene = scene.with_transport(load_transport(transport))
+        return scene if seat is None else scene.seen_from(seat)
 
     @property
     def dome(self) -> Dome:

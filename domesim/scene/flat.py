@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Self, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.errors import InputError
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.dome_pair import ReflectedViews, dome_pair
@@ -55,6 +57,11 @@ class LightsWay:
     scatters: Mapping[str, Scatter] = field(default_factory=dict)
     room: FlatRoom | None = None
     mixed: bool = False
+
+    @property
+    def lenses(self) -> list[tuple[float, ...]]:
+        """(xyz), m from the middle of the screen, of the lens that scatters; none if none does."""
+        return [(0.0, -self.throw, 0.0)] if self.scatters else []
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -157,6 +164,8 @@ class CinemaScene(Scene):
         What commands call it: its file's path, or the name of a bundled one.
     content
         SHA-256 of what its file says, and of files that are named there; "" without a file.
+    chosen
+        None: all seats see the same.
     """
 
     name: str
@@ -168,6 +177,7 @@ class CinemaScene(Scene):
     ambient: float
     file: str = field(default="", compare=False)
     content: str = field(default="", compare=False)
+    chosen: tuple[str, ...] = field(default=(), init=False)
 
     @property
     def views(self) -> int:
@@ -185,9 +195,29 @@ class CinemaScene(Scene):
         return "scattered and reflected"
 
     @property
-    def several_seats(self) -> bool:
-        """False: all seats see the same."""
-        return False
+    def masters(self) -> str:
+        """See `Scene`."""
+        return "one picture"
+
+    @property
+    def places(self) -> dict[str, NDArray[np.float64]]:
+        """Where it is looked from: name -> (xyz), m from the middle of the screen."""
+        return {"viewing distance": np.array([0.0, -self.viewing.distance, 0.0])}
+
+    @property
+    def lenses(self) -> list[tuple[float, ...]]:
+        """Where its projectors stand, if that is told: (xyz), m."""
+        return self.way.lenses
+
+    def asked(self, transport: Path | None, seat: str | None) -> CinemaScene:
+        """See `Scene`; there is nothing to ask for."""
+        for option, value in (("--transport", transport), ("--seat", seat)):
+            if value is not None:
+                raise InputError(
+                    f"{option} {value}: {self.name} is a 2-D cinema, whose room its scene "
+                    f"file describes, the same for all seats; leave it out"
+                )
+        return self
 
     @property
     def approximation(self) -> str | None:

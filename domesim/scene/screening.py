@@ -13,7 +13,7 @@ from domesim.frames import Master
 from domesim.light import Light, transfer
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.projector import require_primaries
-from domesim.scene import DomeScene, Scene, StereoScene
+from domesim.scene import Scene, StereoScene
 
 BRIGHTEST = 1e9
 """Projector white = 1: the sun's disc is 1e8 of an IMAX dome's. Beyond it is damage, and float32
@@ -55,9 +55,8 @@ def _require_views(master: Master, scene: Scene) -> None:
     if len(master.frames) == scene.views:
         return
     if scene.views == 1:
-        what = "a domemaster" if isinstance(scene, DomeScene) else "one picture"
         raise InputError(
-            f"{master.path}: wanted {what} for {scene.name}, got left and right. Do each "
+            f"{master.path}: wanted {scene.masters} for {scene.name}, got left and right. Do each "
             f"alone, or choose a stereo scene."
         )
     eyes = master.frames[0].header.eyes

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.host.console import about
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk, leak_matrices, leaks_to_both, over_pixels
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -21,7 +22,7 @@ from domesim.observation.uncertain import UncertainMap, UncertainPair
 from domesim.room import viewing
 from domesim.room.viewing import Viewing
 from domesim.scene.base import Scene
-from domesim.scene.crosstalk_maps import CrosstalkMaps
+from domesim.scene.crosstalk_maps import CrosstalkMaps, load_maps
 from domesim.scene.flat import LightsWay, way_of
 from domesim.scene.stereo_file import (
     CrosstalkSection,
@@ -149,9 +150,33 @@ class StereoScene(Scene):
         return "the other eye's" if self.way is None else "scattered, reflected, the other eye's"
 
     @property
-    def several_seats(self) -> bool:
-        """Whether more than one is chosen."""
-        return len(self.chosen) > 1
+    def masters(self) -> str:
+        """See `Scene`."""
+        return "left and right"
+
+    @property
+    def places(self) -> dict[str, NDArray[np.float64]]:
+        """Seats that have a place, else the viewing distance: name -> (xyz), m from the screen."""
+        if self.theatre is None:
+            return {"viewing distance": np.array([0.0, -self.viewing.distance, 0.0])}
+        return {name: np.asarray(place, float) for name, place in self.theatre.seats.items()}
+
+    @property
+    def lenses(self) -> list[tuple[float, ...]]:
+        """Where its projectors stand, if that is told: (xyz), m."""
+        if self.theatre is not None:
+            return [projector.position for projector in self.theatre.projectors]
+        return [] if self.way is None else self.way.lenses
+
+    def asked(self, transport: Path | None, seat: str | None) -> StereoScene:
+        """See `Scene`."""
+        scene = self
+        if transport is not None:
+            with about(transport):
+                scene = scene.with_maps(load_maps(transport))
+        if seat is None:
+            return scene
+        return scene.seen_from(*(scene.seats if seat == "all" else [seat]))
 
     @property
     def approximation(self) -> str | None:
