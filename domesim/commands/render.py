@@ -281,7 +281,7 @@ def tabulate(
         f"{theatre.name}: a white picture's reflected light is {_per_primary(gain)} of its direct "
         f"light (closed form of the bare screen: {_per_primary(closed)})",
         f"standard error {percent(figures['relative_error'])} of it after {tabulation.walks:,.0f} "
-        f"paths, {tabulation.seconds:.0f} CPU-s. {tabulation.status.value}",
+        f"paths, {decimal(tabulation.seconds, 2)} CPU-s. {tabulation.status.value}",
     )
     interrupted = tabulation.status is Status.INTERRUPTED
     if check and not interrupted:
@@ -612,11 +612,12 @@ def _write(
         if name in ("", "direct", "indirect", "ambient")
     }
     console.say(
-        f"mean luminance over the {over}: "
-        + ", ".join(f"{name} {decimal(value)}" for name, value in seen.items())
-        + f" cd/m²; {facts['samples']} paths a pixel, standard error "
-        f"{facts['relative_error']:.1%} of the mean, {facts['cpu_s']:.0f} CPU-s. {facts['status']}"
-        f"\n  -> {out}\n  -> {preview}"
+        f"mean luminance over the {over}, cd/m²: "
+        + ", ".join(f"{name} {decimal(value)}" for name, value in seen.items()),
+        f"standard error {percent(facts['relative_error'])} of the mean after {facts['samples']} "
+        f"paths a pixel, {decimal(facts['cpu_s'], 2)} CPU-s. {facts['status']}",
+        f"  -> {out}",
+        f"  -> {preview}",
     )
     paths = {"scene": scene.name, "output": str(out), "preview": str(preview)}
     return {**paths, "mean_cd_m2": seen, **facts}

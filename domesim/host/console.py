@@ -270,4 +270,4 @@ def sized(count: float) -> str:
     return f"{count / unit:.3g} {name}"
 
 
-_UNITS = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"))
+_UNITS = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"))

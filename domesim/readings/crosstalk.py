@@ -173,7 +173,9 @@ def measured_crosstalk(
 def _system(intended: Display, unintended: Display) -> tuple[float, float]:
     own, other = float(intended.white[1]), float(unintended.white[1])
     if not own > 0:
-        raise InputError(f"{intended.name}: white must be brighter than black, got {own:.3g} cd/m²")
+        raise InputError(
+            f"{intended.name}: white must be brighter than black, got {decimal(own)} cd/m²"
+        )
     ratio = other / own
     variances = [float(_white_variance(display)[1]) for display in (intended, unintended)]
     return ratio, float(np.sqrt(variances[1] + ratio**2 * variances[0]) / own)

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.host.numbers import decimal
 from domesim.readings.noise import Noise, estimated_noise
 from domesim.readings.tables import Mistakes, Row, Table, read_table, text_of
 from domesim.readings.ti3 import ti3_table
@@ -363,4 +364,4 @@ def _note_conflicts(rows: list[Reading], mistakes: Mistakes) -> None:
 
 def told(xyz: Floats) -> str:
     """Formats XYZ for a person: ``50.3 26 3.37``."""
-    return " ".join(f"{value:.3g}" for value in xyz)
+    return " ".join(decimal(value) for value in xyz)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.host.numbers import decimal
 from domesim.readings.crosstalk import MeasuredCrosstalk, measured_crosstalk
 from domesim.readings.gamut import CommonGamut, common_gamut
 from domesim.readings.grey_to_grey import MeasuredGreyToGrey
@@ -189,7 +190,7 @@ def measured_pair(
     noise = readings.noise
     return MeasuredPair(
         source=readings.source,
-        noise=f"{noise.relative:.2%} and {noise.absolute:.2g} cd/m² ({noise.origin})",
+        noise=f"{noise.relative:.2%} and {decimal(noise.absolute, 2)} cd/m² ({noise.origin})",
         displays=own,
         leaks=other,
         bare=(bare[0], bare[1]),

@@ -346,14 +346,14 @@ def _ramp(session: Session, channel: str, mistakes: Mistakes) -> tuple[Mean, ...
     for i, (low, high) in enumerate(pairwise(ramp)):
         noise = SIGMAS * float(np.sqrt(variance[i] + variance[i + 1]))
         got = (
-            f"got {y[i]:.4g} then {y[i + 1]:.4g} for {channel} from level {low.level:g} "
-            f"(line {low.lines[0]}) to {high.level:g}"
+            f"got {decimal(y[i], 4)} then {decimal(y[i + 1], 4)} for {channel} from level "
+            f"{low.level:g} (line {low.lines[0]}) to {high.level:g}"
         )
         if y[i + 1] < y[i] - noise:
             mistakes.add(
                 high.lines[0],
                 f"{session.name}: light must rise with level, {got}, beyond the noise "
-                f"({noise:.2g}); is a row wrong, exchanged or in another unit?",
+                f"({decimal(noise, 2)}); is a row wrong, exchanged or in another unit?",
             )
         elif low.level >= STEEPEST_FROM:
             steepest = (high.level / low.level) ** STEEPEST
@@ -367,8 +367,8 @@ def _ramp(session: Session, channel: str, mistakes: Mistakes) -> tuple[Mean, ...
         if mean.level <= 0.5 and light > FLATTEST * y[-1]:
             mistakes.add(
                 mean.lines[0],
-                f"{session.name}: {mean.place} must be well below full light, got {light:.4g} of "
-                f"{y[-1]:.4g}; did the picture change?",
+                f"{session.name}: {mean.place} must be well below full light, got "
+                f"{decimal(light, 4)} of {decimal(y[-1], 4)}; did the picture change?",
             )
             break
     return ramp

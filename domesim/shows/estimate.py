@@ -19,6 +19,7 @@ from domesim.errors import InputError
 from domesim.frames import ColourTag
 from domesim.host.console import Console, complain, duration, sized
 from domesim.host.cores import cores
+from domesim.host.numbers import decimal
 from domesim.shows.checksums import sha256
 from domesim.shows.cinema import becoming
 from domesim.shows.film import Films, encoding_of
@@ -157,15 +158,20 @@ def estimate(
         "disk_total": size * count + pages.disk + video.disk,
     }
     console.say(
-        f"{count} frames: {duration(figures['seconds_total'])} with {workers} "
-        f"worker{'s' if workers > 1 else ''} ({steady:.3g} s a frame each, from "
-        f"{len(tried.frames)} that were tried), {sized(figures['memory_total'])} of memory, "
-        f"{sized(figures['disk_total'])} on the disk"
+        f"{_counted(count, 'frame')}, by {_counted(len(tried.frames), 'frame')} tried:",
+        f"  time: {duration(figures['seconds_total'])} with {_counted(workers, 'worker')}, "
+        f"{decimal(steady)} s a frame",
+        f"  memory: {sized(figures['memory_total'])}",
+        f"  disk: {sized(figures['disk_total'])}",
     )
     for what, cost in (("pages", pages), ("the video", video)):
         if cost.seconds:
-            console.say(f"Of these, {what}: {duration(cost.seconds)}, {sized(cost.disk)}")
+            console.say(f"  in it, {what}: {duration(cost.seconds)}, {sized(cost.disk)}")
     return figures
+
+
+def _counted(count: int, thing: str) -> str:
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 
 
 def _pages(

@@ -32,6 +32,7 @@ from domesim.frames.messages import joined
 from domesim.frames.reading import size_of, unsaid
 from domesim.frames.views import made_for
 from domesim.host.console import about
+from domesim.host.numbers import decimal
 from domesim.shows.job import Job, Record, versions
 from domesim.shows.show import Show
 from domesim.shows.small import small_of, write_small
@@ -115,7 +116,7 @@ class Column:
         """A figure as text."""
         if not isinstance(value, int | float):
             return "–" if value is None else str(value)
-        return f"{100 * value:.3g}" if self.unit == "%" else f"{value:.3g}"
+        return decimal(100 * value if self.unit == "%" else value)
 
 
 @final

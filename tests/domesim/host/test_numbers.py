@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import math
+from pathlib import Path
 
 import pytest
 
@@ -35,3 +37,24 @@ def test_a_ratio_may_be_infinite():
     assert ratio(6071.3) == "6070 : 1"
     assert ratio(558.24, 4) == "558.2 : 1"
     assert ratio(None) == ratio(math.inf) == "infinite"
+
+
+@pytest.mark.parametrize("package", ["domesim", "compensate"])
+def test_no_message_asks_for_an_exponent(package):
+    files = sorted((Path(__file__).parents[3] / package).rglob("*.py"))
+    assert files
+    assert [f"{path.name}:{line}" for path in files for line in exponents(path.read_text())] == []
+
+
+def test_an_exponent_in_a_message_is_noticed():
+    assert exponents('a = f"within {gap:.1e} of it"\nb = f"{gap:.1%}, {name}"\n') == [1]
+
+
+def exponents(source):
+    """Lines of f-strings whose format makes an exponent."""
+    return [
+        node.lineno
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FormattedValue) and node.format_spec is not None
+        if ast.unparse(node.format_spec).strip("f'\"").endswith("e")
+    ]
