@@ -165,6 +165,11 @@ def analyse(wins: ArrayLike, names: Sequence[str], *, false_alarm: float = 0.05)
     false_alarm
         Probability of calling any pair different if none is.
 
+    Returns
+    -------
+    study
+        Scale values, pairs that differ, and a test of equality.
+
     Raises
     ------
     InputError
@@ -210,6 +215,11 @@ def totals_from_chi2(
         Pearson's statistic for equal wins, as printed.
     digits
         Digits behind its point.
+
+    Returns
+    -------
+    totals
+        (set, condition) numbers of wins.
 
     Raises
     ------

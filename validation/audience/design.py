@@ -74,6 +74,11 @@ def plan(
     repeats
         How often the viewer sees each pair of methods of each master.
 
+    Returns
+    -------
+    trials
+        In the order in which the viewer sees them.
+
     Raises
     ------
     InputError

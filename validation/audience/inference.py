@@ -118,6 +118,11 @@ def audience(counts: ArrayLike, names: Sequence[str], *, false_alarm: float = 0.
     false_alarm
         Probability of calling any pair different if none is.
 
+    Returns
+    -------
+    study
+        Preferences of the pairs, with intervals over viewers.
+
     Raises
     ------
     InputError
@@ -172,6 +177,11 @@ def share_interval(wins: ArrayLike, trials: ArrayLike) -> tuple[float, float]:
     ----------
     wins, trials
         (viewer,) choices for one condition, and all. Viewers without any are left out.
+
+    Returns
+    -------
+    interval
+        Its ends, 0..1.
 
     Raises
     ------

@@ -80,7 +80,22 @@ class Situation(Record):
 def simulated(
     situation: Situation, viewers: int, audiences: int, random: np.random.Generator
 ) -> NDArray[np.int64]:
-    """(audience, viewer, method, method) choices; the first method is the best."""
+    """Simulates the choices of audiences whose best method is the first.
+
+    Parameters
+    ----------
+    situation
+        What is assumed.
+    viewers, audiences
+        Viewers of an audience, and number of audiences.
+    random
+        Source of random numbers.
+
+    Returns
+    -------
+    choices
+        (audience, viewer, method, method) how often the first was preferred to the second.
+    """
     scale = np.zeros(situation.methods)
     scale[0] = situation.log_odds()
     own = situation.spread / np.sqrt(2) * random.standard_normal((audiences, viewers, len(scale)))
@@ -103,6 +118,11 @@ def power(situation: Situation, viewers: int, *, audiences: int = 1000, seed: in
         How many there are.
     audiences, seed
         How many are simulated, and the seed of their random numbers.
+
+    Returns
+    -------
+    power
+        Share of studies that prove the best method better than each other, 0..1.
 
     Raises
     ------
