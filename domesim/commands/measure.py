@@ -628,7 +628,7 @@ name = {seat}
 
 
 def _error(map_: CrosstalkMap) -> str:
-    """Standard errors of a matrix for the scene file; one for all primaries that were not told."""
+    """Standard errors of a matrix for the scene file; one if primaries were not measured."""
     if not map_.of_primaries:
         return f"{map_.system_error:.4g}"
     return _rows(map_.matrix_error)

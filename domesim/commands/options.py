@@ -114,7 +114,7 @@ class Place:
     seat: SeatName = None
 
     def load(self, console: Console) -> tuple[SceneChoice, Scene]:
-        """The scene, for this process and for others; what is approximate is said.
+        """Loads the scene, for this process and for others; says if it is approximate.
 
         Raises
         ------
@@ -142,7 +142,7 @@ def about_scene(scene: Scene) -> dict[str, Any]:
 
 
 def scene_of(choice: SceneChoice, console: Console) -> Scene:
-    """The scene of a command; what is approximate is said.
+    """Loads the scene of a command; says if it is approximate.
 
     Raises
     ------

@@ -91,7 +91,7 @@ def check(
 def _told(
     scene: DomeScene, lit: Coverage, light: Photometry | None, console: Console
 ) -> dict[str, Any]:
-    """Figures of a theatre, which are said, too."""
+    """Prints figures of a theatre, and returns them."""
     theatre = scene.theatre
     eyes = [view.position[2] for view in theatre.seats.values()]
     figures: dict[str, Any] = {

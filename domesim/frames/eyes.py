@@ -50,7 +50,7 @@ def of_video(stereo_3d: bytes | None, mode: str) -> Eyes | None:
     ValueError
         If it is another packing.
     """
-    if mode.startswith(("anaglyph", "block")):  # which FFmpeg tells only so
+    if mode.startswith(("anaglyph", "block")):  # FFmpeg states these only here
         raise ValueError(mode)
     if stereo_3d is None:
         return None

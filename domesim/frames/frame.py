@@ -24,7 +24,7 @@ class Header:
     """What a file holds besides R, G, B; plain Python, so that a frame can be pickled."""
 
     format: str = ""  # for a person; "" for a frame that came from no file
-    file: Format | None = None  # what an image file said besides; None for others
+    file: Format | None = None  # what else an image file states; None for videos
     attributes: tuple[tuple[str, str, Any], ...] = ()  # name, type, value
     channels: tuple[str, ...] = ("R", "G", "B")
     kinds: tuple[str, ...] = ("float", "float", "float")  # each channel's type in the file

@@ -12,7 +12,7 @@ LARGEST_SIDE = 32768
 """Pixels; a header that claims more is taken for damaged, before memory is asked for."""
 
 SQUARE = 0.01
-"""Largest difference of a pixel's sides, relative: ratios are told in few digits."""
+"""Largest relative difference of a pixel's sides: files state ratios in few digits."""
 
 
 class DamagedError(ValueError):
@@ -20,7 +20,7 @@ class DamagedError(ValueError):
 
 
 def damaged(path: Path, label: str, got: str) -> InputError:
-    """The error for a file of which a part is missing or wrong."""
+    """The error for a file that is incomplete or damaged."""
     return InputError(f"{path}: wanted a complete {label}, got {got}. Copy or render it again.")
 
 

@@ -459,7 +459,7 @@ Samples: TypeAlias = tuple[NDArray[Any], list[NDArray[Any]]]
 
 
 def read_channels(path: Path, reader: Any, layout: Layout) -> Samples:
-    """The samples that `layout` tells of."""
+    """Reads the samples of `layout`."""
     header = layout.header
     others = [k for k in range(len(header.channels)) if k not in header.rgb]
     if len(set(header.kinds)) == 1:

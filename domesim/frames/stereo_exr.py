@@ -104,7 +104,7 @@ def read_stereo_exr(
     ------
     InputError
         As for `read_frame`; or if the views are not left and right, or their pictures are not to
-        be told from other parts.
+        be distinguished from other parts.
     """
     if not _is_exr(path):
         return None

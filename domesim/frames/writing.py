@@ -253,7 +253,7 @@ def _rescaled(plane: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
 
 # The header.
 
-# What a format says of how it is stored, not of the image; it is said anew.
+# Attributes of how a format is stored, not of the image; they are written anew.
 _STORAGE = re.compile(
     "|".join(
         [
@@ -330,7 +330,7 @@ def _survives(target: Target, name: str) -> bool:
 
 
 def _keeps_colour(frame: Frame) -> bool:
-    """Whether what the file said of its colour still holds, and is all that there is to say."""
+    """Whether the file's own statement of its colour still holds, and is complete."""
     read = frame.header.colour
     if read is None or not frame.colour.means_the_same_as(read):
         return False
@@ -349,7 +349,7 @@ def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> 
         if suffix := form.encoder_suffix(path):
             place = stack.enter_context(_named(place, path, suffix))
         writer = stack.enter_context(writer_of(name))
-        # The first header tells of all parts.
+        # The first header describes all parts.
         header = parts[0][0] if len(parts) == 1 else tuple(spec for spec, _ in parts)
         written = all(
             (writer.open(place, spec, "AppendSubimage") if k else writer.open(place, header))

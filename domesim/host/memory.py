@@ -24,7 +24,7 @@ KEEPS_FREED_MEMORY = {f"MALLOC_{name}": str(value) for name, (_, value) in _KEEP
 
 @cache
 def keep_freed_memory() -> None:
-    """Tell the C library to keep freed arrays for the next ones, where it can be told (glibc).
+    """Makes the C library keep freed arrays for the next ones (glibc only).
 
     Else each large array is fetched from the system and zeroed anew, page by page: a fifth of the
     time of a solution. Arrays of more than `KEPT` bytes go back: with the gaps that they leave, a

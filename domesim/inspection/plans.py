@@ -213,7 +213,7 @@ def _beams(draw: _Drawing, theatre: Theatre, axes: slice) -> None:
 
 
 def _projectors(draw: _Drawing, theatre: Theatre, axes: slice, reach: float) -> None:
-    """Projectors and rays to the corners of their fields; one in the centre if none is told."""
+    """Projectors and rays to the corners of their fields; one in the centre if there is none."""
     for lens in theatre.lenses:
         place = np.asarray(lens.position)
         # Of a rectangle the corners, of a circle four places
@@ -272,7 +272,7 @@ def flat_section(scene: FlatScene) -> str:
 
 
 def _room(scene: FlatScene, axis: int) -> Floats:
-    """(corner, 2) of its room in the drawing, from above or from the side; none if none is told."""
+    """Corners (corner, 2) of its room, from above or from the side; none if none is described."""
     room = None if scene.way is None else scene.way.room
     if room is None:
         return np.zeros((0, 2))

@@ -43,7 +43,7 @@ _KEPT, _ROUNDING = 0.99, 1e-12
 """Share of the variance of a map's errors that its changes keep; and the variance, relative to the
 squared mean of the map, up to which it is rounding."""
 BLOCK, LEAST_PIXELS = 4, 400
-"""Side of a block, pixels, and how many a cell must have for blocks to be told apart."""
+"""Side of a block, pixels, and least number of blocks in a cell."""
 
 
 @final

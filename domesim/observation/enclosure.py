@@ -29,7 +29,7 @@ _GRADING = 2.0
 _RIM = 2e-3
 """Share of the screen that may be hidden without a word: what its rim amounts to."""
 _PICTURE = 256
-"""Pixels a side of the picture that tells the projectors' shares."""
+"""Pixels a side of the picture on which the projectors' shares are measured."""
 _CLOSE = 1e-9
 _CHUNK = 256
 

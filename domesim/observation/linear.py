@@ -2,7 +2,7 @@
 
     psi(x) = A x + ambient
 
-A is told by a function and its adjoint, or by a matrix. What is desired is seen by D x = x.
+A is given by a function and its adjoint, or by a matrix. What is desired is seen by D x = x.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def require_linear(
     apply: Callable[[Light], Light],
     adjoint: Callable[[Light], Light],
 ) -> None:
-    """Refuse a map of light that is not linear, or has another adjoint; noise tells.
+    """Refuse a map of light that is not linear, or has another adjoint, on noise.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ their weighted mean, is kept where it is within `MISFIT` of L* at every level, o
 else the ramp itself becomes a table, made to rise by isotonic regression where it dips by less than
 the noise. A real CRT, for instance, has an offset that a pure power cannot follow near black.
 
-What does not fit together is told, with lines: additivity, W - K against (R - K) + (G - K) +
+What does not fit together is reported, with lines: additivity, W - K against (R - K) + (G - K) +
 (B - K); readings below black; ramps that fall or jump; a primary that changes colour with level.
 """
 
@@ -43,7 +43,7 @@ MISFIT = 1.0
 """Largest error of the gamma model in CIE L* of the primary's own full light, about one step that
 can be seen."""
 DRIFT_WARNING, DRIFT_LIMIT = 0.01, 0.05
-"""Change of chromaticity (CIE 1976 u'v') with level that is told, and that is refused."""
+"""Change of chromaticity (CIE 1976 u'v') with level that is reported, and that is refused."""
 DRIFT_FROM = 0.05
 """Share of full light below which chromaticity is too uncertain to judge."""
 DEPENDENT = 1e3
@@ -339,7 +339,7 @@ def _ramp(session: Session, channel: str, mistakes: Mistakes) -> tuple[Mean, ...
     """The levels of a channel, if they rise as a display's do."""
     ramp = session.means.get(channel, ())
     full = session.full(channel)
-    # White that is black is told elsewhere.
+    # White that is black is refused elsewhere.
     if full is None or not session.net(full).any():
         return ()
     y, variance, _ = _signal(session, ramp)

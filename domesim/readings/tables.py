@@ -2,7 +2,7 @@
 
 A CSV file has one line of column names; lines that are empty or begin with # are skipped. The same
 table in TOML is a list of [[reading]] sections. Nothing is guessed: what cannot be read is a
-mistake, and all mistakes of a file are told in one go, each with its line.
+mistake, and all mistakes of a file are reported at once, with their lines.
 """
 
 from __future__ import annotations
@@ -261,7 +261,7 @@ def _toml(text: str, mistakes: Mistakes) -> Table:
     sections = content.pop("reading", None)
     if not isinstance(sections, list) or not all(isinstance(s, dict) for s in sections):
         raise InputError(f"{mistakes.source}: wanted sections [[reading]], got none")
-    # tomllib tells no lines; headers are found in the text.
+    # tomllib gives no lines; headers are searched in the text.
     tables = [
         number
         for number, line in enumerate(text.splitlines(), 1)

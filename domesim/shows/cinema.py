@@ -77,7 +77,7 @@ class Cinema:
         job
             Theirs.
         console
-            Who is told.
+            Where messages go.
 
         Raises
         ------

@@ -117,7 +117,7 @@ def _serve(
         else:
             end(ended.order, ended.outcome)
     except Exception:
-        hall.require_scheduler(_SETTLING)  # of which everything else may be a consequence
+        hall.require_scheduler(_SETTLING)  # everything else may follow from it
         raise
 
 

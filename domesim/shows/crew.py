@@ -35,7 +35,7 @@ _LOST = "5 minutes"  # for a worker that died to be there again, on a busy machi
 _HANDLES = 10  # of files that the command has open for each worker; of its own they are 21
 
 _TALKERS = ("distributed", "tornado", "asyncio")
-"""Whose log messages the command tells in its own words."""
+"""Loggers whose messages the command prints in its own words."""
 
 
 @final
@@ -214,7 +214,7 @@ def require_dask(address: str) -> None:
 
 
 def be_quiet() -> None:
-    """Let Dask print nothing: what goes wrong, the command tells."""
+    """Silences Dask: the command reports what goes wrong."""
     for name in (*_TALKERS, *logging.root.manager.loggerDict):
         if name.split(".")[0] in _TALKERS:
             logging.getLogger(name).setLevel(logging.CRITICAL)

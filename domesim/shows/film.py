@@ -71,7 +71,7 @@ class Films:
         job
             Theirs.
         console
-            Who is told.
+            Where messages go.
 
         Raises
         ------

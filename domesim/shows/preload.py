@@ -7,7 +7,7 @@ from domesim.shows.crew import be_quiet
 
 
 def dask_setup(worker: object) -> None:
-    """Ctrl-C and the like are for the command, which tells its workers, also what goes wrong."""
+    """Leaves Ctrl-C and errors to the command, which tells its workers."""
     for each in ENDINGS:  # a terminal, SLURM and systemd send them to all processes
         signal.signal(each, signal.SIG_IGN)
     be_quiet()

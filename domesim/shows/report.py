@@ -106,12 +106,12 @@ class Report:
         self._unchecked.discard(order.output[0].name)
         self._new += not (isinstance(outcome, Finished) and outcome.kept)
         if time.time() - self._written > EVERY:
-            with suppress(InputError):  # said when the run ends, if it still is so
+            with suppress(InputError):  # reported when the run ends, if it still is so
                 self._write("running")
 
     def interrupt(self) -> None:
         """Marks the run as ended early."""
-        with suppress(InputError):  # the run's end is told already
+        with suppress(InputError):  # the run's end is reported already
             self._end("stopped")
 
     def finish(self) -> Path:

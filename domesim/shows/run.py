@@ -367,7 +367,7 @@ def do_all(
     start, end
         Called with the name of each that is begun, and as each is done.
     console
-        Who is told of the crew.
+        Where messages about the crew go.
 
     Raises
     ------
@@ -498,7 +498,7 @@ class _Telling:
             if self._report is not None:
                 self._report.add(order, outcome)
         if isinstance(outcome, Failed):
-            # What would fail all frames is told once
+            # What would fail all frames is printed once
             if not (outcome.hopeless and self._hopeless):
                 complain(outcome.reason)
             self._hopeless += outcome.hopeless

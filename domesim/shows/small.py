@@ -58,7 +58,7 @@ def write_small(place: Path, pictures: Sequence[NDArray[np.floating]]) -> None:
     pixels = np.rint(255 * SRGB().encode(light)).astype(np.uint8)
     names, size = ("R", "G", "B"), (pixels.shape[1], pixels.shape[0])
     png = encode(place, "png", [(bare_specification(names, ("uint8",) * 3, size, []), pixels)])
-    place.parent.mkdir(exist_ok=True)  # not the job's folder: one that goes away is told
+    place.parent.mkdir(exist_ok=True)  # not the job's folder: its loss is reported
     colour = colour_chunks(ColourTag("srgb", "BT.709", "computed"))
     write_whole(place, with_colour_chunks(png, colour))
 

@@ -555,7 +555,7 @@ def _caught(order: Order) -> Iterator[list[Failed]]:
 
 
 def _fault(order: Order, error: Exception) -> str:
-    """A fault of the program, told in one line; the rest goes into a file."""
+    """Reports a fault of the program in one line; the rest goes into a file."""
     message = f"{order.moment[0]}: a fault of domesim itself: {type(error).__name__}: {error}"
     if order.job is not None:
         place = order.job.fault(order.output)
@@ -563,7 +563,7 @@ def _fault(order: Order, error: Exception) -> str:
         handle, name = tempfile.mkstemp(prefix="domesim-", suffix=".txt")
         os.close(handle)
         place = Path(name)
-    with suppress(OSError):  # which is told for results
+    with suppress(OSError):  # failing to write results is reported
         place.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")
     return f"{joined(message)} (report it with {place})"
 

@@ -1,6 +1,6 @@
 """Crosstalk of a polarised 3D cinema by hand: one reflection, in Mueller calculus.
 
-Light is a Stokes vector (I, Q, U, V). Q and U are told in axes that both lens and eye share: right,
+Light is a Stokes vector (I, Q, U, V). Q and U are in axes that lens and eye share: right,
 and up, for an audience that faces the screen. V is above 0 for the right hand of what goes to the
 audience, so that a mirror leaves all four as they are, and is below 0 for the right hand of what
 goes to the screen.
@@ -10,7 +10,7 @@ degrees. It sends, and as an analyser it passes with (I + q S)/2,
 
     q = D (-sin(eps) cos(2a), -sin(eps) sin(2a), h cos(eps)),   D = (1 - e)/(1 + e), h = ±1
 
-So of two filters of which one should block the other (1 - q q')/2 leaks: for parallel axes and no
+If one of two filters should block the other, (1 - q q')/2 leaks: for parallel axes and no
 leaks sin²((eps + eps')/2), for crossed ones sin²((eps - eps')/2). Errors of one sign add up in the
 first and cancel in the second.
 

@@ -182,7 +182,7 @@ class StereoTheatre:
     wavelengths
         Wavelengths of the three primaries, nm; None if filters are the same for all light.
     design
-        Wavelength that the filters' retardance errors are told for, nm.
+        Wavelength of the filters' retardance errors, nm.
 
     Raises
     ------

@@ -32,7 +32,7 @@ Window: TypeAlias = tuple[int, int, int, int]
 class Format:
     """An image format; and what a file of it says that OpenImageIO does not tell. Abstract.
 
-    The table has one that no file said anything to. Plain Python, so that it can be pickled.
+    The table's formats are of no file yet. Plain Python, so that it can be pickled.
     """
 
     name: str  # as OpenImageIO calls it
@@ -40,7 +40,7 @@ class Format:
     suffixes: tuple[str, ...] = ()  # of files that are written in it; none if it is only read
     depths: tuple[int, ...] = ()  # bits of a sample, as they are written
     eyes: Eyes | None = None  # how two views are packed, if the file says so
-    # None where OpenImageIO tells:
+    # None where OpenImageIO reads it:
     turned: int | None = None  # Exif's number for its orientation
     aspect: float | None = None  # width of a pixel by its height
     unassociated: bool | None = None  # whether colours are not multiplied by alpha
@@ -199,7 +199,7 @@ class Format:
         return False
 
     def invented(self) -> frozenset[str]:
-        """Attributes that OpenImageIO tells, and the file does not."""
+        """Attributes that OpenImageIO invents: the file has none of them."""
         return frozenset()
 
     def exposed(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -374,7 +374,7 @@ class Format:
 @final
 @dataclass(frozen=True)
 class Plain(Format):
-    """A format that OpenImageIO reads, writes and tells everything of."""
+    """A format that OpenImageIO reads and writes in full."""
 
 
 @dataclass(frozen=True)

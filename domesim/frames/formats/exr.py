@@ -126,7 +126,7 @@ class EXR(Format):
 
 
 def said(target: Target) -> Attributes:
-    """What the header said that still holds of the part that is to be written."""
+    """Attributes of the header that still hold for the part to be written."""
     assert isinstance(target.format, EXR)
     attributes = attributes_in(target.format.carried[0])
     if not target.keeps_colour:

@@ -21,7 +21,7 @@ from domesim.frames.formats.base import Format
 from domesim.frames.messages import one_line
 
 _FORMAT = "32-bit_rle_rgbe"
-_LONG_TEXT = 1 << 16  # bytes of what is told, for which no limit is named
+_LONG_TEXT = 1 << 16  # bytes of a header, for which no limit is published
 # Exif's orientation by signs of the outer and the inner axis: rows first, and columns first.
 _ROWS = {"-+": 1, "--": 2, "+-": 3, "++": 4}
 _COLS = {"+-": 5, "--": 6, "-+": 7, "++": 8}

@@ -45,7 +45,7 @@ class JPEG(Format):
     storage = ("jpeg:subsampling",)
 
     def examined(self, path: Path, file: BinaryIO) -> Self:
-        """OpenImageIO does not tell which eye is which, and loses some of what is told."""
+        """OpenImageIO does not read which eye is which, and loses some metadata."""
         content = file.read()
         if pair_of(content) is not None:
             raise InputError(
@@ -177,7 +177,7 @@ def pair_of(content: bytes) -> tuple[bytes, bytes] | None:
 
 
 def joined_pair(left: bytes, right: bytes) -> bytes:
-    """The MPO of two JPEGs: an index in the first tells where both are (CIPA DC-007, 5.2)."""
+    """The MPO of two JPEGs: an index in the first says where both are (CIPA DC-007, 5.2)."""
     size = len(left) + len(_index_segment(0, 0, 0))
     # Places count from behind the segment's marker, length and name; JFIF's segment is before it.
     marker, first = next(_segments_of(left), (0, b""))

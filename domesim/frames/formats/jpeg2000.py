@@ -1,4 +1,4 @@
-"""JPEG 2000: what OpenImageIO neither checks, tells nor keeps (ITU-T T.800, annexes A and I).
+"""JPEG 2000: what OpenImageIO does not check, read or keep (ITU-T T.800, annexes A and I).
 
 A file is a codestream (.j2k), or boxes around one (.jp2). A codestream tells its meaning only by a
 digital-cinema profile: then it is X'Y'Z' (SMPTE ST 429-4). Boxes hold the colour, and metadata.
@@ -91,7 +91,7 @@ class JPEG2000(Format):
             spec.attribute(f"jpeg2000:{profile}", oiio.TypeDesc("uint"), 24)
 
     def encoder_suffix(self, path: Path) -> str:
-        """It tells boxes from a codestream."""
+        """By it the encoder chooses between boxes and a codestream."""
         return ".jp2" if path.suffix.lower() == ".jp2" else ".j2k"
 
     def finished(self, content: bytes, path: Path, target: Target) -> bytes:
@@ -230,6 +230,6 @@ def _inside(boxes: bytes, wanted: bytes) -> bytes:
 
 
 def _enumerated(metadata: bytes) -> int | None:
-    """EnumCS, if the colour is told so: method, precedence, approximation, EnumCS."""
+    """EnumCS, if a box states the colour so: method, precedence, approximation, EnumCS."""
     colour = _inside(_inside(metadata, b"jp2h"), b"colr")
     return int.from_bytes(colour[3:7]) if colour[:1] == b"\1" else None

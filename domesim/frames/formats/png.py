@@ -196,7 +196,7 @@ def with_colour_chunks(png: bytes, colour: bytes) -> bytes:
 
 
 def _with_utf8_text(png: bytes) -> bytes:
-    """`png` with the text that OpenImageIO writes as UTF-8, but as if it were Latin-1, told so."""
+    """Marks as UTF-8 the text of `png` that OpenImageIO writes so, but declares Latin-1."""
     return png[:8] + b"".join(
         _as_utf8(whole) if kind == b"tEXt" else whole for kind, whole in chunks_of(png)
     )

@@ -18,7 +18,7 @@ from domesim.errors import InputError
 Floats = NDArray[np.float64]
 
 HARDEST = 20.0
-"""Condition number of the matrix from which colours cannot be told apart."""
+"""Condition number of the matrix from which colours cannot be distinguished."""
 _SEEN = 0.05
 """Least share of the brightest channel that the primary's own channel must see of it."""
 

@@ -24,7 +24,7 @@ likelihood [2]).
 
 If residuals are larger than noise allows, the model is wrong by something that is not among the
 nuisances. A relative error of the model, independent at all places, is then added to the noise, as
-large as makes chi² what it should be; it is told.
+large as makes chi² what it should be; it is reported.
 
 [1] G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10, 413 (1973). [2] D. J. Venzon, S. H.
 Moolgavkar, Applied Statistics 37, 87 (1988).
@@ -64,7 +64,7 @@ IMPROBABLE = 3.0
 _TELLING = 0.3
 """Least standard deviation of what can be found, below which photographs do not tell a thing."""
 _ALIKE = 0.7
-"""Correlation from which two nuisances are not told apart."""
+"""Correlation from which two nuisances cannot be distinguished."""
 _LEANING = 0.3
 """Standard error over the assumed one from which a figure leans on what was assumed."""
 _SAME = 1e-6
@@ -364,7 +364,7 @@ class _Problem:
 
     @property
     def _told(self) -> NDArray[np.int64]:
-        """(primary, figure) index of the parameter that tells each figure."""
+        """Index (primary, figure) of a figure's parameter."""
         index = np.arange(3 * self._count).reshape(3, self._count)
         if self._white:
             index[:, 0] = 3 * self._count + self._nuisances
@@ -444,7 +444,7 @@ class _Problem:
             )
         value = x[figures]
         value[:, 0] = np.exp(value[:, 0])
-        # Ambient light is told by photographs
+        # Ambient light follows from photographs
         gain = np.exp(x[: 3 * self._count : self._count])
         ambient, ambient_error = self._ambient(x, covariance)
         shown_error = error.copy()

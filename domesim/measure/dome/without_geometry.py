@@ -40,7 +40,7 @@ _AMBIENT_DEGREE = 3
 _FADING = 0.4
 """Standard deviation of ambient light's parts of one degree over that of the degree below."""
 _LARGE = 0.01
-"""Error of the reflected light of patterns left out that is told as one."""
+"""Error of the reflected light of left-out patterns that is reported."""
 _MOST_MISFIT = 4.0
 """Chi² over its degrees of freedom from which nothing is answered."""
 
