@@ -19,6 +19,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 from command_line import Outcome, exit_code, outcome
+from image_files import store
 from numpy.typing import NDArray
 
 from domesim.frames import read_frame
@@ -103,16 +104,6 @@ def layers_of(path: Path) -> Layers:
     return Layers(layers, header)
 
 
-def store(path: Path, pixels: NDArray[Any]) -> Path:
-    """A linear EXR."""
-    spec = oiio.ImageSpec(*pixels.shape[1::-1], 3, oiio.FLOAT)
-    writer = oiio.ImageOutput.create(str(path))
-    assert writer.open(str(path), spec), writer.geterror()
-    assert writer.write_image(np.ascontiguousarray(pixels, np.float32))
-    assert writer.close()
-    return path
-
-
 def uneven(size: int = SIZE) -> NDArray[np.float32]:
     """A picture whose quarters differ, and its primaries."""
     picture = np.full((size, size, 3), 0.1, np.float32)
@@ -137,8 +128,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("rendering")
     for name, text in {"bare": BARE, "hall": HALL, "furnished": FURNISHED}.items():
         (place / f"{name}.toml").write_text(text)
-    store(place / "white.exr", np.ones((SIZE, SIZE, 3)))
-    store(place / "grey.exr", np.full((SIZE, SIZE, 3), 0.25))
+    store(place / "white.exr", np.ones((SIZE, SIZE, 3)).astype(np.float32))
+    store(place / "grey.exr", np.full((SIZE, SIZE, 3), 0.25).astype(np.float32))
     store(place / "uneven.exr", uneven())
     return place
 
@@ -205,11 +196,6 @@ def test_layers_add_up(white: tuple[Layers, dict[str, Any]]) -> None:
     np.testing.assert_allclose(found[""], found["direct"] + found["indirect"], rtol=1e-6)
     bounces = sum(found[f"bounce{k}"] for k in range(1, figures["bounces"] + 1))
     np.testing.assert_allclose(bounces, found["indirect"], rtol=1e-4, atol=1e-6)
-    # Of a hemisphere each bounce is rho / 2 of the one before.
-    screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
-    first, second = (found[f"bounce{k}"][screen].mean() for k in (1, 2))
-    assert first == pytest.approx(WHITE / 4, rel=0.01)
-    assert second == pytest.approx(WHITE / 16, rel=0.02)
 
 
 def test_the_header_says_where_it_is_from(white: tuple[Layers, dict[str, Any]]) -> None:
@@ -266,15 +252,6 @@ def test_large_numbers_fit_into_the_header(folder: Path) -> None:
     arguments = ("--master", folder / "white.exr", "--samples", 2, "--seed", seed, "--json")
     figures = domesim("render", "dome_hemisphere", "--out", out, *arguments).figures()
     assert figures["seed"] == int(layers_of(out).header["domesim:seed"]) == seed
-
-
-def test_too_few_samples_are_said(folder: Path) -> None:
-    figures = domesim(
-        "render", "dome_hemisphere", "--master", folder / "white.exr", "--samples", 2,
-        "--out", folder / "few" / "seen.exr", "--json",
-    ).figures()  # fmt: skip
-    assert figures["samples"] == 2
-    assert "most samples" in figures["status"]
 
 
 def test_the_bundled_master_is_resized(folder: Path) -> None:
@@ -516,46 +493,18 @@ def test_compensate_uses_the_table(folder: Path, room: tuple[Path, Path, Outcome
     assert written["with"].mean() < written["without"].mean() - 1e-3
 
 
-CHANGES = {
-    "the floor": ("albedo = 0.3 }", "albedo = 0.4 }"),
-    "the dome": ("radius_m = 5.0", "radius_m = 5.5"),
-    "a seat": ("seats_per_row = 3", "seats_per_row = 2"),
-}
-
-
 @pytest.mark.parametrize("command", ["observe", "compensate"])
-@pytest.mark.parametrize("case", CHANGES)
 def test_the_table_of_another_theatre_is_refused(
-    folder: Path, room: tuple[Path, Path, Outcome], command: str, case: str
+    folder: Path, room: tuple[Path, Path, Outcome], command: str
 ) -> None:
     scene, table, _ = room
-    before, after = CHANGES[case]
     other, out = folder / "other.toml", folder / "refused"
-    assert scene.read_text().count(before) == 1
-    other.write_text(scene.read_text().replace(before, after))
+    other.write_text(scene.read_text().replace("seats_per_row = 3", "seats_per_row = 2"))
     outcome = domesim(
         command, folder / "white.exr", "--scene", other, "--transport", table, "--out", out
     )
     outcome.is_refused(str(table), "'a furnished room'", "domesim tabulate", "again")
     assert not out.exists()
-
-
-def test_a_table_holds_for_whoever_looks(folder: Path, room: tuple[Path, Path, Outcome]) -> None:
-    """Names, viewers and black change nothing about where light goes."""
-    scene, table, _ = room
-    text = scene.read_text()
-    for before, after in (
-        ("a furnished room", "the same"), ("_m2 = 1.4", "_m2 = 9"), ("0.02", "0.01"),
-    ):  # fmt: skip
-        assert before in text
-        text = text.replace(before, after)
-    other = folder / "same.toml"
-    other.write_text(text)
-    outcome = domesim(
-        "observe", folder / "white.exr", "--scene", other, "--transport", table,
-        "--out", folder / "same",
-    )  # fmt: skip
-    assert (outcome.code, outcome.err) == (0, "")
 
 
 # Ctrl-C.

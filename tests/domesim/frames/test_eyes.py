@@ -8,10 +8,8 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813
 import pytest
 from command_line import Run
-from image_files import store
 from PIL import Image
 from videos import KINDS, write_video
 
@@ -221,16 +219,6 @@ def test_exiftool_finds_both_in_an_mpo_of_ours(tmp_path: Path) -> None:
     np.testing.assert_allclose(pictures_in(tmp_path / "second.jpg")[0], views()[1], atol=3)
 
 
-def test_the_command_takes_an_mpo(tmp_path: Path, out: Path, run: Run) -> None:
-    path = mpo(tmp_path / "in.mpo")
-    scene = ("--scene", "stereo_cinema_silver", "--method", "none", "--dither", "none")
-    result = run("compensate", path, *scene, "--out", out)
-    assert result.code == 0, result
-    assert "left and right in one MPO" in result.out
-    for found, view in zip(pictures_in(out / "in.mpo"), views(), strict=True):
-        np.testing.assert_allclose(found, view, atol=3)
-
-
 def test_mpos_of_more_views_or_less_than_they_say_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="MPO of 3 views"):
         read_master([mpo(tmp_path / "in.mpo", (0x020002,) * 3)])
@@ -372,18 +360,3 @@ def test_halves_are_not_taken_for_pairs(tmp_path: Path) -> None:
     write_master(master, [tmp_path / "l.png", tmp_path / "r.png"])
     assert b"sTER" not in (tmp_path / "l.png").read_bytes()
     assert len(read_master([tmp_path / "l.png", tmp_path / "r.png"]).frames) == 2
-
-
-def test_pictures_of_several_views_in_an_exr_have_names(tmp_path: Path) -> None:
-    samples = np.random.default_rng(3).random((ROWS, COLS, 6)).astype(np.float16)
-    path = store(
-        tmp_path / "in.exr",
-        samples,
-        "R,G,B,left.R,left.G,left.B",
-        multiView=("string[2]", ("right", "left")),
-    )
-    master = read_master([path])
-    np.testing.assert_array_equal(master.frames[0].pixels, samples[..., 3:].astype(np.float32))
-    write_master(master, [tmp_path / "out.exr"])
-    reader = oiio.ImageInput.open(str(tmp_path / "out.exr"))
-    assert reader.spec().getattribute("multiView") == ("right", "left")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 import struct
 import zlib
 from dataclasses import replace
@@ -127,30 +126,6 @@ def test_dpx_of_10_bits_packs_the_codes_themselves(tmp_path: Path, order: str) -
     assert content[36:136].rstrip(b"\0") == b"out.dpx"
 
 
-def test_png_of_16_bits_holds_the_codes_themselves(tmp_path: Path) -> None:
-    codes = all_codes(16)[::64]
-    write_frame(frame(codes / 65535), tmp_path / "x.png", bits=16)
-    data = b"".join(body for kind, body in png_chunks(tmp_path / "x.png") if kind == b"IDAT")
-    rows, cols, _ = codes.shape
-    lines = unfiltered(zlib.decompress(data), rows, cols * 6)
-    np.testing.assert_array_equal(lines.view(">u2").reshape(codes.shape), codes)
-
-
-def unfiltered(data: bytes, rows: int, length: int) -> np.ndarray:
-    """PNG specification, 9.2, for 6 bytes a pixel."""
-    above, lines = [0] * (length + 6), []
-    for row in range(rows):
-        kind, *line = data[row * (length + 1) : (row + 1) * (length + 1)]
-        done = [0] * 6
-        for k, value in enumerate(line):
-            a, b, c = done[k], above[k + 6], above[k]
-            nearest = min((a, b, c), key=lambda x, p=a + b - c: abs(p - x))
-            done.append((value + (0, a, b, (a + b) // 2, nearest)[kind]) % 256)
-        lines.append(done[6:])
-        above = done
-    return np.array(lines, np.uint8)
-
-
 def test_codes_are_rounded_to_the_nearest_ties_to_even(tmp_path: Path) -> None:
     values = np.array([0.49, 0.5, 0.51, 1.5, 2.5, 254.4999, 254.6]) / 255
     pixels = np.broadcast_to(values[None, :, None], (1, 7, 3))
@@ -247,13 +222,6 @@ METADATA = {
         "Software": "renderer 1",
     },
 }
-
-
-def test_metadata_that_is_not_utf8_survives(tmp_path: Path) -> None:
-    path = store(tmp_path / "in.exr", texture("float16"), **{"studio/city": "Zxrich"})
-    path.write_bytes(path.read_bytes().replace(b"Zxrich", b"Z\xfcrich"))
-    write_frame(read_frame(path), tmp_path / "out.exr")
-    assert b"Z\xfcrich" in (tmp_path / "out.exr").read_bytes()
 
 
 @pytest.mark.parametrize("suffix", METADATA)
@@ -489,18 +457,6 @@ def test_the_same_frame_gives_the_same_bytes(tmp_path: Path) -> None:
         first, second = ((tmp_path / f"{name}.{suffix}").read_bytes() for name in "ab")
         assert first.replace(b"a.dpx", b"b.dpx") == second
         assert b"/proc" not in first
-
-
-def test_a_frame_can_be_sent_to_another_process(tmp_path: Path) -> None:
-    source = store(
-        tmp_path / "in.exr",
-        texture("float16", 4),
-        "R,G,B,A",
-        chromaticities=("float[8]", CHROMATICITIES),
-    )
-    write_frame(pickle.loads(pickle.dumps(read_frame(source))), tmp_path / "out.exr")
-    write_frame(read_frame(source), tmp_path / "same.exr")
-    assert (tmp_path / "out.exr").read_bytes() == (tmp_path / "same.exr").read_bytes()
 
 
 # Colour.
@@ -774,25 +730,6 @@ def test_flipped_bytes_are_noticed(
             if result.shape == expected.shape:
                 assert np.mean(result != expected) < 0.05
     assert noticed > 75
-    assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize("name", TRUNCATED)
-def test_damaged_headers_never_crash(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str
-) -> None:
-    dtype, attributes = TRUNCATED[name]
-    path = store(tmp_path / name, texture(dtype), **attributes)
-    content = path.read_bytes()
-    rng = np.random.default_rng(7)
-    for position in rng.integers(min(len(content), 1200), size=120):
-        damaged = bytearray(content)
-        damaged[position] = rng.integers(256)
-        path.write_bytes(damaged)
-        try:
-            read_frame(path)
-        except InputError as error:
-            assert "\n" not in str(error)  # noqa: PT017 (both outcomes are right)
     assert capfd.readouterr() == ("", "")
 
 

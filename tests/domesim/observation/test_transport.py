@@ -259,20 +259,6 @@ def test_a_place_that_cannot_be_written_is_refused(place: str, reason: str, tmp_
     assert {item.name for item in tmp_path.rglob("*")} == {"file", "folder"}
 
 
-def test_a_full_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "a.npz"
-    smooth().save(path)
-
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "replace", full)
-    with pytest.raises(InputError, match="no space left on device"):
-        smooth(seed=1).save(path)
-    assert [item.name for item in tmp_path.iterdir()] == ["a.npz"]
-    assert same(load_transport(path), smooth())
-
-
 # Modes
 
 

@@ -154,24 +154,6 @@ def test_it_observes_what_it_traces(tracer: Tracer) -> None:
     np.testing.assert_array_equal(dome.trace(other).indirect.mean, parts.indirect.mean)
 
 
-def test_it_is_linear_in_the_picture(room_tracer: Tracer) -> None:
-    a, b = picture(seed=1), 0.5 * picture(seed=2)[:, ::-1, ::-1]
-    settings = {"error": 0.03, "least": 64, "seed": 4}
-    first, second, both = (
-        traced(room_tracer, light, **settings).indirect for light in (a, b, 2 * a + b)
-    )
-    screen = on_screen(room_tracer.theatre)
-    error = np.sqrt(both.standard_error**2 + 4 * first.standard_error**2 + second.standard_error**2)
-
-    def pooled(a: float, b: float) -> Floats:
-        gap = both.mean - a * first.mean - b * second.mean
-        return np.asarray(gap[screen].sum(0) / np.sqrt((error[screen] ** 2).sum(0)))
-
-    assert np.all(np.abs(pooled(2, 1)) < 4), pooled(2, 1)
-    assert np.all(np.abs(pooled(2, 1.1)) > 4)
-    assert np.all(np.abs(pooled(1.9, 1)) > 4)
-
-
 def test_a_brighter_picture_is_traced_alike(tracer: Tracer) -> None:
     """The same seed, and a factor that float32 knows exactly: nothing but the factor changes."""
     one, four = (traced(tracer, k * picture(), least=16, most=16).indirect for k in (1, 4))
@@ -212,13 +194,6 @@ def test_the_wanted_error_is_reached(tracer: Tracer, error: float) -> None:
     assert found.status is Status.CONVERGED
     assert rms <= error * (1 + 1e-5)
     assert found.samples < (0.03 / error) ** 2 * 4000
-
-
-def test_no_more_is_done_than_needed(tracer: Tracer) -> None:
-    """A hundredth of the squared error takes a hundred times the walks, or so."""
-    rough, fine = (traced(tracer, error=error, least=4).indirect for error in (0.1, 0.02))
-    assert 15 < fine.samples / rough.samples < 40
-    assert fine.steps == pytest.approx(rough.steps * fine.samples / rough.samples, rel=0.05)
 
 
 def test_the_most_samples_allowed_are_taken(tracer: Tracer) -> None:

@@ -709,6 +709,38 @@ def test_a_picture_that_did_not_change_is_refused(read):
     )
 
 
+FINE = display_rows(lambda x: x**2.2, levels=np.linspace(1 / 30, 1, 30))
+FINE[1] = "K,0,0.001,0.001,0.001"
+
+
+def with_light_of(line, other):
+    changed = list(FINE)
+    changed[line - 1] = ",".join([*FINE[line - 1].split(",")[:2], *FINE[other - 1].split(",")[2:]])
+    return changed
+
+
+def in_foot_lamberts(*lines):
+    changed = list(FINE)
+    for line in lines:
+        channel, level, *xyz = FINE[line - 1].split(",")
+        changed[line - 1] = ",".join([channel, level, *(f"{float(v) / 3.426:g}" for v in xyz)])
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (with_light_of(19, 25), "line 20: display: light must rise with level"),
+        (with_light_of(19, 49), "line 19: display: R at level 0.566667 must have the colour of"),
+        (in_foot_lamberts(19), "line 19: display: light must rise with level"),
+        (in_foot_lamberts(*range(4, 19)), "light must rise smoothly"),
+    ],
+    ids=["exchanged", "another channel", "a row in foot-lamberts", "half in foot-lamberts"],
+)
+def test_a_row_that_does_not_fit_its_neighbours_is_refused(read, rows, expected):
+    refused(lambda: one(read("\n".join(rows))), expected)
+
+
 def test_a_ramp_of_white_without_full_white_is_no_response(read):
     rows = display_rows(lambda x: x**2.5, levels=(1.0,))
     rows += [f"W,{x},{40 * x**2.5 + 1},{40 * x**2.5 + 1},{40 * x**2.5 + 1}" for x in RAMP]
@@ -768,83 +800,3 @@ def test_the_crt_table_gives_a_sensible_display():
     assert 0 < display.drift.max() < 0.01
     codes = np.tile(np.linspace(0, 1, 256)[:, None], 3)
     assert response.transfer.encode(response.transfer.decode(codes)) == pytest.approx(codes)
-
-
-def dirty(path, change):
-    lines = CRT.read_text().splitlines()
-    change(lines)
-    path.write_text("\n".join(lines))
-    return lambda: one(read_readings(path, black="subtracted"))
-
-
-def scaled(line, factor):
-    channel, level, *xyz = line.split(",")
-    return ",".join([channel, level, *(f"{float(v) * factor:g}" for v in xyz)])
-
-
-def negated(lines):
-    lines[18] = scaled(lines[18], -1)
-
-
-def exchanged(lines):
-    (a, i), (b, j) = (lines[18].split(",", 2)[::2], lines[24].split(",", 2)[::2])
-    assert a == b == "R"
-    lines[18], lines[24] = (
-        ",".join([*lines[18].split(",")[:2], j]),
-        ",".join([*lines[24].split(",")[:2], i]),
-    )
-
-
-def other_channel(lines):
-    lines[18], lines[48] = (
-        ",".join([*lines[18].split(",")[:2], lines[48].split(",", 2)[2]]),
-        ",".join([*lines[48].split(",")[:2], lines[18].split(",", 2)[2]]),
-    )
-
-
-def one_in_foot_lamberts(lines):
-    lines[18] = scaled(lines[18], 1 / 3.426)
-
-
-def half_in_foot_lamberts(lines):
-    for i in range(3, 18):
-        lines[i] = scaled(lines[i], 1 / 3.426)
-
-
-def not_a_number(lines):
-    lines[18] = lines[18].rsplit(",", 1)[0] + ",nan"
-
-
-def no_luminance(lines):
-    for i in range(2, len(lines)):
-        cells = lines[i].split(",")
-        lines[i] = ",".join(cells[:3] + cells[4:])
-
-
-@real
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [
-        (negated, ["line 19: X must be 0 to 1e+06", "line 19: Y", "line 19: Z"]),
-        (exchanged, ["line 20: display: light must rise with level", "line 25: "]),
-        (other_channel, ["line 19: display: R at level 0.533333 must have the colour of full R"]),
-        (one_in_foot_lamberts, ["line 19: display: light must rise", "in another unit?"]),
-        (half_in_foot_lamberts, ["line 19: display: light must rise smoothly", "another unit?"]),
-        (not_a_number, ["line 19: Z must be a number, got 'nan'"]),
-        (no_luminance, ["line 3: column Y is missing; got X, Z, channel, level"]),
-    ],
-)
-def test_a_dirty_crt_table_is_refused_with_its_line(tmp_path, change, expected):
-    refused(dirty(tmp_path / "dirty.csv", change), "dirty.csv", *expected)
-
-
-@real
-def test_a_crt_table_with_a_boosted_white_is_refused(tmp_path):
-    def add_white(lines):
-        lines.append("W,1,170,180,250")
-
-    refused(
-        dirty(tmp_path / "dirty.csv", add_white),
-        "line 95: display: W must be R + G + B",
-        "Y +20.7%",
-    )

@@ -16,6 +16,8 @@ from domesim.room.dome import Dome
 Floats = NDArray[np.float64]
 
 SHAPES = {
+    "small cap": Dome(3.0, np.radians(15)),
+    "sphere": Dome(3.0, np.pi),
     "flat": Dome(3.0, np.radians(80), height_ratio=0.6),
     "tall, leaning": Dome(3.0, np.radians(100), 0.3, height_ratio=1.7),
     "cut level": Dome(3.0, np.radians(120), truncated_below=-0.5),
@@ -299,7 +301,10 @@ def test_a_dome_encloses_what_its_axes_say(ratio: float) -> None:
             assert not dome.encloses((1.001 * x, 1.001 * y, 1.001 * z))
 
 
-@pytest.mark.parametrize(("ratio", "lens"), [(0.6, (0.5, -1.0, 0.8)), (1.5, (0.3, 0.2, 3.4))])
+@pytest.mark.parametrize(
+    ("ratio", "lens"),
+    [(0.6, (0.5, -1.0, 0.8)), (1.0, (1.0, 0.5, -0.3)), (1.5, (0.3, 0.2, 3.4))],
+)
 def test_all_light_of_a_lens_lands_in_a_closed_ellipsoid(
     ratio: float, lens: tuple[float, float, float]
 ) -> None:

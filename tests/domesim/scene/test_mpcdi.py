@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import struct
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -395,13 +394,3 @@ def test_a_theatre_without_projectors_cannot_be_exported(tmp_path: Path, run: Ru
     run("scene", "export", scene_file(tmp_path, [lens]), "--out", tmp_path / "x").is_refused(
         "'fish' is a fisheye"
     )
-
-
-def test_numbers_of_warps_are_read_as_written(tmp_path: Path) -> None:
-    """Rows are stored from the bottom up (as the standard's own library does)."""
-    values = np.arange(2 * 3 * 3, dtype=np.float32).reshape(2, 3, 3)
-    body = b"".join(struct.pack("<9f", *values[row].ravel()) for row in (1, 0))
-    content = xml(frustum={}, files=fileset(geometryWarpFile="w.pfm"))
-    path = package(tmp_path / "x.mpcdi", content, w_pfm=b"PF\n3 2\n-1.000000\n" + body)
-    (region,) = read_mpcdi(path)
-    np.testing.assert_allclose(region.points, values / 1000)

@@ -60,10 +60,6 @@ def test_bundled_scenes_load_and_cite_every_figure(name):
     assert uncited <= (ideal if name == "dome_hemisphere" else set())
 
 
-def test_the_three_theatres_are_there():
-    assert {"dome_hemisphere", "dome_imax", "dome_planetarium"} <= set(scene_names())
-
-
 def test_a_scene_becomes_its_objects(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(GOOD)
@@ -80,17 +76,12 @@ def test_a_scene_becomes_its_objects(tmp_path):
 @pytest.mark.parametrize(
     ("good", "bad", "message"),
     [
-        ("radius_m = 8.0", "radius_m = 0", "dome.radius_m: .*greater than 0, got 0"),
-        ("radius_m = 8.0", "", "dome.radius_m: is missing"),
-        ("radius_m = 8.0", "radius_m = inf", "dome.radius_m: .*finite"),
         ("radius_m = 8.0", "radius = 8.0\nradius_m = 8.0", "dome.radius: .*mean 'radius_m'"),
         ("[ambient]", "[ambiant]", "ambiant: .*mean 'ambient'"),
-        ("albedo = [0.4, 0.5, 0.6]", "albedo = 1.2", "screen.albedo: .*equal to 1, got 1.2"),
         ("albedo = [0.4, 0.5, 0.6]", "albedo = [0.4, 1.2, 0.6]", r"screen.albedo\[1\]: .*got 1.2"),
         ("perforation = 0.2", "perforation = 1", "screen.perforation: .*less than 1"),
         ("black_cd_m2 = 0.01", "black_cd_m2 = 11", "projector: .*below white"),
         ("white_cd_m2", 'primaries = "sRGB"\nwhite_cd_m2', "primaries 'sRGB' are not known"),
-        ("[0.0, 1.0, 0.0]", "[0.0, 9.0, 0.0]", "projector.lens.position_m: .*inside the sphere"),
         ('name = "mine"', "name = mine", "not valid TOML"),
     ],
 )
@@ -102,18 +93,6 @@ def test_a_mistake_is_named_in_one_line(tmp_path, good, bad, message):
         load_scene(path)
     assert "\n" not in str(error.value)
     assert str(error.value).startswith(str(path))
-
-
-def test_all_mistakes_are_listed_in_one_go(tmp_path):
-    path = tmp_path / "mine.toml"
-    text = GOOD.replace("radius_m = 8.0", "radius_m = -1").replace("albedo", "albdo")
-    path.write_text(text.replace("adaptation_cd_m2 = 1.0", 'adaptation_cd_m2 = "bright"'))
-    with pytest.raises(InputError) as error:
-        load_scene(path)
-    lines = str(error.value).splitlines()
-    assert "4 mistakes" in lines[0]
-    paths = {line.split(":")[0].strip() for line in lines[1:]}
-    assert paths == {"dome.radius_m", "screen.albdo", "screen.albedo", "viewing.adaptation_cd_m2"}
 
 
 @pytest.mark.parametrize(

@@ -207,16 +207,6 @@ def test_the_middle_one_fails(
     assert threads() == set()
 
 
-def test_an_unreadable_one_is_named_in_its_turn(
-    show: Show, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    show.moments[1][0].write_bytes(b"no image")
-    done = do(show, tmp_path / "out", work())
-    assert [frame["number"] for frame in done.frames] == [1, 3]
-    assert "in.2.exr" in done.failed[0]
-    assert "in.2.exr" in capfd.readouterr().err
-
-
 @pytest.mark.parametrize("step", ["preparing", "solving", "finishing"])
 def test_it_ends_at_once_with_nothing_half_written(show: Show, tmp_path: Path, step: str) -> None:
     out = tmp_path / "out"
@@ -261,15 +251,6 @@ def test_strips_cover_all_rows_once(shape: tuple[int, ...]) -> None:
 
     assert sum(in_strips(count, shape)) == shape[0] * shape[1]
     assert (counts == 1).all()
-
-
-def test_a_mistake_in_a_strip_is_raised() -> None:
-    def fail(view: int, rows: slice) -> None:
-        if rows.start:
-            raise InputError("here")
-
-    with pytest.raises(InputError, match="here"):
-        in_strips(fail, (1, 3000, 500, 3))
 
 
 def test_what_fails_after_it_was_written_leaves_nothing_behind(show: Show, tmp_path: Path) -> None:
