@@ -12,10 +12,8 @@ import pytest
 from command_line import Run
 from image_files import store
 from plain_files import DPX_SAMPLE, read_dpx, read_tiff, write_dpx, write_tiff
-from test_bad_input import written
 
 from domesim.frames import read_frame
-from domesim.frames.encodings import ENCODINGS
 
 DOME, PAIR = "dome_hemisphere", "stereo_polarised_paper"
 SIDE = 40
@@ -219,17 +217,6 @@ def test_each_command_takes_an_encoding_and_says_it(
     assert frame["encoding"] == expected
 
 
-@pytest.mark.parametrize("command", ["compensate", "compare", "predict", "observe"])
-def test_an_unknown_encoding_lists_the_known_ones(
-    run: Run, tmp_path: Path, out: Path, command: str
-) -> None:
-    source = store(tmp_path / "in.png", picture("uint16"))
-    target = out / "page.html" if command == "compare" else out
-    outcome = run(command, source, "--scene", DOME, "--out", target, "--encoding", "rec709")
-    outcome.is_refused("--encoding 'rec709' is not known", *ENCODINGS, "st2084:p3-d65")
-    assert written(out) == []
-
-
 def test_a_named_encoding_is_written_and_another_light_computed(
     run: Run, tmp_path: Path, out: Path
 ) -> None:
@@ -314,11 +301,3 @@ def test_pixels_off_the_screen_stay_as_they_were(run: Run, tmp_path: Path, out: 
     before, after = (read_frame(path).pixels for path in (source, out / "in.png"))
     np.testing.assert_array_equal(after[beyond], before[beyond])
     assert (after[~beyond] != before[~beyond]).any()
-
-
-@pytest.mark.parametrize("command", ["compensate", "observe"])
-def test_an_unknown_way_of_rounding(run: Run, tmp_path: Path, out: Path, command: str) -> None:
-    source = store(tmp_path / "in.png", picture("uint8"))
-    outcome = run(command, source, "--scene", DOME, "--out", out, "--dither", "blue")
-    outcome.is_refused("--dither 'blue' is not known; use tpdf or none")
-    assert written(out) == []

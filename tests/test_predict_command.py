@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
-import test_bad_input
 from command_line import Run
-from test_bad_input import damage, store, written
+from stored_masters import store, written
 
 from compensate.pose import Stage
 from compensate.prediction import MARKED, Prediction, regions, remaining, triage
@@ -108,15 +107,6 @@ def test_the_maps_are_read_back(run: Run, tmp_path: Path, out: Path) -> None:
         np.testing.assert_allclose(maps[name], of, rtol=2**-11, err_msg=name)
     np.testing.assert_array_equal(maps["mask"], wanted.untouched.mask[0])
     np.testing.assert_array_equal(maps["subtracted"], wanted.subtracted.mask[0])
-
-
-@pytest.mark.parametrize("suffix", [".png", ".tif"])
-def test_other_formats_have_the_same_outputs(
-    run: Run, tmp_path: Path, out: Path, suffix: str
-) -> None:
-    master = store(tmp_path / f"m{suffix}", view(4)[:, :ROWS], "uint8")
-    assert run("predict", master, "--scene", DOME, "--out", out).code == 0
-    assert written(out) == names("m")
 
 
 def test_a_pair(run: Run, tmp_path: Path, out: Path) -> None:
@@ -313,64 +303,9 @@ def test_the_same_again(run: Run, tmp_path: Path, out: Path) -> None:
         assert (out / "a" / name).read_bytes() == (out / "b" / name).read_bytes()
 
 
-# Bad input.
-
-
 def test_quiet_is_quiet(run: Run, tmp_path: Path, out: Path) -> None:
     outcome = run("predict", fulldome(tmp_path / "m.exr"), "--scene", DOME, "--out", out, "--quiet")
     assert (outcome.code, outcome.out, outcome.err) == (0, "", "")
-
-
-@pytest.mark.parametrize("case", test_bad_input.MASTERS)
-def test_a_bad_master_is_named_in_one_line(run: Run, tmp_path: Path, out: Path, case: str) -> None:
-    make, words = test_bad_input.MASTERS[case]
-    (tmp_path / "in").mkdir()
-    run("predict", make(tmp_path / "in"), "--scene", DOME, "--out", out).is_refused(*words)
-    assert written(out) == []
-
-
-@pytest.mark.parametrize("case", test_bad_input.UNSUITABLE)
-def test_an_unsuitable_master_is_named_in_one_line(
-    run: Run, tmp_path: Path, out: Path, case: str
-) -> None:
-    make, words = test_bad_input.UNSUITABLE[case]
-    run("predict", make(tmp_path), "--scene", DOME, "--out", out).is_refused(*words)
-    assert written(out) == []
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--combination", "both"), ("'both'", "with-veils, paper")),
-        (("--mesopic", "rods"), ("'rods'", "more-sensitive, cie-191")),
-        (("--age", "12"), ("--age", "20 to 80", "got 12")),
-        (("--threshold", "1"), ("threshold", "got 1")),
-        (("--threshold", "nan"), ("threshold", "got nan")),
-        (("--threshold", "-0.1"), ("threshold", "got -0.1")),
-        (("--seat", "left"), ("dome", "no seat 'left'", "names none")),
-        (("--frames", "1-3"), ("--frames", "one file")),
-    ],
-)
-def test_options_that_mean_nothing(
-    run: Run, tmp_path: Path, out: Path, options: tuple[str, ...], words: tuple[str, ...]
-) -> None:
-    master = fulldome(tmp_path / "m.exr")
-    run("predict", master, "--scene", DOME, "--out", out, *options).is_refused(*words)
-    assert written(out) == []
-
-
-def test_several_seats_are_refused(run: Run, tmp_path: Path, out: Path) -> None:
-    arguments = (*pair(tmp_path / "in"), "--scene", STEREO, "--out", out, "--seat", "all")
-    run("predict", *arguments).is_refused("--seat", "sweet spot")
-    assert written(out) == []
-
-
-def test_one_eye_is_refused(run: Run, tmp_path: Path, out: Path) -> None:
-    master = store(tmp_path / "m.exr", view(12))
-    run("predict", master, "--scene", STEREO, "--out", out).is_refused("left and right", "--left")
-    arguments = (*pair(tmp_path / "in"), "--scene", DOME, "--out", out)
-    run("predict", *arguments).is_refused("domemaster")
-    assert written(out) == []
 
 
 def test_neither_inputs_nor_frames_are_replaced(run: Run, tmp_path: Path) -> None:
@@ -411,17 +346,6 @@ def test_left_and_right_of_one_name_in_two_folders(run: Run, tmp_path: Path, out
         assert written(out / eye) == names("a")
 
 
-def test_the_other_frames_of_a_sequence_are_written(run: Run, tmp_path: Path, out: Path) -> None:
-    for number in (1, 2, 3):
-        fulldome(tmp_path / f"s.{number}.exr")
-    damage(tmp_path / "s.2.exr")
-    alone = ("--workers", 0)
-    outcome = run("predict", tmp_path / "s.#.exr", "--scene", DOME, "--out", out, *alone)
-    outcome.is_refused("s.2.exr", "wanted a complete EXR")
-    assert written(out) == sorted(names("s.1") + names("s.3"))
-    assert "2 frames: " in outcome.out
-
-
 def test_nothing_is_half_written(
     run: Run, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -430,17 +354,3 @@ def test_nothing_is_half_written(
     (out / "m.saliency.png").mkdir(parents=True)
     run("predict", master, "--scene", DOME, "--out", out).is_refused("m.saliency.png")
     assert written(out) == ["m.saliency.png"]
-
-
-def test_help(run: Run) -> None:
-    help_ = run("predict", "--help")
-    assert help_.code == 0
-    for option in (
-        "--threshold",
-        "--combination",
-        "--saliency",
-        "--mesopic",
-        "--packing",
-        "--seat",
-    ):
-        assert option in help_.out

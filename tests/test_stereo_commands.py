@@ -8,7 +8,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 from command_line import Run
-from test_bad_input import store, touched, written
+from stored_masters import store, touched, written
 
 from domesim.commands import render as rendering
 from domesim.frames import read_frame, read_master
@@ -206,12 +206,6 @@ def test_all_seats(run: Run, tmp_path: Path, out: Path) -> None:
     assert max(errors["all"]) < max(errors["sweet spot"])
 
 
-def test_all_seats_with_a_method_that_knows_one(run: Run, tmp_path: Path, out: Path) -> None:
-    arguments = ("compensate", *pair(tmp_path / "in"), "--scene", SCENE, "--out", out)
-    found = figures(run, *arguments, "--seat", "all", "--method", "subtractive")
-    assert found["frames"][0]["method"] == "subtractive"
-
-
 @pytest.mark.parametrize("scene", ["stereo_shutter", "stereo_spectral", "stereo_cinema_silver"])
 def test_every_kind_of_system(run: Run, tmp_path: Path, out: Path, scene: str) -> None:
     found = figures(run, "compensate", *pair(tmp_path / "in"), "--scene", scene, "--out", out)
@@ -233,13 +227,6 @@ def test_pairs_are_aimed_at_unless_told(
     default = after("default")
     assert default == after("contrast", "--weighting", "contrast")
     assert default != after("paper", "--weighting", "paper")
-
-
-def test_another_format(run: Run, tmp_path: Path, out: Path) -> None:
-    arguments = ("compensate", *pair(tmp_path / "in"), "--scene", SCENE, "--out", out)
-    assert run(*arguments, "--format", "png", "--bits", "16").code == 0
-    assert written(out) == ["l.png", "r.png"]
-    assert read_frame(out / "l.png").bits == 16
 
 
 # Traced crosstalk.

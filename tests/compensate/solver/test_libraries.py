@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from laws.test_linear_maps import RankTwo
 from pairs import OBSERVATIONS, pair_problem
-from test_bad_input import store
+from stored_masters import store
 from theatres import closed_form, picture, problem, weighting
 
 from compensate.devices import on_device
