@@ -35,6 +35,15 @@ class Viewer:
         self.page.evaluate("domesimViewer.ready")
         return self
 
+    def used(self, path: Path) -> Iterator[Viewer]:
+        """Opens a page, which complains of nothing and asks for nothing else until it is left."""
+        self.page.mouse.move(0, 0)
+        self.requests.clear()
+        self.complaints.clear()
+        yield self.open(path)
+        assert self.complaints == []
+        assert len(self.requests) == 1
+
     def find(self, name: str) -> Any:
         return self.page.get_by_test_id(name)
 
@@ -65,11 +74,8 @@ class Viewer:
 
 def open_page(browser: Any, path: Path, **settings: Any) -> Iterator[Viewer]:
     page = browser.new_page(**({"viewport": {"width": 1440, "height": 900}} | settings))
-    found = Viewer(page).open(path)
-    yield found
+    yield from Viewer(page).used(path)
     page.close()
-    assert found.complaints == []
-    assert len(found.requests) == 1
 
 
 def srgb(light: np.ndarray) -> np.ndarray:

@@ -291,8 +291,8 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def viewer(browser: Any, page_file: Path) -> Iterator[Viewer]:
-    yield from open_page(browser, page_file)
+def viewer(window: Viewer, page_file: Path) -> Iterator[Viewer]:
+    yield from window.used(page_file)
 
 
 def test_split_shows_a_on_the_left_and_b_on_the_right(viewer: Viewer) -> None:
@@ -601,8 +601,8 @@ def stereo_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def stereo(browser: Any, stereo_file: Path) -> Iterator[Viewer]:
-    yield from open_page(browser, stereo_file)
+def stereo(window: Viewer, stereo_file: Path) -> Iterator[Viewer]:
+    yield from window.used(stereo_file)
 
 
 def test_a_mono_page_says_nothing_of_eyes(viewer: Viewer) -> None:

@@ -85,8 +85,8 @@ def dome_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def dome(browser: Any, dome_file: Path) -> Iterator[Viewer]:
-    yield from open_page(browser, dome_file)
+def dome(window: Viewer, dome_file: Path) -> Iterator[Viewer]:
+    yield from window.used(dome_file)
 
 
 # ------------------------------------------------------------------ maps of visible differences
