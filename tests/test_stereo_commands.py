@@ -48,7 +48,7 @@ def figures(run: Run, *arguments: object) -> dict[str, object]:
 def test_a_sequence_of_left_and_right(run: Run, tmp_path: Path, out: Path) -> None:
     left, right = (sequence(tmp_path / eye, "show", seed) for seed, eye in enumerate("LR"))
     arguments = ("--left", left, "--right", right, "--scene", SCENE, "--out", out)
-    found = figures(run, "compensate", *arguments)
+    found = figures(run, "compensate", *arguments, "--workers", 0)
     names = [f"{eye}/show.{number:04d}.exr" for eye in ("left", "right") for number in (1, 2)]
     assert written(out) == ["left", *names[:2], "right", *names[2:]]
     assert (found["scene"], found["seats"]) == (SCENE, ["sweet spot"])

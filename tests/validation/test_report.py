@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,7 @@ from validation.experiment import (
     Missing,
     Panel,
     Pictures,
+    Plot,
     Table,
     Work,
     at_least,
@@ -38,6 +40,12 @@ from validation.origin import digest
 from validation.results import Results
 
 PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACH5BAAAAAAALAAAAAABAAEAAAICRAEAOw=="
+
+
+@cache
+def line() -> Plot:
+    """Drawn once, for that takes longer than all else."""
+    return plot("A line.", "A line that rises.", lambda axes: axes.plot([1, 2]))
 
 
 @dataclass
@@ -67,7 +75,7 @@ class Stub:
                     rows=(("a" * 30, value), ("b", None)),
                 ),
             ),
-            plots=(plot("A line.", "A line that rises.", lambda axes: axes.plot([1, 2])),),
+            plots=(line(),),
             pictures=(Pictures(caption="Dots.", panels=(Panel(title="A", alt="A", data=PIXEL),)),),
             figures={"stub.figure": value},
             left_out=("The rest.",),

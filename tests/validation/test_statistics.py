@@ -23,7 +23,7 @@ def raises(found, truth=1.0, error=ERROR, **settings) -> bool:
 
 def test_false_alarms_are_as_rare_as_promised():
     random = np.random.default_rng(5)
-    trials, rate = 4000, 0.05
+    trials, rate = 1000, 0.05
     alarms = sum(
         raises(1 + ERROR * random.standard_normal(CELLS), false_alarm=rate) for _ in range(trials)
     )

@@ -109,9 +109,9 @@ def test_significant_pairs_are_false_alarms_as_rarely_as_promised():
     trials = np.triu(np.full((4, 4), 51), 1)
     alarms = sum(
         any(pair.significant for pair in analyse(simulated(random, 0 * SCALE, trials), NAMES).pairs)
-        for _ in range(150)
+        for _ in range(80)
     )
-    assert alarms <= 150 * 0.05 + 4 * math.sqrt(150 * 0.05)
+    assert alarms <= 80 * 0.05 + 4 * math.sqrt(80 * 0.05)
 
 
 def test_pairs_that_never_met_are_left_out():
@@ -136,7 +136,7 @@ def test_two_conditions_have_their_log_odds():
     assert scale.misfit is None
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.integers(2, 4).flatmap(tables))
 def test_wins_are_those_expected_or_there_is_no_scale(wins):
     """Zermelo's equations, which hold at the likeliest values only."""
@@ -160,7 +160,7 @@ def test_lopsided_choices_have_a_scale(many):
 
 def test_the_scale_recovers_what_was_simulated():
     random = np.random.default_rng(7)
-    scales = [scale_of(simulated(random)) for _ in range(150)]
+    scales = [scale_of(simulated(random)) for _ in range(80)]
     for i in (1, 2, 3):
         found, error = np.array([(scale.values[i], scale.errors[i]) for scale in scales]).T
         assert_unbiased(found, error, SCALE[i])
@@ -224,7 +224,7 @@ def test_balanced_studies_have_davids_statistic(size):
 
 def test_equality_is_calibrated_and_pearsons_statistic_is_not():
     random = np.random.default_rng(8)
-    studies = [analyse(simulated(random, 0 * SCALE), NAMES) for _ in range(150)]
+    studies = [analyse(simulated(random, 0 * SCALE), NAMES) for _ in range(80)]
     assert calibration(norm.ppf([study.equality.p for study in studies])) > FALSE_ALARM
     assert np.mean([study.equality.statistic for study in studies]) == pytest.approx(3, abs=0.6)
     assert np.mean([study.pearson for study in studies]) < 2.4
