@@ -300,6 +300,7 @@ def test_the_command_exits_with_1_if_anything_is_not_as_expected(tmp_path, stubs
     assert figures["experiments"][NAMES[2]] == "not run"
 
 
+@pytest.mark.long
 def test_a_real_run_survives_a_kill(tmp_path):
     """The whole command, killed in the middle of one of its steps."""
     name = "photographed_crosstalk"
