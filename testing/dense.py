@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from compensate.problem import Problem
 
@@ -27,3 +28,13 @@ def dense(problem: Problem) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     anchor = np.zeros(shape) if problem.anchor is None else np.asarray(problem.anchor)
     held = root * problem.observation.local(anchor - fixed).ravel()
     return matrix, np.concatenate([offset, held]), free
+
+
+def bvls(problem: Problem) -> Floats:
+    """The minimiser by SciPy's dense active-set method, as light."""
+    matrix, offset, free = dense(problem)
+    lower, upper = (np.broadcast_to(b, free.shape)[free] for b in (problem.lower, problem.upper))
+    light = np.array(np.broadcast_to(problem.lower, free.shape), np.float64)
+    answer = lsq_linear(matrix, offset, (lower, upper), method="bvls", tol=1e-14, max_iter=2000)
+    light[free] = answer.x
+    return light

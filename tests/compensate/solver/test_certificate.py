@@ -10,6 +10,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
+import dome_pairs
 import numpy as np
 import pytest
 from laws.test_linear_maps import RankTwo
@@ -24,6 +25,7 @@ from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import CsfWeighting, PerceptualWeighting, Weighting
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from domesim.observation.followed import Followed
 from domesim.observation.seats import SeveralSeats
 
 Theatre = tuple[AdjointObservation, Weighting]
@@ -93,6 +95,14 @@ def seats(setting: Setting) -> Theatre:
     return observation, each.with_importance(np.array([1.0, 0.8, 0.4, 0.5]))
 
 
+def dome_in_3d(make: Callable[[int], Followed]) -> Callable[[Setting], Theatre]:
+    def made(setting: Setting) -> Theatre:
+        observation = make(max(setting.size))
+        return observation, setting.weighting(observation.first.screen, 2)
+
+    return made
+
+
 CLASSES = {
     "dome, one primary": dome(1),
     "dome, colour": dome(3),
@@ -103,6 +113,7 @@ CLASSES = {
     "pair, unequal matrices": stereo(COLOURED),
     "pair, map": stereo(COLOURED, mapped=True),
     "pair, several seats": seats,
+    **{name: dome_in_3d(make) for name, make in dome_pairs.OBSERVATIONS.items()},
 }
 
 
@@ -133,7 +144,8 @@ def theatre(name: str, setting: Setting) -> tuple[AdjointObservation, Weighting,
 
 def free(observation: AdjointObservation) -> np.ndarray:
     """Which values of light are not pinned."""
-    screen = getattr(observation, "screen", None)
+    inner = observation.first if isinstance(observation, Followed) else observation
+    screen = getattr(inner, "screen", None)
     if screen is None:
         return np.ones(observation.shape, bool)
     return np.broadcast_to(screen[None, :, :, None], observation.shape)

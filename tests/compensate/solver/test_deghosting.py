@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from laws.test_crosstalk_laws import BLACK, COLOURED, LEVELS, grey_table
 from laws.test_linear_maps import LIBRARIES
-from scipy.optimize import lsq_linear, minimize
+from scipy.optimize import minimize
 from theatres import problem as dome_problem
 
 from compensate.problem import Problem
@@ -105,13 +105,6 @@ def test_subtraction_by_hand():
     assert light[1] == pytest.approx((0.5 - 0.02) / 0.99, abs=1e-15)
 
 
-def test_subtraction_is_not_least_squares():
-    a = np.array([[1, 0.1], [0.1, 1]])
-    found = lsq_linear(a, [0.005, 0.4], (0, 1), method="bvls")
-    assert found.x == pytest.approx([0, (0.4 + 0.1 * 0.005) / 1.01], abs=1e-12)
-    assert found.x[1] == pytest.approx(0.396535, abs=1e-6)
-
-
 @by_kind
 def test_subtraction_is_the_fixed_point(name):
     """x = clip(desired - black - phi(x))."""
@@ -184,20 +177,6 @@ def test_subtraction_on_every_array_library(name, dtype, convert):
     assert light.dtype == convert(pair(dtype)).dtype
     assert rounds < 60
     assert np.asarray(light) == pytest.approx(expected, abs=1e-6 if dtype == np.float32 else 1e-14)
-
-
-def test_subtraction_agrees_with_least_squares_where_nothing_clips():
-    observation = OBSERVATIONS["map x 3x3"]()
-    problem = posed(observation, pair())
-    light, _ = clipped_subtraction(problem)
-    clips = uncorrectable(problem, light).any(axis=(0, 3))
-    assert 10 < clips.sum() < clips.size - 10
-    for row, col in np.ndindex(clips.shape):
-        wanted = problem.desired[:, row, col].ravel()
-        found = lsq_linear(matrix_at(observation, row, col), wanted, (0, 1), method="bvls")
-        assert np.isclose(found.cost, 0, atol=1e-20) != clips[row, col]
-        if not clips[row, col]:
-            assert found.x == pytest.approx(light[:, row, col].ravel(), abs=1e-9)
 
 
 def test_range_compression_by_hand():

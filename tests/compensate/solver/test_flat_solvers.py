@@ -16,7 +16,6 @@ from flat_cinemas import (
     room_and_flat_crosstalk,
     shutter,
 )
-from scipy.optimize import lsq_linear
 from theatres import problem as dome_problem
 from theatres import weighting
 
@@ -32,6 +31,7 @@ from compensate.solver.result import Status
 from compensate.subtract import reflecting
 from domesim.observation.base import AdjointObservation
 from domesim.observation.seats import SeveralSeats
+from testing.dense import bvls, dense
 
 ROWS, COLS = 4, 5
 
@@ -54,21 +54,6 @@ def posed(observation: AdjointObservation, seed: int = 0) -> Problem:
     )
 
 
-def dense(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and right side of the least squares."""
-    observation, lambda_ = problem.observation, problem.weighting
-    units = np.eye(int(np.prod(observation.shape))).reshape(-1, *observation.shape)
-    seen = [lambda_.apply(observation.linear(unit)).ravel() for unit in units]
-    local = [observation.local(unit).ravel() for unit in units]
-    root = np.sqrt(problem.regularisation)
-    dark = observation.observe(np.zeros(observation.shape))
-    right = [
-        lambda_.apply(problem.desired - dark).ravel(),
-        root * observation.local(problem.anchor).ravel(),
-    ]
-    return np.concatenate([np.array(seen).T, root * np.array(local).T]), np.concatenate(right)
-
-
 @pytest.mark.parametrize(
     "name",
     [
@@ -78,21 +63,17 @@ def dense(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
 )
 def test_the_optimum_is_that_of_dense_least_squares(name):
     problem = posed(COMPOSITIONS[name](ROWS, COLS))
-    matrix, right = dense(problem)
-    best = lsq_linear(matrix, right, (0, 1), method="bvls", tol=1e-14).x
-    found = Accelerated(1e-9, max_iterations=20000)(problem, problem.anchor).light
-    assert np.abs(found.ravel() - best).max() < 1e-6
-    cost = problem.cost(best.reshape(found.shape))
-    assert problem.cost(found) == pytest.approx(cost, rel=1e-9)
+    best = bvls(problem)
+    light = Accelerated(1e-9, max_iterations=20000)(problem, problem.anchor).light
+    assert np.abs(light - best).max() < 1e-6
+    assert problem.cost(light) == pytest.approx(problem.cost(best), rel=1e-9)
     assert np.count_nonzero(best < 1e-9) > 3  # much is clipped
 
 
 def test_a_pair_in_a_room_is_solved_fast():
     problem = posed(room_and_flat_crosstalk(ROWS, COLS))
     assert kind_of(problem.observation) is Kind.REFLECTED_PAIR
-    matrix, right = dense(problem)
-    best = lsq_linear(matrix, right, (0, 1), method="bvls", tol=1e-14).x
-    cost = problem.cost(best.reshape(problem.observation.shape))
+    cost = problem.cost(bvls(problem))
     found = Fitted(ADMM(tolerance=1e-4))(problem, problem.anchor)
     assert found.gap is not None
     assert (found.cost - cost) / cost <= found.gap <= 1e-4
@@ -128,7 +109,7 @@ def test_what_is_certified_is_above_the_true_gap_in_200_problems():
 def test_the_certificate_is_that_of_the_bound_by_hand():
     problem = posed(cinema(ROWS, COLS))
     modulus = convexity(problem)
-    matrix, _ = dense(problem)
+    matrix, _, _ = dense(problem)
     assert 0 < modulus <= np.linalg.eigvalsh(matrix.T @ matrix)[0] * (1 + 1e-9)
     x = np.full(problem.observation.shape, 0.2)
     gradient = np.random.default_rng(3).standard_normal(x.shape) * modulus

@@ -188,9 +188,7 @@ def test_a_gpu_that_is_not_there(device, count, found, monkeypatch):
         on_device(ADMM(), device)
 
 
-@pytest.mark.parametrize(
-    "device", ["gpu", "mps", "cupy", "cupy:1", "cuda:", "cuda:x", "torch:0", "cpu:0", ""]
-)
+@pytest.mark.parametrize("device", ["gpu", "cuda:", "cuda:x", "torch:0", ""])
 def test_a_device_that_is_not_known(device):
     with pytest.raises(InputError, match=f"--device {device}: not known; use cpu"):
         on_device(ADMM(), device)
@@ -202,8 +200,6 @@ PAPER = ("--weighting", "paper")
 @pytest.mark.parametrize(
     ("command", "options", "message"),
     [
-        ("compensate", (*PAPER, "--device", "gpu"), "--device gpu: not known"),
-        ("compensate", (*PAPER, "--device", "cuda"), "--device cuda needs torch"),
         ("compensate", ("--device", "cuda"), "contrasts need no solver"),
         (
             "compensate",

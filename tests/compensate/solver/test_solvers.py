@@ -7,13 +7,16 @@ against the true gap; KKT conditions, not only answers.
 from __future__ import annotations
 
 import tracemalloc
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
+import dome_pairs
 import numpy as np
+import pairs
 import pytest
 from laws.test_linear_maps import RankTwo
-from scipy.optimize import lsq_linear, minimize
+from scipy.optimize import minimize
 from theatres import closed_form, picture, problem, unequal_weighting, weighting
 
 from compensate.fourier import LIBRARIES, Fourier
@@ -25,36 +28,12 @@ from compensate.solver.admm.hessian import hessian_of
 from compensate.solver.baselines import RaisedBlack, Subtractive, Untouched
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
-from compensate.weighting import PerceptualWeighting
+from compensate.weighting import Masked, PerceptualWeighting
 from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre
 from domesim.scene import load_dome
-from testing.dense import dense
+from testing.dense import bvls
 from testing.masters import night
-
-MINIMISERS = {
-    "admm": ADMM(tolerance=1e-13, max_iterations=20000),
-    "gpcg": GPCG(tolerance=1e-6, max_iterations=2000, max_cg_steps=60),
-}
-LARGEST_ERROR = {"admm": 1e-6, "gpcg": 3e-5}  # of the light; GPCG has no certificate to stop by
-PROBLEMS = {
-    "one primary": {"primaries": 1},
-    "rgb": {},
-    "corrected lens": {"falloff": False},
-    "all coarse errors count": {"gain": 1.0},
-    "pure Daly": {"gain": 0.0},
-    "weak regulariser": {"mu": 1e-4},
-}
-
-
-def bvls(posed: Problem) -> np.ndarray:
-    """The minimiser by SciPy's dense active-set method, as Light."""
-    matrix, offset, free = dense(posed)
-    lower, upper = (np.broadcast_to(b, free.shape)[free] for b in (posed.lower, posed.upper))
-    answer = lsq_linear(matrix, offset, (lower, upper), method="bvls", tol=1e-14, max_iter=2000)
-    light = np.broadcast_to(posed.lower, free.shape).copy()
-    light[free] = answer.x
-    return light
 
 
 def lbfgsb(posed: Problem, start: np.ndarray) -> float:
@@ -78,11 +57,54 @@ def lbfgsb(posed: Problem, start: np.ndarray) -> float:
     return float(found.fun)
 
 
+MINIMISERS = {
+    "admm": ADMM(tolerance=1e-13, max_iterations=20000),
+    "gpcg": GPCG(tolerance=1e-7, max_iterations=2000, max_cg_steps=80),
+    "accelerated": Accelerated(tolerance=1e-9, max_iterations=50000),
+}
+LARGEST_ERROR = {"admm": 1e-6, "gpcg": 3e-5, "accelerated": 1e-6}
+"""Of the light; GPCG has no certificate to stop by."""
+Posed = tuple[Problem, np.ndarray]
+
+
+def unequal() -> Posed:
+    """A dome, and channels with a sensitivity each."""
+    posed, start = problem(5)
+    return posed.weighted_by(unequal_weighting(posed.observation.screen)), start
+
+
+PROBLEMS: dict[str, Callable[[], Posed]] = {
+    "dome, one primary": lambda: problem(5, primaries=1),
+    "dome": lambda: problem(5),
+    "dome, corrected lens": lambda: problem(5, falloff=False),
+    "dome, all coarse errors count": lambda: problem(5, gain=1.0),
+    "dome, pure Daly": lambda: problem(5, gain=0.0),
+    "dome, weak regulariser": lambda: problem(5, mu=1e-4),
+    "dome, unequal channels": unequal,
+    **{
+        f"pair, {name}": lambda make=make: pairs.pair_problem(make(6, 7))
+        for name, make in pairs.OBSERVATIONS.items()
+    },
+    **{
+        name: lambda make=make: dome_pairs.pair_problem(make(5), seed=2)
+        for name, make in dome_pairs.OBSERVATIONS.items()
+    },
+}
+
+
+@cache
+def reference(name: str) -> tuple[Problem, np.ndarray, np.ndarray]:
+    """A problem, its start, and its minimiser by SciPy."""
+    posed, start = PROBLEMS[name]()
+    return posed, start, bvls(posed)
+
+
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.parametrize("solver", MINIMISERS)
 def test_minimisers_agree_with_bvls(solver, name):
-    posed, start = problem(5, **PROBLEMS[name])
-    wanted = bvls(posed)
+    if solver == "gpcg" and name.startswith("3D"):
+        pytest.skip("the paper has no 3D domes")
+    posed, start, wanted = reference(name)
     result = MINIMISERS[solver](posed, start)
     assert result.status is Status.CONVERGED
     assert np.abs(result.light - wanted).max() <= LARGEST_ERROR[solver]
@@ -91,26 +113,20 @@ def test_minimisers_agree_with_bvls(solver, name):
     assert 0.02 < clipped < 0.98  # or the bounds would not have been tested
 
 
+@pytest.mark.parametrize("masked", [False, True])
 @pytest.mark.parametrize("solver", MINIMISERS)
-def test_minimisers_agree_with_lbfgsb(solver):
+def test_minimisers_agree_with_lbfgsb(solver, masked):
+    """Also where errors count by a spatial mask, which ADMM does not take."""
     posed, start = problem(24, seed=3)
+    if masked:
+        mask = np.linspace(0.3, 1, 24 * 24).reshape(24, 24)
+        posed = posed.weighted_by(Masked(mask, posed.weighting))
+        if solver == "admm":
+            with pytest.raises(ValueError, match="takes a CsfWeighting, got Masked"):
+                MINIMISERS[solver](posed, start)
+            return
     result = MINIMISERS[solver](posed, start)
     assert result.cost == pytest.approx(lbfgsb(posed, start), rel=1e-6)
-
-
-def test_channels_with_a_sensitivity_each():
-    posed, start = problem(5)
-    lambda_ = unequal_weighting(posed.observation.screen)
-    posed = Problem(
-        posed.observation,
-        lambda_,
-        posed.desired,
-        (posed.lower, posed.upper),
-        anchor=start,
-        regularisation=1e-3,
-    )
-    wanted = bvls(posed)
-    assert np.abs(MINIMISERS["admm"](posed, start).light - wanted).max() <= 1e-6
 
 
 @pytest.mark.parametrize("primaries", [1, 3])
@@ -134,22 +150,6 @@ def test_the_hessian_is_inverted(primaries):
     across = (energy(other + found) - energy(found) - energy(other)) / 2
     assert across == pytest.approx(dot(other, spectra), rel=1e-9)
     assert energy(found) == pytest.approx(dot(found, spectra), rel=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_the_certificate_bounds_the_true_gap(seed):
-    gain = (0.0, 0.1, 0.3, 1.0)[seed % 4]
-    posed, start = problem(9, (1, 3)[seed % 2], seed=seed, gain=gain, mu=(1e-4, 1e-3)[seed % 2])
-    least = ADMM(tolerance=1e-10, max_iterations=5000)(posed, start).cost
-    for steps in (3, 6, 12):
-        early = ADMM(max_iterations=steps)(posed, start)
-        assert early.status is Status.EXHAUSTED or early.gap <= 1e-3
-        true_gap = early.cost / least - 1
-        if early.gap is None:  # nothing certified yet
-            assert steps < 12
-            continue
-        assert early.gap >= true_gap * (1 - 1e-9) - 1e-9
-        assert posed.project(early.light) == pytest.approx(early.light, abs=0)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -242,10 +242,6 @@ def test_acceleration_stalls_no_run(size, dtype):
     assert result.cost <= cost_of_another_solver(size, dtype) * (1 + 1.1e-3)
 
 
-def test_the_default_stops_at_a_thousandth():
-    assert ADMM().tolerance == 1e-3
-
-
 def test_single_precision_is_enough():
     single, start = problem(24, seed=3, dtype=np.float32)
     double, exact_start = problem(24, seed=3)
@@ -261,20 +257,6 @@ def test_optimality_is_zero_at_the_minimiser_only():
     assert posed.optimality(wanted) <= 1e-9
     assert posed.optimality(start) > 1e-4
     assert posed.optimality(posed.project(wanted + 1e-3)) > 1e-7
-
-
-def test_frozen_pollution_converges_elsewhere():
-    """The paper's eq. 9: a fixed point that is not the minimiser once pixels clip."""
-    posed, start = problem(15, seed=2)
-    exact = GPCG(tolerance=1e-9, max_iterations=2000, max_cg_steps=60)(posed, start)
-    frozen = GPCG(frozen=True, tolerance=1e-9, max_iterations=500, max_cg_steps=60)(posed, start)
-    assert frozen.status is Status.CONVERGED
-    again = GPCG(frozen=True, tolerance=1e-9, max_iterations=500, max_cg_steps=60)(
-        posed, frozen.light
-    )
-    assert np.abs(again.light - frozen.light).max() < 1e-5
-    assert frozen.cost > exact.cost * (1 + 1e-5)
-    assert frozen.cost <= posed.cost(start)
 
 
 def test_nothing_to_clip_needs_no_transform():
