@@ -12,7 +12,6 @@ from compensate.solver.deghosting import (
     LocallyRaisedBlack,
     PerceptualSubtraction,
     PlayerShader,
-    RangeCompression,
 )
 from compensate.solver.fitting import Fitted
 from compensate.solver.paper import PaperMethod
@@ -74,7 +73,7 @@ STEREO: Mapping[str, Chosen] = {
     "paper": lambda scene, problem: PaperMethod(scene.viewing, scene.projector.luminance_weights),
     "subtractive": lambda scene, problem: Subtractive(),
     "lab-subtractive": lambda scene, problem: PerceptualSubtraction(scene.projector.to_xyz),
-    "raised-black": lambda scene, problem: RangeCompression(),
+    "raised-black": lambda scene, problem: RaisedBlack(),
     "raised-black-local": _locally_raised,
     "player-shader": lambda scene, problem: PlayerShader(),
     "none": lambda scene, problem: Untouched(),

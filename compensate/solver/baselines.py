@@ -18,7 +18,8 @@ import numpy as np
 from compensate.problem import Problem
 from compensate.solver.result import Result, Status
 from compensate.subtract import MAX_ROUNDS, subtracted
-from domesim.light import Light
+from domesim.light import Array, Light, namespace
+from domesim.observation.base import AdjointObservation
 
 
 @final
@@ -54,33 +55,67 @@ class Subtractive:
 @final
 @dataclass(frozen=True)
 class RaisedBlack:
-    """Raise the black level until subtraction needs no negative light."""
+    """Raises the black level until subtraction needs no negative light.
+
+    J. Konrad, B. Lacotte, E. Dubois, "Cancellation of image crosstalk in time-sequential displays
+    of stereoscopic video", IEEE Trans. Image Processing 9, 897-908, 2000, do so for pairs.
+    """
 
     def __call__(self, problem: Problem, start: Light) -> Result:
-        """Light that shows b + (1 - b) desired exactly; the start's off the screen.
+        """Shows b + (1 - b) desired exactly, with the smallest b; the start is not used.
+
+        Light above white that a matrix with negative entries may ask for is clipped, and what even
+        white cannot outshine.
 
         Raises
         ------
         ValueError
-            If the observation has no inverse.
+            If the observation is not affine.
         """
-        observation = problem.observation
-        screen = np.broadcast_to(problem.lower < problem.upper, start.shape)
-        # Off the screen the start stays, and its light is part of what must be subtracted.
-        stays = observation.direct(start)
-        white = observation.direct(np.ones_like(start))
-        try:
-            low = observation.invert(np.where(screen, problem.desired, stays))
-        except NotImplementedError as error:
-            raise ValueError(f"a raised black takes an inverse: {error}") from None
-        high = observation.invert(np.where(screen, white, stays))
-        short = np.where(screen & (low < problem.lower), problem.lower - low, 0)
-        # x(b) = (1 - b) low + b high is linear: each pixel needs b >= short / (high - low)
-        rise = np.maximum(high - low, short)  # where even white falls short: b = 1
-        needed = np.divide(short, rise, out=np.zeros_like(short), where=short > 0)
-        black = float(needed.max())
-        light = (1 - black) * low + black * high
-        return computed(problem, problem.project(light.astype(start.dtype)), 1)
+        observation, xp = problem.observation, namespace(problem.desired)
+        if not isinstance(observation, AdjointObservation):
+            raise ValueError(
+                f"a raised black takes an affine observation, got {type(observation).__name__}; "
+                f"use its linearised()"
+            )
+        low, rounds = unclipped(problem, problem.desired)
+        high, more = unclipped(problem, observation.direct(xp.ones_like(low)))
+        # x(b) = (1 - b) low + b high must rise to the lower bound
+        black = float(xp.max(share_of(problem.lower - low, high - low)))
+        light = problem.project((1 - black) * low + black * high)
+        return computed(problem, light, rounds + more)
+
+
+def unclipped(problem: Problem, seen: Light) -> tuple[Light, int]:
+    """Finds the light, of whatever sign, that shows `seen`; pinned pixels stay.
+
+    Parameters
+    ----------
+    problem
+        What is observed, and which pixels are pinned.
+    seen
+        (view, row, col, primary).
+
+    Returns
+    -------
+    light, rounds
+        As of `subtracted`.
+    """
+    xp, pinned = namespace(seen), problem.lower == problem.upper
+    infinity = xp.asarray(np.inf, dtype=seen.dtype, device=seen.device)
+    bounds = (
+        xp.where(pinned, problem.lower, -infinity),
+        xp.where(pinned, problem.upper, infinity),
+    )
+    return subtracted(problem.observation, seen, bounds)
+
+
+def share_of(short: Array, rise: Array) -> Array:
+    """Returns how much of `rise` makes up for what is `short`: 0 where nothing is, at most 1."""
+    xp = namespace(short)
+    some = short > 0
+    enough = xp.where(some, xp.maximum(rise, short), xp.ones_like(short))
+    return xp.where(some, short, xp.zeros_like(short)) / enough
 
 
 def clipped_subtraction(

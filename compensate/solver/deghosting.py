@@ -2,42 +2,25 @@
 
 The audience sees psi(x)_v = x_v + phi(x)_v + black_v, where phi mixes views and primaries, but no
 pixels. The other eye's light can be subtracted where a picture has enough light. Where it has not,
-a method decides what becomes of the rest:
+subtraction (`compensate.subtract`) leaves a ghost, and other methods do something about it:
 
-*Subtraction* [1] leaves it. Showing clip(desired - black - phi(desired)) subtracts the ghost of a
-picture that is not shown; the exact solution subtracts the ghost of the picture that is *shown*:
-
-    x = clip(desired - black - phi(x))
-
-The right side is a contraction (||phi|| < 1), so the solution is unique, and iteration finds it to
-rounding; along a table, with each eye's own light solved for in every round. It is not the
-least-squares solution: an eye that can see its picture exactly does, and does not share the other
-eye's error. With c = 0.1 and desired (0.005, 0.4) it shows (0, 0.4); least squares show
-(0, 0.39653).
-
-*Range compression* [1] asks for b + (1 - b) desired, with the smallest b that needs no negative
-light. The light for it is linear in b, so each pixel says at once how large b must be. (Then light
-above white is not needed either, unless a matrix has negative entries: x = seen - phi(x) <= 1.)
-
-*The player's shader*, Bino's "ghostbust" [2] for one, shows (1 - c) x + c (1 - x_u), which never
+*The player's shader*, Bino's "ghostbust" [1] for one, shows (1 - c) x + c (1 - x_u), which never
 leaves [0, 1] and so never clips. Here it works on linear light. The audience then sees
 
     c + c² + (1 - c - c²) x - c² x_u
 
 which to first order has no ghost, but black raised to c and contrast 1 - c everywhere.
 
-*Perceptual subtraction* [3] shows, where subtraction clips, the colour that *looks* nearest: that
+*Perceptual subtraction* [2] shows, where subtraction clips, the colour that *looks* nearest: that
 minimises the CIE 1976 Delta E*ab between what is seen and what is desired. If a ghost clips only
 one primary, subtraction changes the hue; the nearest colour trades hue for lightness.
 
-*A locally raised black* is what [1] does to the whole picture and what retouchers do by hand: a
-veil b(row, col) >= 0 of smooth bumps that ask for b + (1 - b) desired only around places where
-subtraction clips.
+*A locally raised black* is what `RaisedBlack` does to the whole picture and what retouchers do by
+hand: a veil b(row, col) >= 0 of smooth bumps that ask for b + (1 - b) desired only around places
+where subtraction clips.
 
-[1] J. Konrad, B. Lacotte, E. Dubois, "Cancellation of image crosstalk in time-sequential displays
-    of stereoscopic video", IEEE Trans. Image Processing 9, 897-908, 2000.
-[2] M. Lambers, Bino, https://bino3d.org; ``ghostbust`` in its colour shader.
-[3] F. A. Smit, R. van Liere, B. Froehlich, "Three extensions to subtractive crosstalk reduction",
+[1] M. Lambers, Bino, https://bino3d.org; ``ghostbust`` in its colour shader.
+[2] F. A. Smit, R. van Liere, B. Froehlich, "Three extensions to subtractive crosstalk reduction",
     Eurographics Symposium on Virtual Environments, 2007.
 """
 
@@ -51,10 +34,9 @@ import scipy
 from numpy.typing import NDArray
 
 from compensate.problem import Problem
-from compensate.solver.baselines import clipped_subtraction, computed
+from compensate.solver.baselines import clipped_subtraction, computed, share_of, unclipped
 from compensate.solver.result import Result, Status
-from compensate.subtract import subtracted
-from domesim.light import Array, Light, namespace
+from domesim.light import Light, namespace
 from domesim.light.rounding import ROUNDING
 from domesim.observation.base import Observation
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -69,36 +51,6 @@ PIXELS_AT_ONCE = 65536
 NEGLIGIBLE_DELTA_E = 1e-3
 """Least change of Delta E that counts: a thousandth of a just-noticeable difference, and about
 float32's rounding."""
-
-MAX_ROUNDS = 1000
-"""Most rounds of the iteration: crosstalk of 90 %, the largest possible, takes 340 to float64's
-rounding."""
-
-
-@final
-@dataclass(frozen=True)
-class RangeCompression:
-    """Compress both views to [b, 1], until subtraction needs no negative light."""
-
-    def __call__(self, problem: Problem, start: Light) -> Result:
-        """Light that shows b + (1 - b) desired, with the smallest b; the start is not used.
-
-        It does so exactly, but for light above white that a matrix with negative entries may ask
-        for (at most as much as those), and where an ambient black outshines even white.
-
-        Raises
-        ------
-        ValueError
-            If the observation is not an affine one of two views.
-        """
-        observation = _affine(problem)
-        xp = namespace(problem.desired)
-        low, rounds = _unclipped(observation, problem.desired)
-        high, more = _unclipped(observation, xp.ones_like(problem.desired))
-        # x(b) = (1 - b) low + b high must rise to the lower bound
-        black = float(xp.max(_share(problem.lower - low, high - low)))
-        light = problem.project((1 - black) * low + black * high)
-        return computed(problem, light, rounds + more)
 
 
 @final
@@ -217,8 +169,8 @@ class LocallyRaisedBlack:
         ValueError
             If the observation is not an affine one of two views.
         """
-        observation, desired = _affine(problem), problem.desired
-        xp = namespace(desired)
+        desired, xp = problem.desired, namespace(problem.desired)
+        _affine(problem)
         sigma = self.degrees * self.pixels_per_degree
         needed = np.zeros((2, *desired.shape[1:3]))
         black = np.zeros_like(needed)
@@ -227,8 +179,8 @@ class LocallyRaisedBlack:
         while rounds < self.max_rounds:
             rounds += 1
             veil = xp.asarray(black[..., None], dtype=desired.dtype, device=desired.device)
-            light, _ = _unclipped(observation, desired + veil * (1 - desired))
-            lacking = np.asarray(xp.max(_share(problem.lower - light, 1 - desired), axis=-1))
+            light, _ = unclipped(problem, desired + veil * (1 - desired))
+            lacking = np.asarray(xp.max(share_of(problem.lower - light, 1 - desired), axis=-1))
             if lacking.max() <= ROUNDING:
                 exact = not black.any() and float(xp.max(light - problem.upper)) <= ROUNDING
                 status = Status.EXACT if exact else Status.CLOSED_FORM
@@ -266,21 +218,6 @@ def bumps(needed: Floats, sigma: float) -> Floats:
     # The root of a tiny number that underflowed to 0 is what is needed there.
     veil: Floats = np.maximum(top * result ** (1 / power), needed)
     return veil
-
-
-def _unclipped(observation: StereoObservation, seen: Light) -> tuple[Light, int]:
-    """Light, of whatever sign, whose observation is `seen`."""
-    xp = namespace(seen)
-    infinity = xp.asarray(np.inf, dtype=seen.dtype, device=seen.device)
-    return subtracted(observation, seen, (-infinity, infinity))
-
-
-def _share(short: Array, rise: Array) -> Array:
-    """How much of `rise` makes up for what is `short`: 0 where nothing is, at most 1."""
-    xp = namespace(short)
-    some = short > 0
-    enough = xp.where(some, xp.maximum(rise, short), xp.ones_like(short))
-    return xp.where(some, short, xp.zeros_like(short)) / enough
 
 
 def _two_views(problem: Problem) -> Observation:

@@ -11,12 +11,11 @@ from scipy.optimize import minimize
 from theatres import problem as dome_problem
 
 from compensate.problem import Problem
-from compensate.solver.baselines import Subtractive, clipped_subtraction
+from compensate.solver.baselines import RaisedBlack, Subtractive, clipped_subtraction
 from compensate.solver.deghosting import (
     LocallyRaisedBlack,
     PerceptualSubtraction,
     PlayerShader,
-    RangeCompression,
     bumps,
     uncorrectable,
 )
@@ -33,7 +32,7 @@ SHARE = 0.5 + np.random.default_rng(1).random((2, ROWS, COLS))
 VEIL = LocallyRaisedBlack(pixels_per_degree=2.0)
 SOLVERS = [
     Subtractive(),
-    RangeCompression(),
+    RaisedBlack(),
     PlayerShader(),
     PerceptualSubtraction(),
     VEIL,
@@ -179,10 +178,10 @@ def test_subtraction_on_every_array_library(name, dtype, convert):
     assert np.asarray(light) == pytest.approx(expected, abs=1e-6 if dtype == np.float32 else 1e-14)
 
 
-def test_range_compression_by_hand():
+def test_a_raised_black_by_hand():
     """b + (1 - b) 0.005 = 0.1 (b + (1 - b) 0.4), so that the left eye projects nothing."""
     problem = by_hand()
-    result = RangeCompression()(problem, None)
+    result = RaisedBlack()(problem, None)
     black = 0.035 / 0.935
     assert result.light[0] == pytest.approx(0, abs=1e-15)
     assert problem.observation.observe(result.light) == pytest.approx(
@@ -191,23 +190,15 @@ def test_range_compression_by_hand():
 
 
 @by_kind
-def test_range_compression_is_exact_and_the_least(name):
+def test_a_raised_black_is_exact_and_the_least(name):
     problem = posed(OBSERVATIONS[name](), pair())
-    light = RangeCompression()(problem, None).light
+    light = RaisedBlack()(problem, None).light
     seen = problem.observation.observe(light)
     lift = 1 - problem.desired
     black = ((seen - problem.desired) * lift).sum() / (lift**2).sum()
     assert 0.01 < black < 0.5
     assert seen == pytest.approx(problem.desired + black * lift, abs=1e-14)
     assert min(light.min(), 1 - light.max()) == pytest.approx(0, abs=1e-15)
-
-
-def test_range_compression_darkens_what_is_too_bright_too():
-    """White beside black asks for more than white: x_L = 1 / (1 - c²)."""
-    problem = by_hand(1.0, 0.0)
-    light = RangeCompression()(problem, None).light
-    assert light[0] == pytest.approx(1, abs=1e-15)
-    assert light[1] == pytest.approx(0, abs=1e-15)
 
 
 def test_the_player_s_shader_leaves_a_ghost_of_second_order():
@@ -398,7 +389,7 @@ def test_black_is_subtracted_too(solver):
 
 def test_no_other_observation_is_taken():
     dome, start = dome_problem(9)
-    for solver in SOLVERS[1:]:
+    for solver in SOLVERS[2:]:
         if not isinstance(solver, Subtractive):
             with pytest.raises(ValueError, match="two views by one seat, got ClosedFormDome"):
                 solver(dome, start)

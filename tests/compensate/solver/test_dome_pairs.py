@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from dome_pairs import OBSERVATIONS, pair_problem, polarised, shutter
+from dome_pairs import OBSERVATIONS, pair_problem, shutter
 
 from compensate.problem import Problem
 from compensate.solver.admm import ADMM
-from compensate.solver.baselines import RaisedBlack, Subtractive, clipped_subtraction
+from compensate.solver.baselines import Subtractive, clipped_subtraction
 from compensate.solver.fitting import fitting
 from compensate.solver.windows import Windows
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
@@ -37,18 +37,6 @@ def test_windows_solve_all_of_it():
     posed, start = pair_problem(shutter(24))
     windows = Windows(((slice(2, 5), slice(3, 6)),), 1, ADMM(), overhead=0)
     assert windows(posed, start).gap <= 1e-3
-
-
-def test_a_raised_black_clips_nothing():
-    observation = polarised(17)
-    posed, start = pair_problem(observation)
-    light = RaisedBlack()(posed, start).light
-    seen = observation.observe(light)
-    white = observation.direct(np.ones_like(light))
-    room = (white - posed.desired) * observation.first.screen[None, :, :, None]
-    black = (seen - posed.desired)[room > 0.01] / room[room > 0.01]
-    assert np.ptp(black) < 1e-9
-    assert 0.01 < black[0] < 0.9
 
 
 def test_what_no_solver_knows_goes_to_the_general_one():
