@@ -38,7 +38,7 @@ from domesim.observation.projector import Projector
 from domesim.room.theatre import Theatre
 from domesim.scene import load_scene
 from domesim.scene.choice import SceneChoice
-from domesim.scene.screening import decoded, encoded, within_range
+from domesim.scene.screening import decoded
 from testing.masters import night
 
 SRGB = ColourTag("srgb", "BT.709", "the test")
@@ -92,15 +92,6 @@ def test_what_is_projected_is_what_the_solver_found(scene):
     assert shown[0][screen] == pytest.approx(outcome.light[0][screen], abs=2e-5)
 
 
-def test_the_desired_light_is_seen_where_the_projector_can(scene):
-    light = np.full((1, 64, 64, 3), 0.5, np.float32)
-    result = compensate(light, scene)
-    assert result.status is Status.EXACT
-    observation = scene.observation(64, 64)
-    seen = observation.observe(result.light)[0][observation.screen]
-    assert seen == pytest.approx(0.5, abs=1e-6)
-
-
 def test_any_solver_may_be_given(scene):
     light = decoded(frame(64), scene)
     posed = pose(light, scene)
@@ -131,32 +122,6 @@ def test_highlights_are_clipped_and_counted(scene):
     screen = scene.dome.inside(64, 64)
     assert outcome.figures.out_of_range == pytest.approx(16 / screen.sum())
     assert outcome.frame.pixels[0, screen].max() <= 1
-
-
-def test_within_range_counts_pixels_of_the_screen():
-    light = np.full((1, 8, 8, 3), 0.5)
-    light[0, 4, 4] = (2.0, -1.0, 0.5)
-    light[0, 0, 0] = 7.0
-    screen = load_scene("dome_hemisphere").dome.inside(8, 8)
-    clipped, share = within_range(light, screen)
-    assert share == pytest.approx(1 / screen.sum())
-    assert list(clipped[0, 4, 4]) == [1.0, 0.0, 0.5]
-    assert clipped[0, 0, 0, 0] == 7.0
-
-
-def test_an_observed_white_that_no_integer_format_holds_is_counted(scene):
-    master = frame(64)
-    observation = scene.observation(64, 64)
-    seen = observation.observe(decoded(master, scene))
-    result, clipped = encoded(master, seen, scene, observation.screen)
-    white = (master.pixels[0] == 1).all(-1) & observation.screen
-    assert clipped == pytest.approx(white.sum() / observation.screen.sum())
-    assert result.pixels.max() == 1
-
-
-def test_an_unknown_method_is_refused(scene):
-    with pytest.raises(InputError, match="use one of perceptual"):
-        compensate_frame(frame(32), scene, method="magic")
 
 
 def test_the_frame_need_not_be_stereo_or_square(scene):

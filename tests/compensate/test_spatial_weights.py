@@ -68,13 +68,3 @@ def test_the_command_line_reaches_it(run, tmp_path: Path, method: str) -> None:
         assert code == 0, err
         results.append((out / "l.exr").read_bytes())
     assert results[0] != results[1]
-
-
-def test_where_it_cannot_be_had(run, tmp_path: Path) -> None:
-    for eye, light in zip("lr", pair(), strict=True):
-        store(tmp_path / f"{eye}.exr", light)
-    given = ["compensate", "--left", str(tmp_path / "l.exr"), "--right", str(tmp_path / "r.exr")]
-    given += ["--scene", "stereo_polarised_paper", "--out", str(tmp_path / "out")]
-    code, _, err = run(*given, "--spatial-weights")
-    assert (code, len(err.splitlines())) == (2, 1)
-    assert "--spatial-weights is for --weighting paper or --method paper" in err

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,18 +10,17 @@ import pytest
 from compensated import compensate_frame
 from pairs import pair
 
-from compensate import aim, subtract
+from compensate import aim
 from compensate.figures import Appraisal
 from compensate.fourier import Fourier
 from compensate.master import solve_frame
 from compensate.pose import Posed, Stage, pose
 from compensate.ruler import Ruler
-from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.result import Status
 from compensate.weighting import PerceptualWeighting
 from domesim.frames import ColourTag, Frame, Master
 from domesim.light import transfer
-from domesim.observation.crosstalk import Crosstalk, leak_matrices
+from domesim.observation.crosstalk import Crosstalk
 from domesim.scene import Scene, load_scene
 from domesim.scene.screening import decoded, encoded, mean_luminance, within_range
 from domesim.scene.stereo import StereoScene
@@ -136,34 +134,6 @@ def test_float32_to_the_end(case: str) -> None:
     assert {name: array.dtype for name, array in arrays.items()} == dict.fromkeys(
         arrays, np.dtype(np.float32)
     )
-
-
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("matrices", [COLOURED, leak_matrices([[0.02], [0.07]])])
-@pytest.mark.parametrize("picture", [pair, lit])
-def test_subtraction_in_strips_is_that_of_the_whole(
-    dtype: type,
-    matrices: np.ndarray,
-    picture: Callable[..., np.ndarray],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    light = np.repeat(picture(24, 40), 30, 1).astype(dtype)
-    light = np.repeat(light, 5, 2)
-    posed = pose(light, stereo(matrices))
-    monkeypatch.setattr(subtract, "_parts", lambda *_: None)  # rounds of all pixels
-    whole, _ = clipped_subtraction(posed.single)
-    assert posed.subtractive.dtype == dtype
-    np.testing.assert_allclose(posed.subtractive, whole, atol=16 * np.finfo(dtype).eps)
-    assert posed.exact == (picture is lit)
-    assert (Appraisal(posed).clipped == 0) == posed.exact
-
-
-def test_subtraction_where_crosstalk_varies(monkeypatch: pytest.MonkeyPatch) -> None:
-    posed = pose(pair(24, 40, 0, np.float32), cinema().seen_from("sweet spot"))
-    monkeypatch.setattr(subtract, "_parts", lambda *_: None)
-    whole, _ = clipped_subtraction(posed.single)
-    assert np.ptp(posed.single.observation.share) > 0
-    np.testing.assert_allclose(posed.subtractive, whole, atol=1e-6)
 
 
 def test_what_is_exact_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -230,6 +230,7 @@ def test_all_are_made_for_contrast() -> None:
         ({"low_frequency_gain": 0.2}, "of contrast, use --lift"),
         ({"eye": CONTRAST, "device": "torch"}, "contrasts need no solver"),
         ({"only_visible": True}, "contrasts need no solver"),
+        ({"spatial": True}, "--spatial-weights is for --weighting paper or --method paper"),
         ({"lift": -1.0}, "lift"),
     ],
 )

@@ -158,6 +158,7 @@ def test_rounds_find_what_the_fast_ways_find(kind, monkeypatch):
         problem = posed(crosstalk(6, 7))
     else:
         problem = pair_problem(dome_pair_shutter(9))[0]
+    monkeypatch.setattr("domesim.light.strips.SAMPLES", 30)  # several strips
     fast, _ = clipped_subtraction(problem)
     monkeypatch.setattr(subtract, "_parts", lambda observation, like: None)
     by_rounds, rounds = clipped_subtraction(problem)
