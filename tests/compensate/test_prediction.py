@@ -351,12 +351,18 @@ def test_nothing_counts_off_the_screen(settings: Prediction) -> None:
     other = light.copy()
     off = ~pose(light, scene).screen
     other[:, off] = np.random.default_rng(0).random((off.sum(), 3))
-    one, two = (predict(pose(each, scene), settings=settings) for each in (light, other))
+    posed = pose(light, scene)
+    one, *others = (
+        predict(posed, settings=settings),
+        predict(pose(other, scene), settings=settings),
+        predict(posed, other, settings),
+    )
     assert one.prediction.max() > 0.1
     for name in ("residual", "tvi", "masking", "saliency", "prediction", "mask"):
         maps = getattr(one, name)
         assert not maps[:, off].any(), name
-        np.testing.assert_array_equal(maps, getattr(two, name), err_msg=name)
+        for two in others:
+            np.testing.assert_array_equal(maps, getattr(two, name), err_msg=name)
 
 
 def test_shares_are_of_the_screens_area() -> None:
