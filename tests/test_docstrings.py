@@ -15,7 +15,7 @@ MODULES = re.findall(
     (ROOT / "docs" / "api.md").read_text(encoding="utf-8"),
     re.MULTILINE,
 )
-NOT_YET = ("compensate", "domesim.pathtrace", "domesim.room", "domesim.scene")
+NOT_YET = ("domesim.pathtrace", "domesim.room", "domesim.scene")
 SECTION = re.compile(r"^(Parameters|Returns|Yields|Raises)\n-+$", re.MULTILINE)
 
 

@@ -111,7 +111,18 @@ def unclipped(problem: Problem, seen: Light) -> tuple[Light, int]:
 
 
 def share_of(short: Array, rise: Array) -> Array:
-    """Returns how much of `rise` makes up for what is `short`: 0 where nothing is, at most 1."""
+    """Divides what is lacking by what there is to make up for it.
+
+    Parameters
+    ----------
+    short, rise
+        Light, of one shape: what is lacking, and by how much it would rise.
+
+    Returns
+    -------
+    share
+        Of that shape: 0 where nothing is lacking, at most 1.
+    """
     xp = namespace(short)
     some = short > 0
     enough = xp.where(some, xp.maximum(rise, short), xp.ones_like(short))
