@@ -33,7 +33,7 @@ class Fourier:
     rows, cols
         Size of the planes.
     within
-        Transforms of larger planes, of which these are counted as shares.
+        Transforms of larger planes, which count these as shares of theirs.
 
     Attributes
     ----------

@@ -114,7 +114,7 @@ def ghost_contour(
     error, ghost, pixels_per_degree
         As for `edge_energy`.
     where
-        (view, row, col) bool: pixels of which the edges are taken.
+        (view, row, col) bool: pixels whose edges count.
 
     Returns
     -------

@@ -13,13 +13,13 @@ around it, both of the pixels of the darker four fifths only (`FAINT`), where li
     c = (L_fine - L_coarse) / L_coarse,    L_coarse at least `BLACK`
 
 What is seen of it is the slope of what is seen against the master, sum c c' / sum c^2: 1 is all, 0
-is none, below 0 it is reversed. It is told of 0.25 to 1 degree (texture) and of 2 to 10 degrees
-(the Milky Way).
+is none, below 0 it is reversed. It is measured from 0.25 to 1 degree (texture) and from 2 to 10
+degrees (the Milky Way).
 
 *Stars* are points of the master: pixels `POINT` times as bright as all that lie two pixels away.
-Their light is that of 3 x 3 pixels, less what lies around. Told are the median of seen light over
-the master's, and the share of pairs of stars in order: of two stars of which one has `STEP` times
-the light of the other, it is seen brighter, by at least `SEEN_STEP`.
+Their light is that of 3 x 3 pixels, less what lies around. One figure is the median of seen light
+over the master's. The other is the share of pairs in order: where one star has `STEP` times the
+light of the other, it is seen brighter by at least `SEEN_STEP`.
 
 *Hue shift* is the mean angle between hues, (R - Y) / Y and (B - Y) / Y of the projector's R and B
 and the luminance Y. Pixels count by the master's luminance times saturation.
@@ -55,7 +55,7 @@ STEP, SEEN_STEP = 1.25, 1.02
 STARS = 1000
 """Most stars that are compared in pairs."""
 COLOURED = 20_000
-"""Most pixels of which hues are compared, of all views."""
+"""Most pixels whose hues are compared, in all views together."""
 GREY = 1e-4
 """Mean relative distance from grey below which a picture has no hue and no saturation."""
 

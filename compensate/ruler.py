@@ -7,7 +7,7 @@ better. No setting of a method enters it.
 The picture is what a display in the scene's place would show: linear BT.709, of at least
 `BLACK` in each primary, and black where there is no screen. Both pictures are so, and all of
 the rectangle counts: around a dome a fifth of it is black and cannot differ. Views are judged one
-by one, and their mean is told. ColorVideoVDP cannot see all that matters: it compares each picture
+by one, and their mean counts. ColorVideoVDP cannot see all that matters: it compares each picture
 with its own light, so that black that has become grey is nothing to it (`compensate.plain`).
 
 Three choices are ours:

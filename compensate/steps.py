@@ -16,10 +16,10 @@ from domesim.light.strips import in_strips
 VISIBLE = 0.1
 """Contrast of a step that counts as seen, of the darker side."""
 COARSE = 1e-3
-"""Share of the screen from which on it is told."""
+"""Least share of the screen that a report mentions."""
 BITS = 8
-"""Depths above have steps that are not seen."""
-_EVERY = 4  # rows that are looked at
+"""Bits of the finest codes whose steps can be seen."""
+_EVERY = 4  # every fourth row is looked at
 
 
 def visible_steps(

@@ -51,7 +51,7 @@ MAX_ROUNDS = 1000
 """Most rounds, or Newton steps: crosstalk of 90 %, the largest possible, takes 340 rounds to
 float64's rounding."""
 
-_EVERY = 8  # row and column of which a first estimate of s is made
+_EVERY = 8  # a first estimate of s is made of every eighth row and column
 _SETTLED = 1e-7  # of s
 
 

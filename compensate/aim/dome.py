@@ -70,7 +70,7 @@ DARKEST = 0.1
 REACH = 2.0
 """Degrees within which contrast is kept: radius of the guided mean."""
 EDGE = 0.7
-"""Contrast, in natural logarithms, beyond which an edge separates two places."""
+"""Contrast, in natural logarithms, above which an edge separates two places."""
 BLOCKS = 2
 """Blocks a degree: how finely the base is known."""
 _TINY = 1e-9  # of white

@@ -24,8 +24,8 @@ from domesim.light.strips import in_parts
 SPREAD = 1.0
 """Standard deviation of the local mean G, degrees."""
 SHARE = 0.75
-"""Light of a veil over its ghost's local mean, for a lift of 1."""
-_BOXED = 2  # its least, in blocks
+"""Ratio of a veil's light to its ghost's local mean, for a lift of 1."""
+_BOXED = 2  # blocks in G's standard deviation, at least
 _TINY = 1e-9  # of white
 
 

@@ -27,7 +27,7 @@ from domesim.scene import Scene
 CELLS = 64
 """Most cells across a picture."""
 SETTLED = 1e-3
-"""Change of a dome's floor, of white, after which Newton's step is exact to 1e-5."""
+"""Change of a dome's floor, as a share of white, after which Newton's step is exact to 1e-5."""
 STEPS = 30
 """Newton steps at most; of a moving picture one or two are usual."""
 
@@ -53,9 +53,9 @@ class DomeConstants:
     dark
         Luminance below which the eye loses contrast, of white.
     block, radius
-        Pixels of a block's side, and blocks of a box's radius, of the base.
+        Pixels along a block's side, and the radius of the guided mean, blocks.
     cell
-        Pixels of a cell's side: of whole blocks.
+        Pixels along a cell's side: a multiple of `block`.
     gain
         (cell row, cell col): D.
     ambient
@@ -102,11 +102,11 @@ class PairConstants:
     weights
         (primary,) of luminance.
     block
-        Pixels of a block's side, of which veils are known.
+        Pixels along a side of the blocks that veils are computed by.
     down, across
         (place, of) by which a ghost's local mean weighs a column of blocks, and a row.
     cell
-        Pixels of a cell's side; 0 if the map is flat.
+        Pixels along a cell's side; 0 if the map is flat.
     share
         (view, cell row, cell col) of the map, or (view, 1, 1).
     matrices

@@ -70,7 +70,7 @@ def engine_of(
     device = device or (CPU if compiles() or not has_gpu() else "cuda")
     how: Any = {"beside": beside, "dithers": dithers}
     if device != CPU:
-        from compensate.live.arrays import ByArrays  # noqa: PLC0415 - not for who has no GPU
+        from compensate.live.arrays import ByArrays  # noqa: PLC0415 - needed on a GPU only
 
         return device, ByArrays(scene, constants, coding, pixels, device=device, **how)
     if not compiles():

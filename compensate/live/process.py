@@ -28,7 +28,7 @@ Compensate: TypeAlias = Callable[[Any, int], Any]
 
 _WAIT = 0.2  # seconds between looks at whether anybody still listens
 _KEPT = 100_000  # latencies
-_PIPE = 1 << 20  # bytes that a pipe holds, of which 64 kB are usual: what Linux lets anybody have
+_PIPE = 1 << 20  # bytes of a pipe: the most that Linux lets anybody have; 64 kB are usual
 HELD = 3
 """Frames that are under way at once on either side: read or written, waiting, and computed."""
 
@@ -208,7 +208,7 @@ def stream(
     sink
         File descriptor that they go to.
     drop
-        Leave out frames that wait while a newer one has come; else whoever sends them waits.
+        Leaves out frames that wait while a newer one has come; else the sender waits.
     head
         The buffers to write of a frame, which nothing changes while `HELD` - 1 more are made.
 

@@ -1,11 +1,11 @@
 """Solve only where it matters: rectangles, one after the other (section 5 of the paper).
 
 Light outside of the rectangles stays as it starts, exact clipped subtraction. That is the problem
-itself with more pixels pinned, and what its solution costs more than the free one is what was given
-up. Pinned pixels need not be computed: each rectangle is solved as a problem of its own, of the
-rectangle and what is around it as far as the eye's point spread reaches. Two things are left out,
-and both are small where subtraction leaves little to be seen around: what is seen beyond that
-reach, and, in a dome, the little that a rectangle's own light adds to all other places.
+itself with more pixels pinned. Its solution costs a little more than the free one. Pinned pixels
+need not be computed: each rectangle is solved as a problem of its own, with what is around it as
+far as the eye's point spread reaches. Two things are left out, and both are small where subtraction
+leaves little to be seen around: what is seen beyond that reach, and, in a dome, the little that a
+rectangle's own light adds to all other places.
 
 The weights of a window's frequencies are the whole picture's, between whose samples they lie.
 """

@@ -15,7 +15,7 @@ powers, and the mean over the picture.
 *Rivalry*: the share of the picture where the eyes rival in some band (`rivalry`), and do not in the
 master.
 
-Each is done in the left picture and in the right one, and their mean is told: which eye is which
+Each is done in the left picture and in the right one, and their mean counts: which eye is which
 does not matter.
 """
 
