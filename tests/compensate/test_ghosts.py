@@ -11,12 +11,8 @@ from theatres import BT709
 
 from compensate.ghosts import edge_energy, ghost_left
 from compensate.problem import Problem
-from compensate.solver.baselines import clipped_subtraction
-from compensate.solver.deghosting import (
-    LocallyRaisedBlack,
-    PlayerShader,
-    RangeCompression,
-)
+from compensate.solver.baselines import RaisedBlack, clipped_subtraction
+from compensate.solver.deghosting import LocallyRaisedBlack, PlayerShader
 from compensate.weighting import CsfWeighting
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 
@@ -197,7 +193,7 @@ def test_lost_contrast_is_no_ghost():
     # Only the bars, whose edges lie apart: no floor that both eyes see
     bars = np.where(np.arange(ROWS)[:, None, None] < 15, picture(), 0.002)
     problem = stereo(desired=bars)
-    for solver in (RangeCompression(), PlayerShader()):
+    for solver in (RaisedBlack(), PlayerShader()):
         figures = measured(problem, solver(problem, problem.desired).light)
         assert figures.edge_energy > 0.5
         assert abs(figures.ghost_left) < 0.2

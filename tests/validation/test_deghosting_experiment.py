@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mistakes import change, failed, no_colorvideovdp
 
-from compensate.solver.deghosting import RangeCompression
+from compensate.solver.baselines import RaisedBlack
 from domesim.light import namespace
 from domesim.observation.crosstalk import Crosstalk
 from domesim.scene import load_scene
@@ -73,13 +73,13 @@ def too_much(monkeypatch):
 
 def half_raised(monkeypatch):
     """Range compression by half as much as is needed: it clips."""
-    honest = RangeCompression.__call__
+    honest = RaisedBlack.__call__
 
     def halfway(self, problem, start):
         found = honest(self, problem, start)
         return replace(found, light=problem.project(0.5 * (found.light + problem.desired)))
 
-    monkeypatch.setattr(RangeCompression, "__call__", halfway)
+    monkeypatch.setattr(RaisedBlack, "__call__", halfway)
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,8 @@ from compensate.pose import Posed, Stage
 from compensate.prediction import Prediction, Visible
 from compensate.problem import Problem
 from compensate.solve import solved
-from compensate.solver import baselines, deghosting
 from compensate.solver.admm import ADMM
+from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.result import Result, Status
 from compensate.solver.windows import Windows, joined
 from compensate.visible import SEEN, OnlyVisible
@@ -70,7 +70,7 @@ def posed(case: str) -> tuple[Problem, np.ndarray]:
     on = screen[None, :, :, None]
     bounds = (np.where(on, 0, desired), np.where(on, 1, desired))
     plain = Problem(observation, weighting, observation.direct(desired), bounds)
-    start, _ = (baselines if case == "dome" else deghosting).clipped_subtraction(plain)
+    start, _ = clipped_subtraction(plain)
     problem = Problem(
         observation,
         weighting,
