@@ -82,38 +82,6 @@ def assert_unbiased(
         )
 
 
-def alarm_rate(
-    bias: ArrayLike,
-    error: ArrayLike,
-    *,
-    false_alarm: float = FALSE_ALARM,
-    trials: int = 2000,
-    seed: int = 0,
-) -> float:
-    """How often `assert_unbiased` raises for simulated figures: false alarms at bias 0, else power.
-
-    Parameters
-    ----------
-    bias, error
-        Relative biases of the figures, and their standard errors: shapes that broadcast to that of
-        the figures.
-    false_alarm
-        As for `assert_unbiased`.
-    trials, seed
-        Number of simulations, and seed of their random numbers.
-    """
-    random = np.random.default_rng(seed)
-    bias, error = np.broadcast_arrays(np.asarray(bias, float), np.asarray(error, float))
-    alarms = 0
-    for _ in range(trials):
-        try:
-            found = 1 + bias + error * random.standard_normal(error.shape)
-            assert_unbiased(found, error, 1.0, false_alarm=false_alarm)
-        except AssertionError:
-            alarms += 1
-    return alarms / trials
-
-
 def calibration(z: ArrayLike) -> float:
     """P-value of z-scores being standard normal (Kolmogorov-Smirnov)."""
     return float(stats.kstest(np.ravel(z), "norm").pvalue)

@@ -14,9 +14,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     ),
     "What compensation does": (
         "wrong_model",
-        "measured_dome",
-        "measured_transport",
-        "surprised_surveys",
+        "surveys",
         "photographed_crosstalk",
         "contrast_sensitivity",
         "stray_light",

@@ -44,7 +44,7 @@ class Errors:
         Standard deviation of the floor's height, m.
     model_screen, model_others
         Standard deviation of reflected light as the model has it, relative: on the screen; on floor
-        and wall. What path tracing says of it is in `validation.experiments.measured_dome`.
+        and wall. What path tracing says of it is in `validation.experiments.surveys`.
     """
 
     camera_m: float = 0.02

@@ -9,14 +9,15 @@ import pytest
 
 from domesim.measure.dome.run import survey_of
 from testing.laboratory import patterns_for
-from validation.experiments.surprised_surveys import (
+from testing.surveys import (
+    NARROW,
     STATED,
     computed,
     described,
     even,
-    heavy_tails,
-    heavy_tails_alone,
-    misplaced_camera,
+    heavy,
+    surveyed,
+    surveyed_alone,
     theatre,
 )
 
@@ -24,13 +25,13 @@ from validation.experiments.surprised_surveys import (
 @pytest.mark.long
 def test_noise_with_heavy_tails_does_not_darken_what_is_found():
     """Cells that are bright by chance are not to count less."""
-    z = np.array([heavy_tails(seed).z["gain"] for seed in (0, 1)])
+    z = np.array([surveyed(seed, noise=heavy).z["gain"] for seed in (0, 1)])
     assert abs(z.mean()) < 1
     assert np.abs(z).max() < 3.5
 
 
 def test_a_misplaced_camera_is_not_taken_for_a_turned_one():
-    found = misplaced_camera(0).z
+    found = surveyed(0).z
     assert np.abs([found["camera"], found["turn about"]]).max() < 3.5
 
 
@@ -53,15 +54,15 @@ def test_a_turned_camera_is_found_where_it_is():
 @pytest.mark.long
 def test_noise_with_heavy_tails_widens_what_is_found_without_geometry_once():
     """Twice, and errors are a tenth of what is stated."""
-    z = np.abs(heavy_tails_alone(0).z)
+    z = np.abs(surveyed_alone(heavy, 0).z)
     assert 0.3 < np.sqrt(np.mean(z**2)) < 2.5
 
 
 def test_a_wall_that_is_not_seen_is_not_said_to_be_known():
     rng = np.random.default_rng(3)
-    real, camera = theatre(rng, wall=True)
+    real, camera = theatre(rng, NARROW)
     real = replace(real, wall=replace(real.wall, albedo=(0.4, 0.3, 0.5)))
-    told = described(real, rng)
+    told = described(real, rng, NARROW)
     told = replace(told, wall=replace(told.wall, albedo=(0.1, 0.1, 0.1)))
     patterns = patterns_for(real.dome, 64)
     _, found = survey_of(
