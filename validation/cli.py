@@ -99,9 +99,7 @@ class Listener:
 
 
 def bench(
-    out: Annotated[
-        Path, typer.Option("--out", help="Folder for bench.json, bench.md and plots.")
-    ] = Path("out/bench"),
+    out: Annotated[Path, typer.Option("--out", help="Folder for bench.json.")] = Path("out/bench"),
     problems: Annotated[str, typer.Option(help=f"By commas: {', '.join(PROBLEMS)}.")] = ",".join(
         PROBLEMS
     ),
@@ -136,8 +134,7 @@ def bench(
 
     The whole matrix takes hours: --sizes 512,1024,2048, then --solvers admm --sizes
     512,1024,2048,4096,8192 (8192 needs 16 GiB and more). Least costs, which take the longest, are
-    kept in OUT/references.json. TAO's solvers need Debian's python3-petsc4py, photographs the test
-    data (DOMESIM_DATA).
+    kept in OUT/references.json. Photographs are of the test data (DOMESIM_DATA).
     """
     console = Console(quiet=quiet, json=json)
     if files:
@@ -166,9 +163,8 @@ def bench(
         found.append(cost)
         console.say(writing.lines(cost))
         figures = writing.write_figures(out, found, machine)
-    report = writing.write_report(out, found)
     console.figures(figures)
-    console.say(f"Written: {report.resolve()}")
+    console.say(f"Written: {(out / 'bench.json').resolve()}")
 
 
 def _bench_files(out: Path, console: Console, *, quick: bool) -> None:

@@ -203,20 +203,6 @@ def test_choices_are_counted_for_what_was_chosen(study):
     assert counts(study, sure).tolist() == [[0, 0, 0], [each, 0, 0], [each, each, 0]]
 
 
-def test_agreement_and_circles(study):
-    sure = attentive(study, 1, [-50.0, 0.0, 50.0], np.random.default_rng(0))
-    around = {("none", "subtractive"), ("subtractive", "perceptual"), ("perceptual", "none")}
-    trials = study.viewers[1]
-    given = tuple(
-        Answer(trial=k, choice=1 if (trial.first, trial.second) in around else 2)
-        for k, trial in enumerate(trials)
-    )
-    circling = Answers(study=study.digest, viewer=2, name="2", answers=given)
-    straight, circle = analyse_study(study, [sure, circling]).viewers
-    assert (straight.agreement, straight.circles, straight.triples) == (1.0, 0, len(MASTERS))
-    assert (circle.agreement, circle.circles, circle.triples) == (1.0, len(MASTERS), len(MASTERS))
-
-
 def test_who_chooses_otherwise_is_told_of(study):
     random = np.random.default_rng(2)
     many = [attentive(study, n, [0.0, 1.5, 3.0], random) for n in range(1, 10)]

@@ -17,12 +17,10 @@ from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
 from domesim.errors import InputError
-from validation.benchmarks import files, measuring, recording, tao, writing
+from validation.benchmarks import files, measuring, recording
 from validation.benchmarks.commands import Job
 from validation.benchmarks.measuring import (
-    Cost,
     Settings,
-    Stop,
     costs,
     least_cost,
     measure,
@@ -219,44 +217,6 @@ def test_a_photograph_is_named_where_there_is_none(tmp_path, monkeypatch):
     assert all("DOMESIM_DATA" in row.failure for row in rows)
 
 
-def test_a_missing_petsc_is_named(tmp_path, monkeypatch):
-    def nowhere():
-        raise Missing("python3-petsc4py is not installed")
-
-    monkeypatch.setattr(tao, "interpreter", nowhere)
-    (row,) = costs(["synthetic"], [32], ["tao-gpcg"], QUICK, tmp_path / "references.json")
-    assert row.failure == "not run: python3-petsc4py is not installed"
-    assert "not installed" in writing.lines(row)
-
-
-@pytest.fixture(scope="module")
-def _petsc() -> None:
-    try:
-        tao.interpreter()
-    except Missing as missing:
-        pytest.skip(str(missing))
-
-
-@pytest.mark.usefixtures("_petsc")
-@pytest.mark.parametrize("name", ["tao-gpcg", "tao-blmvm"])
-def test_tao_finds_the_minimum(name):
-    case = night_dome(48)  # pixels off the circle are pinned
-    seen = traced(case, name, least_cost(case)[0], 1e-4)
-    assert -1e-6 < seen[-1].gap <= 1e-4
-    assert seen[0].ffts == 6
-    assert seen[-1].ffts % 6 == 0
-
-
-@pytest.mark.usefixtures("_petsc")
-def test_a_tao_that_dies_is_a_row(tmp_path, monkeypatch):
-    dead = tmp_path / "dead.py"
-    dead.write_text("import sys; sys.exit('out of memory')")
-    tao.interpreter()
-    monkeypatch.setattr(tao, "WORKER", dead)
-    (row,) = costs(["synthetic"], [32], ["tao-gpcg"], QUICK, tmp_path / "references.json")
-    assert row.failure == "failed: TAO ended early: out of memory"
-
-
 def test_a_solver_that_does_not_take_the_problem_is_a_row(tmp_path, monkeypatch):
     def refuses(recorder, start):
         raise ValueError("takes no such thing")
@@ -298,12 +258,6 @@ def test_bench_writes_its_figures(tmp_path, capsys):
     assert printed == json.loads((out / "bench.json").read_text())
     assert len(printed["costs"]) == 8
     assert {cost["failure"] for cost in printed["costs"]} == {""}
-    table = (out / "bench.md").read_text()
-    for plot in ("gap-dome.svg", "gap-synthetic.svg", "time.svg"):
-        assert (out / plot).read_text().startswith("<?xml")
-        assert f"]({plot})" in table
-    assert "synthetic, 48" in table
-    assert "accelerated projected gradient" in table
 
 
 def test_bench_speaks_to_people_too(tmp_path, capsys):
@@ -326,22 +280,6 @@ def test_bench_refuses_what_it_does_not_know(tmp_path, option, given):
     options = {"problems": "dome", "sizes": "16", "solvers": "gpcg", option: given}
     with pytest.raises(InputError, match=f"--{option}"):
         bench(out=tmp_path, **options, quick=True, quiet=False, json=False)
-
-
-def test_growth_is_fitted():
-    def ran(size: int, seconds: float) -> Cost:
-        stop = Stop(1e-3, 1, 1, seconds, 1e-3, 1e-4, 1.0, 1.0)
-        return Cost("dome", size, "ours", pixels=size * size, stops=(stop,))
-
-    times = {n: 0.01 + 3e-9 * n * n * 2 * np.log2(n) for n in (512, 1024, 2048, 8192)}
-    fit = writing.growth([ran(n, t) for n, t in times.items()], "dome")
-    assert fit.a == pytest.approx(0.01)
-    assert fit.b == pytest.approx(3e-9)
-    assert fit.r_squared == pytest.approx(1)
-    assert fit.ratios == pytest.approx(dict.fromkeys(times, 1.0))
-    linear = writing.growth([ran(n, 1.0 * n) for n in times], "dome")
-    assert max(linear.ratios.values()) > 1.5
-    assert writing.growth([ran(n, 1.0) for n in (512, 1024)], "dome") is None
 
 
 @pytest.mark.long

@@ -3,19 +3,15 @@
 *Catch trials* have a right answer. Who guesses gets each right by 1/2. It is told of a viewer who
 got one wrong, if as many right ones are likelier than 5 % by guessing. *Sides*: first and second
 are right equally often. It is told of who chooses one of them so often that a fair coin does it in
-1 of 1000 viewers. *Agreement* is the share of pairs that were shown twice and got the same answer;
-by guessing it is 1/2. *Circles* are masters of which A was preferred to B, B to C and C to A
-(Kendall and Babington Smith, Biometrika 31, 324, 1940), of all triples of methods that were
-decided. *Otherwise* than others: the log-likelihood of the viewer's choices by the shares of all,
-over what it would be of the average viewer, in its standard deviations; below -3 it is told.
+1 of 1000 viewers. *Otherwise* than others: the log-likelihood of the viewer's choices by the shares
+of all, over what it would be of the average viewer, in its standard deviations; below -3 it is
+told.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import final
 
 import numpy as np
@@ -50,10 +46,6 @@ class Viewer:
         Share of choices for the first picture.
     one_sided
         Two-sided p of that.
-    agreement
-        Share of pairs shown more than once that got the same answer; None without any.
-    circles, triples
-        Circular triples, and all.
     otherwise
         Standard deviations below the average viewer's likelihood.
     seconds
@@ -70,9 +62,6 @@ class Viewer:
     guessing: float
     first: float
     one_sided: float
-    agreement: float | None
-    circles: int
-    triples: int
     otherwise: float
     seconds: float | None
     told: tuple[str, ...]
@@ -112,7 +101,6 @@ def viewer(study: Study, answers: Answers, shares: NDArray[np.float64]) -> Viewe
     guessing = float(stats.binom.sf(sum(right) - 1, len(right), 0.5)) if right else 1.0
     firsts = sum(one.choice == 1 for _, one in counted)
     one_sided = float(stats.binomtest(firsts, len(counted)).pvalue) if counted else 1.0
-    circles, triples = _circles(study, answers)
     times = [one.seconds for _, one in counted if one.seconds is not None]
     seconds = float(np.median(times)) if times else None
     planned = sum(trial.kind != "training" for trial in trials)
@@ -137,9 +125,6 @@ def viewer(study: Study, answers: Answers, shares: NDArray[np.float64]) -> Viewe
         guessing,
         firsts / len(counted) if counted else 0.5,
         one_sided,
-        _agreement(study, answers),
-        circles,
-        triples,
         otherwise,
         seconds,
         tuple(told),
@@ -159,31 +144,6 @@ def _choices(study: Study, answers: Answers) -> list[tuple[str, str, str]]:
         for one in answers.answers
         if trials[one.trial].kind == "choice"
     ]
-
-
-def _agreement(study: Study, answers: Answers) -> float | None:
-    """Over all pairs of choices between the same two pictures: the share that agrees."""
-    seen: dict[tuple[str, frozenset[str]], list[str]] = defaultdict(list)
-    for master, winner, loser in _choices(study, answers):
-        seen[master, frozenset((winner, loser))].append(winner)
-    pairs = [a == b for winners in seen.values() for a, b in combinations(winners, 2)]
-    return float(np.mean(pairs)) if pairs else None
-
-
-def _circles(study: Study, answers: Answers) -> tuple[int, int]:
-    """Circular triples, and all of which every pair was decided."""
-    lead: dict[tuple[str, str, str], int] = defaultdict(int)
-    for master, winner, loser in _choices(study, answers):
-        lead[master, winner, loser] += 1
-        lead[master, loser, winner] -= 1
-    circles = triples = 0
-    for master in study.masters:
-        for a, b, c in combinations(study.methods, 3):
-            leads = [lead[master, a, b], lead[master, b, c], lead[master, c, a]]
-            if all(leads):
-                triples += 1
-                circles += len(set(np.sign(leads).tolist())) == 1
-    return circles, triples
 
 
 def _otherwise(study: Study, answers: Answers, shares: NDArray[np.float64]) -> float:

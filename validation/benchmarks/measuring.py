@@ -329,10 +329,8 @@ def _product(tolerance: float) -> ADMM:
     return ADMM(tolerance=tolerance, stop_when_invisible=False)
 
 
-def _memory(case: Case, name: str) -> float | None:
-    """Peak of one solution; None for TAO, whose memory is another process's."""
-    if name.startswith("tao"):
-        return None
+def _memory(case: Case, name: str) -> float:
+    """Peak of one solution."""
     solver = SOLVERS[name]
     task = case.posed(np.float64 if solver.double else np.float32)
     recorder = Recorder(task.problem, None, budget=_MEMORY_BUDGET * task.planes)

@@ -26,8 +26,8 @@ class Seen:
     Attributes
     ----------
     ffts, iterations, seconds
-        Work done by then: FFTs of planes (rounded up), the solver's iterations (SciPy's and
-        TAO's: what they asked for), time (s).
+        Work done by then: FFTs of planes (rounded up), the solver's iterations (SciPy's: what
+        it asked for), time (s).
     gap
         Its true relative gap.
     """

@@ -19,7 +19,6 @@ from compensate.solver.admm import ADMM
 from compensate.solver.gpcg import GPCG
 from domesim.light import Light
 from validation.benchmarks.recording import Recorder
-from validation.benchmarks.tao import filled, minimise_by_tao
 
 OURS = "admm"
 
@@ -36,7 +35,7 @@ class Solver:
     run
         Minimises from a start; returns its answer if that's not the last light seen.
     double
-        Whether it needs float64: line searches of SciPy and TAO give up on float32's rounding.
+        Whether it needs float64: line searches of SciPy give up on float32's rounding.
     """
 
     title: str
@@ -82,7 +81,9 @@ def _scipy(method: str, options: Mapping[str, float]) -> Callable[[Recorder, Lig
         free = lower < upper
 
         def light(values: Any) -> Light:
-            return filled(start, free, values)
+            result = start.copy()
+            result[free] = values
+            return result
 
         def both(values: Any) -> tuple[float, Any]:
             cost, gradient = problem.quadratic(light(values))
@@ -102,10 +103,6 @@ def _scipy(method: str, options: Mapping[str, float]) -> Callable[[Recorder, Lig
     return run
 
 
-def _tao(method: str) -> Callable[[Recorder, Light], Light]:
-    return lambda recorder, start: minimise_by_tao(method, recorder, start, iterations=2000)
-
-
 SOLVERS: Mapping[str, Solver] = {
     OURS: Solver("ADMM (the product's)", _ours),
     "gpcg": Solver("GPCG, exact pollution", _gpcg(frozen=False)),
@@ -121,8 +118,6 @@ SOLVERS: Mapping[str, Solver] = {
         _scipy("TNC", {"maxfun": 300, "rescale": 0, "ftol": 1e-12, "gtol": 1e-12}),
         double=True,
     ),
-    "tao-gpcg": Solver("GPCG (PETSc TAO), float64", _tao("gpcg"), double=True),
-    "tao-blmvm": Solver("BLMVM (PETSc TAO), float64", _tao("blmvm"), double=True),
 }
 
 USUAL = tuple(name for name in SOLVERS if name != "tnc")
