@@ -124,17 +124,17 @@ def bench(
         bool,
         typer.Option(
             "--quick",
-            help="Fewer FFTs to slow solvers, one timed run, no memory; of files, small ones.",
+            help="Fewer FFTs to slow solvers, one timed run; of files, small ones.",
         ),
     ] = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Count what solvers cost: FFTs of planes to a true gap, time as multiples, memory.
+    """Count what solvers cost: FFTs of planes to a true gap, time as multiples.
 
     The whole matrix takes hours: --sizes 512,1024,2048, then --solvers admm --sizes
-    512,1024,2048,4096,8192 (8192 needs 16 GiB and more). Least costs, which take the longest, are
-    kept in OUT/references.json. Photographs are of the test data (DOMESIM_DATA).
+    512,1024,2048,4096,8192 (8192 needs 16 GiB and more). Photographs are of the test
+    data (DOMESIM_DATA).
     """
     console = Console(quiet=quiet, json=json)
     if files:
@@ -148,7 +148,7 @@ def bench(
     widths = _numbers("--sizes", sizes, 16)
     wanted = _names("--problems", problems, PROBLEMS)
     tried = _names("--solvers", solvers, SOLVERS)
-    settings = Settings(budget=150, repeats=1, memory=False) if quick else Settings()
+    settings = Settings(budget=150, repeats=1) if quick else Settings()
     prepare(out)
     console.say(*writing.LEGEND.split("\n"), "", writing.HEADER)
     machine = {
@@ -159,7 +159,7 @@ def bench(
     }
     found: list[Cost] = []
     figures = writing.write_figures(out, found, machine)
-    for cost in costs(wanted, widths, tried, settings, out / "references.json"):
+    for cost in costs(wanted, widths, tried, settings):
         found.append(cost)
         console.say(writing.lines(cost))
         figures = writing.write_figures(out, found, machine)

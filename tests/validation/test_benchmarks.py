@@ -34,7 +34,7 @@ from validation.cli import bench
 from validation.experiment import Missing
 
 EVALUATORS = ("gpcg", "frozen", "accelerated", "lbfgsb")
-QUICK = Settings(repeats=1, memory=False)
+QUICK = Settings(repeats=1)
 
 
 @pytest.fixture(scope="module")
@@ -172,21 +172,7 @@ def test_ours_runs_to_its_own_stop_with_a_true_certificate(synthetic):
         assert stop.gap - 1e-6 <= stop.certified <= stop.tolerance
         assert stop.certified <= 20 * stop.gap
         assert stop.ffts > next(n for n in cost.ffts if n is not None)
-    assert 8 <= cost.memory <= 54 * 2
     assert cost.clipped > 0.01
-
-
-def test_memory_is_counted_in_planes(monkeypatch):
-    """A solver that keeps five planes in float32, and two for a while."""
-
-    def hoarder(recorder, start):
-        kept = np.ones((5, *start.shape[1:3]), np.float32)
-        for _ in range(3):
-            kept += np.ones((2, *start.shape[1:3]), np.float32).sum(axis=0)
-
-    case = night_dome(256)
-    monkeypatch.setitem(SOLVERS, "gpcg", Solver("hoarder", hoarder))
-    assert measuring._memory(case, "gpcg") == pytest.approx(8, abs=0.2)
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -212,7 +198,7 @@ def test_problems_are_what_they_say(name):
 
 def test_a_photograph_is_named_where_there_is_none(tmp_path, monkeypatch):
     monkeypatch.setenv("DOMESIM_DATA", str(tmp_path))
-    rows = list(costs(["photo"], [64], [OURS, "gpcg"], QUICK, tmp_path / "references.json"))
+    rows = list(costs(["photo"], [64], [OURS, "gpcg"], QUICK))
     assert len(rows) == 2
     assert all("DOMESIM_DATA" in row.failure for row in rows)
 
@@ -222,30 +208,17 @@ def test_a_solver_that_does_not_take_the_problem_is_a_row(tmp_path, monkeypatch)
         raise ValueError("takes no such thing")
 
     monkeypatch.setitem(SOLVERS, "gpcg", Solver("choosy", refuses))
-    (row,) = costs(["synthetic"], [32], ["gpcg"], QUICK, tmp_path / "references.json")
+    (row,) = costs(["synthetic"], [32], ["gpcg"], QUICK)
     assert row.failure == "not for this problem: takes no such thing"
 
 
 def test_what_is_too_large_for_the_truth_still_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(measuring, "LARGEST", 100)
-    rows = list(costs(["synthetic"], [32], [OURS, "gpcg"], QUICK, tmp_path / "references.json"))
+    rows = list(costs(["synthetic"], [32], [OURS, "gpcg"], QUICK))
     ours, other = rows
     assert [stop.gap for stop in ours.stops] == [None, None]
     assert ours.stops[0].certified <= 1e-3
     assert "too large" in other.failure
-
-
-def test_the_least_cost_is_remembered_for_that_problem_only(tmp_path, monkeypatch):
-    path = tmp_path / "references.json"
-    first = list(costs(["dome"], [32], ["gpcg"], QUICK, path))
-    known = json.loads(path.read_text())
-    monkeypatch.setattr(measuring, "least_cost", lambda case: pytest.fail("computed again"))
-    again = list(costs(["dome"], [32], ["gpcg"], QUICK, path))
-    assert [one.ffts for one in first] == [one.ffts for one in again]
-    assert json.loads(path.read_text()) == known
-    monkeypatch.setattr(measuring, "least_cost", lambda case: (1.0, None))
-    list(costs(["dome"], [48], ["gpcg"], QUICK, path))
-    assert len(json.loads(path.read_text())) == 2
 
 
 def test_bench_writes_its_figures(tmp_path, capsys):

@@ -1,31 +1,23 @@
-"""What a solver costs on a problem: FFTs of planes, seconds as multiples, memory.
+"""What a solver costs on a problem: FFTs of planes, and seconds as multiples.
 
 Counts are the same on every machine. Seconds depend on it; as multiples of one forward and inverse
-transform of one plane, and of one subtraction of the other view with a clip, both timed right
-before and after, they nearly do not. Memory is what Python allocates during a solution of a problem
-on which nothing has been computed yet, in planes of the picture in float32.
+transform of one plane, timed right before and after, they nearly do not.
 """
 
 from __future__ import annotations
 
-import gc
-import hashlib
-import json
 import math
 import time
-import tracemalloc
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import final
 
 import numpy as np
 import scipy.fft
 
 from compensate.solver.admm import ADMM
-from domesim.frames import write_whole
-from validation.benchmarks.problems import CROSSTALK, POLLUTION, PROBLEMS, Case, Task
+from validation.benchmarks.problems import PROBLEMS, Case, Task
 from validation.benchmarks.recording import Enough, Recorder, Seen, Truth
 from validation.benchmarks.solvers import OURS, SOLVERS, Solver
 from validation.experiment import Missing
@@ -39,7 +31,6 @@ LARGEST = 30_000_000
 """Values of a problem whose truth is looked for: more takes hours in float64."""
 _WORKERS = 2
 _SMALL = 128  # columns of a problem that is not timed
-_MEMORY_BUDGET = 60  # FFTs for each plane, after which no solver allocates anything new
 
 
 @final
@@ -55,8 +46,8 @@ class Stop:
         Work done; seconds are the median of the runs.
     certified, gap
         Certified and true relative gap; None where they are not known.
-    pairs, passes
-        Seconds in FFT pairs of one plane, and in passes of subtract-and-clip.
+    pairs
+        Seconds in FFT pairs of one plane.
     """
 
     tolerance: float
@@ -66,7 +57,6 @@ class Stop:
     certified: float | None
     gap: float | None
     pairs: float
-    passes: float
 
     @property
     def excess(self) -> float | None:
@@ -95,11 +85,8 @@ class Cost:
         Share of pixels that subtraction clips.
     ffts
         FFTs of planes until the true gap fell below each of `GAPS`; None where it never did.
-    seconds, pairs, passes
-        Time to a true gap of 1e-3 (median), and in multiples as of `Stop`; None where it did not
-        come there.
-    memory
-        Peak memory, planes of the picture in float32; None where it was not measured.
+    seconds, pairs
+        Time to a true gap of 1e-3 (median), and in FFT pairs; None where it did not come there.
     seen
         The lights on the way.
     stops
@@ -116,8 +103,6 @@ class Cost:
     ffts: tuple[int | None, ...] = (None,) * len(GAPS)
     seconds: float | None = None
     pairs: float | None = None
-    passes: float | None = None
-    memory: float | None = None
     seen: tuple[Seen, ...] = ()
     stops: tuple[Stop, ...] = ()
 
@@ -144,14 +129,11 @@ class Settings:
         FFTs for each plane of light after which they are.
     repeats
         Timed runs, of which the median counts, after a first one.
-    memory
-        Whether peak memory is measured.
     """
 
     goal: float = GAPS[-1]
     budget: float = BUDGET
     repeats: int = 3
-    memory: bool = True
 
 
 def costs(
@@ -159,7 +141,6 @@ def costs(
     sizes: Sequence[int],
     solvers: Sequence[str],
     settings: Settings,
-    references: Path,
 ) -> Iterator[Cost]:
     """Each solver's cost on each problem at each size, as they are measured; failures too.
 
@@ -169,15 +150,13 @@ def costs(
         Names in `PROBLEMS`, widths, names in `SOLVERS`.
     settings
         How much is measured.
-    references
-        JSON file of least costs, read and added to.
     """
     for problem in problems:
         for size in sizes:
             try:
                 case = PROBLEMS[problem][1](size)
                 too_large = case.single.start.size > LARGEST
-                least = None if too_large else _remembered(case, references)
+                least = None if too_large else least_cost(case)[0]
             except (Missing, ValueError, MemoryError) as error:
                 for name in solvers:
                     yield Cost(problem, size, SOLVERS[name].title, f"not run: {error}")
@@ -232,16 +211,21 @@ def measure(case: Case, name: str, least: float | None, settings: Settings) -> C
     """
     solver = SOLVERS[name]
     task = case.double if solver.double else case.single
-    units = _Units(case.single, settings.repeats)
     truth = None if least is None else Truth(case.double.problem, least)
     if name == OURS and case.name in PROBLEMS:
         small = PROBLEMS[case.name][1](_SMALL).single
         _product(TOLERANCES[0])(small.problem, small.start)  # its loops may have to be compiled
     seen = () if least is None else traced(case, name, least, settings.goal, settings.budget)
     enough = next((k for k, one in enumerate(seen, 1) if one.gap <= 1e-3), None)
-    found = None if enough is None else units.times(lambda: seconds_to(task, name, enough))
+    found = (
+        None
+        if enough is None
+        else _timed(case.single, settings.repeats, lambda: seconds_to(task, name, enough))
+    )
     stops = (
-        tuple(_stopped(case.single, t, truth, units) for t in TOLERANCES) if name == OURS else ()
+        tuple(_stopped(case.single, t, truth, settings.repeats) for t in TOLERANCES)
+        if name == OURS
+        else ()
     )
     fourier = task.problem.weighting.fourier
     return Cost(
@@ -252,10 +236,8 @@ def measure(case: Case, name: str, least: float | None, settings: Settings) -> C
         pixels=task.planes * fourier.rows * fourier.cols,
         clipped=case.single.clipped,
         ffts=tuple(next((s.ffts for s in seen if s.gap <= gap), None) for gap in GAPS),
-        seconds=found and found.seconds,
-        pairs=found and found.pairs,
-        passes=found and found.passes,
-        memory=_memory(case, name) if settings.memory else None,
+        seconds=found and found[0],
+        pairs=found and found[1],
         seen=seen,
         stops=stops,
     )
@@ -303,7 +285,7 @@ def _run(solver: Solver, recorder: Recorder, task: Task) -> None:
             recorder.see(lambda: answer)
 
 
-def _stopped(task: Task, tolerance: float, truth: Truth | None, units: _Units) -> Stop:
+def _stopped(task: Task, tolerance: float, truth: Truth | None, repeats: int) -> Stop:
     solver = _product(tolerance)
     result = solver(task.problem, task.start)
 
@@ -312,16 +294,15 @@ def _stopped(task: Task, tolerance: float, truth: Truth | None, units: _Units) -
         solver(task.problem, task.start)
         return time.perf_counter() - begin
 
-    found = units.times(run)
+    seconds, pairs = _timed(task, repeats, run)
     return Stop(
         tolerance,
         math.ceil(result.ffts),
         result.iterations,
-        found.seconds,
+        seconds,
         result.gap,
         None if truth is None else truth.gap(result.light),
-        found.pairs,
-        found.passes,
+        pairs,
     )
 
 
@@ -329,82 +310,26 @@ def _product(tolerance: float) -> ADMM:
     return ADMM(tolerance=tolerance, stop_when_invisible=False)
 
 
-def _memory(case: Case, name: str) -> float:
-    """Peak of one solution."""
-    solver = SOLVERS[name]
-    task = case.posed(np.float64 if solver.double else np.float32)
-    recorder = Recorder(task.problem, None, budget=_MEMORY_BUDGET * task.planes)
-    gc.collect()
-    tracemalloc.start()
-    try:
-        with suppress(Enough):
-            if name == OURS:
-                _product(TOLERANCES[0])(task.problem, task.start)
-            else:
-                solver.run(recorder, task.start)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    _, rows, cols, _ = task.start.shape
-    return float(peak / (rows * cols * np.dtype(np.float32).itemsize))
+def _timed(task: Task, repeats: int, run: Callable[[], float]) -> tuple[float, float]:
+    """Median of the times that `run` returns, in seconds and in FFT pairs of one plane.
 
-
-class _Units:
-    """Times of runs, and in multiples of what they are compared with; medians.
-
-    Parameters
-    ----------
-    task
-        Whose planes are transformed, and subtracted and clipped.
-    repeats
-        Runs.
+    A machine that others use, too, is now faster and now slower: pairs are timed before and after
+    each run.
     """
+    fourier = task.problem.weighting.fourier
+    plane = np.zeros((fourier.rows, fourier.cols), np.float32)
 
-    def __init__(self, task: Task, repeats: int) -> None:
-        fourier = task.problem.weighting.fourier
-        plane = np.zeros((fourier.rows, fourier.cols), np.float32)
-        light = task.start
-        out = np.empty_like(light)
+    def pair() -> None:
+        spectrum = scipy.fft.rfft2(plane, workers=_WORKERS)
+        scipy.fft.irfft2(spectrum, s=plane.shape, workers=_WORKERS)
 
-        def pair() -> None:
-            spectrum = scipy.fft.rfft2(plane, workers=_WORKERS)
-            scipy.fft.irfft2(spectrum, s=plane.shape, workers=_WORKERS)
-
-        def clip() -> None:
-            if len(light) == 2:
-                np.multiply(light[::-1], np.float32(CROSSTALK), out=out)
-                np.subtract(light, out, out=out)
-            else:
-                np.subtract(light, np.float32(POLLUTION) * light.mean(axis=(1, 2)), out=out)
-            np.clip(out, 0, 1, out=out)
-
-        self._units, self._repeats = (pair, clip), repeats
-
-    def times(self, run: Callable[[], float]) -> _Times:
-        """Median of the times that `run` returns; units are measured before and after each.
-
-        A machine that others use, too, is now faster and now slower.
-        """
-        found, around = [], [self._measured()]
-        for _ in range(self._repeats):
-            seconds = run()
-            around.append(self._measured())
-            pair, clip = ((one + other) / 2 for one, other in zip(*around[-2:], strict=True))
-            found.append((seconds, seconds / pair, seconds / clip))
-        return _Times(*map(float, np.median(found, axis=0)))
-
-    def _measured(self) -> list[float]:
-        return [_median_seconds(unit) for unit in self._units]
-
-
-@final
-@dataclass(frozen=True)
-class _Times:
-    """Seconds, and the same in FFT pairs and in passes of subtract-and-clip."""
-
-    seconds: float
-    pairs: float
-    passes: float
+    found, around = [], [_median_seconds(pair)]
+    for _ in range(repeats):
+        seconds = run()
+        around.append(_median_seconds(pair))
+        found.append((seconds, seconds / ((around[-2] + around[-1]) / 2)))
+    seconds, pairs = map(float, np.median(found, axis=0))
+    return seconds, pairs
 
 
 def _median_seconds(work: Callable[[], None]) -> float:
@@ -414,26 +339,3 @@ def _median_seconds(work: Callable[[], None]) -> float:
         work()
         times.append(time.perf_counter() - begin)
     return float(np.median(times))
-
-
-def _remembered(case: Case, path: Path) -> float:
-    """The least cost, from the file if this very problem is in it."""
-    known: dict[str, tuple[float, float | None]] = {}
-    if path.exists():
-        known = json.loads(path.read_text())
-    key = f"{case.name} {case.size} {_digest(case.double)}"
-    if key not in known:
-        known[key] = least_cost(case)
-        write_whole(path, json.dumps(known, indent=1).encode())
-    return known[key][0]
-
-
-def _digest(task: Task) -> str:
-    """Digest of all that the least cost depends on."""
-    problem = task.problem
-    found = hashlib.sha256(np.ascontiguousarray(problem.desired).tobytes())
-    # What is seen of noise and how it is weighted stand for observation and weighting
-    light = np.random.default_rng(0).random(task.start.shape)
-    for number in (problem.regularisation, problem.cost(light), problem.cost(task.start)):
-        found.update(f"{number:.9e}".encode())
-    return found.hexdigest()[:16]

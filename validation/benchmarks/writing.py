@@ -15,12 +15,12 @@ from validation.benchmarks.measuring import GAPS, Cost
 HEADER = (
     f"{'problem':<14}{'size':>5} {'solver':<37}"
     + "".join(f"{gap:>7.0e}" for gap in GAPS)
-    + f"{'seconds':>9}{'pairs':>7}{'passes':>7}{'planes':>7}"
+    + f"{'seconds':>9}{'pairs':>7}"
 )
 LEGEND = """\
-FFTs of planes to a true relative gap; time to 1e-3, in seconds, in FFT pairs of one plane and in
-passes of subtract-and-clip of this run; peak memory in float32 planes. Below ours, as it runs with
-its certificates to a tolerance: FFTs, iterations; time; certified gap, true gap, their ratio."""
+FFTs of planes to a true relative gap; time to 1e-3, in seconds, and in FFT pairs of one plane of
+this run. Below ours, as it runs with its certificates to a tolerance: FFTs, iterations; time;
+certified gap, true gap, their ratio."""
 
 
 def lines(cost: Cost) -> str:
@@ -29,15 +29,14 @@ def lines(cost: Cost) -> str:
     if cost.failure:
         return f"{head} {cost.failure}"
     counts = "".join(f"{'-' if n is None else n:>7}" for n in cost.ffts)
-    figures = (cost.seconds, cost.pairs, cost.passes, cost.memory)
-    widths, digits = (9, 7, 7, 7), (3, 0, 0, 1)
+    figures, widths, digits = (cost.seconds, cost.pairs), (9, 7), (3, 0)
     text = head + counts
     for value, width, places in zip(figures, widths, digits, strict=True):
         text += f"{'-' if value is None else format(value, f'.{places}f'):>{width}}"
     for stop in cost.stops:
         text += (
             f"\n{'':<21}to {stop.tolerance:.0e}: {stop.ffts} FFTs, {stop.iterations} iterations; "
-            f"{stop.seconds:.3f} s, {stop.pairs:.0f} pairs, {stop.passes:.0f} passes; "
+            f"{stop.seconds:.3f} s, {stop.pairs:.0f} pairs; "
             f"certified {_gap(stop.certified)}, true {_gap(stop.gap)}, "
             f"{_number(stop.excess, '.1f')} times"
         )

@@ -65,7 +65,7 @@ Floats = NDArray[np.float64]
 
 SCENE = "dome_imax"
 OTHERS = ("gpcg", "frozen", "lbfgsb", "tnc")
-SETTINGS = Settings(goal=1e-6, repeats=1, memory=False)
+SETTINGS = Settings(goal=1e-6, repeats=1)
 ALBEDO = (0.7, 0.3, 0.55)
 LENS = (0.6, -0.4, 0.9)
 """Where the projector of the small dome is, m."""
