@@ -103,7 +103,7 @@ def test_a_3d_dome_may_not_be_brighter_nor_lose_more_than_one_answer(lost, light
 )
 def test_the_eye_s_own_light_hides_some_pollution_and_not_most(visible, expected):
     shares = {25: 0.16, 45: 0.19, 70: 0.36}
-    seen = stray_light.Seen(shares, shares, {0: 0.3, **dict.fromkeys(stray_light.AGES, visible)})
+    seen = stray_light.Seen(shares, {0: 0.3, **dict.fromkeys(stray_light.AGES, visible)})
     checks = stray_light._checks(stray_light.Work(quick=False), {"one": seen}, seen)
     assert red(checks) == expected
 

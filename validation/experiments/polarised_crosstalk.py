@@ -34,12 +34,10 @@ from domesim.scene import load_stereo
 from domesim.stereo.polarisation import crosstalk_estimate, screen_gain
 from domesim.stereo.system import CircularFilter, PolarisedProjector, StereoTheatre
 from testing.statistics import FALSE_ALARM, bias_p, calibration
-from validation.drawing import COLOURS, plot
 from validation.experiment import (
     Check,
     Column,
     Finding,
-    Plot,
     Table,
     Work,
     at_least,
@@ -188,7 +186,6 @@ def run(work: Work) -> Finding:
         ),
         checks=tuple(_checks(seats, ends, hand)),
         tables=(_table(seats),),
-        plots=(_row(seats),),
         figures={
             "polarised.sweet_spot": first[0],
             "polarised.side": last[0],
@@ -255,35 +252,4 @@ def _table(seats: tuple[Seat, ...]) -> Table:
             Column(name="traced, mean of the whole screen", unit="%", digits=".3f"),
         ),
         rows=tuple(row(seat) for seat in seats),
-    )
-
-
-def _row(seats: tuple[Seat, ...]) -> Plot:
-    theatre = _theatre()
-    distance = -theatre.seat(SWEET_SPOT)[1]
-    aside = np.linspace(0, seats[-1].aside, 100)
-
-    def draw(axes: Any) -> None:
-        share, error, estimate = np.array([seat.middle() for seat in seats]).T
-        places = [seat.aside for seat in seats]
-        line = [100 * by_hand(theatre, x) for x in np.arctan2(aside, distance)]
-        axes.plot(aside, line, "--", color=COLOURS[2], label="(s/2) / (gain - s/2) + leaks")
-        axes.plot(places, 100 * estimate, "x", color=COLOURS[1], ms=8, label="Mueller calculus")
-        axes.errorbar(
-            places, 100 * share, 100 * SIGMAS * error, fmt="o", color=COLOURS[0], ms=3.5,
-            capsize=4, label="traced, 95 %",
-        )  # fmt: skip
-        axes.set(
-            xlabel="seat, m to the side of the sweet spot",
-            ylabel="crosstalk, %",
-            ylim=(0, 108 * share.max()),
-        )
-        axes.legend(loc="lower right")
-
-    return plot(
-        "Crosstalk in the middle of the screen, seat by seat; s is the depolarising share. "
-        "Intervals are smaller than the dots.",
-        "Crosstalk rises from about 1.1 % at the sweet spot, the more the further to the side; "
-        "dots with error bars lie on crosses and on a dashed line.",
-        draw,
     )

@@ -52,16 +52,14 @@ class Seen:
 
     Attributes
     ----------
-    exceeded, exceeded_subtracted
-        Share of the screen, by age, where the eye adds more light than the room: untouched, and
-        after subtraction.
+    exceeded
+        Share of the screen, by age, where the eye adds more light than the room, untouched.
     visible
         Share of the screen where pollution is predicted to be seen after subtraction: by an eye
         that scatters nothing, and by age.
     """
 
     exceeded: dict[int, float]
-    exceeded_subtracted: dict[int, float]
     visible: dict[int, float]
 
 
@@ -69,13 +67,12 @@ def measure(read: Input, size: int = SIZE) -> Seen:
     """One domemaster."""
     light = no_wider(read.read(), size).astype(np.float32)
     posed = pose(light, load_dome(SCENE))
-    exceeded, after = gazes(posed, posed.desired), gazes(posed, posed.subtractive)
     eyes: Mapping[int, StrayLight | None] = {0: None, **{age: StrayLight(age) for age in AGES}}
     visible = {
         age: predict(posed, posed.subtractive, Prediction(eye=eye)).share
         for age, eye in eyes.items()
     }
-    return Seen(exceeded, after, visible)
+    return Seen(gazes(posed, posed.desired), visible)
 
 
 def gazes(posed: Posed, light: Light) -> dict[int, float]:
@@ -120,7 +117,7 @@ def _means(found: Mapping[str, Seen]) -> Seen:
             for age in getattr(seen[0], name)
         }
 
-    return Seen(by_age("exceeded"), by_age("exceeded_subtracted"), by_age("visible"))
+    return Seen(by_age("exceeded"), by_age("visible"))
 
 
 def _told(found: Mapping[str, Seen], mean: Seen) -> str:
@@ -163,7 +160,6 @@ def _table(found: Mapping[str, Seen]) -> Table:
         columns=(
             Column(name="input"),
             *(Column(name=f"untouched, {age} years", unit="%", digits=".1f") for age in AGES),
-            *(Column(name=f"subtracted, {age} years", unit="%", digits=".1f") for age in AGES),
             Column(name="visible, no stray light", unit="%", digits=".1f"),
             *(Column(name=f"visible, {age} years", unit="%", digits=".1f") for age in AGES),
         ),
@@ -171,7 +167,6 @@ def _table(found: Mapping[str, Seen]) -> Table:
             (
                 name,
                 *(100 * each.exceeded[age] for age in AGES),
-                *(100 * each.exceeded_subtracted[age] for age in AGES),
                 *(100 * each.visible[age] for age in (0, *AGES)),
             )
             for name, each in found.items()

@@ -15,14 +15,14 @@ Expected
     From path-traced photographs: screen albedo within 0.5 % and floor albedo within 2 % (root mean
     square, and 95 % of the theatres), at most 60 CPU-seconds a theatre. 90 to 98 % of the 95 %
     intervals hold the truth in each case (path-traced, of few theatres, and quick: 80 % or more).
-    They are no wider than they need
-    be: in computed photographs errors are 0.7 to 1.4 of those stated (rms of each figure), whatever
-    the noise, and none is off in one direction by more than half of it. Without geometry, white and
-    its reflected light are off by less than 1 % in the mean. Compensated with what was measured,
-    the residual of a night is within 10 % of what the true light leaves. Of a day, where nothing
-    clips, at most 2 % of the reflected light remain, and more with the closed form. Without
-    geometry the reflected light of both is within 1 % (quick: 2 %). That is not claimed of a
-    glossy, bright screen (dome_led): there cross-validation must own up to the error.
+    They are no wider than they need be: in computed photographs errors are 0.7 to 1.4 of those
+    stated (rms of each figure), whatever the noise, and none is off in one direction by more than
+    half of it. Without geometry, white and its reflected light are off by less than 1 % in the
+    mean. Compensated with what was measured, the residual of a night is within 10 % of what the
+    true light leaves. Of a day, where nothing clips, at most 2 % of the reflected light remain, and
+    more with the closed form. Without geometry the reflected light of both is within 1 % (quick:
+    2 %). That is not claimed of a glossy, bright screen (dome_led): there cross-validation must own
+    up to the error.
 """
 
 from __future__ import annotations
