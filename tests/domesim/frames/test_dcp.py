@@ -104,18 +104,6 @@ def test_other_mxfs_are_told_by_what_they_are(tmp_path: Path) -> None:
     assert ".mov, .mp4, .m4v, .mkv" in str(caught.value)
 
 
-def test_an_encrypted_one_is_refused(tmp_path: Path) -> None:
-    """By the label of its essence container (SMPTE ST 429-6)."""
-    path = track(tmp_path / "x.mxf")
-    content = bytearray(path.read_bytes())
-    label = bytes.fromhex("060e2b34040101070d010301020c")
-    assert label in content
-    content = content.replace(label + b"\1\0", bytes.fromhex("060e2b34040101070d010301020b0100"))
-    path.write_bytes(content)
-    with pytest.raises(InputError, match="got an encrypted one"):
-        find_frames(path)
-
-
 def test_a_video_of_another_codec_is_no_mxf(tmp_path: Path) -> None:
     path = write_numbered(tmp_path / "film.mkv", KINDS["FFV1"], 2)
     path.rename(tmp_path / "film.mxf")

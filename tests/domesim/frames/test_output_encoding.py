@@ -82,14 +82,6 @@ def test_p3_dpx_in_dcdm_out(tmp_path: Path, out: Path, run: Run) -> None:
     assert "DCDM XYZ, which the file cannot say" in result.out
 
 
-def test_white_of_d65_has_the_codes_that_others_have(tmp_path: Path, out: Path, run: Run) -> None:
-    """Y of 48 cd/m² is 3960 (DCI DCSS, 4.3.1)."""
-    white = np.full((SIDE, SIDE, 3), 1023)
-    how = ("--encoding", "p3-d65", "--output-encoding", "dcdm", "--format", "tif")
-    compensated(run, dpx(tmp_path / "in.dpx", white), out, *how)
-    assert (codes_of(out / "in.tif")[..., 1] >> 4 == 3960).all()
-
-
 @pytest.mark.parametrize(
     ("name", "suffix", "bits"),
     [

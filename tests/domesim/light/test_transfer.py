@@ -6,7 +6,6 @@ import warnings
 
 import numpy as np
 import pytest
-from theatres import DATA, needs_data
 
 from domesim.errors import InputError
 from domesim.light.transfer import DCDM, SRGB, ST2084, Gamma, Linear, MeasuredTable, Transfer, named
@@ -84,23 +83,6 @@ def test_absolute_curves_end_at_their_peak():
 def test_an_impossible_measurement_is_refused(light, message):
     with pytest.raises(InputError, match=message):
         MeasuredTable(np.linspace(0, 1, 4), np.array(light)[:, None])
-
-
-@needs_data
-def test_a_real_display_between_its_measured_levels():
-    """Every second level of a measured CRT predicts the levels between them to 1 % of white."""
-    text = (DATA / "measured" / "ptb3_crt_pr650_30levels.csv").read_text().splitlines()
-    rows = [line.split(",") for line in text if not line.startswith("#")]
-    curves = {
-        gun: np.array([[float(row[1]), float(row[3])] for row in rows if row[0] == gun])
-        for gun in "RGB"
-    }
-    codes = np.concatenate([[0], curves["R"][:, 0]])
-    light = np.stack([np.concatenate([[0], c[:, 1] / c[-1, 1]]) for c in curves.values()], -1)
-    table = MeasuredTable(codes[::2], light[::2])
-    between = np.repeat(codes[:, None], 3, axis=1)
-    assert np.abs(table.decode(between) - light).max() < 1e-2
-    assert table.encode(table.decode(between)) == pytest.approx(between, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["linear", "srgb", "bt1886", "gamma2.35", "st2084", "dcdm"])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import re
 
 import numpy as np
 import pytest
-from rigs import CRT, LEFT, RIGHT, Rig, real, refused
+from rigs import LEFT, RIGHT, Rig, refused
 
 from domesim.readings.meter import read_readings
 from domesim.readings.pair import measured_pair
@@ -97,31 +96,6 @@ def test_a_display_is_found_again(table, normalised):
     assert display.black == pytest.approx(BLACK, abs=1e-5)
     assert display.response.transfer.exponent == pytest.approx(2.2, abs=1e-3)
     assert display.additivity == pytest.approx(0, abs=1e-5)
-
-
-@real
-def test_the_real_table_as_ti3_says_what_it_says_as_csv(table):
-    lines = [line for line in CRT.read_text().splitlines() if not line.startswith("#")]
-    rows = list(csv.DictReader(lines))
-    levels = {"R": (1, 0, 0), "G": (0, 1, 0), "B": (0, 0, 1), "W": (1, 1, 1), "K": (0, 0, 0)}
-    stored = [
-        " ".join(
-            [
-                str(n),
-                *(f"{100 * float(row['level'] or 0) * c:.4f}" for c in levels[row["channel"]]),
-                *(row[name] for name in "XYZ"),
-            ]
-        )
-        for n, row in enumerate(rows, 1)
-    ]
-    text = ti3(stored, normalised=False, luminance="1 1 1")
-    one, other = (
-        measured_display(read_readings(path, black="subtracted").session("display", "none"))
-        for path in (CRT, table(text))
-    )
-    assert other.primaries == pytest.approx(one.primaries)
-    assert other.black == pytest.approx(one.black)
-    assert other.response.transfer.light == pytest.approx(one.response.transfer.light, abs=1e-4)
 
 
 def test_the_command(run, table):

@@ -176,16 +176,6 @@ floor = { value = [0.16, 0.12, 0.1] }
     assert np.allclose(scene.albedo, (0.56, 0.52, 0.48), atol=0.02)
 
 
-@pytest.mark.long
-def test_what_is_held_wrongly_is_noticed(folder, run):
-    holds = ("--hold", "screen=0.52,0.001", "--hold", "floor=0.4")
-    code, said, _ = run(folder / "survey.toml", "--out", folder / "none.toml", *holds)
-    assert code == 2
-    assert "screen albedo: R not determined, G not determined" in said
-    assert "not told apart: the description does not explain the photographs" in said
-    assert not (folder / "none.toml").exists()
-
-
 def test_readings_of_a_meter_are_enough(folder, run):
     survey, out = folder / "meter.toml", folder / "read.toml"
     places = {"cd/m2": (0.05, 6.0), "lux": (0.3, 40.0)}

@@ -17,7 +17,6 @@ from domesim.measure.dome.run import survey_of_spots
 from domesim.measure.dome.spots import Reading, _surface, evidence_of
 from domesim.observation.radiosity import radiosity
 from domesim.room.theatre import Floor, Wall
-from testing.statistics import assert_unbiased
 
 WEIGHTS = np.array([0.2, 0.7, 0.1])
 BLACK, WHITE, FRONT = 0, 1, 2
@@ -87,17 +86,6 @@ def test_readings_of_the_model_give_its_albedos_back():
     count = len(found.names)
     assert np.allclose(np.diag(found.correlations, count), 1)
     assert np.allclose(np.diag(found.correlations, 2 * count), 1)
-
-
-@pytest.mark.long
-def test_errors_of_readings_become_errors_of_albedos():
-    runs = [
-        survey_of_spots(PLAN, PATTERNS, read(ALL, seed=seed), {}, WEIGHTS, profile=False)
-        for seed in range(3)
-    ]
-    value, error = (np.array([getattr(run, name)[:, 0] for run in runs]) for name in
-                    ("value", "error"))  # fmt: skip
-    assert_unbiased(value, error, (GAIN, 0.5, 0.2))
 
 
 def test_lux_and_luminance_of_one_lit_place_tell_its_albedo():
