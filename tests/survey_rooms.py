@@ -23,6 +23,13 @@ GAIN = np.array([3.0, 4.0, 5.0])
 PATTERNS = patterns_for(THEATRE.dome, 50)
 
 
+def on_screen(theta_deg: float, azimuth_deg: float) -> tuple[float, float, float]:
+    """A place of the screen, m, by its angles from the zenith and about it."""
+    angles = np.radians(theta_deg), np.radians(azimuth_deg)
+    point = THEATRE.dome.surface(*map(np.array, angles)) @ THEATRE.dome.to_room.T
+    return tuple(float(x) for x in point)
+
+
 @cache
 def model() -> Interreflection:
     return Interreflection(THEATRE, PATTERNS, resolution=6)

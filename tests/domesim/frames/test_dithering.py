@@ -190,6 +190,13 @@ def test_the_noise_is_known() -> None:
     assert first == "122112212112122111111211"
 
 
+def test_parts_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    values = np.full(10_001, 100.4)
+    whole = dithered(values)
+    monkeypatch.setattr("domesim.frames.dithering._SAMPLES", 1000)
+    np.testing.assert_array_equal(dithered(values), whole)
+
+
 def test_pixels_that_lie_otherwise_in_memory(tmp_path: Path) -> None:
     pixels = np.random.default_rng(0).random((20, 30, 3), np.float32)
     turned = np.ascontiguousarray(pixels.transpose(2, 1, 0)).transpose(2, 1, 0)

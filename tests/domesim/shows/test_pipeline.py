@@ -141,36 +141,21 @@ def test_the_next_is_read_and_the_last_written_while_one_is_solved(
     assert [frame["number"] for frame in done.frames] == [1, 2, 3]
 
 
-def test_never_more_than_one_is_read_ahead(show: Show, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("ahead", "busy"), [("preparing", "solving"), ("solving", "finishing")])
+def test_never_more_than_one_is_ahead(show: Show, tmp_path: Path, ahead: str, busy: str) -> None:
+    """Neither read while one is solved, nor solved while one is written."""
     second, third = threading.Event(), threading.Event()
     early = []
 
-    def preparing(number: int) -> None:
+    def begins(number: int) -> None:
         {2: second, 3: third}.get(number, threading.Event()).set()
 
-    def solving(number: int) -> None:
+    def is_busy(number: int) -> None:
         if number == 1:
             assert second.wait(PATIENCE)
             early.append(third.wait(A_WHILE))
 
-    done = do(show, tmp_path / "out", work(preparing=preparing, solving=solving))
-    assert early == [False]
-    assert len(done.frames) == 3
-
-
-def test_never_more_than_one_is_written_behind(show: Show, tmp_path: Path) -> None:
-    second, third = threading.Event(), threading.Event()
-    early = []
-
-    def solving(number: int) -> None:
-        {2: second, 3: third}.get(number, threading.Event()).set()
-
-    def finishing(number: int) -> None:
-        if number == 1:
-            assert second.wait(PATIENCE)
-            early.append(third.wait(A_WHILE))
-
-    done = do(show, tmp_path / "out", work(solving=solving, finishing=finishing))
+    done = do(show, tmp_path / "out", work(**{ahead: begins, busy: is_busy}))
     assert early == [False]
     assert len(done.frames) == 3
 

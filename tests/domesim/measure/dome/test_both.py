@@ -6,7 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from survey_rooms import CAMERA, GAIN, PATTERNS, THEATRE, cells, evidence, model, only
+from survey_rooms import (
+    CAMERA,
+    GAIN,
+    PATTERNS,
+    THEATRE,
+    cells,
+    evidence,
+    model,
+    on_screen,
+    only,
+)
 
 from domesim.errors import InputError
 from domesim.measure.dome.fit import Known, Survey, survey
@@ -22,12 +32,6 @@ LUMINANCE = 8.0
 ALBEDOS = nominal_albedos(THEATRE)
 START = np.array([[0.4] * 3, [0.3] * 3])
 SURFACES = ("screen", "floor")
-
-
-def on_screen(theta_deg: float, azimuth_deg: float) -> tuple[float, float, float]:
-    angles = np.radians(theta_deg), np.radians(azimuth_deg)
-    point = THEATRE.dome.surface(*map(np.array, angles)) @ THEATRE.dome.to_room.T
-    return tuple(float(x) for x in point)
 
 
 SPOTS = (

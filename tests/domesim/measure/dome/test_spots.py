@@ -8,6 +8,7 @@ from functools import cache, partial
 import numpy as np
 import pytest
 import survey_rooms
+from survey_rooms import on_screen
 
 from domesim.errors import InputError
 from domesim.measure.dome import run
@@ -24,12 +25,6 @@ PATTERNS, THEATRE = survey_rooms.PATTERNS[:3], survey_rooms.THEATRE
 GREY = replace(THEATRE, albedo=(0.5, 0.5, 0.5), floor=Floor(-1.2, 4.0, (0.2, 0.2, 0.2)))
 PLAN = replace(THEATRE, albedo=(0.3, 0.3, 0.3), floor=Floor(-1.2, 4.0, (0.1, 0.1, 0.1)))
 GAIN = 8.0
-
-
-def on_screen(theta_deg: float, azimuth_deg: float) -> tuple[float, float, float]:
-    angles = np.radians(theta_deg), np.radians(azimuth_deg)
-    point = GREY.dome.surface(*map(np.array, angles)) @ GREY.dome.to_room.T
-    return tuple(float(x) for x in point)
 
 
 FRONT_PLACE, BACK_PLACE, ON_FLOOR = on_screen(40, 80), on_screen(50, 250), (0.5, 0.5, -1.2)
