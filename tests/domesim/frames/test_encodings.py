@@ -18,7 +18,7 @@ from test_frames import (
 )
 
 from domesim.errors import InputError
-from domesim.frames import read_frame, read_master, write_frame, write_master
+from domesim.frames import Frame, read_frame, read_master, write_frame, write_master
 from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.reading import unsaid
 from domesim.light.transfer import named
@@ -61,9 +61,15 @@ def test_a_name_that_there_is_not_lists_those_that_there_are(name: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", KINDS)
-@pytest.mark.parametrize("name", ["dcdm", "st2084", "acescg", "bt709", "srgb", "gamma2.4:p3-d65"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("dcdm", "st2084", "acescg", "bt709", "srgb", "gamma2.2"),
+        *("srgb:p3-d65", "gamma2.4:p3-d65", "gamma2.6:p3-d65", "gamma2.6:p3-dci"),
+    ],
+)
 def test_what_is_written_says_so_where_it_can(tmp_path: Path, suffix: str, name: str) -> None:
-    """Of a file that says otherwise, or nothing."""
+    """Of a file that says otherwise, or nothing; an EXR or PNG of no file, too."""
     profile = icc_profile("Display P3", "P3-D65")
     said = {
         "exr": {"chromaticities": ("float[8]", CHROMATICITIES)},
@@ -77,6 +83,9 @@ def test_what_is_written_says_so_where_it_can(tmp_path: Path, suffix: str, name:
     np.testing.assert_array_equal(read.pixels, read_frame(path).pixels)
     write_frame(read, tmp_path / f"out.{suffix}")
     result = read_frame(tmp_path / f"out.{suffix}").colour
+    if suffix in ("exr", "png"):
+        write_frame(Frame(read.pixels, path, colour, 16, False), tmp_path / f"new.{suffix}")
+        assert read_frame(tmp_path / f"new.{suffix}").colour.means_the_same_as(colour)
     can = suffix in ("exr", "png") or (suffix, name) == ("dpx", "bt709") or name == "srgb"
     assert result.means_the_same_as(colour) == can
     # A DPX cannot say sRGB, nor primaries beside what transfer it has.

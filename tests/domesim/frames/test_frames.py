@@ -587,41 +587,6 @@ def test_exr_of_unknown_chromaticities_says_so(tmp_path: Path) -> None:
     assert "not known" in colour.source
 
 
-@pytest.mark.parametrize("suffix", ["exr", "png"])
-@pytest.mark.parametrize(
-    "tag",
-    [
-        ("linear", "BT.709"),
-        ("linear", "ACES AP1"),
-        ("linear", "P3-DCI"),
-        ("srgb", "BT.709"),
-        ("srgb", "P3-D65"),
-        ("bt1886", "BT.709"),
-        ("gamma2.2", "BT.709"),
-        ("gamma2.4", "BT.709"),
-        ("gamma2.6", "P3-D65"),
-        ("gamma2.6", "P3-DCI"),
-        ("st2084", "BT.2020"),
-        ("dcdm", "XYZ"),
-    ],
-)
-def test_a_colour_that_was_given_is_what_the_file_says(
-    tmp_path: Path, suffix: str, tag: tuple[str, str]
-) -> None:
-    """Also over a file that said something else."""
-    colour = ColourTag(*tag, "here")
-    write_frame(replace(frame(texture("float32")), colour=colour), tmp_path / f"new.{suffix}")
-    result = read_frame(tmp_path / f"new.{suffix}").colour
-    assert (result.transfer, result.primaries) == tag
-
-    linear = replace(frame(texture("float32")), colour=ColourTag("linear", "BT.2020", "here"))
-    write_frame(linear, tmp_path / f"in.{suffix}")
-    read = replace(read_frame(tmp_path / f"in.{suffix}"), colour=colour)
-    write_frame(read, tmp_path / f"out.{suffix}")
-    result = read_frame(tmp_path / f"out.{suffix}").colour
-    assert (result.transfer, result.primaries) == tag
-
-
 def test_frames_describe_themselves(tmp_path: Path) -> None:
     read = read_frame(store(tmp_path / "x.jpg", texture()))
     assert read.described() == "31 x 23 JPEG, 8 bit, sRGB (assumed for JPEG)"

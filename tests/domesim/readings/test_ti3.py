@@ -135,8 +135,6 @@ BROKEN = {
     ),
     "negative light": (spoilt(ROW, r"\1 \2 -0.4 \4"), "Y must be 0 to 1e+06, got -0.2"),
     "NaN": (spoilt(ROW, r"\1 \2 nan \4"), "Y must be a number, got 'nan'"),
-    "text": (spoilt(ROW, r"\1 \2 x \4"), "Y must be a number, got 'x'"),
-    "light that falls": (spoilt(ROW, r"\1 30 26 3"), "light must rise with level"),
     "a row that is cut": (spoilt(ROW, r"\1 \2"), "must have 7 cells, got 5"),
     "rows that are missing": (spoilt(ROW, "# none"), "NUMBER_OF_SETS says 23 rows, got 22"),
     "an end that is missing": (ti3().split("END_DATA\n")[0], "ends before END_DATA"),
