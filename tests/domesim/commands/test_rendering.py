@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -649,31 +648,3 @@ def test_a_real_ctrl_c(folder: Path) -> None:
         found["indirect"], found["variance"], load_scene("dome_hemisphere").dome
     )
     assert np.all(np.abs(mean - WHITE / 3) < 4 * error)
-
-
-# Without LLVM.
-
-
-def test_numpy_alone_finds_the_same(folder: Path) -> None:
-    out = folder / "scalar" / "seen.exr"
-    arguments = (
-        "render", folder / "hall.toml", "--master", folder / "uneven.exr", "--error", 0.1, "--out",
-    )  # fmt: skip
-    process = in_a_process(
-        "-m", "domesim", *arguments, out, env={**os.environ, "DOMESIM_VARIANT": "scalar"}
-    )
-    fast = folder / "scalar" / "fast.exr"
-    domesim(*arguments, fast, "--json").figures()
-    told, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (0, "")
-    assert "Path tracing with NumPy, which is slower: DOMESIM_VARIANT=scalar" in told
-    slow, quick = layers_of(out), layers_of(fast)
-    np.testing.assert_allclose(slow["direct"], quick["direct"], rtol=1e-5, atol=1e-6)
-    dome = load_scene(folder / "hall.toml").dome
-    (a, a_error), (b, b_error) = (
-        over_screen(found["indirect"], found["variance"], dome) for found in (slow, quick)
-    )
-    error = np.hypot(a_error, b_error)
-    assert np.all(np.abs(a - b) < 4 * error), (a, b, error)
-    assert np.all(error < 0.02 * b)
-    assert np.any(slow["indirect"] != quick["indirect"])
