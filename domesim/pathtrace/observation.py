@@ -176,7 +176,20 @@ class PathTracedDome(Observation):
 
 
 def part_of(progress: Progress | None, number: int, parts: int) -> Progress | None:
-    """Progress of one of several like parts of a work; the share that it tells never shrinks."""
+    """Progress of one of several equal parts of a work.
+
+    Parameters
+    ----------
+    progress
+        That of the whole, if anybody listens.
+    number, parts
+        The part, from 0, and their number.
+
+    Returns
+    -------
+    progress
+        The share that it reports never shrinks.
+    """
     if progress is None:
         return None
     largest = 0.0
@@ -191,7 +204,20 @@ def part_of(progress: Progress | None, number: int, parts: int) -> Progress | No
 
 
 def in_haste(settings: Settings, before: Traced) -> Settings:
-    """The same settings, with the fewest samples if what was traced `before` was interrupted."""
+    """Settings of a picture that follows another.
+
+    Parameters
+    ----------
+    settings
+        Those of both.
+    before
+        What was traced first.
+
+    Returns
+    -------
+    settings
+        With the fewest samples if `before` was interrupted; else the same.
+    """
     if before.status is not Status.INTERRUPTED:
         return settings
     return replace(settings, most=settings.least)

@@ -98,6 +98,11 @@ def crosstalk_map(
     progress
         Told how far it is, after every launch.
 
+    Returns
+    -------
+    map
+        (view, row, col) crosstalk, with standard errors.
+
     Raises
     ------
     InputError
@@ -155,6 +160,11 @@ def luminance_map(
         (primary,) of luminance; they sum to 1.
     seat, rows, cols, seed, progress
         As of `crosstalk_map`.
+
+    Returns
+    -------
+    map
+        (view, row, col) crosstalk of luminance, with standard errors.
     """
     each = theatre.by_primary()
     maps = []
@@ -282,7 +292,22 @@ def _fast(glass: CircularFilter) -> float:
 
 
 def around(centre: Point, radius: float, bsdf: dict[str, Any]) -> dict[str, Any]:
-    """A sphere round a lens."""
+    """A sphere round a lens, for Mitsuba.
+
+    Parameters
+    ----------
+    centre
+        Of the lens, m.
+    radius
+        Of the sphere, m.
+    bsdf
+        Mitsuba's, of its surface.
+
+    Returns
+    -------
+    shape
+        Mitsuba's.
+    """
     return {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": bsdf}
 
 
@@ -331,9 +356,25 @@ def _places(
 def arriving(
     mi: Any, integrator: Any, scene: Any, eye: Point, points: _Floats, seed: int = 0
 ) -> _Floats:
-    """(Stokes, ray) of what comes from points of the screen, by axes that are right and up.
+    """Light that comes from points of the screen, by axes that are right and up.
 
-    The seed decides nothing where paths end at their first reflection.
+    Parameters
+    ----------
+    mi
+        Mitsuba, with its variant set.
+    integrator, scene
+        Mitsuba's.
+    eye
+        Where it is seen from, m.
+    points
+        (ray, xyz) of the screen, m.
+    seed
+        Seed of the random numbers; of no effect where paths end at their first reflection.
+
+    Returns
+    -------
+    light
+        (Stokes, ray).
     """
     way = points - np.asarray(eye)
     way /= np.linalg.norm(way, axis=1, keepdims=True)

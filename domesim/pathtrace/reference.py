@@ -52,6 +52,11 @@ def path_traced(
     detail
         Pixels a side of the picture that the projector throws.
 
+    Returns
+    -------
+    light
+        (row, col, primary), 1.0 = projector white.
+
     Raises
     ------
     InputError

@@ -130,6 +130,11 @@ def tabulate(
     progress
         Told how it gets on.
 
+    Returns
+    -------
+    tabulation
+        The operator, how sure it is, and why tracing ended.
+
     Raises
     ------
     InputError

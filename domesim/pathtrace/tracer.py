@@ -175,11 +175,35 @@ class Tracer:
             self.lobe = GainLobe(self.machine, theatre.lobe)
 
     def gains(self, rows: int, cols: int) -> NDArray[np.float64]:
-        """(lens, row, col): what each projector gives the screen, with the room's shadows."""
+        """What each projector gives the screen, with the room's shadows.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of the domemaster, pixels.
+
+        Returns
+        -------
+        gains
+            (lens, row, col).
+        """
         return self._thrown(rows, cols)[1]
 
     def seen_gain(self, rows: int, cols: int, eye: Point) -> NDArray[Any]:
-        """(row, col): direct light as the eye sees it, shadows and all; 1 off the screen."""
+        """Direct light as an eye sees it, with the room's shadows.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of the domemaster, pixels.
+        eye
+            Where it is seen from, m.
+
+        Returns
+        -------
+        gain
+            (row, col), 1 off the screen.
+        """
         return seen_gain(self.theatre, self.gains(rows, cols), eye)
 
     def picture(self, light: NDArray[Any]) -> Picture:
@@ -196,9 +220,19 @@ class Tracer:
         return Picture(self.room, values, thrown[:, row, col], reaching[:, row, col], self.lobe)
 
     def throw(self, size: int, *, unhindered: bool = False) -> Throw:
-        """How the projectors' light gets to the eye, from a domemaster of that size.
+        """How the projectors' light gets from a domemaster to the eye.
 
-        If `unhindered`, nothing stops it on its way to the screen.
+        Parameters
+        ----------
+        size
+            Pixels a side of the domemaster.
+        unhindered
+            Let nothing stop light on its way to the screen.
+
+        Returns
+        -------
+        throw
+            Of all projectors.
         """
         thrown, reaching = self._thrown(size, size)
         return Throw(self.room, thrown, thrown if unhindered else reaching, self.lobe)
@@ -245,6 +279,11 @@ class Tracer:
             Light that the wanted error is relative to, instead of the mean of what is traced.
         progress
             Told how it gets on.
+
+        Returns
+        -------
+        traced
+            (row, col, primary), 0 off the screen, with its errors.
         """
         inside = np.flatnonzero(self.theatre.dome.inside(rows, cols))
 
@@ -283,6 +322,11 @@ class Tracer:
             Light that the wanted error is relative to, instead of the mean of what is traced.
         progress
             Told how it gets on.
+
+        Returns
+        -------
+        traced
+            (row, col, primary), with its errors.
         """
 
         def start_of(pixels: NDArray[np.int64]) -> Start:
@@ -316,6 +360,11 @@ class Tracer:
             How accurate.
         reference
             Light that the wanted error is relative to, instead of the mean of what is traced.
+
+        Returns
+        -------
+        traced
+            (row, col, primary), with its errors.
         """
         shape = rays.shape[:2]
         flat = rays.reshape(-1, 3)
@@ -332,9 +381,23 @@ class Tracer:
     def visible_lamps(
         self, viewpoint: Viewpoint, width: int, height: int, finer: int = 4
     ) -> NDArray[np.float64]:
-        """(row, col, primary): the lamps themselves in a `view`, but for what stands before them.
+        """The lamps themselves in a `view`, but for what stands before them.
 
-        Analytic, by `finer` squared rays a pixel; light that lamps throw on the room is traced.
+        It is analytic; light that lamps throw on the room is traced.
+
+        Parameters
+        ----------
+        viewpoint
+            Where from.
+        width, height
+            Size of the picture, pixels.
+        finer
+            Rays along a side of a pixel.
+
+        Returns
+        -------
+        image
+            (row, col, primary), 1.0 = projector white.
         """
         eye = np.asarray(viewpoint.position)
         ray = view_rays(viewpoint, width, height)
@@ -695,7 +758,20 @@ def launch_seed(*parts: int) -> int:
 def view_rays(
     viewpoint: Viewpoint, width: int, height: int
 ) -> Callable[[Any, Any], tuple[Any, Any, Any]]:
-    """(row, col) of a view, pixels from its upper left corner -> ray through it, of any length."""
+    """Rays through the pixels of a view.
+
+    Parameters
+    ----------
+    viewpoint
+        Where from.
+    width, height
+        Size of the picture, pixels.
+
+    Returns
+    -------
+    ray
+        Takes (row, col) in pixels from the upper left corner; returns (x, y, z), of any length.
+    """
     axes = axes_towards(viewpoint.position, viewpoint.look_at, "a viewpoint")
     frame = [[float(part) for part in axis] for axis in axes]
     reach = float(np.tan(viewpoint.field / 2))
@@ -748,5 +824,18 @@ def interruptible() -> Iterator[Callable[[], bool]]:
 
 
 def over(place: tuple[float, float, float], radius: float) -> tuple[float, float, float]:
-    """A place in units of the dome's radius."""
+    """A place in units of the dome's radius.
+
+    Parameters
+    ----------
+    place
+        (x, y, z), m.
+    radius
+        The dome's, m.
+
+    Returns
+    -------
+    place
+        (x, y, z).
+    """
     return place[0] / radius, place[1] / radius, place[2] / radius

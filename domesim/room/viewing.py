@@ -37,11 +37,21 @@ class DomeSeat:
             raise InputError(f"a seat must be inside {self.dome.whole}, got {self.position} m")
 
     def scale(self, rows: int, cols: int) -> NDArray[np.float32]:
-        """(row, col) pixels per degree at the seat over those along a meridian at the centre.
+        """Pixels per degree at the seat over those along a meridian at the centre.
 
         It is computed by the solid angle of the pixel: the geometric mean of both directions. What
         is seen aslant is finer in one of them, by the cosine; vision models here know one
         resolution.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of the domemaster, pixels.
+
+        Returns
+        -------
+        scale
+            (row, col).
         """
         directions = self.dome.directions(rows, cols)
         way = self.dome.points(rows, cols) - np.asarray(self.position)
@@ -87,7 +97,18 @@ class Viewing:
                 raise InputError(f"viewing {name} must be above 0, got {value:g}")
 
     def pixels_per_degree(self, rows: int, cols: int) -> float:
-        """Resolution of a picture of that size, pixels/degree."""
+        """Resolution of a picture.
+
+        Parameters
+        ----------
+        rows, cols
+            Its size, pixels.
+
+        Returns
+        -------
+        resolution
+            Pixels per degree.
+        """
         return max(rows, cols) / self.extent
 
 
@@ -97,6 +118,18 @@ def from_dome_centre(dome: Dome, adaptation: float) -> Viewing:
     There the equidistant mapping has the same pixels per degree along every meridian. Across them
     it is finer towards the rim, by theta / sin(theta): 1.57 at the rim of a hemisphere; vision
     models here take the meridian's value everywhere.
+
+    Parameters
+    ----------
+    dome
+        The screen.
+    adaptation
+        Luminance that the eye is adapted to, cd/m².
+
+    Returns
+    -------
+    viewing
+        Its extent is the dome's full angle.
     """
     return Viewing(
         extent=float(2 * np.degrees(dome.half_angle)),
@@ -107,10 +140,24 @@ def from_dome_centre(dome: Dome, adaptation: float) -> Viewing:
 
 
 def of_flat_screen(width: float, height: float, distance: float, adaptation: float) -> Viewing:
-    """A seat in front of a flat screen, all in m.
+    """A seat in front of a flat screen.
 
     The small-angle area (width / distance)(height / distance): the paper's screen, 2.5 m wide, 16:9
     and 3 m away, has 1282.3 deg².
+
+    Parameters
+    ----------
+    width, height
+        Of the screen, m.
+    distance
+        Of the seat from it, m.
+    adaptation
+        Luminance that the eye is adapted to, cd/m².
+
+    Returns
+    -------
+    viewing
+        Its extent is that of the longer side.
     """
     across = np.degrees(width / distance)
     return Viewing(

@@ -95,7 +95,17 @@ class Scene(ABC):
 
     @abstractmethod
     def observation(self, rows: int, cols: int) -> Observation:
-        """What the audience sees of frames of that size.
+        """What the audience sees of frames of one size.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of a view, pixels.
+
+        Returns
+        -------
+        observation
+            It takes light (view, row, col, primary).
 
         Raises
         ------
@@ -104,20 +114,64 @@ class Scene(ABC):
         """
 
     def solvable(self, rows: int, cols: int) -> Observation:
-        """`observation` in the form that solvers need."""
+        """`observation` in the form that solvers need.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of a view, pixels.
+
+        Returns
+        -------
+        observation
+            Of the same light.
+        """
         return self.observation(rows, cols)
 
     @abstractmethod
     def uncertain(self, rows: int, cols: int) -> Uncertain | None:
-        """What they see of such frames, and how sure that is; None if nothing was measured."""
+        """What the audience sees of frames of one size, and how sure that is.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of a view, pixels.
+
+        Returns
+        -------
+        uncertain
+            None if nothing was measured.
+        """
 
     @abstractmethod
     def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
-        """(row, col): pixels that lie on the screen; the others neither count nor change."""
+        """Pixels that lie on the screen; the others neither count nor change.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of a view, pixels.
+
+        Returns
+        -------
+        screen
+            (row, col) bool.
+        """
 
     @abstractmethod
     def pixel_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
-        """(row, col) areas of pixels on the screen, m²."""
+        """Areas of pixels on the screen.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of a view, pixels.
+
+        Returns
+        -------
+        areas
+            (row, col), m².
+        """
 
     @abstractmethod
     def facts(self) -> dict[str, str]:

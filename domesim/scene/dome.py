@@ -143,15 +143,7 @@ class DomeScene(Scene):
         return self.theatre.screen_albedo
 
     def observation(self, rows: int, cols: int) -> AdjointObservation:
-        """What the audience sees of a domemaster of that size, or of a pair of them.
-
-        Of a pair it is `solvable`, which knows the strong modes of a stored transport.
-
-        Raises
-        ------
-        InputError
-            If it is not square, or smaller than 2 x 2.
-        """
+        """See `Scene`; of a pair it is `solvable`."""
         if self.stereo is not None:
             return self.solvable(rows, cols)
         return self.one_view(rows, cols)
@@ -159,8 +151,18 @@ class DomeScene(Scene):
     def one_view(self, rows: int, cols: int) -> LowRankObservation | TabulatedDome:
         """What the audience sees of one view.
 
-        By the stored transport if there is one, else by the closed form of the bare screen, which
-        is an approximation if `approximation` says so.
+        It is the stored transport's if there is one, else the closed form of the bare screen,
+        which is an approximation if `approximation` says so.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of the domemaster, pixels.
+
+        Returns
+        -------
+        observation
+            It takes light (1, row, col, primary).
 
         Raises
         ------
@@ -182,7 +184,7 @@ class DomeScene(Scene):
         )
 
     def solvable(self, rows: int, cols: int) -> AdjointObservation:
-        """`observation` in the form that solvers need: of a stored transport, the strong modes."""
+        """See `Scene`; of a stored transport, the strong modes."""
         exact = self.one_view(rows, cols)
         seen = exact.low_rank() if isinstance(exact, TabulatedDome) else exact
         if self.stereo is None:
@@ -229,11 +231,11 @@ class DomeScene(Scene):
         )
 
     def uncertain(self, rows: int, cols: int) -> UncertainDome | None:
-        """What is seen of a domemaster of that size, and how sure that is; None if nobody says.
+        """See `Scene`; None of a 3D dome, of which only one view was measured.
 
-        A transport that was measured itself knows all of it. Else albedos were: of all surfaces, so
-        that without a stored transport, which they were traced to, radiosity takes the place of the
-        closed form. Of a 3D dome nobody says: only one view was measured.
+        A transport that was measured knows all of its errors. Else the albedos of all surfaces
+        were measured: without a stored transport, which they were traced to, radiosity takes the
+        place of the closed form.
         """
         if self.stereo is not None:
             return None
@@ -250,11 +252,11 @@ class DomeScene(Scene):
         return UncertainDome(best, *albedo_steps(self.theatre, self.measured, stored))
 
     def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
-        """(row, col): the domemaster's circle."""
+        """See `Scene`: the domemaster's circle."""
         return self.dome.inside(rows, cols)
 
     def pixel_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
-        """(row, col) areas of pixels on the screen, m²."""
+        """See `Scene`."""
         return self.dome.kept_areas(rows, cols)
 
     def facts(self) -> dict[str, str]:
@@ -380,7 +382,20 @@ def _by_primary(values: tuple[float, float, float]) -> str:
 
 
 def built(file: DomeFile, folder: Path) -> DomeScene:
-    """The theatre that a file in `folder` describes."""
+    """Builds the theatre that a scene file describes.
+
+    Parameters
+    ----------
+    file
+        Its content.
+    folder
+        Where the files lie that it names.
+
+    Returns
+    -------
+    theatre
+        With no stored transport.
+    """
     mistakes = Mistakes()
     theatre = _theatre(file, folder, mistakes)
     with mistakes.noted():

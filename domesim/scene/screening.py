@@ -21,7 +21,19 @@ overflows when light is summed and squared."""
 
 
 def decoded(master: Master, scene: Scene) -> Light:
-    """Light (view, row, col, primary) of a master, by its own encoding.
+    """Light of a master, by its own encoding.
+
+    Parameters
+    ----------
+    master
+        One moment of a show.
+    scene
+        Where it is shown.
+
+    Returns
+    -------
+    light
+        (view, row, col, primary) float32, 1.0 = projector white; highlights may be above.
 
     Raises
     ------
@@ -91,14 +103,30 @@ def _require_whole_views(master: Master, scene: Scene) -> None:
 def encoded(
     master: Master, light: Light, scene: Scene, screen: NDArray[np.bool_]
 ) -> tuple[Master, float]:
-    """`master` with the picture on the screen replaced by `light`, and the share that was clipped.
+    """`master` with the picture on the screen replaced by `light`.
 
-    It is encoded as `master` was, or as it is to become.
+    It is encoded as `master` was, or as it is to become. No format holds all code values: light
+    brighter than the white of an integer format (what the audience sees of a white master) or the
+    largest half is clipped. So is what lies outside the file's gamut, negative in its primaries:
+    floating formats could hold it, but `read_frame` and others' readers take it for damage.
 
-    No format holds all code values: light brighter than the white of an integer format (what the
-    audience sees of a white master) or the largest half is clipped there, and the share of such
-    pixels returned. So is what lies outside the file's gamut, negative in its primaries: floating
-    formats could hold it, but `read_frame` and others' readers take it for damage.
+    Parameters
+    ----------
+    master
+        One moment of a show.
+    light
+        (view, row, col, primary), 1.0 = projector white.
+    scene
+        Where it is shown.
+    screen
+        (row, col) bool: pixels to replace.
+
+    Returns
+    -------
+    master
+        The new one.
+    clipped
+        Share of the screen's pixels that were clipped, 0..1.
     """
     projector, old = scene.projector, master.colour
     new = master.becomes or old
@@ -129,9 +157,21 @@ def encoded(
 
 
 def mean_luminance(light: Light, scene: Scene, areas: NDArray[np.floating] | None = None) -> float:
-    """Mean luminance over the screen's area, and all views, of light on the screen, cd/m².
+    """Mean luminance over the screen's area and all views.
 
-    Pixels' `areas` are the scene's, for who has them already.
+    Parameters
+    ----------
+    light
+        (view, row, col, primary), 1.0 = projector white.
+    scene
+        Where it is shown.
+    areas
+        (row, col) areas of pixels, m²; the scene's if None.
+
+    Returns
+    -------
+    luminance
+        In cd/m².
     """
     if areas is None:
         areas = scene.pixel_areas(*light.shape[1:3])
@@ -143,10 +183,24 @@ def mean_luminance(light: Light, scene: Scene, areas: NDArray[np.floating] | Non
 
 
 def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]:
-    """`light` clipped to 0..1 on the screen, and the share of its pixels that had to be.
+    """`light` clipped to 0..1 on the screen.
 
     Highlights of a high-dynamic-range master and colours outside the projector's gamut cannot be
     shown at all; asking for them would only make the solver brighten their surroundings.
+
+    Parameters
+    ----------
+    light
+        (view, row, col, primary), 1.0 = projector white.
+    screen
+        (row, col) bool: pixels to clip.
+
+    Returns
+    -------
+    light
+        Unchanged if all was within.
+    clipped
+        Share of the screen's pixels that were clipped, 0..1.
     """
     # Decoding rounds: a white of 1 + 1e-7 is no highlight.
     slack = 8 * float(np.finfo(np.float32).eps)

@@ -243,7 +243,7 @@ class StereoScene(Scene):
         return replace(self, seats=seats, model=model)
 
     def observation(self, rows: int, cols: int) -> AdjointObservation | GreyToGrey:
-        """What the chosen seats' eyes see of a pair of that size."""
+        """See `Scene`; of several seats, their views one after the other."""
         if self.table is not None:
             levels, entries = self.table
             by_primary = np.repeat(entries[:, None], 3, axis=1)
@@ -272,7 +272,7 @@ class StereoScene(Scene):
         ]
 
     def uncertain(self, rows: int, cols: int) -> UncertainPair | None:
-        """See `Scene`; None also where lens and room are described, of which nobody knows."""
+        """See `Scene`; None also where lens and room are described, whose errors nobody knows."""
         seats = [self.seats[name] for name in self.chosen]
         if self.table is not None or self.way is not None or not self._measured:
             return None
@@ -291,7 +291,17 @@ class StereoScene(Scene):
         )
 
     def mean_seat(self, rows: int, cols: int) -> Crosstalk:
-        """What is seen on average over the chosen seats: what methods for one seat subtract.
+        """Mean crosstalk of the chosen seats: what methods for one seat subtract.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of a view, pixels.
+
+        Returns
+        -------
+        crosstalk
+            Of one seat.
 
         Raises
         ------
@@ -315,11 +325,11 @@ class StereoScene(Scene):
         )
 
     def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
-        """(row, col): all of the picture."""
+        """See `Scene`: all of the picture."""
         return np.ones((rows, cols), np.bool_)
 
     def pixel_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
-        """(row, col) areas of pixels on the screen, m²."""
+        """See `Scene`."""
         return np.broadcast_to(self.size[0] * self.size[1] / (rows * cols), (rows, cols))
 
     def facts(self) -> dict[str, str]:
@@ -359,7 +369,19 @@ class StereoScene(Scene):
 
 
 def built(file: StereoFile, folder: Path) -> StereoScene:
-    """The stereo system that a file in `folder` describes.
+    """Builds the stereo system that a scene file describes.
+
+    Parameters
+    ----------
+    file
+        Its content.
+    folder
+        Where the files lie that it names.
+
+    Returns
+    -------
+    system
+        With all seats that it names.
 
     Raises
     ------
