@@ -25,7 +25,7 @@ import typer
 
 import domesim
 from domesim.errors import InputError, reason
-from domesim.host.console import complain, output_is_lost, shown
+from domesim.host.console import complain, output_is_lost, printable
 from domesim.host.endings import alike, exit_code
 from domesim.host.endings import name as ending
 from domesim.host.files import KEPT_OPEN
@@ -121,7 +121,7 @@ def run() -> None:
         except _UsageError as error:
             printed = io.StringIO()
             error.show(printed)
-            print(*map(shown, printed.getvalue().splitlines()), sep="\n", file=sys.stderr)
+            print(*map(printable, printed.getvalue().splitlines()), sep="\n", file=sys.stderr)
             sys.exit(error.exit_code)
         finally:
             gc.unfreeze()

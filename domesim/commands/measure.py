@@ -155,7 +155,7 @@ def crosstalk(
         readings=_quoted(_from(out, readings)),
         black="" if taken is None else f"black = {_quoted(taken)}\n",
         negative="allow_negative = true\n" if allow_negative else "",
-        **room.told(),
+        **room.figures(),
     )
     write_whole(out, scene.encode())
     for line in pair.report():
@@ -222,7 +222,7 @@ def grey_to_grey(
         to_right=_rows(extra[1]),
         source=_quoted(f"measured: {readings.name}"),
         colours=f"assumed: {COLOURS}" if primaries is None else "given to domesim measure",
-        **room.told(),
+        **room.figures(),
     )
     scene_of_text(text, str(readings), out.parent)
     write_whole(out, text.encode())
@@ -349,7 +349,7 @@ def _photographed(
         seat=_quoted(SWEET_SPOT),
         source=_quoted(f"measured: {listed.name}, SHA-256 {photographs.digest[:16]}"),
         colours="assumed" if photographs.primaries is None else "given to domesim measure",
-        **room.told(),
+        **room.figures(),
     )
     scene = scene_of_text(text, str(listed), out.parent)
     assert isinstance(scene, StereoScene)
@@ -368,7 +368,7 @@ def _photographed(
         _of_both([each.matrix_changes for each in maps]),
     ).save(stored)
     corners = photographs.corners
-    console.say(corners.told())
+    console.say(corners.in_words())
     for each in maps:
         for line in each.report():
             console.say(line)
@@ -665,7 +665,7 @@ class _Room:
     adaptation: float
     assumed: list[str]
 
-    def told(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, Any]:
         """What the scene file's text takes."""
         return {
             "width": self.width,

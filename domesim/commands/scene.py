@@ -80,7 +80,7 @@ def check(
         prepare_file(out)
     lit = coverage(theatre.theatre, lightmaps.SIZE)
     light = photometry(theatre.one_eye, lightmaps.SIZE) if lit.whole else None
-    figures |= _told(theatre, lit, light, console)
+    figures |= _dome_figures(theatre, lit, light, console)
     if out is not None:
         write_whole(out, lightmaps.picture(lit, light))
         console.say(f"  -> {out}")
@@ -88,7 +88,7 @@ def check(
     require_covered(theatre, scene, out)
 
 
-def _told(
+def _dome_figures(
     scene: DomeScene, lit: Coverage, light: Photometry | None, console: Console
 ) -> dict[str, Any]:
     """Prints figures of a theatre, and returns them."""
@@ -100,7 +100,7 @@ def _told(
         "dark_share": lit.dark,
         "blended_share": lit.blended,
         "soft_edges_least": lit.weakest,
-        "holes": lit.told() if not lit.whole else [],
+        "holes": lit.holes_in_words() if not lit.whole else [],
         "seats": len(eyes),
         "viewpoints": len(theatre.viewpoints),
     }

@@ -93,7 +93,7 @@ def import_projectors(
         f"{file}: {len(regions)} projectors ({', '.join(region.name for region in regions)}) on a "
         f"dome of {radius:.4g} m",
         *([f"No blend of {', '.join(unmasked)}: edges are hard (blend_deg)"] if unmasked else []),
-        *_told_sums(sums),
+        *_sums_in_words(sums),
         f"  -> {out}",
     )
     console.figures(
@@ -141,13 +141,13 @@ def export_projectors(
     sums = blend_sums(theatre.dome, [region.lens for region in regions])
     console.say(
         *(f"{each.name}: {each.size[0]} x {each.size[1]} px" for each in regions),
-        *_told_sums(sums),
+        *_sums_in_words(sums),
         f"  -> {out}",
     )
     console.figures({"projectors": len(regions), "blend_sums": list(sums), "out": str(out)})
 
 
-def _told_sums(sums: tuple[float, float]) -> list[str]:
+def _sums_in_words(sums: tuple[float, float]) -> list[str]:
     """What to say of least and largest sums of blends."""
     if max(abs(each - 1) for each in sums) <= _SUMS:
         return ["Blends sum to 1 within 0.1 %"]

@@ -268,7 +268,7 @@ class Doing:
             show, self.out, recipe, console, what=what, writing=writing, running=running
         )
         summed = {} if summary is None else summary(done)
-        finish(console, {**facts, **summed, **_told(done)}, done.failed)
+        finish(console, {**facts, **summed, **_frames_figures(done)}, done.failed)
 
 
 def suffix_of(file_format: str | None) -> str | None:
@@ -301,7 +301,7 @@ def require_one_seat(scene: Scene, seat: str | None, why: str) -> None:
         raise InputError(f"--seat {seat}: {why}; name one of {', '.join(scene.chosen)}")
 
 
-def _told(done: Done) -> dict[str, Any]:
+def _frames_figures(done: Done) -> dict[str, Any]:
     """What a command's figures say of its frames."""
     seconds = {f"seconds_{step}": value for step, value in done.seconds.items()}
     report = None if done.report is None else str(done.report)

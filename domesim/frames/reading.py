@@ -154,14 +154,14 @@ def _examined(path: Path, *, header: bool = False) -> Format | None:
                 )
             file.seek(0)
             form = next((each for each in FORMATS.values() if start.startswith(each.starts)), None)
-            return None if form is None else _told(path, form, file, header=header)
+            return None if form is None else _described_by_file(path, form, file, header=header)
     except OSError as error:
         raise InputError(
             f"{path}: wanted to read it, got '{reason(error)}'. Check its path and permissions."
         ) from error
 
 
-def _told(path: Path, form: Format, file: BinaryIO, *, header: bool) -> Format:
+def _described_by_file(path: Path, form: Format, file: BinaryIO, *, header: bool) -> Format:
     try:
         return form.introduced(path, file) if header else form.examined(path, file)
     except InputError:

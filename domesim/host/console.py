@@ -36,7 +36,7 @@ class Console:
     def say(self, *lines: str) -> None:
         """Prints lines for a person; details of a line are indented below it."""
         if self._text:
-            _print("\n".join(map(shown, lines)))
+            _print("\n".join(map(printable, lines)))
 
     def figures(self, figures: dict[str, Any]) -> None:
         """Prints the command's figures, for a program."""
@@ -109,10 +109,10 @@ class _Unseen:
 def complain(message: object) -> None:
     """Prints a mistake on standard error."""
     with _heard(sys.stderr):
-        print(f"domesim: {shown(str(message))}", file=sys.stderr, flush=True)
+        print(f"domesim: {printable(str(message))}", file=sys.stderr, flush=True)
 
 
-def shown(text: str) -> str:
+def printable(text: str) -> str:
     """Makes text safe for a terminal: names of files may hold line breaks and terminal codes.
 
     Lines of its own are indented.

@@ -71,7 +71,7 @@ class Coverage:
         """Whether projectors reach all of the screen, but for pixels at the rim."""
         return self.dark <= DARK
 
-    def told(self) -> list[str]:
+    def holes_in_words(self) -> list[str]:
         """Describes the holes that have a tenth of the darkness or more, the largest first."""
         labels, _ = scipy.ndimage.label(self.holes)
         sizes = np.bincount(labels.ravel())[1:]
@@ -138,7 +138,8 @@ def require_covered(scene: DomeScene, name: str, drawn: Path | None = None) -> N
         return
     see = f"domesim scene check {shlex.quote(name)} --out holes.png"
     raise InputError(
-        f"{name}: projectors leave {lit.dark:.1%} of the screen dark: {'; '.join(lit.told())}. "
-        f"Widen their fields, aim them elsewhere or add projectors. "
+        f"{name}: projectors leave {lit.dark:.1%} of the screen dark: "
+        f"{'; '.join(lit.holes_in_words())}. Widen their fields, aim them elsewhere or add "
+        f"projectors. "
         f"{f'See {see}' if drawn is None else f'See {drawn}'}"
     )

@@ -95,8 +95,8 @@ class CrosstalkMap:
         worst = float((self.share_error / self.share).max())
         lines = [
             f"crosstalk to the {self.eye} eye: system {self.system:.3%} ± {self.system_error:.3%}; "
-            f"from {map_[least]:.2%} {_told(least, map_.shape)} to {map_[most]:.2%} "
-            f"{_told(most, map_.shape)}, each ± {worst:.1%} of its value or less"
+            f"from {map_[least]:.2%} {_place_in_words(least, map_.shape)} to {map_[most]:.2%} "
+            f"{_place_in_words(most, map_.shape)}, each ± {worst:.1%} of its value or less"
         ]
         if np.ptp(np.diag(self.matrix)) > 0 or np.count_nonzero(self.matrix) > 3:
             for name, row, errors in zip("RGB", self.matrix, self.matrix_error, strict=True):
@@ -324,7 +324,7 @@ def _matrix(glass: Glass, eye: str, other: str, parts: _Parts) -> tuple[Floats, 
     return matrix, error, np.array(changes)
 
 
-def _told(at: tuple[np.intp, ...], shape: tuple[int, ...]) -> str:
+def _place_in_words(at: tuple[np.intp, ...], shape: tuple[int, ...]) -> str:
     """Where on the screen, in words."""
     names = (("top", "middle", "bottom"), ("left", "centre", "right"))
     words = [name[int(3 * i / count)] for name, i, count in zip(names, at, shape, strict=True)]

@@ -160,7 +160,7 @@ class Corners:
         """Standard error of a coordinate, pixels (root mean square)."""
         return float(np.sqrt(np.mean(np.diag(self.covariance))))
 
-    def told(self) -> str:
+    def in_words(self) -> str:
         """The same for a person."""
         ends = ", ".join(f"[{col:.2f}, {row:.2f}]" for col, row in self.at)
         return f"corners, {self.origin}: {ends}, each ± {self.error:.2g} pixels"

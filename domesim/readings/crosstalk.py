@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
 from domesim.host.numbers import decimal, ratio
-from domesim.readings.meter import told
+from domesim.readings.meter import words
 from domesim.readings.response import SIGMAS, Display
 
 Floats = NDArray[np.float64]
@@ -248,7 +248,7 @@ def _seen_black(intended: Display, unintended: Display) -> tuple[Floats | None, 
     if (np.abs(own - other) <= np.maximum(noise, SAME_BLACK * own)).all():
         return (own + other) / 2, []
     note = (
-        f"black differs with the projector (XYZ {told(own)} of the own, {told(other)} of the "
+        f"black differs with the projector (XYZ {words(own)} of the own, {words(other)} of the "
         f"other): taken as read with the other one off, so both add up, ambient light twice"
     )
     return own + other, [note]

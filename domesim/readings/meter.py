@@ -358,10 +358,10 @@ def _note_conflicts(rows: list[Reading], mistakes: Mistakes) -> None:
                 mistakes.add(
                     row.line,
                     f"{row.channel} at level {row.level:g} must repeat line {first.line}, got XYZ "
-                    f"{told(b)} after {told(a)}; measure again, or delete the wrong row",
+                    f"{words(b)} after {words(a)}; measure again, or delete the wrong row",
                 )
 
 
-def told(xyz: Floats) -> str:
+def words(xyz: Floats) -> str:
     """Formats XYZ for a person: ``50.3 26 3.37``."""
     return " ".join(decimal(value) for value in xyz)

@@ -25,7 +25,7 @@ from scipy.stats import chi2
 
 from domesim.host.numbers import decimal, ratio
 from domesim.light.transfer import Gamma, MeasuredTable, Transfer
-from domesim.readings.meter import Mean, Session, told
+from domesim.readings.meter import Mean, Session, words
 from domesim.readings.tables import Mistakes
 
 Floats = NDArray[np.float64]
@@ -152,7 +152,7 @@ class Display:
             told_parts = ", ".join(f"{n} {share:+.1%} ± {error:.1%}" for n, share, error in parts)
             lines.append(f"  W against R + G + B: {told_parts}")
         if self.response is not None:
-            lines.append(f"  response: {_response_told(self.response)}")
+            lines.append(f"  response: {_response_in_words(self.response)}")
             if self.drift.any():
                 lines.append(
                     f"  chromaticity moves by up to {self.drift.max():.4f} (u'v') with level"
@@ -160,7 +160,7 @@ class Display:
         return [*lines, *(f"  {note}" for note in self.notes)]
 
 
-def _response_told(response: Response) -> str:
+def _response_in_words(response: Response) -> str:
     fits = zip("RGB", response.exponents, response.errors, response.rms, strict=True)
     gammas = ", ".join(f"{n} {g:.3f} ± {e:.3f} (rms {r:.2%})" for n, g, e, r in fits)
     if isinstance(response.transfer, Gamma):
@@ -278,8 +278,8 @@ def _note_darker_than_black(session: Session, mistakes: Mistakes) -> None:
         mistakes.add(
             mean.lines[0],
             f"{session.name}: {mean.place} must not be darker than black, got XYZ "
-            f"{told(mean.xyz)} below K {told(dark.xyz)} of line {dark.lines[0]}{more}; if black is "
-            f"subtracted already, say so (black: subtracted; as an option, --black subtracted), "
+            f"{words(mean.xyz)} below K {words(dark.xyz)} of line {dark.lines[0]}{more}; if black "
+            f"is subtracted already, say so (black: subtracted; as an option, --black subtracted), "
             f"else measure again",
         )
 
@@ -309,7 +309,7 @@ def _additivity(
     if not (white > 0).all():
         mistakes.add(
             mean.lines[0],
-            f"{session.name}: W must be brighter than black, got XYZ {told(white)} without black; "
+            f"{session.name}: W must be brighter than black, got XYZ {words(white)} without black; "
             f"measure again, or leave the row out",
         )
         return np.zeros(3), np.zeros(3)
@@ -399,7 +399,7 @@ def _drift(session: Session, ramp: Sequence[Mean], notes: list[str], mistakes: M
             mistakes.add(
                 mean.lines[0],
                 f"{session.name}: {mean.place} must have the colour of full {mean.channel}, got "
-                f"XYZ {told(net)} without black, u'v' {drift:.2f} off; is the row another "
+                f"XYZ {words(net)} without black, u'v' {drift:.2f} off; is the row another "
                 f"channel's?",
             )
         if drift > largest:

@@ -177,7 +177,7 @@ def becoming(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films
     return frames, Cinema(path)
 
 
-def told_of_dcp(orders: Sequence[Order], done: Sequence[Mapping[str, Any]]) -> str:
+def dcp_hint(orders: Sequence[Order], done: Sequence[Mapping[str, Any]]) -> str:
     """What makes a DCP of results that are X'Y'Z'; "" if they are not."""
     kinds = {path.suffix.lower() for order in orders for path in order.output}
     if not done or not kinds <= {".tif", ".tiff", _FRAMES}:

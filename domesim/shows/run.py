@@ -25,7 +25,7 @@ from domesim.host.console import Console, complain, prepare, sized
 from domesim.host.cores import cores
 from domesim.host.memory import limit_of_group
 from domesim.shows.alone import alone
-from domesim.shows.cinema import Cinema, becoming, told_of_dcp
+from domesim.shows.cinema import Cinema, becoming, dcp_hint
 from domesim.shows.crew import Crew
 from domesim.shows.film import Films
 from domesim.shows.job import Job, Record, open_job
@@ -215,7 +215,7 @@ def _each(
     if report is None or job is None:
         return done
     done.add_report(report)
-    if films is None and (ending := told_of_dcp(orders, done.frames)):
+    if films is None and (ending := dcp_hint(orders, done.frames)):
         console.say(ending)
     if films is not None and not done.failed:
         if part:
@@ -385,7 +385,7 @@ def do_all(
         return
     from domesim.shows.cluster import in_cluster  # noqa: PLC0415 - for workers only
 
-    console.say(_told(crew))
+    console.say(_crew_in_words(crew))
     in_cluster(orders, crew, begin, end, console.say)
 
 
@@ -454,7 +454,7 @@ def free_memory() -> int:
     return max(0, int(min(psutil.virtual_memory().available, limit_of_group(), left)))
 
 
-def _told(crew: Crew) -> str:
+def _crew_in_words(crew: Crew) -> str:
     if crew.scheduler is not None:
         return f"Workers of {crew.scheduler}"
     workers = "1 worker" if crew.workers == 1 else f"{crew.workers} workers"

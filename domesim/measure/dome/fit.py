@@ -269,7 +269,7 @@ def survey(
     degrees = problem.degrees
     if degrees > 0 and chi2.sf(noise, degrees) < 1e-3:
         solution = problem.allowed_for(solution)
-    return problem.told(solution, noise, profile=profile)
+    return problem.answers(solution, noise, profile=profile)
 
 
 @final
@@ -363,7 +363,7 @@ class _Problem:
         return np.zeros(self._evidence.area.shape, bool) if meter is None else meter.places
 
     @property
-    def _told(self) -> NDArray[np.int64]:
+    def _parameter_of(self) -> NDArray[np.int64]:
         """Index (primary, figure) of a figure's parameter."""
         index = np.arange(3 * self._count).reshape(3, self._count)
         if self._white:
@@ -411,12 +411,12 @@ class _Problem:
             solution = self.solved(solution.x)
         return solution
 
-    def told(self, solution: OptimizeResult, noise: float, *, profile: bool) -> Survey:
+    def answers(self, solution: OptimizeResult, noise: float, *, profile: bool) -> Survey:
         """The fitted figures, and which of them the data leave open."""
         x, jacobian = solution.x, solution.jac
         covariance = _inverse(jacobian, self._scales())
         spread = np.sqrt(np.diag(covariance))
-        figures = self._told
+        figures = self._parameter_of
         error = spread[figures]
         answered = (SIGMAS * error < WIDEST) & (solution.status > 0)
         wrong = self._model_error > LARGEST_MODEL_ERROR

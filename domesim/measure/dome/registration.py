@@ -64,7 +64,7 @@ class Registered:
     position_error: tuple[float, float, float]
     turn_error: tuple[float, float, float]
 
-    def told(self) -> str:
+    def in_words(self) -> str:
         """The same for a person."""
         x, y, z = self.camera.position
         right, up, ahead = (f"{1000 * part:.0f}" for part in self.position_error)

@@ -223,7 +223,7 @@ def lines_of(task: Task, fit: Found) -> list[str]:
     """What was found, for a person."""
     unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
     hidden = f"; {fit.hidden} others are hidden from the camera" if fit.hidden else ""
-    lines = [] if task.registered is None else [task.registered.told()]
+    lines = [] if task.registered is None else [task.registered.in_words()]
     lines += [
         f"{fit.photographs} photographs of black and {fit.patterns} patterns, {fit.places} "
         f"places of the screen{hidden}",

@@ -139,7 +139,7 @@ class Codes:
         exponent = _DISPLAY_GAMMA if self.transfer == "linear" else 1.0
         return tuple(self.nearest((k / count) ** exponent) for k in range(1, count))
 
-    def told(self, level: float) -> str:
+    def level_in_words(self, level: float) -> str:
         """``code 128 of 255``, or ``light 0.218`` of linear files."""
         if self.floating:
             return f"{'light' if self.transfer == 'linear' else 'code'} {level:.4g}"

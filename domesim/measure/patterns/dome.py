@@ -92,7 +92,7 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
             lights(
                 f"ramp-{word}-{number:02d}",
                 "ramp",
-                f"all, {word} at {codes.told(level)}",
+                f"all, {word} at {codes.level_in_words(level)}",
                 _all,
                 scaled(channel, level),
                 channel=channel,

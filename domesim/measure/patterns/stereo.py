@@ -69,7 +69,8 @@ def stereo_patterns(codes: Codes, levels: int) -> tuple[Pattern, ...]:
             Pattern(
                 f"grey-{one}-{other}",
                 "grey to grey",
-                f"grey, left at {codes.told(left)}, right at {codes.told(right)}",
+                f"grey, left at {codes.level_in_words(left)}, "
+                f"right at {codes.level_in_words(right)}",
                 (scaled("W", left), scaled("W", right)),
                 _all,
                 {"left_level": left, "right_level": right},
@@ -105,7 +106,7 @@ def _alone(eye: str, codes: Codes, ramp: tuple[float, ...]) -> list[Pattern]:
         lights(
             f"ramp-{word}-{number:02d}",
             "ramp",
-            f"{word} at {codes.told(level)}",
+            f"{word} at {codes.level_in_words(level)}",
             channel,
             level,
         )

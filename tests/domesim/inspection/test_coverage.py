@@ -42,7 +42,7 @@ def test_a_fisheye_that_is_too_narrow_leaves_a_ring() -> None:
     # Equidistant: two thirds of the radius, 4/9 of the disc
     assert found.dark == pytest.approx(5 / 9, abs=0.01)
     assert found.blended == 0
-    (told,) = found.told()
+    (told,) = found.holes_in_words()
     assert told.startswith("55.")
     assert told.endswith("% all round, 60° to 90° from the dome's zenith")
 
@@ -54,7 +54,7 @@ def test_a_hole_is_where_it_is_told() -> None:
     found = lit_by(front, left)
     assert found.dark == pytest.approx(1 / 4, abs=0.01)
     assert found.blended == pytest.approx(1 / 4, abs=0.01)
-    assert "135° to the right of the front" in found.told()[0]
+    assert "135° to the right of the front" in found.holes_in_words()[0]
     assert found.holes[20, 80]  # back and right of the picture
     assert not found.whole
 

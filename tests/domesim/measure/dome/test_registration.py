@@ -180,7 +180,7 @@ def test_a_survey_takes_the_camera_from_the_registration_pattern(folder):
     assert np.abs(np.subtract(camera.position, PINHOLE.position)).max() < 0.02
     assert off(camera, PINHOLE, 640) < 0.25
     assert "dots.exr" in task.digests
-    assert re.match(r"camera: from \d+ of \d+ dots, 0\.\d\d° rms off", task.registered.told())
+    assert re.match(r"camera: from \d+ of \d+ dots, 0\.\d\d° rms off", task.registered.in_words())
 
 
 @pytest.mark.parametrize(
