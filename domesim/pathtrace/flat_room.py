@@ -73,15 +73,15 @@ def returning(
     shown = mi.TensorXf(picture.astype(np.float32)).array
     lanes = max(1, min(samples, _LANES // len(places))) * len(places)
     rounds = max(2, round(samples * len(places) / lanes))
-    found = []
+    rows = []
     for number in range(rounds):
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed * rounds + number, lanes)
         place = dr.arange(mi.UInt32, lanes) % len(places)
         light = _paths(mi, dr, room, scene, (shown, picture.shape), sampler, places, place)
         sums = np.asarray(light).reshape(3, -1, len(places))
-        found.append(sums.mean(axis=1).T)
-    each = np.stack(found).astype(np.float64)
+        rows.append(sums.mean(axis=1).T)
+    each = np.stack(rows).astype(np.float64)
     return Returning(each.mean(axis=0), each.std(axis=0, ddof=1) / np.sqrt(rounds))
 
 

@@ -110,7 +110,7 @@ def _irradiance(
     areas = dome.screen_areas(_PATCHES, _PATCHES)[inside]
     shown = _means(light, dome.inside(*light.shape[:2]))[inside] * areas[:, None]
     length, outwards = np.sum(sources**2, -1), np.sum(sources * facing, -1)
-    found = np.empty((len(places), light.shape[-1]))
+    irradiance = np.empty((len(places), light.shape[-1]))
     for start in range(0, len(places), _AT_ONCE):
         part = slice(start, start + _AT_ONCE)
         here, normal = places[part], normals[part]
@@ -119,8 +119,8 @@ def _irradiance(
         square = np.maximum(square, (0.02 * dome.radius) ** 2)
         arriving = np.maximum(normal @ sources.T - np.sum(here * normal, -1)[:, None], 0)
         leaving = np.maximum(here @ facing.T - outwards, 0)
-        found[part] = (arriving * leaving / square**2) @ shown
-    return found
+        irradiance[part] = (arriving * leaving / square**2) @ shown
+    return irradiance
 
 
 def _means(light: NDArray[np.floating], on: NDArray[np.bool_]) -> Floats:

@@ -92,9 +92,9 @@ def _chosen() -> tuple[str, str]:
         return "cuda_ad_rgb", "CUDA"
     major, minor, _ = drjit.detail.llvm_version()  # -1 where there is none
     if major < OLDEST:
-        found = f"LLVM {major}" if major > 0 else "neither"
+        available = f"LLVM {major}" if major > 0 else "neither"
         raise InputError(
-            f"Path tracing needs an NVIDIA GPU or LLVM {OLDEST} or later, got {found}: "
+            f"Path tracing needs an NVIDIA GPU or LLVM {OLDEST} or later, got {available}: "
             f"pip install {WHEEL} (Linux, x86-64), or name another libLLVM in {VARIABLE}"
         )
     return "llvm_ad_rgb", f"LLVM {major}.{minor}"
@@ -108,8 +108,8 @@ def wheel() -> list[Path]:
         return []
     paths = []
     for name in _LIBRARIES:
-        found = (Path(str(file.locate())) for file in files if re.fullmatch(name, file.name))
-        paths += [path.resolve() for path in found if path.is_file()][:1]
+        libraries = (Path(str(file.locate())) for file in files if re.fullmatch(name, file.name))
+        paths += [path.resolve() for path in libraries if path.is_file()][:1]
     return paths
 
 

@@ -219,18 +219,18 @@ class Walks:
             takes = active & (surface != NOTHING) & (leaving == surface)
             takes = takes & (surface != SHELL) & (surface != BACK)
             aimed = times(weight, aim.aim(room, here, takes, rng))
-        found = room.hit(here.position, direction, leaving, active)
+        hit = room.hit(here.position, direction, leaving, active)
         back = scaled(direction, -1)
-        alive = active & (found.surface != NOTHING) & (surface != NOTHING) & (surface != BLACK)
-        bright = alive & (found.surface != BLACK)
+        alive = active & (hit.surface != NOTHING) & (surface != NOTHING) & (surface != BLACK)
+        bright = alive & (hit.surface != BLACK)
         if aim is None:
-            light = self._source.value(room, found, back, bright, rng)
+            light = self._source.value(room, hit, back, bright, rng)
         else:
-            gap = difference(found.position, here.position)
-            cosines = dot(here.normal, direction) * -dot(found.normal, direction)
+            gap = difference(hit.position, here.position)
+            cosines = dot(here.normal, direction) * -dot(hit.normal, direction)
             density = cosines / (np.pi * m.maximum(dot(gap, gap), 1e-12))
             light = aim.weighed(
-                room, found, back, bright, m.where(takes, m.maximum(density, 0.0), 0.0)
+                room, hit, back, bright, m.where(takes, m.maximum(density, 0.0), 0.0)
             )
         parts = times(weight, light)
         parts = (m.where(alive, parts[0], 0.0) + aimed[0], m.where(alive, parts[1], 0.0) + aimed[1],
@@ -239,16 +239,16 @@ class Walks:
         if self._table is not None:
             for column, part in zip(self._table, parts, strict=True):
                 m.add_at(column, bounce * self._lanes + self._lane, part, active)
-        ends = ~alive | (bounce >= self._bounces) | (found.surface == BLACK)
+        ends = ~alive | (bounce >= self._bounces) | (hit.surface == BLACK)
         ends, weight = roulette(m, rng, weight, bounce, ends)
         over = ends & active
         # The last walk of a lane is followed by none.
         fresh, towards, first = self._begun(rng, over & (state["done"] + 1 < self._count))
         return {
             "rng": rng,
-            "surface": m.where(over, fresh.surface, found.surface),
-            "position": chosen(m, over, fresh.position, found.position),
-            "normal": chosen(m, over, fresh.normal, found.normal),
+            "surface": m.where(over, fresh.surface, hit.surface),
+            "position": chosen(m, over, fresh.position, hit.position),
+            "normal": chosen(m, over, fresh.normal, hit.normal),
             "to_eye": chosen(m, over, towards, back),
             "weight": tuple(m.where(over, 1.0, w) for w in weight),
             "value": tuple(m.where(over, f, v) for f, v in zip(first, value, strict=True)),

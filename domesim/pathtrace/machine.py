@@ -121,8 +121,8 @@ class DrJit:
 
     def colour_at(self, table: Any, index: Lanes, active: Lanes) -> tuple[Vector, Lanes]:
         """The three and one numbers of table[index] in the active lanes, 0 in the others."""
-        found = self.dr.gather(self.mi.Vector4f, table, index, active)
-        return (found.x, found.y, found.z), found.w
+        texel = self.dr.gather(self.mi.Vector4f, table, index, active)
+        return (texel.x, texel.y, texel.z), texel.w
 
     def add_at(self, table: Lanes, index: Lanes, value: Lanes, active: Lanes) -> None:
         """table[index] += value in the active lanes, in place; each has an index of its own."""
@@ -201,11 +201,11 @@ class _Solids:
         """Distance (infinite without a hit), unit normal towards the ray, index of the solid."""
         mi, dr = self._machine.mi, self._machine.dr
         ray = mi.Ray3f(mi.Point3f(*origin), mi.Vector3f(*direction))
-        found = self._scene.ray_intersect_preliminary(ray, coherent=False, active=active)
-        si = found.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
-        valid = found.is_valid() & active
+        meeting = self._scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        si = meeting.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
+        valid = meeting.is_valid() & active
         n = dr.select(dr.dot(si.n, ray.d) > 0, -si.n, si.n)
         number = mi.UInt32(0)
         for pointer, index in zip(self._pointers, self._numbers, strict=True):
             number = dr.select(si.shape == pointer, mi.UInt32(index), number)
-        return dr.select(valid, found.t, dr.inf), (n.x, n.y, n.z), number
+        return dr.select(valid, meeting.t, dr.inf), (n.x, n.y, n.z), number

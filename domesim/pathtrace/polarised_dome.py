@@ -118,7 +118,7 @@ def polarised_dome(
                 "retarder": around(lens, _LENS_RADIUS, retarder(glass)),
             }
         )
-        found = []
+        parts = []
         for depth, count in ((2, 1), (_REFLECTIONS, samples)):
             integrator = mi.load_dict({"type": "volpath", "max_depth": depth, "rr_depth": depth})
             each = []
@@ -129,8 +129,8 @@ def polarised_dome(
                     progress((k + 1) / count)
                 if interrupted():
                     raise KeyboardInterrupt
-            found.append(np.stack(each))
-    (direct,), every = found
+            parts.append(np.stack(each))
+    (direct,), every = parts
     return Arriving(direct, every.mean(axis=0), every.std(axis=0, ddof=1) / np.sqrt(samples))
 
 
@@ -154,13 +154,13 @@ def _paint(mi: Any) -> Any:
 
         def sample(self, context: Any, si: Any, one: Any, two: Any, active: Any = True) -> Any:
             above = mi.warp.square_to_cosine_hemisphere(two)
-            found = dr.zeros(mi.BSDFSample3f)
+            sampled = dr.zeros(mi.BSDFSample3f)
             side = dr.select(mi.Frame3f.cos_theta(si.wi) > 0, 1.0, -1.0)
-            found.wo = mi.Vector3f(above.x, above.y, side * above.z)
-            found.pdf = mi.warp.square_to_cosine_hemisphere_pdf(above)
-            found.eta = 1.0
-            found.sampled_type = mi.UInt32(+mi.BSDFFlags.DiffuseReflection)
-            return found, self._mueller(dr.select(active, mi.Float(self.albedo), 0.0))
+            sampled.wo = mi.Vector3f(above.x, above.y, side * above.z)
+            sampled.pdf = mi.warp.square_to_cosine_hemisphere_pdf(above)
+            sampled.eta = 1.0
+            sampled.sampled_type = mi.UInt32(+mi.BSDFFlags.DiffuseReflection)
+            return sampled, self._mueller(dr.select(active, mi.Float(self.albedo), 0.0))
 
         def eval(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
             return self._mueller(self.albedo * self.pdf(context, si, wo, active))

@@ -71,9 +71,9 @@ def path_traced(
         "several projectors": len(theatre.lenses) != 1,
         "corrected falloff": theatre.corrected,
     }
-    found = [name for name, is_there in beyond.items() if is_there]
-    if found:
-        raise InputError(f"the reference renderer cannot have {', '.join(found)}")
+    beyond_it = [name for name, is_there in beyond.items() if is_there]
+    if beyond_it:
+        raise InputError(f"the reference renderer cannot have {', '.join(beyond_it)}")
     mi = load_mitsuba()
     register(mi)
     zenith, front = dome.to_room[:, 2], dome.to_room[:, 1]

@@ -295,13 +295,13 @@ class Picture(Aim):
         direction = scaled(away, 1 / m.sqrt(square))
         cosines = m.maximum(dot(direction, here.normal), 0.0)
         cosines = cosines * m.maximum(-dot(direction, normal), 0.0)
-        found = cosines / (np.pi * square)  # the density of finding it by chance
-        lit = active & (found > 0) & (u * u + v * v <= 1) & room.on_screen(position)
+        by_chance = cosines / (np.pi * square)  # the density of finding it by chance
+        lit = active & (by_chance > 0) & (u * u + v * v <= 1) & room.on_screen(position)
         lit = lit & ~room.shadowed(here.position, position, here.surface, lit, screen_hides=False)
         colour, density = m.colour_at(self._table, pixel, lit)
         aimed = _TRUST * density / self._stretch(room, u, v)
         reaching = self._throw.lit_at(room, position, lit)
-        share = m.where(lit, reaching * _TRUST * found / (found + aimed), 0.0)
+        share = m.where(lit, reaching * _TRUST * by_chance / (by_chance + aimed), 0.0)
         return colour[0] * share, colour[1] * share, colour[2] * share
 
     def _stretch(self, room: Room, u: Lanes, v: Lanes) -> Lanes:
@@ -474,12 +474,12 @@ def _from_lens(
 def _over_white(room: Room) -> dict[int, Albedo]:
     """Albedo of what stands before the screen over the screen's, by surface: white is the unit."""
     screen = room.theatre.screen_albedo
-    found = {}
+    over_white = {}
     for surface, albedo in room.albedos.items():
         if surface not in (SCREEN, BACK, SHELL) and max(albedo) > 0:
             x, y, z = (a / s if s > 0 else 0.0 for a, s in zip(albedo, screen, strict=True))
-            found[surface] = (x, y, z)
-    return found
+            over_white[surface] = (x, y, z)
+    return over_white
 
 
 def _require_white(room: Room) -> None:

@@ -360,21 +360,21 @@ class _Walker:
             direction, weight, leaving = scattered(
                 room, here, state["to_eye"], weight, rng, tracer.lobe, active
             )
-            found = room.hit(here.position, direction, leaving, active)
+            hit = room.hit(here.position, direction, leaving, active)
             shared = (state["shared"] == 1) & (leaving == surface)
-            alive = active & (found.surface != NOTHING)
-            parts = shared & (found.surface != SCREEN) & active
-            counts = alive & ~(shared & (found.surface == SCREEN)) & (found.surface != BLACK)
+            alive = active & (hit.surface != NOTHING)
+            parts = shared & (hit.surface != SCREEN) & active
+            counts = alive & ~(shared & (hit.surface == SCREEN)) & (hit.surface != BLACK)
             sums = state["sums"]
             back = scaled(direction, -1)
-            for where, arrived, factor in self._throw.arrivals(room, found, back, counts):
+            for where, arrived, factor in self._throw.arrivals(room, hit, back, counts):
                 sums = self._added(m, sums, room.disc(where), arrived, weight, factor)
             if self.twinned and self._throw.lit is not None:
                 # The twin's screen is lit everywhere.
-                same = shared & (found.surface == SCREEN) & active
-                lack = self._throw.lit_at(room, found.position, same) - 1
+                same = shared & (hit.surface == SCREEN) & active
+                lack = self._throw.lit_at(room, hit.position, same) - 1
                 sums = self._added(
-                    m, sums, room.disc(found.position), same, weight, (lack, lack, lack)
+                    m, sums, room.disc(hit.position), same, weight, (lack, lack, lack)
                 )
             if self.twinned:
                 beyond = room.screen_along(here.position, direction, leaving)
@@ -382,20 +382,20 @@ class _Walker:
                 less = (zero - 1, zero - 1, zero - 1)
                 sums = self._added(m, sums, room.disc(beyond.position), lost, weight, less, kappa)
             bounce = state["bounce"] + 1
-            ends = ~alive | (bounce >= self._limit) | (found.surface == BLACK)
+            ends = ~alive | (bounce >= self._limit) | (hit.surface == BLACK)
             ends, weight = roulette(m, rng, weight, bounce, ends)
             over = ends & active
             return {
                 "rng": rng,
-                "surface": m.where(over, screen, found.surface),
-                "position": chosen(m, over, position, found.position),
-                "normal": chosen(m, over, normal, found.normal),
+                "surface": m.where(over, screen, hit.surface),
+                "position": chosen(m, over, position, hit.position),
+                "normal": chosen(m, over, normal, hit.normal),
                 "to_eye": chosen(m, over, to_eye, back),
                 "weight": chosen(m, over, (one, one, one), weight),
                 "shared": m.where(
                     over,
                     1 if self.twinned else 0,
-                    m.where(shared & (found.surface == SCREEN), 1, 0),
+                    m.where(shared & (hit.surface == SCREEN), 1, 0),
                 ),
                 "sums": sums,
                 "bounce": m.where(over, 0, bounce),

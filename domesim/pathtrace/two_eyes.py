@@ -51,12 +51,12 @@ def seen_by_eyes(
 def _kept(own: Layers, other: Layers, kept: float) -> dict[str, NDArray[Any]]:
     """An eye's layers where nothing leaks but what reflections do not keep apart."""
     bounces = {name: int(name.removeprefix(_BOUNCE)) for name in own if name.startswith(_BOUNCE)}
-    found = {
+    kept_layers = {
         name: (1 + kept**n) / 2 * own[name] + (1 - kept**n) / 2 * other[name]
         for name, n in bounces.items()
     }
     if bounces:
-        indirect = sum(found[name] - own[name] for name in bounces) + own["indirect"]
+        indirect = sum(kept_layers[name] - own[name] for name in bounces) + own["indirect"]
     else:
         indirect = (1 + kept) / 2 * own["indirect"] + (1 - kept) / 2 * other["indirect"]
     return {
@@ -66,5 +66,5 @@ def _kept(own: Layers, other: Layers, kept: float) -> dict[str, NDArray[Any]]:
         "variance": own["variance"]
         if kept == 1
         else (np.sqrt(own["variance"]) + np.sqrt(other["variance"])) ** 2,
-        **found,
+        **kept_layers,
     }

@@ -242,14 +242,14 @@ class Dome:
             # Height of a ring's lowest or highest point, in units of its distance, above the cut
             return np.cos(theta + side * self.tilt) - cut / self._ring_distance(theta)
 
-        found = []
+        angles = []
         for side in (-1, 1):
             sign = above(scan, side) >= 0
-            found += [
+            angles += [
                 float(scipy.optimize.brentq(above, scan[i], scan[i + 1], args=(side,)))
                 for i in np.flatnonzero(sign[1:] != sign[:-1])
             ]
-        return found
+        return angles
 
     def _ring_distance(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         return self.distance(np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], -1))

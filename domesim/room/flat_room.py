@@ -158,7 +158,7 @@ class FlatRoom:
             return Face(name, np.asarray(corner, float), first, second, normal, albedo)
 
         begin = self.audience_from
-        found = [
+        faces = [
             face("floor", (-x, 0, low), (width * right, begin * away), up),
             face("audience", (-x, begin, low), (width * right, (length - begin) * away), up),
             face("ceiling", (-x, 0, high), (width * right, length * away), -up),
@@ -174,5 +174,5 @@ class FlatRoom:
             ((w / 2, 0, -h / 2), side, h),
         ):
             if across > 0 and upward > 0:
-                found.append(face("front", corner, (across * right, upward * up), away))
-        return found
+                faces.append(face("front", corner, (across * right, upward * up), away))
+        return faces

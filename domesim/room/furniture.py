@@ -224,18 +224,18 @@ def _wrong(kind: str, content: bytes) -> str:
 
 def _wrong_glb(content: bytes) -> str:
     """`_wrong` of a GLB, by its chunk of JSON (glTF 2.0, 4.4): parts may be named many times."""
-    told = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
-    for extension in told.get("extensionsRequired", []):
+    header = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    for extension in header.get("extensionsRequired", []):
         if extension.endswith("_compression"):
             return f"geometry that is compressed ({one_line(extension)})"
-    if any(not each.get("uri", "data:").startswith("data:") for each in told.get("buffers", [])):
+    if any(not each.get("uri", "data:").startswith("data:") for each in header.get("buffers", [])):
         return "geometry that lies in another file"
-    held = [each["count"] for each in told.get("accessors", [])]
+    held = [each["count"] for each in header.get("accessors", [])]
     sizes = [
         sum(held[part["attributes"]["POSITION"]] for part in mesh["primitives"])
-        for mesh in told.get("meshes", [])
+        for mesh in header.get("meshes", [])
     ]
-    shown = [sizes[node["mesh"]] for node in told.get("nodes", []) if "mesh" in node]
+    shown = [sizes[node["mesh"]] for node in header.get("nodes", []) if "mesh" in node]
     if (vertices := max(sum(sizes), sum(shown))) > _VERTICES:
         return f"{vertices} vertices, of at most {_VERTICES}"
     return ""

@@ -155,10 +155,10 @@ def _sampled(weights: Floats, place: Floats) -> Floats:
     """(...): weights (row, col) at places (..., (right, up)), 0..1, linear between pixels."""
     rows, cols = weights.shape
     row, col = (1 - place[..., 1]) * rows - 0.5, place[..., 0] * cols - 0.5
-    found = scipy.ndimage.map_coordinates(
+    sampled = scipy.ndimage.map_coordinates(
         weights, [row.ravel(), col.ravel()], order=1, mode="nearest"
     )
-    return np.asarray(found.reshape(row.shape))
+    return np.asarray(sampled.reshape(row.shape))
 
 
 def lens_frame(lens: Lens) -> tuple[Floats, Floats, Floats]:

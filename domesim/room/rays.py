@@ -143,15 +143,15 @@ class Room:
         """Albedo of each surface that reflects; of the screen, of the part between its holes."""
         t = self.theatre
         # Without a cavity the holes are as good as black paint.
-        found = {SCREEN: t.albedo if self.has_cavity else t.screen_albedo}
+        albedos = {SCREEN: t.albedo if self.has_cavity else t.screen_albedo}
         if t.floor is not None:
-            found[FLOOR] = t.floor.albedo
+            albedos[FLOOR] = t.floor.albedo
         if t.wall is not None:
-            found[WALL] = t.wall.albedo
+            albedos[WALL] = t.wall.albedo
         if self.has_cavity and t.cavity is not None:
-            found[BACK], found[SHELL] = t.cavity.back_albedo, t.cavity.albedo
-        found.update({SOLID + k: solid.albedo for k, solid in enumerate(t.solids)})
-        return found
+            albedos[BACK], albedos[SHELL] = t.cavity.back_albedo, t.cavity.albedo
+        albedos.update({SOLID + k: solid.albedo for k, solid in enumerate(t.solids)})
+        return albedos
 
     def to_dome(self, vector: Vector) -> Vector:
         """A vector of the room in the dome's frame."""
@@ -272,9 +272,9 @@ class Room:
         m = self.machine
         near, far, on = self._roots(origin, direction, 1.0, (leaving == SCREEN) | (leaving == BACK))
         # Infinitely far up is no screen, though it is above the rim.
-        found = (far > _NEAR) & (far < np.inf) & self.on_screen(along(origin, direction, far))
-        nearest = m.where(found, far, np.inf)
-        surface = m.where(found, SCREEN, NOTHING)
+        hits = (far > _NEAR) & (far < np.inf) & self.on_screen(along(origin, direction, far))
+        nearest = m.where(hits, far, np.inf)
+        surface = m.where(hits, SCREEN, NOTHING)
         if self.only_screen:
             return nearest, surface, None
         # From outside the sphere the back comes first. Inside, rounding may make `near` just > 0.
@@ -326,9 +326,9 @@ class Room:
         for distance, surface in ((near, BLACK), (far, SHELL)):
             position = along(origin, direction, distance)
             # A ray that enters comes from outside the theatre: the shell's other side is black.
-            found = (distance > _NEAR) & (distance < nearest) & self.on_screen(position)
-            best = self._nearer(found, surface, position, self._inward_room(position), best)
-            nearest = self.machine.where(found, distance, nearest)
+            hits = (distance > _NEAR) & (distance < nearest) & self.on_screen(position)
+            best = self._nearer(hits, surface, position, self._inward_room(position), best)
+            nearest = self.machine.where(hits, distance, nearest)
         return nearest, best
 
     def _meet_floor(

@@ -329,16 +329,16 @@ class Theatre:
     @property
     def beyond_enclosure(self) -> tuple[str, ...]:
         """What is in the theatre besides a Lambertian screen, floor and wall."""
-        found = []
+        beyond = []
         if not self.lambertian:
-            found.append("a screen with a gain lobe")
+            beyond.append("a screen with a gain lobe")
         if self.cavity is not None and self.perforation > 0:
-            found.append("a cavity behind the screen")
+            beyond.append("a cavity behind the screen")
         if self.solids:
-            found.append(f"solids ({_names(self.solids)})")
+            beyond.append(f"solids ({_names(self.solids)})")
         if self.lamps:
-            found.append(f"lamps ({_names(self.lamps)})")
-        return tuple(found)
+            beyond.append(f"lamps ({_names(self.lamps)})")
+        return tuple(beyond)
 
     def departures(self) -> tuple[str, ...]:
         """Why the closed form of a bare Lambertian spherical cap is only an approximation here.

@@ -71,10 +71,10 @@ class SceneChoice:
 
     def options(self) -> dict[str, str]:
         """The options that chose it: name -> value."""
-        found = {"--scene": Path(self.name).name}
+        options = {"--scene": Path(self.name).name}
         if self.transport is not None:
-            found["--transport"] = self.transport.name
-        return found if self.seat is None else {**found, "--seat": self.seat}
+            options["--transport"] = self.transport.name
+        return options if self.seat is None else {**options, "--seat": self.seat}
 
     def _content_of(self, scene: Scene) -> str:
         """SHA-256 of what the scene was made from: its file, files named there, and the transport.

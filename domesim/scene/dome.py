@@ -348,8 +348,8 @@ class DomeScene(Scene):
         """
         known = self.theatre.viewpoints
         if name not in known:
-            told = f"use one of {', '.join(known)}" if known else "its scene file names none"
-            raise InputError(f"{self.name} has no seat {name!r}; {told}")
+            way_out = f"use one of {', '.join(known)}" if known else "its scene file names none"
+            raise InputError(f"{self.name} has no seat {name!r}; {way_out}")
         seat = viewing.DomeSeat(self.dome, known[name].position)
         return replace(self, viewing=replace(self.viewing, seat=seat))
 
@@ -377,8 +377,8 @@ _SHADOWED = 2e-3
 
 def _by_primary(values: tuple[float, float, float]) -> str:
     """One number, or three that differ."""
-    told = [decimal(value) for value in values]
-    return told[0] if len(set(told)) == 1 else ", ".join(told)
+    numbers = [decimal(value) for value in values]
+    return numbers[0] if len(set(numbers)) == 1 else ", ".join(numbers)
 
 
 def built(file: DomeFile, folder: Path) -> DomeScene:

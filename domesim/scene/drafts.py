@@ -378,13 +378,13 @@ def _room(wish: DomeWish) -> Iterator[Part]:
         int(np.clip(1.2 * radius / _ROW, 1, 60)),
         int(np.clip(1.25 * radius / _SEAT, 2, 100)),
     )
-    told = _or_given(wish.seats is not None, "chosen: what fits into the middle of the room")
+    source = _or_given(wish.seats is not None, "chosen: what fits into the middle of the room")
     yield Part(
         "[seating]",
         ("Rows face the front. Seats that have no room are left out.",),
         (
-            Figure("rows", rows, "rows", told),
-            Figure("seats_per_row", across, "seats in a row", told),
+            Figure("rows", rows, "rows", source),
+            Figure("seats_per_row", across, "seats in a row", source),
             Figure(
                 "first_row_m",
                 round(_ROW * (rows - 1) / 2 - 0.1 * radius, 2),

@@ -101,20 +101,22 @@ class LightsWay:
 
     def facts(self, weights: NDArray[np.float64]) -> dict[str, str]:
         """What a reader should know of it: heading -> text; by weights of luminance."""
-        found = {}
+        facts = {}
         if self.scatters:
-            told = ", ".join(f"{name} {each.share:.2%}" for name, each in self.scatters.items())
-            found["Scattered light"] = f"{told} of all light, at a throw of {self.throw:g} m (ABg)"
+            shares = ", ".join(f"{name} {each.share:.2%}" for name, each in self.scatters.items())
+            facts["Scattered light"] = (
+                f"{shares} of all light, at a throw of {self.throw:g} m (ABg)"
+            )
         if self.room is not None:
             view = self._reflected(9, 16, 0.0)
             white = np.ones(view.shape)
             back = float(np.mean((view.linear(white) - white) @ weights))
             width, height, length = self.room.size
-            found["Room"] = (
+            facts["Room"] = (
                 f"{width:g} x {height:g} x {length:g} m, sends {back:.2%} of a white frame's light "
                 f"back to the screen, whose gain is {self.room.gain:g}"
             )
-        return found
+        return facts
 
     def _reflected(self, rows: int, cols: int, black: float) -> LowRankObservation:
         return room_observation(self.room, rows, cols, black)

@@ -167,8 +167,8 @@ def _described(content: dict[str, Any], where: str, folder: Path) -> Scene:
             digest = scene.digest
     except ValidationError as error:
         raise InputError(all_mistakes(error, where, kind)) from None
-    said = json.dumps(content, sort_keys=True, default=str) + digest
-    return replace(scene, file=where, content=hashlib.sha256(said.encode()).hexdigest())
+    text = json.dumps(content, sort_keys=True, default=str) + digest
+    return replace(scene, file=where, content=hashlib.sha256(text.encode()).hexdigest())
 
 
 def _kind(content: dict[str, Any]) -> type[DomeFile | StereoFile | CinemaFile]:

@@ -141,8 +141,8 @@ class _Package:
         """The XML's, with attributes in lower case: programs write xResolution and Xresolution."""
         content = self._content
         if self._zip is not None:
-            found = [name for name in self._names if name.endswith(".xml")]
-            best = "mpcdi.xml" if "mpcdi.xml" in found else next(iter(found), "mpcdi.xml")
+            roots = [name for name in self._names if name.endswith(".xml")]
+            best = "mpcdi.xml" if "mpcdi.xml" in roots else next(iter(roots), "mpcdi.xml")
             content = self.read(best)
         if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
             raise self.damaged("XML with a document type")

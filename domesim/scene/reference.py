@@ -180,15 +180,15 @@ def _shape(schema: dict[str, Any]) -> tuple[str, str]:
         return ", or ".join(dict.fromkeys(shape for shape, _ in forms)), forms[0][1]
     if "enum" in schema or "const" in schema:
         return " or ".join(f'`"{each}"`' for each in schema.get("enum", [schema.get("const")])), ""
-    told, limits = _SHAPES.get(schema["type"], ""), _limits(schema)
+    kind, limits = _SHAPES.get(schema["type"], ""), _limits(schema)
     if schema["type"] == "object":
         shape, limits = _shape(schema["additionalProperties"])
-        told = f"table: name = {shape}"
+        kind = f"table: name = {shape}"
     if schema["type"] == "array":
         first = schema.get("prefixItems", ())
         shape, limits = _shape(first[0] if first else schema["items"])
-        told = f"{len(first) or 'list of'} {_plural(shape)}"
-    return told, limits
+        kind = f"{len(first) or 'list of'} {_plural(shape)}"
+    return kind, limits
 
 
 _SHAPES = {

@@ -72,10 +72,10 @@ def _require_views(master: Master, scene: Scene) -> None:
             f"alone, or choose a stereo scene."
         )
     eyes = master.frames[0].header.eyes
-    said = "" if eyes is None else f" {eyes.packing}, as it says itself"
+    packing = "" if eyes is None else f" {eyes.packing}, as it says itself"
     raise InputError(
         f"{master.path}: wanted left and right for {scene.name}, got one picture. Name both "
-        f"(--left L.####.exr --right R.####.exr), or say how they are packed (--packing{said})."
+        f"(--left L.####.exr --right R.####.exr), or say how they are packed (--packing{packing})."
     )
 
 
@@ -225,5 +225,5 @@ def _beyond(
     least, largest = limits[0] - slack, limits[1] + slack
     if values.min() >= least and values.max() <= largest:
         return 0
-    found = (values < least) | (values > largest)
-    return int(np.count_nonzero(np.any(found, axis=-1) & on))
+    outside = (values < least) | (values > largest)
+    return int(np.count_nonzero(np.any(outside, axis=-1) & on))

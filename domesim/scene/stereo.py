@@ -478,19 +478,19 @@ def _estimated(
     return seats
 
 
-def _figures(told: CrosstalkSection) -> NDArray[np.float64]:
+def _figures(section: CrosstalkSection) -> NDArray[np.float64]:
     """(view, primary, primary) crosstalk as the file's figures tell it; 0 for a table."""
-    if told.share is not None:
-        return leaks_to_both(told.share, told.share)
-    if told.to_left is not None and told.to_right is not None:
-        return leaks_to_both(told.to_left, told.to_right)
+    if section.share is not None:
+        return leaks_to_both(section.share, section.share)
+    if section.to_left is not None and section.to_right is not None:
+        return leaks_to_both(section.to_left, section.to_right)
     return leak_matrices(0.0)
 
 
-def _errors(told: CrosstalkSection) -> NDArray[np.float64] | None:
+def _errors(section: CrosstalkSection) -> NDArray[np.float64] | None:
     """(change, view, primary, primary) of what the file says of its figures' errors."""
     changes = []
-    for view, errors in enumerate((told.to_left_error, told.to_right_error)):
+    for view, errors in enumerate((section.to_left_error, section.to_right_error)):
         if errors is None:
             continue
         # One number for all primaries is one error, numbers are independent ones.

@@ -189,10 +189,10 @@ class CrosstalkSection(Section):
             "polarisation": self.polarisation is not None,
             "readings": self.readings is not None,
         }
-        given = [name for name, used in ways.items() if used]
-        if len(given) != 1:
+        named = [name for name, used in ways.items() if used]
+        if len(named) != 1:
             raise ValueError(
-                f"must be told in one way ({', '.join(ways)}), got {' and '.join(given) or 'none'}"
+                f"must be told in one way ({', '.join(ways)}), got {' and '.join(named) or 'none'}"
             )
         if one_direction and (self.to_left is None or self.to_right is None):
             raise ValueError("needs both to_left and to_right (or share, for both)")
@@ -304,11 +304,11 @@ class StereoFile(OnItsWay):
 def grids(seat: SeatSection) -> np.ndarray | None:
     """(view, row, col) coarse map of a seat, or None if it is flat and 1."""
     if seat.map is not None:
-        found = np.stack([np.array(seat.map)] * 2)
+        shares = np.stack([np.array(seat.map)] * 2)
     elif seat.map_left is not None and seat.map_right is not None:
-        found = np.stack([np.array(seat.map_left), np.array(seat.map_right)])
+        shares = np.stack([np.array(seat.map_left), np.array(seat.map_right)])
     elif seat.factor != 1:
-        found = np.ones((2, 1, 1))
+        shares = np.ones((2, 1, 1))
     else:
         return None
-    return np.asarray(found * seat.factor, np.float64)
+    return np.asarray(shares * seat.factor, np.float64)

@@ -96,10 +96,10 @@ def _light(
     return np.asarray(np.maximum(np.linalg.solve(pair.gamut.primaries, xyz), 0))
 
 
-def _require_agreement(key: str, given: float | None, measured: float, path: Path) -> None:
-    if given is None or abs(given - measured) <= AGREEMENT * measured:
+def _require_agreement(key: str, stated: float | None, measured: float, path: Path) -> None:
+    if stated is None or abs(stated - measured) <= AGREEMENT * measured:
         return
     raise InputError(
         f"projector.{key}: must be that of the readings, {measured:.4g} ({path.name}), got "
-        f"{given:g}; leave it out"
+        f"{stated:g}; leave it out"
     )
