@@ -38,7 +38,7 @@ def layers_of(seen: Observed, screen: NDArray[np.bool_]) -> dict[str, NDArray[An
 
 
 def bounces_of(bounces: NDArray[Any] | None) -> dict[str, NDArray[Any]]:
-    """Layers of (bounce, row, col, primary), from the first bounce; none of None."""
+    """Layers of bounces (bounce, row, col, primary), from the first; none of None."""
     return {} if bounces is None else {f"bounce{k}": bounces[k] for k in range(1, len(bounces))}
 
 

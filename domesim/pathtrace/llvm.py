@@ -68,7 +68,7 @@ def lacking() -> str:
 
 
 def told() -> str:
-    """What paths are traced with, or why none can be, in one line for people."""
+    """One line for people: what traces paths, or why none can be traced."""
     try:
         return f"Path tracing with {_chosen()[1]}"
     except InputError as fault:

@@ -64,7 +64,7 @@ class Aim(Source):
 
     @abstractmethod
     def aim(self, room: Room, here: Hit, active: Lanes, rng: Any) -> Colour:
-        """One aimed estimate of the mean value that Lambertian points see, less what is found."""
+        """One aimed estimate of the mean value that Lambertian points see, less what walks find."""
 
     @abstractmethod
     def weighed(

@@ -1,4 +1,4 @@
-"""What the bounce loop is computed with: Dr.Jit's arrays, compiled for all cores or a GPU.
+"""Dr.Jit's arrays, in which the bounce loop is computed on all cores or a GPU.
 
 Loop and geometry are written on tuples (x, y, z) of arrays with one entry a lane. Besides Python's
 operators they use `DrJit`'s functions, some of which have NumPy's names: `domesim.room.rays` takes
@@ -92,11 +92,11 @@ class DrJit:
         return self.dr.acos(value)
 
     def minimum(self, left: Lanes, right: Any) -> Lanes:
-        """The smaller."""
+        """The smaller of two numbers."""
         return self.dr.minimum(left, right)
 
     def maximum(self, left: Lanes, right: Any) -> Lanes:
-        """The larger."""
+        """The larger of two numbers."""
         return self.dr.maximum(left, right)
 
     def index(self, value: Lanes) -> Lanes:
@@ -142,13 +142,13 @@ class DrJit:
         return float(self.dr.sum(self._double(values))[0])
 
     def computed(self, state: State) -> State:
-        """The same lanes, computed: waits for it."""
+        """Computes the lanes, and waits for them."""
         self.dr.make_opaque(state)
         self.dr.sync_thread()
         return state
 
     def release(self) -> None:
-        """Give memory back that no lanes need any more."""
+        """Frees memory that no lanes need any more."""
         self.dr.flush_malloc_cache()
 
     def randomness(self, seed: int, count: int) -> Any:

@@ -156,7 +156,7 @@ class Throw:
                 yield self._on_shell(room, hit, beam, active & (hit.surface == SHELL))
 
     def lit_at(self, room: Room, position: Vector, active: Lanes) -> Lanes:
-        """Share of the light for points of the screen that reaches them."""
+        """Share of the projectors' light that reaches points of the screen."""
         if self.lit is None:
             return position[0] * 0 + 1
         pixel = pixel_of(room, position, self._size)
@@ -282,7 +282,7 @@ class Picture(Aim):
         return sums[0], sums[1], sums[2]
 
     def aim(self, room: Room, here: Hit, active: Lanes, rng: Any) -> Colour:
-        """One aimed estimate of the mean value that Lambertian points see, less what is found."""
+        """One aimed estimate of the mean value that Lambertian points see, less what walks find."""
         m = room.machine
         drawn = m.index(m.minimum(m.uniform(rng) * self._count, self._count - 1.0))
         pixel = m.number_at(self._drawn, drawn)

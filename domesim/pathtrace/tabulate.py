@@ -72,7 +72,7 @@ BATCHES = 24
 @final
 @dataclass(frozen=True)
 class Tabulation:
-    """What `tabulate` found.
+    """Result of `tabulate`.
 
     Attributes
     ----------

@@ -790,7 +790,7 @@ _ALL_OR_NOTHING = ContextVar("all or nothing", default=False)
 
 @contextmanager
 def all_or_nothing() -> Iterator[None]:
-    """Inside, Ctrl-C is raised as ever, and no computation returns what there is so far."""
+    """Lets Ctrl-C end a computation without a result."""
     token = _ALL_OR_NOTHING.set(True)
     try:
         yield

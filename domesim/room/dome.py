@@ -116,7 +116,7 @@ class Dome:
 
     @property
     def whole(self) -> str:
-        """What the screen is a part of, in words."""
+        """The whole surface that the screen is a part of, in words."""
         if self.height_ratio == 1:
             return f"the sphere of radius {self.radius:g} m"
         return f"the ellipsoid of radius {self.radius:g} m and height ratio {self.height_ratio:g}"

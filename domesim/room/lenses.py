@@ -1,4 +1,4 @@
-"""Which light each projector of a theatre puts on its screen.
+"""Light of a theatre's projectors on its screen.
 
 Fields that overlap are blended: each projector is dimmed towards the edge of its field by a smooth
 step, and all are divided by their sum. Falloff is that of a lens of equal intensity in all

@@ -323,7 +323,7 @@ class Theatre:
 
     @property
     def enclosure(self) -> Theatre:
-        """The same with nothing but a Lambertian screen, floor and wall."""
+        """The theatre with nothing but a Lambertian screen, floor and wall."""
         return replace(self, lobe=None, cavity=None, solids=(), lamps=())
 
     @property

@@ -48,7 +48,7 @@ class Scene(ABC):
 
     @property
     def argument(self) -> str:
-        """What a shell's command line calls it."""
+        """Name or path of the scene, quoted for a shell."""
         return shlex.quote(self.file or self.name)
 
     @property
@@ -59,12 +59,12 @@ class Scene(ABC):
     @property
     @abstractmethod
     def pollution(self) -> str:
-        """Whose light is seen besides the picture's, in words."""
+        """The light that pollutes its pictures, in words."""
 
     @property
     @abstractmethod
     def masters(self) -> str:
-        """What its masters are, in words."""
+        """Kind of its masters, in words."""
 
     @property
     def several_seats(self) -> bool:
@@ -91,7 +91,7 @@ class Scene(ABC):
     @property
     @abstractmethod
     def approximation(self) -> str | None:
-        """Why `observation` is only an approximation of it, in one line; None if not."""
+        """Says in one line that `observation` is an approximation; None if it is exact."""
 
     @abstractmethod
     def observation(self, rows: int, cols: int) -> Observation:
@@ -175,4 +175,4 @@ class Scene(ABC):
 
     @abstractmethod
     def facts(self) -> dict[str, str]:
-        """What a reader of results should know of it: heading -> text."""
+        """Facts for readers of results: heading -> text."""

@@ -1,4 +1,4 @@
-"""Which scene, as a command line names it: what is sent to whoever works on its frames."""
+"""The scene that a command line names, as it is sent to workers."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class SceneChoice:
     _scene: Scene | None = field(default=None, repr=False, compare=False)
 
     def load(self) -> Scene:
-        """The scene; the one that `settled` was given, but in other processes.
+        """Loads the scene, or returns the one that `settled` took.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class SceneChoice:
         return {**vars(self), "_scene": None}
 
     def settings(self) -> dict[str, Any]:
-        """What results depend on, for JSON."""
+        """Settings that results depend on, for JSON."""
         return {"scene": Path(self.name).name, "seat": self.seat, "scene_content": self.content}
 
     def options(self) -> dict[str, str]:

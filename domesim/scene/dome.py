@@ -196,7 +196,7 @@ class DomeScene(Scene):
         )
 
     def reflected_by_views(self, size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How much the dome adds to white views: to their sum, and to their difference.
+        """Reflected light of white views over their own: of their sum, and of their difference.
 
         Each is (primary,) reflected light over direct light, mean over the screen.
 
@@ -260,7 +260,7 @@ class DomeScene(Scene):
         return self.dome.kept_areas(rows, cols)
 
     def facts(self) -> dict[str, str]:
-        """What a reader of results should know of it: heading -> text."""
+        """See `Scene`."""
         closed = "closed form of a bare matte dome, all bounces; computed, not measured"
         by = "tabulated by path tracing"
         if self.transport is not None and self.transport.provenance.get("method") == PHOTOGRAPHS:
@@ -309,7 +309,7 @@ class DomeScene(Scene):
 
     @property
     def approximation(self) -> str | None:
-        """That `observation` leaves something of this theatre out, in one line; None if not."""
+        """See `Scene`."""
         if not self._left_out:
             return None
         if self.transport is not None:

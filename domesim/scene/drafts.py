@@ -50,7 +50,7 @@ _HOLES = (
 @final
 @dataclass(frozen=True)
 class DomeWish:
-    """What somebody says of a theatre; None is what they leave to the draft.
+    """Wishes for a theatre; None where the draft may choose.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class DomeWish:
 @final
 @dataclass(frozen=True)
 class StereoWish:
-    """What somebody says of a 3D screen; None is what they leave to the draft.
+    """Wishes for a 3D screen; None where the draft may choose.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ class LightsWay:
 
     @property
     def approximation(self) -> str | None:
-        """What of it is not computed as described, in one line; None if all is."""
+        """Says in one line what is approximate; None if nothing is."""
         if self.room is None or self.room.gap >= _NEAR * self.size[1]:
             return None
         return (
@@ -130,7 +130,7 @@ class LightsWay:
 
 
 def way_of(file: OnItsWay, *, polarised: bool = False) -> LightsWay | None:
-    """Light's way as a file tells it; None if it says nothing of it."""
+    """Light's way as a file describes it; None if it does not."""
     if file.lens is None and file.room is None:
         return None
     screen, sections = file.screen, {LENS: file.lens, PORT_GLASS: file.port_glass}
@@ -208,7 +208,7 @@ class CinemaScene(Scene):
 
     @property
     def lenses(self) -> list[tuple[float, ...]]:
-        """Where its projectors stand, if that is told: (xyz), m."""
+        """Places of its projectors, if they are described: (xyz), m."""
         return self.way.lenses
 
     def asked(self, transport: Path | None, seat: str | None) -> CinemaScene:
@@ -223,11 +223,11 @@ class CinemaScene(Scene):
 
     @property
     def approximation(self) -> str | None:
-        """Why `observation` is only an approximation, in one line; None if it is not."""
+        """See `Scene`."""
         return self.way.approximation
 
     def observation(self, rows: int, cols: int) -> AdjointObservation:
-        """What the audience sees of a picture of that size."""
+        """See `Scene`."""
         return self.way.one_view(rows, cols, self.ambient / self.projector.white)
 
     def uncertain(self, rows: int, cols: int) -> Uncertain | None:
@@ -235,11 +235,11 @@ class CinemaScene(Scene):
         return None
 
     def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
-        """(row, col): all of the picture."""
+        """See `Scene`: all of the picture."""
         return np.ones((rows, cols), np.bool_)
 
     def pixel_areas(self, rows: int, cols: int) -> NDArray[np.floating]:
-        """(row, col) areas of pixels on the screen, m²."""
+        """See `Scene`."""
         return np.broadcast_to(self.size[0] * self.size[1] / (rows * cols), (rows, cols))
 
     def facts(self) -> dict[str, str]:

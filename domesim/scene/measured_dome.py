@@ -1,4 +1,4 @@
-"""How sure a dome with measured albedos is of the light that it reflects."""
+"""Uncertainty of the light that a dome with measured albedos reflects."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def whole_transport(theatre: Theatre) -> Transport:
 def albedo_steps(
     theatre: Theatre, measured: MeasuredSection, stored: Transport
 ) -> tuple[list[Step], Floats]:
-    """What `UncertainDome` takes of albedos that were measured.
+    """Changes of the transport by the errors of measured albedos, for `UncertainDome`.
 
     In a room that radiosity does not know the screen's albedo alone scales what is `stored`.
     """

@@ -26,7 +26,7 @@ def all_mistakes(error: ValidationError, where: str, model: type[BaseModel]) -> 
 
 @final
 class Mistakes:
-    """Collects what is wrong with a scene file, so that all of it can be told at once."""
+    """Collects what is wrong with a scene file, to report all of it at once."""
 
     def __init__(self) -> None:
         self._found: list[str] = []
@@ -40,7 +40,7 @@ class Mistakes:
             self._found.append(str(error))
 
     def refuse(self) -> None:
-        """Raise all that were noted.
+        """Raises all mistakes that were noted.
 
         Raises
         ------

@@ -163,7 +163,7 @@ class StereoScene(Scene):
 
     @property
     def lenses(self) -> list[tuple[float, ...]]:
-        """Where its projectors stand, if that is told: (xyz), m."""
+        """Places of its projectors, if they are described: (xyz), m."""
         if self.theatre is not None:
             return [projector.position for projector in self.theatre.projectors]
         return [] if self.way is None else self.way.lenses
@@ -333,7 +333,7 @@ class StereoScene(Scene):
         return np.broadcast_to(self.size[0] * self.size[1] / (rows * cols), (rows, cols))
 
     def facts(self) -> dict[str, str]:
-        """What a reader of results should know of it: heading -> text."""
+        """See `Scene`."""
         if self.table is None:
             shares = ", ".join(f"{name} {self.seats[name].mean():.2%}" for name in self.chosen)
         else:

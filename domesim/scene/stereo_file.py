@@ -56,7 +56,7 @@ class StereoProjectorSection(FlatProjectorSection):
 
 
 class MeasuredProjectorSection(Section):
-    """What readings tell; written out it must be the same."""
+    """Figures of readings; where the file states them, too, they must agree."""
 
     primaries: Literal["measured"] = "measured"
     white_cd_m2: Luminance | None = None
@@ -151,7 +151,7 @@ class PolarisationSection(Section):
 
 
 class CrosstalkSection(Section):
-    """What each eye sees of the other's picture; one of the four ways to tell it.
+    """Crosstalk, in one of four ways.
 
     ``to_left_error`` and ``to_right_error`` are standard errors of ``to_left`` and ``to_right``.
     ``readings`` is a path from the scene file's folder; ``black`` and ``allow_negative`` say how to
@@ -172,7 +172,7 @@ class CrosstalkSection(Section):
 
     @property
     def told(self) -> Literal["figures", "table", "polarisation", "readings"]:
-        """Which way it is told."""
+        """The way in which crosstalk is described."""
         if self.table is not None:
             return "table"
         if self.polarisation is not None:

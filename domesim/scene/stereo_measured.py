@@ -28,7 +28,7 @@ AGREEMENT = 0.02
 @final
 @dataclass(frozen=True, eq=False)
 class MeasuredSystem:
-    """What readings tell of a stereo system.
+    """A stereo system by its readings.
 
     Parameters
     ----------
