@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from domesim.pathtrace.llvm import load_mitsuba
+from domesim.pathtrace.machine import DrJit
 from domesim.pathtrace.sources import GainLobe
-from domesim.pathtrace.tracer import best_machine
 from domesim.room.lenses import lobe_gain
 from domesim.room.theatre import Lobe
 
@@ -19,7 +20,7 @@ def test_gain_is_mitsubas(lobe):
         v / np.linalg.norm(v, axis=-1, keepdims=True) for v in (normal, to_eye, to_light)
     )
     ours = lobe_gain(lobe, normal, to_eye, to_light)
-    machine = best_machine()
+    machine = DrJit(load_mitsuba())
     vectors = [
         tuple(machine.lanes(np.ascontiguousarray(v[:, k])) for k in range(3))
         for v in (normal, to_eye, to_light)
