@@ -108,7 +108,8 @@ class Compensating(Recipe):
             raise InputError(f"tolerance must lie between 0 and 1, got {self.tolerance:g}")
         if self._aims(theatre) and (self.only_visible or self.device != CPU):
             raise InputError(
-                f"--only-visible and --device are of --weighting {PAPER}: contrasts need no solver"
+                f"--only-visible and --device belong to --weighting {PAPER}: contrasts need no "
+                f"solver"
             )
         if self.spatial:
             self._require_spatial(theatre)
@@ -165,10 +166,10 @@ class Compensating(Recipe):
         if self.eye is not None:
             found = Aim() if self.eye == CONTRAST else PerceptualWeighting()
         if self.lift is not None and not isinstance(found, Aim):
-            raise InputError(f"--lift is of --weighting {CONTRAST}; leave it out")
+            raise InputError(f"--lift belongs to --weighting {CONTRAST}; leave it out")
         if self.low_frequency_gain is not None and isinstance(found, Aim):
             raise InputError(
-                f"--low-frequency-gain is of --weighting {PAPER}; of {CONTRAST}, use --lift"
+                f"--low-frequency-gain belongs to --weighting {PAPER}; for {CONTRAST}, use --lift"
             )
         if self.lift is not None:
             return Aim(lift=self.lift)

@@ -234,7 +234,7 @@ def grey_to_grey(
             f"black {decimal(table.black)} cd/m²"
         )
     if primaries is None:
-        console.say(f"Assumed, for want of --primaries: {COLOURS}")
+        console.say(f"Assumed, as --primaries was not given: {COLOURS}")
     _say_where(console, out, room)
     assumed = [*(["primaries"] if primaries is None else []), *room.assumed]
     eyes = {table.eye: _of_table(table) for table in (left, right)}
@@ -373,7 +373,7 @@ def _photographed(
         for line in each.report():
             console.say(line)
     if photographs.primaries is None:
-        console.say(f"Assumed, for want of projector.primaries: {COLOURS}")
+        console.say(f"Assumed, as projector.primaries was not given: {COLOURS}")
     if room.assumed:
         options = ", ".join(f"--{name}" for name in room.assumed)
         console.say(f"Assumed, as {options} were not given: {_RIG}")
@@ -686,7 +686,7 @@ def _room(
     away = _length("--distance", DISTANCE if distance is None else distance)
     adapted = ADAPTATION if adaptation is None else adaptation
     if not 1e-6 <= adapted <= 1e6:
-        raise InputError(f"--adaptation must be 1e-06 to 1e+06 cd/m², got {adapted:g}")
+        raise InputError(f"--adaptation must be 0.000001 to 1000000 cd/m², got {adapted:g}")
     return _Room(
         wide, high, away, adapted, [name for name, value in stated.items() if value is None]
     )

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from importlib import resources
 from typing import Any, NamedTuple
 
+from domesim.host.numbers import decimal
 from domesim.scene.dome_file import DomeFile
 from domesim.scene.fields import Section
 from domesim.scene.flat_file import CinemaFile
@@ -213,13 +214,13 @@ def _limits(schema: dict[str, Any]) -> str:
         schema.get(name) for name in ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
     )
     ends = [
-        f"{low:g} or more" if low is not None else "",
-        f"above {above:g}" if above is not None else "",
-        f"at most {high:g}" if high is not None else "",
-        f"below {below:g}" if below is not None else "",
+        f"{decimal(low, 6)} or more" if low is not None else "",
+        f"above {decimal(above, 6)}" if above is not None else "",
+        f"at most {decimal(high, 6)}" if high is not None else "",
+        f"below {decimal(below, 6)}" if below is not None else "",
     ]
     if low is not None and high is not None:
-        return f"{low:g} to {high:g}"
+        return f"{decimal(low, 6)} to {decimal(high, 6)}"
     return ", ".join(filter(None, ends))
 
 

@@ -226,8 +226,8 @@ def test_all_are_made_for_contrast() -> None:
     ("settings", "message"),
     [
         ({"eye": "contours"}, "'contours' is not known; use one of contrast, paper"),
-        ({"eye": PAPER, "lift": 1.0}, "--lift is of --weighting contrast"),
-        ({"low_frequency_gain": 0.2}, "of contrast, use --lift"),
+        ({"eye": PAPER, "lift": 1.0}, "--lift belongs to --weighting contrast"),
+        ({"low_frequency_gain": 0.2}, "for contrast, use --lift"),
         ({"eye": CONTRAST, "device": "torch"}, "contrasts need no solver"),
         ({"only_visible": True}, "contrasts need no solver"),
         ({"spatial": True}, "--spatial-weights is for --weighting paper or --method paper"),

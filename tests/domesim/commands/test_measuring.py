@@ -76,7 +76,7 @@ def test_without_noise_nothing_is_left(run, rig, tmp_path):
 def test_the_scene_says_where_each_figure_is_from(run, rig, tmp_path):
     code, out, _ = run("measure", "crosstalk", rig, "--out", tmp_path / "s.toml", "--height", "2")
     assert code == 0
-    for words in ("system 2.0", "common gamut", "Assumed, for want of --width, --distance"):
+    for words in ("system 2.0", "common gamut", "Assumed, as --width, --distance"):
         assert words in out
     content = tomllib.loads((tmp_path / "s.toml").read_text())
     assert content["crosstalk"] == {"readings": "readings/rig.csv"}
@@ -223,7 +223,7 @@ def test_grey_to_grey_becomes_a_scene(run, tmp_path):
     code, out, err = run(*arguments)
     assert (code, err) == (0, "")
     for words in ("to the left eye: system 2.00%", "to the right eye: system 3.00%", "BT.709",
-                  "for want of --height, --distance, --adaptation", "white 36 cd/m²"):  # fmt: skip
+                  "as --height, --distance, --adaptation were not", "white 36 cd/m²"):  # fmt: skip
         assert words in out
     scene = load_stereo(scene_file)
     assert scene.projector.primaries == "BT.709"
