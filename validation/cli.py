@@ -88,11 +88,7 @@ class Listener:
         elif outcome.finding is None:
             text += f"\n{outcome.note}"
         else:
-            text += "".join(
-                f"\n    {check.what}: {check.written}, expected {check.expected}"
-                for check in outcome.finding.checks
-                if not check.passed
-            )
+            text += "".join(f"\n    {told}" for told in outcome.entry.failed)
             left_out = (why.partition(". ")[0] for why in outcome.finding.left_out)
             text += "".join(f"\n    left out: {what}" for what in left_out)
         self._console.say(*text.split("\n"))

@@ -83,6 +83,11 @@ class Check:
         )
 
     @property
+    def told(self) -> str:
+        """What was found and what was expected, in words."""
+        return f"{self.what}: {self.written}, expected {self.expected}"
+
+    @property
     def written(self) -> str:
         """The figure, in words."""
         if not math.isfinite(self.found):
@@ -207,7 +212,12 @@ class Finding:
     @property
     def passed(self) -> bool:
         """Whether every check is as expected."""
-        return all(check.passed for check in self.checks)
+        return not self.failed
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Checks that are not as expected, in words."""
+        return tuple(check.told for check in self.checks if not check.passed)
 
 
 def require_tracer() -> None:

@@ -43,7 +43,7 @@ def written(page: str, results: Results) -> str:
     def figure(name: str, form: str) -> str:
         if name not in figures:
             raise InputError(f"{page} quotes {name}, which the results do not have")
-        return "never" if figures[name] is None else form.format(figures[name])
+        return "never" if figures[name] is None else form.format(figures[name]).replace("%", " %")
 
     return _rendered(page, figure, results)
 
@@ -66,9 +66,14 @@ def _rendered(page: str, figure: Callable[[str, str], str], results: Results) ->
         undefined=StrictUndefined, keep_trailing_newline=True, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["figure"] = figure
+    environment.filters["machine"] = lambda name: _machine(results, name)
     template = TEMPLATES / f"{Path(page).name}.j2"
     text = template.read_text(encoding="utf-8")
     return environment.from_string(text).render(experiments=results.experiments)
+
+
+def _machine(results: Results, experiment: str) -> str:
+    return results.experiments[experiment].machine if experiment in results.experiments else ""
 
 
 def refuse_old(results: Results) -> None:

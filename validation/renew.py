@@ -38,7 +38,7 @@ class Publisher:
         self.starts, self.note = listener.starts, listener.note
 
     def ends(self, outcome: Outcome) -> None:
-        """Publish an experiment's figures, if they are as expected."""
+        """Publish an experiment's figures, if it was run."""
         self._listener.ends(outcome)
         found = Results(experiments={outcome.name: outcome.entry})
         merged(Results.read(self._published), found, quoted()).write(self._published)

@@ -255,6 +255,7 @@ def _outcome(experiment: Experiment, work: Work, machine: Mapping[str, str], cod
         machine=f"{machine['processor']}, {machine['cores']} cores",
         code=code,
         seconds=work.seconds,
+        failed=finding.failed if finding else (),
         figures=finding.figures if finding else {},
     )
     return Outcome(experiment, entry, note, finding)

@@ -24,6 +24,7 @@ AS_EXPECTED: Final = "as expected"
 NOT_AS_EXPECTED: Final = "not as expected"
 NOT_RUN: Final = "not run"
 BROKEN: Final = "broken"
+MEASURED = (AS_EXPECTED, NOT_AS_EXPECTED)
 PUBLISHED = ROOT / "validation" / "results.json"
 
 
@@ -36,6 +37,7 @@ class Entry(Record):
     machine: str
     code: str = Field(description="SHA-256 of the modules and files that it rests on.")
     seconds: float = Field(description="Time that its steps took, s.")
+    failed: tuple[str, ...] = Field(default=(), description="Checks that are not as expected.")
     figures: Mapping[str, Number] = Field(default={}, description="By name.")
 
 
@@ -84,7 +86,7 @@ def merged(published: Results, new: Results, quoted: Collection[str]) -> Results
     published
         Published results. Those of experiments that there are no more are left out.
     new
-        A full run's. What is not as expected or was not run is left out.
+        A full run's. What was not run or is broken is left out.
     quoted
         Names of the figures to keep.
 
@@ -99,7 +101,7 @@ def merged(published: Results, new: Results, quoted: Collection[str]) -> Results
         )
     found = dict(published.experiments)
     for name, entry in new.experiments.items():
-        if entry.status == AS_EXPECTED and (name not in found or entry.date > found[name].date):
+        if entry.status in MEASURED and (name not in found or entry.date > found[name].date):
             found[name] = entry
     return Results(
         experiments={

@@ -94,7 +94,7 @@ def test_the_newer_figures_are_published():
         FIRST: entry(),
         SECOND: entry(date="2030-01-02", figures={"f": 2.0}),
     }
-    for worse in (entry(date="2029-12-31"), entry(date="2030-01-02", status="not as expected")):
+    for worse in (entry(date="2029-12-31"), entry(date="2030-01-02", status="broken")):
         left = merged(kept, Results(experiments={FIRST: worse}), {"f"})
         assert left.experiments[FIRST] == entry()
     for run in (Results(quick=True), Results(seed=1)):
@@ -130,7 +130,7 @@ def test_a_run_publishes_each_experiment_when_it_ends(tmp_path, monkeypatch):
     listener = Silent()
     publisher = Publisher(listener, path)
     finding = Finding(result="", checks=(at_most("x", 1, 2),))
-    for name, status in ((FIRST, "as expected"), (SECOND, "not as expected")):
+    for name, status in ((FIRST, "as expected"), (SECOND, "not run")):
         now = entry(date="2031-01-01", status=status)
         publisher.ends(Outcome(load_experiment(name), now, finding=finding))
     assert Results.read(path).experiments == {FIRST: entry(date="2031-01-01"), SECOND: entry()}

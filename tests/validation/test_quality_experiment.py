@@ -86,6 +86,10 @@ def test_all_judges_see_both_halves(monkeypatch, tmp_path):
     assert any("pillars" in why for why in finding.left_out)
     assert any(check.what.startswith("domes: another, the default") for check in finding.checks)
     assert finding.figures["quality.domemasters.inputs"] == 1
+    means = [
+        finding.figures[f"quality.domemasters.another.{way}"] for way in ("nothing", "default")
+    ]
+    assert finding.figures["quality.domemasters.better_by"] == 2 * (means[1] > means[0])
     rows = 2 * [2, 2, ways]
     assert [len(table.rows) for table in finding.tables][:6] == rows
     assert len(finding.tables[-1].rows) == 4

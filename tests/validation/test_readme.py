@@ -78,10 +78,9 @@ def test_every_figure_is_of_the_published_results(page):
     assert written(page, PUBLISHED) == (ROOT / page).read_text(), "make readme writes it anew"
 
 
-def test_what_is_published_is_quoted_and_as_expected():
+def test_what_is_published_is_quoted():
     assert set(PUBLISHED.figures) == quoted()
     assert set(PUBLISHED.experiments) <= set(EXPERIMENTS)
-    assert {one.status for one in PUBLISHED.experiments.values()} == {"as expected"}
 
 
 def test_what_the_evidence_says_of_the_judges():

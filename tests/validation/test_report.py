@@ -172,6 +172,7 @@ def test_outcomes(tmp_path, stubs):
     ]
     assert not results.passed
     assert results.results.figures == {"stub.figure": 3.0}
+    assert results.outcomes[1].entry.failed == ("the figure: 3 cd/m², expected at most 2 cd/m²",)
     stubs[NAMES[1]].found = 1.0
     assert run(tmp_path, fresh=True).passed
     stubs[NAMES[0]].raises = ZeroDivisionError("by nothing")

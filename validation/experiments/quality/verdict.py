@@ -236,7 +236,15 @@ def figures(cells: Cells, wanted: Mapping[str, Input]) -> dict[str, float | None
         found[f"quality.{kind}.short"] = float(_short(part))
         found[f"quality.{kind}.cases"] = float(len(part))
         found[f"quality.{kind}.inputs"] = float(ours.inputs)
-        for name, rank in ranks(_usual(part), heard).items():
+        found[f"quality.{kind}.better_by"] = float(
+            sum(better(part, judge, NOTHING) > 0 for judge in heard)
+        )
+        found[f"quality.{kind}.judges"] = float(len(heard))
+        for way in (*_PLAIN, DEFAULT):
+            found |= {
+                f"quality.{kind}.{judge.name}.{way}": _mean_of(part, judge, way) for judge in heard
+            }
+        for name, rank in ranks(part, heard, (*_PLAIN, DEFAULT)).items():
             found[f"quality.{kind}.rank.{name}"] = rank
     return found
 
