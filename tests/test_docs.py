@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
 import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,16 +17,28 @@ import pytest
 from command_line import exit_code
 from documented import ROOT, play
 
+from compensate.live.constants import constants_of
 from domesim.commands import manual
+from domesim.errors import InputError
 from domesim.frames import read_frame, write_frame
 from domesim.pathtrace import tabulate
 from domesim.pathtrace.tracer import Settings
+from domesim.scene import load_scene, scene_names
 
 QUICKER = {
     "0.005": "0.05", "1-4": "1-2", "256": "48", "16": "4", "320": "64", "360": "64",
 }  # fmt: skip
 """Words of the pages' commands, and those that do for a test."""
 NIGHT = Path("scenes/masters/night.exr")
+PAGES = [
+    page
+    for pattern in ("README.md", "docs/*.md", "docs/tutorials/*.md")
+    for page in sorted(str(path.relative_to(ROOT)) for path in ROOT.glob(pattern))
+    if page != "docs/commands.md"
+]
+MEASURED = re.compile(
+    r"\d\s(?:s|ms|minutes|hours|GiB|JOD|JND|FFTs|core-(?:ms|seconds)|frames a second)\b"
+)
 
 
 @pytest.mark.long
@@ -88,6 +101,55 @@ def texts() -> Iterator[str]:
                     yield "".join(str(each.value) for each in constants)
                 elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                     yield node.value
+
+
+def prose(page: str) -> str:
+    """A page without the contents of scene files."""
+    return re.sub(r"^```toml.*?^```", "", (ROOT / page).read_text(), flags=re.M | re.S)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_to_files_that_need_not_be_made(page):
+    targets = re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", prose(page))
+    found = [(ROOT / page).parent.joinpath(target).resolve() for target in targets]
+    made = [ROOT / "docs" / name for name in ("api", "commands.md", "gallery")]
+    assert [path for path in found if not path.exists() or {path, *path.parents} & {*made}] == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_measured_numbers_stand_beside_their_run(page):
+    """A section with seconds, GiB or JOD names a command, an experiment, a note or the results."""
+    run = re.compile(
+        r"`(?:domesim|python -m|make|/usr/bin/time) |^domesim |--only |the experiment `"
+        r"|results\.json|validation/(?:notes|experiments)/",
+        re.M,
+    )
+    sections = re.split(r"^(?=##? )", prose(page), flags=re.M)
+    assert [s for s in sections if MEASURED.search(s) and not run.search(s)] == []
+
+
+def test_lists_are_whole():
+    """Extras of the package, notes, and scenes that cannot be compensated live."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    assert set(
+        re.findall(r"`(?:pip install ')?\.\[(\w+)\]'?` \|", prose("docs/install.md"))
+    ) == set(extras)
+    notes = {path.name for path in (ROOT / "validation/notes").glob("0*.md")}
+    assert set(re.findall(r"notes/(0[^)]+)\)", prose("docs/evidence.md"))) == notes
+
+
+def test_scenes_that_live_refuses_are_listed():
+    page = prose("docs/live.md")
+    listed = page[page.index("The bundled scenes that are refused") : page.index("In a shader")]
+    refused = set()
+    for name in scene_names():
+        try:
+            constants_of(load_scene(name), 48, 48)
+        except InputError:
+            refused.add(name)
+    assert set(re.findall(r"`(\w+)`", listed)) == refused
 
 
 @pytest.mark.long

@@ -31,7 +31,7 @@ def validate(
     ] = Path("out/validation"),
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="Fewer cases and larger errors: minutes instead of an hour."),
+        typer.Option("--quick", help="Fewer cases and larger errors: minutes instead of hours."),
     ] = False,
     only: Annotated[
         str | None,

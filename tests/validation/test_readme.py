@@ -94,6 +94,22 @@ def test_what_the_evidence_says_of_the_judges():
     )
     assert jod[2] > max(jod[0], jod[1])
     assert flip[0] > flip[2] > flip[1]
+    for judge in ("ColorVideoVDP", "FovVideoVDP"):
+        pairs = f"quality.pairs.{judge}"
+        gain = PUBLISHED.figures[f"{pairs}.default"] - PUBLISHED.figures[f"{pairs}.subtraction"]
+        assert abs(gain) < 0.02
+
+
+def test_experiments_that_pages_name_exist():
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("*/*.md")]
+    named = {
+        name
+        for page in pages
+        for pair in re.findall(r"--only ([a-z0-9_,]+)|experiment `([a-z0-9_]+)`", page.read_text())
+        for name in "".join(pair).split(",")
+    }
+    assert len(named) > 5
+    assert named <= set(EXPERIMENTS)
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -239,6 +239,9 @@ def figures(cells: Cells, wanted: Mapping[str, Input]) -> dict[str, float | None
         found[f"quality.{kind}.better_by"] = float(
             sum(better(part, judge, NOTHING) > 0 for judge in heard)
         )
+        found[f"quality.{kind}.subtraction_better_by"] = float(
+            sum(better(part, judge, SUBTRACTION) < 0 for judge in heard)
+        )
         found[f"quality.{kind}.judges"] = float(len(heard))
         for way in (*_PLAIN, DEFAULT):
             found |= {
