@@ -120,7 +120,7 @@ def test_links_lead_to_files_that_need_not_be_made(page):
 def test_measured_numbers_stand_beside_their_run(page):
     """A section with seconds, GiB or JOD names a command, an experiment, a note or the results."""
     run = re.compile(
-        r"`(?:domesim|python -m|make|/usr/bin/time) |^domesim |--only |the experiment `"
+        r"`(?:domesim|python -m|make|/usr/bin/time) |^domesim |--only |experiment `"
         r"|results\.json|validation/(?:notes|experiments)/",
         re.M,
     )
