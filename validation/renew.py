@@ -48,7 +48,7 @@ def main(names: list[str]) -> bool:
     """Run experiments and publish their figures; whether all are as expected."""
     console = Console()
     names = names or old(Results.read(PUBLISHED))
-    console.say(f"Older than their code: {', '.join(names) or 'none'}")
+    console.say(f"To run: {', '.join(names) or 'nothing is older than its code'}")
     prepare(OUT)
     with console.progress("renewing", len(names)) as start:
         run = validate(OUT, Publisher(Listener(console, start)), names=names)

@@ -83,7 +83,7 @@ def test_what_is_published_is_quoted():
     assert set(PUBLISHED.experiments) <= set(EXPERIMENTS)
 
 
-def test_what_the_evidence_says_of_the_judges():
+def test_what_the_evidence_says():
     """Its words, not only its figures."""
     jod, flip = (
         [
@@ -94,6 +94,15 @@ def test_what_the_evidence_says_of_the_judges():
     )
     assert jod[2] > max(jod[0], jod[1])
     assert flip[0] > flip[2] > flip[1]
+    fog, trunks = (
+        [
+            PUBLISHED.figures[f"deghosting.{picture}.5%.{method}.quality"]
+            for method in ("none", "subtractive", "perceptual")
+        ]
+        for picture in ("fog", "trunks")
+    )
+    assert fog[2] == max(fog)
+    assert trunks[2] == min(trunks)
     for judge in ("ColorVideoVDP", "FovVideoVDP"):
         pairs = f"quality.pairs.{judge}"
         gain = PUBLISHED.figures[f"{pairs}.default"] - PUBLISHED.figures[f"{pairs}.subtraction"]
