@@ -107,34 +107,6 @@ def test_packed_in_one_image(
     np.testing.assert_array_equal(read_frame(out / "m.exr").pixels, np.concatenate(halves, axis))
 
 
-def test_an_exr_of_two_views_keeps_its_structure(run: Run, tmp_path: Path, out: Path) -> None:
-    source = tmp_path / "m.exr"
-    spec = oiio.ImageSpec(COLS, ROWS, 7, "half")
-    spec.channelnames = ("R", "G", "B", "right.R", "right.G", "right.B", "depth.Z")
-    spec.attribute("multiView", oiio.TypeDesc("string[2]"), ("left", "right"))
-    spec.attribute("owner", "me")
-    depth = np.linspace(0, 1, ROWS * COLS).reshape(ROWS, COLS, 1)
-    writer = oiio.ImageOutput.create(str(source))
-    assert writer.open(str(source), spec), writer.geterror()
-    writer.write_image(np.concatenate([view(0), view(1), depth], 2).astype(np.float32))
-    writer.close()
-    found = figures(run, "compensate", source, "--scene", SCENE, "--out", out)
-    assert len(found["frames"]) == 1
-    assert written(out) == ["m.exr"]
-    before, after = (oiio.ImageBuf(str(path)) for path in (source, out / "m.exr"))
-    for name in ("channelnames", "width", "height"):
-        assert getattr(after.spec(), name) == getattr(before.spec(), name)
-    for name in ("multiView", "owner", "compression"):
-        assert after.spec().getattribute(name) == before.spec().getattribute(name)
-    one, other = before.get_pixels(oiio.FLOAT), after.get_pixels(oiio.FLOAT)
-    names = list(before.spec().channelnames)
-    z = names.index("depth.Z")
-    np.testing.assert_array_equal(other[..., z], one[..., z])
-    assert read_master([out / "m.exr"]).packing == "multi-view"
-    for name in ("G", "right.G"):
-        assert (other[..., names.index(name)] != one[..., names.index(name)]).any()
-
-
 def test_what_cannot_be_written_is_not_solved(
     run: Run, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
