@@ -27,7 +27,6 @@ def test_each_damaged_file_is_a_frame_or_one_line(tmp_path: Path, count: int) ->
     found = list(readings(0, count, tmp_path))
     assert [each.number for each in found] == list(range(count))
     assert [each for each in found if each.found.startswith("WRONG")] == []
-    assert max(each.seconds for each in found) < 10
     counts = Counter((each.damage, each.found.partition(":")[0]) for each in found)
     assert {damage for damage, _ in counts} == {damage.__name__ for damage, _ in DAMAGES}
     sources = NAMES
@@ -75,7 +74,7 @@ def test_a_lost_reader_is_noticed_and_its_file_named(end: str, found: str) -> No
             print(json.dumps(told), flush=True)
             if number == 2:
                 {end}
-            print(json.dumps({{"found": "frame", "seconds": 0.1}}), flush=True)
+            print(json.dumps({{"found": "frame"}}), flush=True)
         """
     *sound, last = followed([sys.executable, "-c", script], 1.5)
     assert [each.found for each in sound] == ["frame"] * 2
