@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import shutil
 import sys
 from collections import Counter
 from itertools import combinations, pairwise, product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -270,41 +272,42 @@ def pair(tmp_path_factory):
     return folder / "stripes_L.png", folder / "stripes_R.png"
 
 
+@pytest.fixture(scope="module")
+def made_once(pair, tmp_path_factory):
+    out = tmp_path_factory.mktemp("made") / "study"
+    new = ("study", "new", "--left", pair[0], "--right", pair[1], "--scene", CIRCLE, "--out", out)
+    assert exit_code(*new, "--sittings", 2, "--viewers", 3, "--quiet") == 0
+    return out
+
+
 @pytest.fixture
-def made(run, pair, tmp_path):
-    out = tmp_path / "study"
-    figures = run(
-        *("study", "new", "--left", pair[0], "--right", pair[1], "--scene", CIRCLE, "--out", out),
-        *("--sittings", 2, "--viewers", 3, "--json"),
-    ).figures()
-    return out, figures
+def made(made_once, tmp_path):
+    """The folder of a study, a new copy for each test."""
+    return Path(shutil.copytree(made_once, tmp_path / "study"))
 
 
 def test_a_folder_has_all_that_is_played_and_printed(made):
-    out, figures = made
-    study = read_study(out)
-    assert figures["study"] == study.digest
-    assert figures["trials"] == TRAINING + CATCH + 6 == len(study.viewers[0])
+    study = read_study(made)
+    assert len(study.viewers[0]) == TRAINING + CATCH + 6
     assert study.methods == METHODS
     assert list(study.masters) == ["stripes"]
     assert study.question == "Which one is more comfortable to look at?"
     for condition in (*METHODS, SPOILT):
         name = study.picture("stripes", condition)
-        assert all((out / "pictures" / f"{name}_{eye}.png").is_file() for eye in "LR")
-    page = (out / "index.html").read_text()
+        assert all((made / "pictures" / f"{name}_{eye}.png").is_file() for eye in "LR")
+    page = (made / "index.html").read_text()
     assert not any(method in page for method in ("subtractive", "perceptual", SPOILT + '"'))
-    assert "comfortable" in (out / "print.html").read_text()
-    assert study.digest in (out / "preregistration.md").read_text()
-    assert "6 choices" in (out / "preregistration.md").read_text()
+    assert "comfortable" in (made / "print.html").read_text()
+    assert study.digest in (made / "preregistration.md").read_text()
+    assert "6 choices" in (made / "preregistration.md").read_text()
 
 
-def test_pictures_are_what_the_methods_project(made, pair):
-    out, _ = made
-    study = read_study(out)
+def test_pictures_are_what_the_methods_project(made_once):
+    study = read_study(made_once)
 
     def light(condition, eye="L"):
         name = study.picture("stripes", condition)
-        codes = read_frame(out / "pictures" / f"{name}_{eye}.png").pixels
+        codes = read_frame(made_once / "pictures" / f"{name}_{eye}.png").pixels
         return named("srgb", white=1.0).decode(codes)
 
     code = 1 / 255
@@ -317,11 +320,13 @@ def test_pictures_are_what_the_methods_project(made, pair):
 
 def test_a_display_shows_what_is_seen(run, pair, tmp_path):
     out = tmp_path / "display"
-    run(
+    figures = run(
         *("study", "new", "--left", pair[0], "--right", pair[1], "--scene", CIRCLE, "--out", out),
         *("--show", "display", "--methods", "none,subtractive", "--viewers", 2, "--json"),
     ).figures()
     study = read_study(out)
+    assert figures["study"] == study.digest
+    assert figures["trials"] == len(study.viewers[0])
     name = study.picture("stripes", "none")
     codes = read_frame(out / "pictures" / f"{name}_L.png").pixels
     seen = named("srgb", white=1.0).decode(codes)
@@ -331,10 +336,9 @@ def test_a_display_shows_what_is_seen(run, pair, tmp_path):
 
 
 def test_frames_for_a_server_are_named_by_trial_and_interval(made):
-    out, _ = made
-    study = read_study(out)
+    study = read_study(made)
     for number in (1, 2):
-        place = out / "server" / f"sitting-{number}"
+        place = made / "server" / f"sitting-{number}"
         rows = list(csv.DictReader((place / "playlist.csv").read_text().splitlines()))
         assert len(rows) == 4 * len(study.viewers[0])
         for row in rows:
@@ -343,30 +347,28 @@ def test_frames_for_a_server_are_named_by_trial_and_interval(made):
             eye = row["file"][-5]
             source = f"{study.picture('stripes', condition)}_{eye}.png"
             content = (place / row["file"]).read_bytes()
-            assert content == (out / "server" / "frames" / source).read_bytes()
+            assert content == (made / "server" / "frames" / source).read_bytes()
 
 
 def test_answers_on_paper_and_from_the_page_are_analysed_together(made, run, monkeypatch):
-    out, _ = made
-    study = read_study(out)
+    study = read_study(made)
     random = np.random.default_rng(1)
     first = attentive(study, 3, [0, 0.5, 2], random)
-    (out / "answers" / "viewer-003.json").write_text(first.model_dump_json())
+    (made / "answers" / "viewer-003.json").write_text(first.model_dump_json())
     lines = ["viewer,trial,choice"]
     for seat in ("A1", "A2"):
         on_paper = attentive(study, 1, [0, 0.5, 2], random)
         lines += [f"{seat},{one.trial + 1},{one.choice}" for one in on_paper.answers]
-    (out / "answers" / "sitting-1.csv").write_text("\n".join(lines))
-    figures = run("study", "analyse", out, "--json").figures()
+    (made / "answers" / "sitting-1.csv").write_text("\n".join(lines))
+    figures = run("study", "analyse", made, "--json").figures()
     assert [one["name"] for one in figures["viewers"]] == ["3", "A1, sitting 1", "A2, sitting 1"]
     assert sum(one["trials"] for one in figures["preferences"]) == 3 * 6
-    assert "perceptual" in (out / "results.html").read_text()
+    assert "perceptual" in (made / "results.html").read_text()
     monkeypatch.setitem(sys.modules, "statsmodels.genmod.families", None)
-    run("study", "analyse", out).is_refused("pip install 'domesim[study]'")
+    run("study", "analyse", made).is_refused("pip install 'domesim[study]'")
 
 
 def test_mistakes_are_one_line(made, pair, run, tmp_path):
-    out, _ = made
     new = ("study", "new", "--scene", CIRCLE, "--out", tmp_path / "new")
     both = ("--left", pair[0], "--right", pair[1])
     run(*new).is_refused("wants masters", "got none")
@@ -377,20 +379,20 @@ def test_mistakes_are_one_line(made, pair, run, tmp_path):
     run(*new, *both, "--show", "display", "--sittings", 1).is_refused("--sittings")
     run("study", "analyse", tmp_path).is_refused("study.json", "domesim study new")
     run("study", "power", "--viewers", "few").is_refused("--viewers", "few")
-    run("study", "analyse", out).is_refused("2 or more viewers, got 0")
-    answers = out / "answers"
+    run("study", "analyse", made).is_refused("2 or more viewers, got 0")
+    answers = made / "answers"
     (answers / "viewer-001.json").write_text("{}")
-    run("study", "analyse", out).is_refused("viewer-001.json", "a viewer's answers")
-    study = read_study(out)
+    run("study", "analyse", made).is_refused("viewer-001.json", "a viewer's answers")
+    study = read_study(made)
     other = Answers(study="another", viewer=1, answers=(Answer(trial=0, choice=1),))
     (answers / "viewer-001.json").write_text(other.model_dump_json())
-    run("study", "analyse", out).is_refused("those of another")
+    run("study", "analyse", made).is_refused("those of another")
     (answers / "viewer-001.json").unlink()
     (answers / "sitting-1.csv").write_text("viewer,trial,choice\nA1,1,3\n")
-    run("study", "analyse", out).is_refused("sitting-1.csv, line 2", "choice (1 or 2)")
+    run("study", "analyse", made).is_refused("sitting-1.csv, line 2", "choice (1 or 2)")
     (answers / "sitting-1.csv").write_text("viewer,trial,choice\nA1,1,1\n")
-    run("study", "analyse", out).is_refused(f"all {len(study.viewers[0])} answers of viewer A1")
-    run(*new[:-1], out, *both).is_refused("a study that viewers took part in")
+    run("study", "analyse", made).is_refused(f"all {len(study.viewers[0])} answers of viewer A1")
+    run(*new[:-1], made, *both).is_refused("a study that viewers took part in")
 
 
 def test_power_is_told(run):
