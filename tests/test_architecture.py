@@ -5,9 +5,13 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
+
+ROOT = Path(__file__).parents[1]
 
 
 def loaded_by(statement: str, *modules: str) -> set[str]:
@@ -52,7 +56,14 @@ for name, views in (("dome_hemisphere", 1), ("stereo_spectral", 2)):
 def test_compensating_does_without_what_is_slow_to_load():
     """Together they take half a second."""
     parts = ("fft", "integrate", "linalg", "ndimage", "optimize", "sparse", "spatial", "special")
-    slow = [*(f"scipy.{part}" for part in parts), "numpy.f2py", "fileseq", "asyncio", "rich"]
+    slow = [
+        *(f"scipy.{part}" for part in parts),
+        "numpy.f2py",
+        "colour",
+        "fileseq",
+        "asyncio",
+        "rich",
+    ]
     assert loaded_by(COMPENSATING, *slow) == set()
 
 
@@ -83,3 +94,23 @@ def test_only_its_own_tests_import_validation():
     }
     assert Path("validation/test_report.py") in found
     assert {path for path in found if path.parts[0] != "validation"} == set()
+
+
+def test_what_a_user_installs_is_what_the_product_uses():
+    """Its modules are imported somewhere, or it is named: libLLVM is no module."""
+    code = "\n".join(
+        path.read_text()
+        for folder in ("domesim", "compensate", "scenes")
+        for path in (ROOT / folder).rglob("*.py")
+    )
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    # Names as they are in the package index; one of another Python's has a condition
+    modules = {re.split(r"[^\w-]", one)[0]: set() for one in listed if "python_version" not in one}
+    for module, distributions in packages_distributions().items():
+        for name in distributions:
+            modules.get(re.sub(r"[_.]", "-", name).lower(), set()).add(module)
+    assert len(modules) > 10
+    for name, found in modules.items():
+        module = f"({'|'.join(found | {name})})"
+        imported = rf"""^\s*(import|from) {module}\b|import_module\("{module}"\)|"{name}"\n"""
+        assert re.search(imported, code, re.MULTILINE), name

@@ -25,7 +25,7 @@ from domesim.frames.whole import write_whole
 from domesim.host.console import Console, about, complain, prepare_file
 from domesim.host.numbers import decimal
 from domesim.light.transfer import Gamma
-from domesim.observation.projector import PRIMARIES
+from domesim.observation.projector import NAMES, chromaticities
 from domesim.observation.stereo import VIEWS
 from domesim.scene import DomeScene, StereoScene, load_dome
 from domesim.scene.loading import scene_content, scene_of_text
@@ -723,9 +723,8 @@ def _length(option: str, value: float) -> float:
 
 
 def _primaries(name: str) -> str:
-    known = [each for each in PRIMARIES if each != "XYZ"]
-    if name not in known:
-        raise InputError(f"--primaries {name!r} are not known; use one of {', '.join(known)}")
+    if name == "XYZ" or chromaticities(name) is None:
+        raise InputError(f"--primaries {name!r} are not known; use {NAMES}")
     return name
 
 

@@ -4,14 +4,16 @@ Light 1.0 is the projector's white. A master in other primaries than the project
 3 x 3 matrix (chromatically adapted, applied in the pixels' own precision). A projector's primaries
 have a name, or were measured.
 
-The matrices are those of colour-science, which takes two seconds to import: SMPTE RP 177 derives
-them from chromaticities.
+SMPTE RP 177 derives the matrices from chromaticities. Names that are not ours are looked up among
+the RGB colour spaces of colour-science, which is imported for such alone: it takes two seconds.
 """
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -26,7 +28,13 @@ from domesim.light.transfer import Transfer
 Pixels = NDArray[np.floating]
 
 PRIMARIES = tuple(CHROMATICITIES)
-"""Names of primaries."""
+"""Names of primaries that need no look-up."""
+
+NAMES = (
+    f"one of {', '.join(name for name in PRIMARIES if name != 'XYZ')}, or of the RGB colour spaces "
+    "of colour-science, such as 'Adobe RGB (1998)'"
+)
+"""What a projector's primaries may be called, for messages."""
 
 MEASURED = "measured"
 """Name of primaries that have no other."""
@@ -182,15 +190,31 @@ def _require_measured(name: str, matrix: Matrix) -> None:
 
 
 def require_primaries(name: str) -> None:
-    """Check that `name` is one of `PRIMARIES`.
+    """Check that `name` is one of `PRIMARIES`, or an RGB colour space of colour-science.
 
     Raises
     ------
     InputError
         If it is not.
     """
-    if name not in PRIMARIES:
-        raise InputError(f"primaries {name!r} are not known; use one of {', '.join(PRIMARIES)}")
+    if chromaticities(name) is None:
+        raise InputError(f"primaries {name!r} are not known; use {NAMES}")
+
+
+@cache
+def chromaticities(name: str) -> tuple[float, ...] | None:
+    """x, y of red, green, blue and white of primaries, by `PRIMARIES` or colour-science's name.
+
+    None if the name is not known, or no light has such chromaticities (Y = 0).
+    """
+    if name in CHROMATICITIES:
+        return CHROMATICITIES[name]
+    with warnings.catch_warnings(action="ignore"):  # of its parts that are not installed
+        spaces = import_module("colour").RGB_COLOURSPACES
+    if name not in spaces:
+        return None
+    x, y = np.concatenate([spaces[name].primaries, [spaces[name].whitepoint]]).T
+    return tuple(np.column_stack([x, y]).ravel().tolist()) if np.all(y != 0) else None
 
 
 def _convert(rgb: Pixels, source: str | Matrix, target: str | Matrix) -> Pixels:
@@ -244,7 +268,7 @@ def _to_xyz(space: str | Matrix) -> NDArray[np.float64]:
         return np.asarray(space, np.float64)
     if space == "XYZ":
         return np.eye(3)
-    x, y = np.reshape(CHROMATICITIES[space], (4, 2)).T
+    x, y = np.reshape(chromaticities(space) or (), (4, 2)).T
     red, green, blue, white = (np.stack([x, y, 1 - x - y]) / y).T
     primaries = np.stack([red, green, blue], axis=1)
     return np.asarray(primaries * np.linalg.solve(primaries, white))

@@ -237,7 +237,8 @@ class ProjectorSection(Section):
     """The projector, on the screen.
 
     White is direct light alone, as a small white patch shows it: a full white frame is brighter
-    by its own cross-reflection. Black is a full black frame, as it is seen.
+    by its own cross-reflection. Black is a full black frame, as it is seen. Primaries are BT.709,
+    P3-D65, P3-DCI, BT.2020, or any RGB colour space of the package colour-science.
     """
 
     primaries: str = "BT.709"

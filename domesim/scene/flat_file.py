@@ -9,7 +9,7 @@ from pydantic import Field, StrictBool, model_validator
 
 from domesim.errors import InputError
 from domesim.observation.glare import Scatter
-from domesim.observation.projector import PRIMARIES
+from domesim.observation.projector import NAMES, chromaticities
 from domesim.room.flat_room import FlatRoom
 from domesim.scene.fields import (
     AmbientSection,
@@ -130,7 +130,7 @@ class FlatProjectorSection(Section):
     """The projector, on the screen.
 
     White is all light that is sent, what lens and port glass scatter with it, without the room's.
-    Black is a full black frame, as it is seen.
+    Black is a full black frame, as it is seen. Primaries are named as those of domes.
     """
 
     also: ClassVar[str] = ""
@@ -142,12 +142,8 @@ class FlatProjectorSection(Section):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        names = [name for name in PRIMARIES if name != "XYZ"]
-        if self.primaries not in names:
-            raise ValueError(
-                f"primaries {self.primaries!r} are not known; use one of {', '.join(names)}"
-                f"{self.also}"
-            )
+        if self.primaries == "XYZ" or chromaticities(self.primaries) is None:
+            raise ValueError(f"primaries {self.primaries!r} are not known; use {NAMES}{self.also}")
         return self
 
 

@@ -252,7 +252,7 @@ def test_grey_to_grey_becomes_a_scene(run, tmp_path):
     [
         (("left",), SLOPES, (), ("grey.csv", "both filters", "none through the right")),
         (("left", "right"), (0.02, 0.95), (), ("grey.csv", "grey-to-grey table", "95%")),
-        (("left", "right"), SLOPES, ("--primaries", "sRGB"), ("--primaries 'sRGB'", "BT.709")),
+        (("left", "right"), SLOPES, ("--primaries", "sYCC"), ("--primaries 'sYCC'", "BT.709")),
         (("left", "right"), SLOPES, ("--width", "0"), ("--width must be above 0",)),
     ],
 )

@@ -71,6 +71,22 @@ def test_conversions_are_those_of_colour_science():
             assert conversion(name, other) == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.parametrize("name", ["Adobe RGB (1998)", "prophoto rgb", "NTSC (1953)"])
+def test_a_projector_has_the_primaries_of_any_space_of_colour_science(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import colour  # noqa: PLC0415
+    space = colour.RGB_COLOURSPACES[name]
+    expected = colour.normalised_primary_matrix(space.primaries, space.whitepoint)
+    assert Projector(name, 30.0).to_xyz == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["sYCC", "DCDM XYZ"])
+def test_primaries_that_nobody_knows_or_no_light_has_are_refused(name):
+    with pytest.raises(InputError, match=f"{name}' are not known; use one of BT.709, .*Adobe RGB"):
+        Projector(name, 30.0)
+
+
 def test_a_wide_gamut_colour_leaves_the_range_and_is_not_clamped():
     green = np.array([[[0.0, 1.0, 0.0]]])
     light = Projector("BT.709", 10.0).decode(green, Linear(), "BT.2020")
@@ -85,7 +101,6 @@ def test_xyz_is_colorimetric():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("sRGB", 10.0), "not known; use one of BT.709"),
         (("XYZ", 10.0), "real lights"),
         (("BT.709", 0.0), "white must be above 0"),
         (("BT.709", 10.0, 10.0), "below white"),

@@ -81,7 +81,7 @@ def test_a_scene_becomes_its_objects(tmp_path):
         ("albedo = [0.4, 0.5, 0.6]", "albedo = [0.4, 1.2, 0.6]", r"screen.albedo\[1\]: .*got 1.2"),
         ("perforation = 0.2", "perforation = 1", "screen.perforation: .*less than 1"),
         ("black_cd_m2 = 0.01", "black_cd_m2 = 11", "projector: .*below white"),
-        ("white_cd_m2", 'primaries = "sRGB"\nwhite_cd_m2', "primaries 'sRGB' are not known"),
+        ("white_cd_m2", 'primaries = "sYCC"\nwhite_cd_m2', "primaries 'sYCC' are not known"),
         ('name = "mine"', "name = mine", "not valid TOML"),
     ],
 )
