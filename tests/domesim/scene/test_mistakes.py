@@ -168,8 +168,8 @@ PAIRS: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
         ("levels",),
     ),
     "primaries": (
-        {"white_cd": 'primaries = "sRGB", white_cd'},
-        ("projector: ", "'sRGB' are not known", "BT.709", "or measured with [crosstalk] readings"),
+        {"white_cd": 'primaries = "sYCC", white_cd'},
+        ("projector: ", "'sYCC' are not known", "BT.709", "or measured with [crosstalk] readings"),
     ),
     "measured by nothing": (
         {"white_cd_m2 = 50": 'primaries = "measured"'},
