@@ -87,16 +87,6 @@ class AdjointObservation(Observation):
         """The adjoint of `local`."""
         return self.direct_adjoint(light)
 
-    def invert(self, seen: Light) -> Light:
-        """The light whose observation is `seen`; negative where no projector could do it.
-
-        Raises
-        ------
-        NotImplementedError
-            If nobody wrote its inverse.
-        """
-        raise NotImplementedError(f"{type(self).__name__} has no inverse")
-
     def _guarded_seen(self, light: Light) -> Light:
         require_light(light, self.seen_shape, who=f"{type(self).__name__} has an adjoint for")
         return light

@@ -14,7 +14,6 @@ nor a leak as bright as the picture itself, which no projector could undo.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, final
 
@@ -119,20 +118,6 @@ class Crosstalk(StereoObservation):
         xp = namespace(light)
         leaks = [share[v] * (light[1 - v, ...] @ matrices[v].T) for v in range(2)]  # eq. 8
         return xp.stack(leaks)
-
-    def invert(self, seen: Light) -> Light:
-        """The light whose observation is `seen`; negative where no projector could do it.
-
-        Solved by substitution, x = seen - black - phi(x), which gains ||s M|| a round.
-        """
-        seen = self._guarded(seen, "inverts")
-        wanted = seen - self._like(seen)[2]
-        light = wanted
-        tiny = float(namespace(seen).finfo(seen.dtype).eps)
-        rounds = math.ceil(math.log(tiny) / math.log(max(self.strength, 1e-16))) + 1
-        for _ in range(rounds):
-            light = wanted - self.leaked(light)
-        return light
 
     def _observe(self, light: Light) -> Light:
         if not isinstance(light, np.ndarray):

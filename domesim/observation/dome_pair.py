@@ -115,12 +115,6 @@ class ReflectedViews(AdjointObservation):
             return None
         return self.observe(0 * like)
 
-    def invert(self, seen: Light) -> Light:
-        """The light whose observation is `seen`; negative where no projector could do it."""
-        seen = self._guarded(seen, "inverts")
-        sums, differences = _apart(seen)
-        return _together(self.summed.invert(sums), self.differing.invert(differences))
-
     def _observe(self, light: Light) -> Light:
         sums, differences = _apart(light)
         return _together(self.summed.observe(sums), self.differing.observe(differences))

@@ -52,10 +52,6 @@ class Followed(AdjointObservation):
         """See `AdjointObservation`."""
         return self.first.local_adjoint(self.then.local_adjoint(light))
 
-    def invert(self, seen: Light) -> Light:
-        """See `AdjointObservation`."""
-        return self.first.invert(self.then.invert(seen))
-
     def _observe(self, light: Light) -> Light:
         return self.then.observe(self.first.observe(light))
 

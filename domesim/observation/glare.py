@@ -184,16 +184,6 @@ class Glare(AdjointObservation):
         fine = xp.matmul(xp.matmul(rows, found), xp.matrix_transpose(cols))
         return xp.permute_dims(fine, (0, 2, 3, 1))
 
-    def invert(self, seen: Light) -> Light:
-        """The light whose observation is `seen`; negative where no projector could do it."""
-        seen = self._guarded(seen, "inverts")
-        light = wanted = seen / (1 - self.share)
-        tiny = float(namespace(seen).finfo(seen.dtype).eps)
-        gained = max(self.share / (1 - self.share), 1e-16)
-        for _ in range(math.ceil(math.log(tiny) / math.log(gained)) + 1):
-            light = wanted - self.veil(light) / (1 - self.share)
-        return light
-
     def _observe(self, light: Light) -> Light:
         return self._linear(light)
 

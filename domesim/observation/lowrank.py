@@ -121,26 +121,6 @@ class LowRankObservation(AdjointObservation):
             self._cache[key] = self.factors.like(light)
         return self._cache[key]
 
-    def invert(self, seen: Light) -> Light:
-        """The light whose observation is `seen`; negative where no projector could do it.
-
-        By the Sherman-Morrison-Woodbury formula, O(n).
-        """
-        f = self.factors_like(self._guarded(seen, "inverts"))
-        xp = namespace(seen)
-        wanted = (seen - self._ambient(f)) / f.direct_gain[None, :, :, None]
-        modes = f.spread / f.direct_gain[None, :, :]
-        ranks = range(modes.shape[0])
-        overlap = xp.stack(
-            [xp.stack([total(f.collect[j, :, :] * modes[k, :, :]) for k in ranks]) for j in ranks]
-        )
-        identity = xp.eye(len(ranks), dtype=xp.float64, device=seen.device)
-        system = identity[None, :, :] + overlap[None, :, :] @ f.core
-        sums = xp.linalg.solve(system, _project(f.collect, wanted)[:, :, None])
-        excited = xp.astype((f.core @ sums)[:, :, 0], modes.dtype)
-        planes = [expand(modes, excited[p, :]) for p in range(excited.shape[0])]
-        return wanted - xp.stack(planes, axis=-1)[None, ...]
-
     def _observe(self, light: Light) -> Light:
         f = self.factors_like(light)
         return self._spread(light, _project(f.collect, light), f.core, f.spread, f.ambient)
@@ -181,9 +161,6 @@ class LowRankObservation(AdjointObservation):
 
     def _direct_adjoint(self, light: Light) -> Light:
         return self._direct(light)
-
-    def _ambient(self, f: LowRank) -> Light:
-        return namespace(f.ambient).permute_dims(f.ambient, (1, 2, 0))[None, :, :, :]
 
 
 def _project(modes: Array, light: Light) -> Array:

@@ -28,7 +28,7 @@ from compensate.solver.baselines import Subtractive, clipped_subtraction
 from compensate.solver.fitting import Fitted
 from compensate.solver.kinds import Kind, kind_of
 from compensate.solver.result import Status
-from compensate.subtract import reflecting
+from compensate.subtract import reflecting, subtracted
 from domesim.observation.base import AdjointObservation
 from domesim.observation.seats import SeveralSeats
 from testing.dense import bvls, dense
@@ -164,6 +164,22 @@ def test_rounds_find_what_the_fast_ways_find(kind, monkeypatch):
     by_rounds, rounds = clipped_subtraction(problem)
     assert rounds < 200
     assert np.abs(by_rounds - fast).max() < 2e-7
+
+
+INVERTED = {
+    "dome": lambda: dome_problem(9)[0].observation,
+    "pair": lambda: crosstalk(6, 7),
+    "3D dome": lambda: dome_pair_shutter(9),
+    **{name: lambda make=make: make(6, 7) for name, make in COMPOSITIONS.items()},
+}
+
+
+@pytest.mark.parametrize("name", INVERTED)
+def test_subtraction_without_bounds_inverts_what_is_seen(name):
+    observation = INVERTED[name]()
+    light = np.random.default_rng(5).standard_normal(observation.shape)
+    back, _ = subtracted(observation, observation.observe(light), (-np.inf, np.inf))
+    assert np.abs(back - light).max() < 1e-7
 
 
 @pytest.mark.parametrize("name", COMPOSITIONS)

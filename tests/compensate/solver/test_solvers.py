@@ -165,7 +165,7 @@ def test_the_answer_is_never_worse_than_subtraction(seed):
 
 def test_an_infeasible_start_is_projected():
     posed, start = problem(15)
-    result = ADMM()(posed, posed.observation.invert(posed.desired))
+    result = ADMM()(posed, 2 * posed.desired - 0.1)
     assert (result.light >= posed.lower).all()
     assert (result.light <= posed.upper).all()
     assert result.status is Status.CONVERGED
