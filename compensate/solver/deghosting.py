@@ -38,8 +38,6 @@ from compensate.solver.baselines import clipped_subtraction, computed, share_of,
 from compensate.solver.result import Result, Status
 from domesim.light import Light, namespace
 from domesim.light.rounding import ROUNDING
-from domesim.observation.base import Observation
-from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.projector import conversion
 from domesim.observation.stereo import StereoObservation
 
@@ -220,27 +218,17 @@ def bumps(needed: Floats, sigma: float) -> Floats:
     return veil
 
 
-def _two_views(problem: Problem) -> Observation:
-    observation: Observation = problem.observation
+def _affine(problem: Problem) -> StereoObservation:
+    observation = problem.observation
     shape = (2, *observation.shape[1:])
-    if isinstance(observation, StereoObservation | GreyToGrey) and (
+    if isinstance(observation, StereoObservation) and (
         observation.shape == shape == observation.seen_shape
     ):
         return observation
     raise ValueError(
-        f"deghosting takes an observation of two views by one seat, got "
-        f"{type(observation).__name__} {observation.seen_shape}"
+        f"deghosting takes an affine observation of two views by one seat, got "
+        f"{type(observation).__name__} {observation.seen_shape}; of a table, use its linearised()"
     )
-
-
-def _affine(problem: Problem) -> StereoObservation:
-    observation = _two_views(problem)
-    if not isinstance(observation, StereoObservation):
-        raise ValueError(
-            f"this baseline takes an affine observation, got {type(observation).__name__}; "
-            f"use its linearised()"
-        )
-    return observation
 
 
 class _Pixels:

@@ -401,7 +401,7 @@ def test_no_other_observation_is_taken():
         clipped_subtraction(Problem(seats, four, np.concatenate([pair(), pair()])))
     exact = posed(grey(), pair())
     for solver in SOLVERS[1:]:
-        with pytest.raises(ValueError, match="affine observation, got GreyToGrey"):
+        with pytest.raises(ValueError, match=r"affine observation.* got GreyToGrey"):
             solver(exact, None)
     one = Crosstalk(3, 4, leak_matrices(0.1, primaries=1))
     weighting = CsfWeighting(np.ones((1, 3, 3)), np.eye(1), np.ones((3, 4), bool), (3, 4), views=2)
