@@ -19,7 +19,7 @@ from compensate.problem import Problem
 from compensate.solver.result import Result, Status
 from compensate.subtract import MAX_ROUNDS, subtracted
 from domesim.light import Array, Light, namespace
-from domesim.observation.base import AdjointObservation
+from domesim.observation.base import AdjointObservation, Observation
 
 
 @final
@@ -78,21 +78,21 @@ class RaisedBlack:
                 f"a raised black takes an affine observation, got {type(observation).__name__}; "
                 f"use its linearised()"
             )
-        low, rounds = unclipped(problem, problem.desired)
-        high, more = unclipped(problem, observation.direct(xp.ones_like(low)))
+        low, rounds = unclipped(observation, problem.desired)
+        high, more = unclipped(observation, observation.direct(xp.ones_like(low)))
         # x(b) = (1 - b) low + b high must rise to the lower bound
         black = float(xp.max(share_of(problem.lower - low, high - low)))
         light = problem.project((1 - black) * low + black * high)
         return computed(problem, light, rounds + more)
 
 
-def unclipped(problem: Problem, seen: Light) -> tuple[Light, int]:
-    """Finds the light, of whatever sign, that shows `seen`; pinned pixels stay.
+def unclipped(observation: Observation, seen: Light) -> tuple[Light, int]:
+    """Finds the light, of whatever sign, that shows `seen`.
 
     Parameters
     ----------
-    problem
-        What is observed, and which pixels are pinned.
+    observation
+        What is seen of light, at one seat.
     seen
         (view, row, col, primary).
 
@@ -101,13 +101,8 @@ def unclipped(problem: Problem, seen: Light) -> tuple[Light, int]:
     light, rounds
         As of `subtracted`.
     """
-    xp, pinned = namespace(seen), problem.lower == problem.upper
-    infinity = xp.asarray(np.inf, dtype=seen.dtype, device=seen.device)
-    bounds = (
-        xp.where(pinned, problem.lower, -infinity),
-        xp.where(pinned, problem.upper, infinity),
-    )
-    return subtracted(problem.observation, seen, bounds)
+    infinity = namespace(seen).asarray(np.inf, dtype=seen.dtype, device=seen.device)
+    return subtracted(observation, seen, (-infinity, infinity))
 
 
 def share_of(short: Array, rise: Array) -> Array:

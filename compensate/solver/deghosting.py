@@ -167,8 +167,8 @@ class LocallyRaisedBlack:
         ValueError
             If the observation is not an affine one of two views.
         """
-        desired, xp = problem.desired, namespace(problem.desired)
-        _affine(problem)
+        observation, desired = _affine(problem), problem.desired
+        xp = namespace(desired)
         sigma = self.degrees * self.pixels_per_degree
         needed = np.zeros((2, *desired.shape[1:3]))
         black = np.zeros_like(needed)
@@ -177,7 +177,7 @@ class LocallyRaisedBlack:
         while rounds < self.max_rounds:
             rounds += 1
             veil = xp.asarray(black[..., None], dtype=desired.dtype, device=desired.device)
-            light, _ = unclipped(problem, desired + veil * (1 - desired))
+            light, _ = unclipped(observation, desired + veil * (1 - desired))
             lacking = np.asarray(xp.max(share_of(problem.lower - light, 1 - desired), axis=-1))
             if lacking.max() <= ROUNDING:
                 exact = not black.any() and float(xp.max(light - problem.upper)) <= ROUNDING

@@ -29,7 +29,7 @@ def test_subtraction_is_the_fixed_point(seed, falloff):
     on = posed.observation.screen[None, :, :, None]
     assert np.abs((again - start) * on).max() <= 1e-9
     assert np.mean((start <= 0)[0][posed.observation.screen]) > 0.2
-    one_shot = posed.project(unclipped(posed, posed.desired)[0])
+    one_shot = posed.project(unclipped(posed.observation, posed.desired)[0])
     assert np.abs((one_shot - start) * on).max() > 1e-3
 
 
