@@ -64,18 +64,16 @@ class Recorder:
     problem
         What it minimises.
     truth
-        By which gaps are known; None if they are not looked for.
+        By which gaps are known.
     goal
         True gap at which to stop the solver.
     budget
         FFTs of planes after which to stop it.
-    most
-        Lights after which to stop it.
 
     Attributes
     ----------
     seen
-        The lights that it has found, if their gaps are known.
+        The lights that it has found.
     seconds
         Until the last light.
     iterations
@@ -85,18 +83,16 @@ class Recorder:
     def __init__(
         self,
         problem: Problem,
-        truth: Truth | None,
+        truth: Truth,
         *,
         goal: float = 0.0,
         budget: float = math.inf,
-        most: float = math.inf,
     ) -> None:
         self.problem = problem
         self.seen: list[Seen] = []
         self.seconds = 0.0
         self.iterations: int | None = None
-        self._truth, self._goal, self._budget, self._most = truth, goal, budget, most
-        self._lights = 0
+        self._truth, self._goal, self._budget = truth, goal, budget
         self.begin()
 
     def begin(self) -> None:
@@ -115,7 +111,7 @@ class Recorder:
         return cast("Problem", _Watched(self.problem, self))
 
     def see(self, light: Callable[[], Light]) -> None:
-        """Note a feasible light, which is made only where its gap is looked for.
+        """Note a feasible light.
 
         Raises
         ------
@@ -123,16 +119,13 @@ class Recorder:
             If the solver is to stop.
         """
         ffts, self.seconds = self.ffts, time.perf_counter() - self._begin
-        self._lights += 1
-        gap = math.inf
-        if self._truth is not None:
-            asked = self.problem.ffts
-            gap = self._truth.gap(light())
-            # Both problems may count together
-            self._first += self.problem.ffts - asked
-            iterations = len(self.seen) + 1 if self.iterations is None else self.iterations
-            self.seen.append(Seen(math.ceil(ffts), iterations, self.seconds, gap))
-        if gap <= self._goal or self._lights >= self._most:
+        asked = self.problem.ffts
+        gap = self._truth.gap(light())
+        # Both problems may count together
+        self._first += self.problem.ffts - asked
+        iterations = len(self.seen) + 1 if self.iterations is None else self.iterations
+        self.seen.append(Seen(math.ceil(ffts), iterations, self.seconds, gap))
+        if gap <= self._goal:
             raise Enough
         self.pay()
         self._begin = time.perf_counter() - self.seconds
