@@ -322,7 +322,7 @@ def run(work: Work) -> Finding:
     """Measure theatres in each case, and rooms."""
     require_tracer()
     effort, names = (QUICK, ROOMS[:2]) if work.quick else (FULL, ROOMS)
-    traced, count, few = (1, 2, 1) if work.quick else (12, 24, 6)
+    traced, count, few = (1, 2, 1) if work.quick else (6, 24, 6)
 
     def each(case: str, trials: int, kind: type[T], measure: Callable[[int], T]) -> list[T]:
         seeds = {f"{case} {number}": 1000 * work.seed + number for number in range(trials)}
