@@ -86,7 +86,7 @@ def merged(published: Results, new: Results, quoted: Collection[str]) -> Results
     published
         Published results. Those of experiments that there are no more are left out.
     new
-        A full run's. What was not run or is broken is left out.
+        A full run's. What was not run, is broken or lacks a quoted figure is left out.
     quoted
         Names of the figures to keep.
 
@@ -101,7 +101,8 @@ def merged(published: Results, new: Results, quoted: Collection[str]) -> Results
         )
     found = dict(published.experiments)
     for name, entry in new.experiments.items():
-        if entry.status in MEASURED and (name not in found or entry.date > found[name].date):
+        kept = found.get(name)
+        if entry.status in MEASURED and (kept is None or _replaces(entry, kept, quoted)):
             found[name] = entry
     return Results(
         experiments={
@@ -110,6 +111,11 @@ def merged(published: Results, new: Results, quoted: Collection[str]) -> Results
             if name in found
         }
     )
+
+
+def _replaces(new: Entry, kept: Entry, quoted: Collection[str]) -> bool:
+    """Whether it is newer, and lacks no figure that is quoted, as for want of a package."""
+    return new.date > kept.date and _only(quoted, kept.figures).keys() <= new.figures.keys()
 
 
 def _only(names: Collection[str], figures: Mapping[str, Number]) -> dict[str, Number]:

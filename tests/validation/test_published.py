@@ -94,7 +94,11 @@ def test_the_newer_figures_are_published():
         FIRST: entry(),
         SECOND: entry(date="2030-01-02", figures={"f": 2.0}),
     }
-    for worse in (entry(date="2029-12-31"), entry(date="2030-01-02", status="broken")):
+    for worse in (
+        entry(date="2029-12-31"),
+        entry(date="2030-01-02", status="broken"),
+        entry(date="2030-01-02", figures={"unquoted": 3.0}),
+    ):
         left = merged(kept, Results(experiments={FIRST: worse}), {"f"})
         assert left.experiments[FIRST] == entry()
     for run in (Results(quick=True), Results(seed=1)):
