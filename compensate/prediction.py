@@ -88,7 +88,7 @@ PAPERS = 0.05
 
 MARKED = 0.45
 """Threshold of local contrast, 0.86 JOD: a little below those with which a mask holds 96 % of what
-ColorVideoVDP marks (``validate --only only_visible``, note 0009)."""
+ColorVideoVDP marks (note 0009)."""
 
 
 @final

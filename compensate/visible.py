@@ -20,7 +20,7 @@ from domesim.light import Light
 
 SEEN = Prediction(combination=Combination.LOCAL_CONTRAST)
 """The prediction whose mask, of all that were tried, is nearest to what ColorVideoVDP marks
-(``validate --only only_visible``, note 0009)."""
+(note 0009)."""
 
 PAPERS = Prediction(combination=Combination.PAPER)
 """The prediction of eqs. 12 to 14."""

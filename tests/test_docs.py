@@ -178,7 +178,7 @@ def test_a_wheel_has_all_that_it_needs(tmp_path):
         archive.extractall(tmp_path / "installed")
     (tmp_path / "empty").mkdir()
     demo = ["demo", "--out", "demo"]
-    experiment = ["validate", "--quick", "--only", "eq15", "--out", "validation"]
+    experiment = ["validate", "--quick", "--only", "closed_form", "--out", "validation"]
     for arguments in (["--version"], demo, experiment):
         subprocess.run(
             [sys.executable, "-m", "domesim", *arguments],

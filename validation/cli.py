@@ -18,7 +18,7 @@ from validation.benchmarks import copying, writing
 from validation.benchmarks import files as file_costs
 from validation.benchmarks.measuring import Cost, Settings, costs
 from validation.benchmarks.problems import PROBLEMS
-from validation.benchmarks.solvers import SOLVERS, USUAL
+from validation.benchmarks.solvers import SOLVERS
 from validation.experiments import EXPERIMENTS
 from validation.report import FAILED, Outcome, duration
 from validation.report import validate as run_experiments
@@ -103,7 +103,7 @@ def bench(
         str, typer.Option(help="Widths of the pictures, pixels; a domemaster is as high.")
     ] = "128",
     solvers: Annotated[str, typer.Option(help=f"By commas: {', '.join(SOLVERS)}.")] = ",".join(
-        USUAL
+        SOLVERS
     ),
     files: Annotated[
         bool,

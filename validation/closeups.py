@@ -20,8 +20,9 @@ from domesim.light import Light
 from domesim.scene import Scene, StereoScene
 from testing.pairs import averaged, generated
 from validation.data import from_data, present
-from validation.drawing import pictures
+from validation.drawing import panel, pictures
 from validation.experiment import (
+    Panel,
     Pictures,
     Work,
 )
@@ -111,8 +112,14 @@ def panels(
     drawn = pictures(caption, shown, scene, brightest=1 / brighter)
     return Pictures(
         caption=caption,
-        panels=tuple(replace(panel, alt=f"{eye}: {panel.title}") for panel in drawn.panels),
+        panels=tuple(replace(one, alt=f"{eye}: {one.title}") for one in drawn.panels),
     )
+
+
+def closeup(title: str, light: Light, scene: Scene, *, brighter: float) -> Panel:
+    """One picture of an eye's view, large enough to be looked at, brightened by a factor."""
+    what = "Domemaster" if scene.views == 1 else "Left eye's region"
+    return panel(title, _enlarged(light), scene, what=what, brightest=1 / brighter)
 
 
 def _enlarged(light: Light) -> Light:

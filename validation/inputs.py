@@ -21,8 +21,6 @@ from validation.experiment import Work
 CROSSTALK = (0.02, 0.05, 0.1)
 """Shares of light that reach the other eye."""
 ALBEDOS = (0.3, 0.5, 0.7)
-LUMINANCES = (5.0, 15.0, 48.0)
-"""Luminances of white, cd/m²: a giant dome's, a planetarium's that is bright, a cinema's."""
 CROSSTALK_PLACES = ((0.02, 48.0), (0.05, 15.0), (0.1, 48.0), (0.1, 5.0))
 ALBEDO_PLACES = ((0.3, 5.0), (0.5, 15.0), (0.7, 48.0))
 """Crosstalk, or albedo, with the luminance of white, cd/m²."""
@@ -43,24 +41,12 @@ DOMES: Mapping[str, str] = {
     "notice": "notice_384.exr",
 }
 """Domemasters of the test data."""
-VARIANTS: Mapping[str, tuple[str, float, float]] = {
-    "dim night": ("night", 0.2, 1.0),
-    "dim aurora": ("aurora", 0.25, 1.0),
-    "dim full dome": ("full dome", 0.1, 1.0),
-    "dim chess": ("chess", 0.1, 1.0),
-    "bright trunks": ("trunks", 1.0, 0.45),
-    "bright fog": ("fog", 1.0, 0.45),
-    "bright motorcycle": ("motorcycle", 1.0, 0.45),
-    "dim beachball": (data.SEQUENCE[0], 0.15, 1.0),
-}
-"""Darker and brighter ones for choosing: an input, and the gain and exponent of its light."""
 CHOOSING = frozenset(
     {
         *("trunks", "fog", "motorcycle", data.SEQUENCE[0], "generated", "lamps"),
         *("night", "generated dome", "full dome", "pillars", "dawn", "notice"),
         *("art on black", "film frame", "aurora", "chess"),
         *("ten stars", "smooth limb", "dark notice", "dark reds", "first codes"),
-        *VARIANTS,
     }
 )
 """Inputs that settings were chosen on, at fewer places. All others are for reporting."""
@@ -144,11 +130,19 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
             _of_dome(partial(draw, size), quick=False),
             balls=[ball[:3] for ball in content.BALLS.get(name, ())],
         )
-    for name, (original, gain, exponent) in VARIANTS.items():
-        if original in found:
-            read = partial(_varied, found[original].read, gain, exponent)
-            found[name] = replace(found[original], read=read)
     return found, left_out
+
+
+def orrery(kind: str, size: int) -> Light:
+    """(view, row, col, primary) a frame as ``domesim master --kind KIND`` renders it, in 0..1."""
+    from scenes.artwork.orrery.cameras import views  # noqa: PLC0415 - slow to import
+    from scenes.artwork.orrery.orrery import Orrery  # noqa: PLC0415
+    from scenes.artwork.orrery.picture import Settings as How  # noqa: PLC0415
+    from scenes.artwork.orrery.picture import Studio  # noqa: PLC0415
+
+    looks = views(kind)
+    frame = Studio(How(size=size, samples=16, orrery=Orrery(seed=7, loop=60.0)), looks).frame(0.0)
+    return np.clip(np.stack([frame[name] for name in looks]), 0, 1)
 
 
 def places(work: Work, name: str, one: Input) -> list[Place]:
@@ -176,10 +170,6 @@ def words(place: Place) -> str:
 
 def _of_pair(read: Callable[[], Light], *, quick: bool) -> Input:
     return Input(read, stereo_at, (USUAL_CROSSTALK,) if quick else CROSSTALK, USUAL_CROSSTALK)
-
-
-def _varied(read: Callable[[], Light], gain: float, exponent: float) -> Light:
-    return np.asarray(gain * read() ** exponent, np.float32)
 
 
 def _of_dome(read: Callable[[], Light], *, quick: bool) -> Input:

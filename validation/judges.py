@@ -1,10 +1,9 @@
-"""Judges that nobody optimised for: two published metrics, and contrasts as measured on site.
+"""Judges that nobody optimised for: two published metrics.
 
 The objective of the compensation cannot show that the objective is right. FLIP [1] and
-ColorVideoVDP [2] are others' models of visible differences; contrasts [3] are what a photometer
-finds. All take Light (view, row, col, primary), 1.0 = projector white, of a domemaster, and see
-only the dome's circle: outside it both pictures are black; or of left and right, which the metrics
-judge one by one: their mean is given.
+ColorVideoVDP [2] are others' models of visible differences. Both take Light (view, row, col,
+primary), 1.0 = projector white, of a domemaster, and see only the dome's circle: outside it both
+pictures are black; or of left and right, which the metrics judge one by one: their mean is given.
 
 FLIP comes in two kinds. Here it is LDR-FLIP on sRGB-coded light, projector white = display white:
 its colour differences are relative to a display's white, as the projector's is the brightest that
@@ -16,14 +15,13 @@ and knows how dark it is.
 [1] P. Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", Proc. ACM Comput.
 Graph. Interact. Tech. 3(2), 15 (2020). [2] R. K. Mantiuk, P. Hanji, M. Ashraf, Y. Asano, A.
 Chapiro, "ColorVideoVDP: A visual difference predictor for image, video and display distortions",
-ACM Trans. Graph. 43(4), 129 (2024). [3] After ANSI IT7.228-1997, whose 16 rectangles suit flat
-screens.
+ACM Trans. Graph. 43(4), 129 (2024).
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache, lru_cache
 from typing import Any
@@ -39,11 +37,6 @@ from validation.experiment import Missing
 COARSEST = 2.0
 """Pixels per degree below which FLIP's edge detectors fall between the pixels: from 1.8 on they
 count every difference as one of an edge."""
-
-RINGS, SECTORS = 4, 12
-"""Fields of the checkerboard."""
-DISC = 0.2
-"""Radius of the black disc around the zenith, that of the picture's circle = 1."""
 
 _BRIGHTEST, _DARKEST = 1e4, 0.005
 """Range of luminances, cd/m²: ColorVideoVDP clips below 0.005 in any case."""
@@ -99,44 +92,6 @@ def colorvideovdp(reference: Light, test: Light, scene: Scene) -> float:
     return _predicted(reference, test, scene)[0]
 
 
-def colorvideovdp_video(
-    reference: Sequence[Light], test: Sequence[Light], scene: Scene, frames_per_second: float
-) -> float:
-    """`colorvideovdp` of frames that follow each other, with what moves or flickers in them.
-
-    Before the first frame, its first quarter of a second looks on it standing still. A film that
-    stands still has not quite the quality of its frames, for stills and films have been calibrated
-    apart.
-
-    Raises
-    ------
-    Missing
-        If cvvdp is not installed.
-    ValueError
-        If there are not as many frames in both, of one shape.
-    """
-    _colorvideovdp()
-    if len(reference) != len(test) or len(reference) < 2:
-        raise ValueError(
-            f"colorvideovdp_video takes two or more frames of both, got {len(reference)} and "
-            f"{len(test)}; of one frame, ask colorvideovdp"
-        )
-    for light in (*reference, *test):
-        require_light(light, reference[0].shape, who="colorvideovdp_video")
-    eyes = [slice(v, v + 1) for v in range(len(reference[0]))]
-    both = [
-        [np.stack([_shown(light[eye], scene) for light in film]) for film in (test, reference)]
-        for eye in eyes
-    ]
-    with quiet():
-        metric = _metric(scene, *reference[0].shape[1:3])
-        found = [
-            metric.predict(*shown, dim_order="FHWC", frames_per_second=frames_per_second)[0]
-            for shown in both
-        ]
-    return float(np.mean([float(quality) for quality in found]))
-
-
 def colorvideovdp_map(
     reference: Light, test: Light, scene: Scene
 ) -> tuple[float, NDArray[np.float32]]:
@@ -186,33 +141,6 @@ def left_out(said: Mapping[str, Iterable[float | None]]) -> list[str]:
 def luminance(light: Light, scene: Scene) -> NDArray[np.float64]:
     """(view, row, col) luminance, white = 1."""
     return np.asarray(np.asarray(light, np.float64) @ scene.projector.luminance_weights)
-
-
-def checkerboard(scene: Scene, size: int, dark: float = 0.0) -> Light:
-    """(1, size, size, primary) rings and sectors, alternately white and `dark`.
-
-    As much of the screen is white as is not.
-    """
-    return _grey(np.where(_bright_fields(size), 1.0, dark), scene)
-
-
-def checkerboard_contrast(seen: Light, scene: Scene) -> float:
-    """Luminance of the white fields of a seen `checkerboard` over that of the others."""
-    bright = _bright_fields(seen.shape[1])
-    white, black = (_mean(luminance(seen, scene)[0], scene, part) for part in (bright, ~bright))
-    return white / black if black > 0 else float("inf")
-
-
-def black_in_white(scene: Scene, size: int) -> Light:
-    """(1, size, size, primary) white, but for a black disc around the zenith."""
-    return _grey(np.where(_disc(size), 0.0, 1.0), scene)
-
-
-def black_over_white(seen: Light, scene: Scene) -> float:
-    """Luminance of the black disc of a seen `black_in_white` over that of the white."""
-    disc = _disc(seen.shape[1])
-    black, white = (_mean(luminance(seen, scene)[0], scene, part) for part in (disc, ~disc))
-    return black / white
 
 
 def _of_both(
@@ -285,35 +213,10 @@ def enlarged(picture: NDArray[Any], times: int) -> NDArray[Any]:
     return np.ascontiguousarray(picture.repeat(times, axis=0).repeat(times, axis=1))
 
 
-def _mean(values: NDArray[Any], scene: Scene, part: NDArray[np.bool_] | None = None) -> float:
-    """Mean of (row, col) values over the screen's area, or a part of it."""
+def _mean(values: NDArray[Any], scene: Scene) -> float:
+    """Mean of (row, col) values over the screen's area."""
     areas = scene.pixel_areas(*values.shape)
-    if part is not None:
-        areas = areas * part
     return float(np.sum(areas * values) / areas.sum())
-
-
-def _grey(picture: NDArray[np.float64], scene: Scene) -> Light:
-    inside = scene.screen(*picture.shape)
-    grey = np.where(inside, picture, 0).astype(np.float32)
-    return np.repeat(grey[None, :, :, None], 3, axis=3)
-
-
-def _polar(size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(row, col) distance from the zenith, 1 on the circle, and azimuth in turns."""
-    centres = (np.arange(size) + 0.5) * (2 / size) - 1
-    u, v = centres[None, :], centres[:, None]
-    return np.hypot(u, v), np.arctan2(v, u) / (2 * np.pi)
-
-
-def _bright_fields(size: int) -> NDArray[np.bool_]:
-    distance, turns = _polar(size)
-    ring, sector = np.floor(RINGS * distance), np.floor(SECTORS * turns)
-    return np.asarray((ring + sector) % 2 == 0)
-
-
-def _disc(size: int) -> NDArray[np.bool_]:
-    return np.asarray(_polar(size)[0] < DISC)
 
 
 @contextmanager

@@ -1,8 +1,8 @@
 """Plain figures of what is seen against the master: ratios and distances, without a vision model.
 
 The judges of `panel` are models. These figures say in plain units what a picture keeps: light,
-colour, structure and black. Those that the product tells are `compensate.plain`'s: contrast is
-there, and structure here is a difference of luminances. All take Light (view, row, col, primary),
+colour and black. Those that the product tells, contrast among them, are `compensate.plain`'s. All
+take Light (view, row, col, primary),
 1.0 = projector white: the master, which should be seen, and what is seen. Only pixels on the screen
 count. A figure is None where the master holds nothing that it could be measured on.
 """
@@ -14,17 +14,13 @@ from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, maximum_filter1d
+from scipy.ndimage import gaussian_filter
 
 from compensate.plain import Colours, of_colours
 from domesim.light import Light, require_light
 from domesim.scene import Scene
 from validation.judges import luminance
 
-BANDS = ((0.25, 1.0), (2.0, 10.0), (10.0, 30.0))
-"""(fine, coarse) sigmas of the bands of structure, degrees: texture, the Milky Way, glows."""
-FAINT = 0.8
-"""Share of the screen, the darker one, in which structure is looked for."""
 DARKEST = 1e-4
 """Luminance, white = 1, below which nobody sees a hue."""
 VISIBLE_CHROMA = 0.01
@@ -33,15 +29,6 @@ EXACT = 1e-5
 """Difference from the master that counts as none, of white."""
 NOT_BLACK = 0.02
 """Luminance above which light that is exact must be kept, cd/m²."""
-
-HALO_SIGMAS = (1.0, 6.0)
-"""Sigmas of the base contrast, degrees. The second is also how far a halo reaches."""
-HALO_BLACK = 0.02
-"""Luminance that darker pixels are raised to before the logarithm, cd/m²."""
-HALO_CONTRAST = 0.1
-"""Base contrast that both pictures must exceed, log10 units (26 %)."""
-HALO_BRIGHTER = 5.0
-"""Ratio of a bright thing's luminance to that of what lies beside it."""
 
 Floats = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
@@ -117,45 +104,6 @@ def chroma_shift(master: Light, seen: Light, where: Mask, scene: Scene) -> float
     return float(np.mean(np.abs(shown - wanted) > VISIBLE_CHROMA))
 
 
-def structure_seen(
-    master: Light, seen: Light, scene: Scene, low_deg: float, high_deg: float
-) -> float | None:
-    """Share of the master's structure of some size that is seen in its darker `FAINT`.
-
-    Structure is the difference of two local means of luminance, which count only pixels of the
-    darker region. The figure is the projection of what is seen on the master's: 1 is as in the
-    master, 0 is lost, below 0 is reversed. An even veil does not change it.
-
-    Parameters
-    ----------
-    master, seen
-        (view, row, col, primary).
-    scene
-        Where.
-    low_deg, high_deg
-        Sigmas of the finer and the coarser mean, degrees; see `BANDS`.
-
-    Raises
-    ------
-    ValueError
-        If the pictures have not the same shape, or `low_deg` is not below `high_deg`.
-    """
-    _require_pair("structure_seen", master, seen)
-    if not 0 < low_deg < high_deg:
-        raise ValueError(
-            f"structure_seen takes 0 < low_deg < high_deg, got {low_deg:g} and {high_deg:g}"
-        )
-    screen = scene.screen(*master.shape[1:3])
-    sigmas = [sigma * _density(master, scene) for sigma in (low_deg, high_deg)]
-    product = power = 0.0
-    for wanted, shown in _each_view(master, seen, scene):
-        faint = screen & (wanted < np.quantile(wanted[screen], FAINT))
-        of_master, of_seen = (_band(plane, faint, sigmas)[faint] for plane in (wanted, shown))
-        product += float(of_seen @ of_master)
-        power += float(of_master @ of_master)
-    return product / power if power > 0 else None
-
-
 def saturation_and_hue(master: Light, seen: Light, scene: Scene) -> Colours | None:
     """Hue shift and saturation of the master's darker half.
 
@@ -187,43 +135,6 @@ def saturation_and_hue(master: Light, seen: Light, scene: Scene) -> Colours | No
         pixels.append([light[view][dark] for light in (master, seen)])
     wanted, shown = (np.concatenate(each) for each in zip(*pixels, strict=True))
     return of_colours(wanted, shown, scene.projector.luminance_weights)
-
-
-def halos(master: Light, seen: Light, scene: Scene) -> float:
-    """Share of the screen's area where the base contrast is reversed beside bright things.
-
-    Base contrast is log10 luminance, at least `HALO_BLACK`, averaged over the first of
-    `HALO_SIGMAS` minus that averaged over the second. A halo is where its sign is not the master's
-    and both contrasts exceed `HALO_CONTRAST`. It must lie within 6 degrees of something that is
-    `HALO_BRIGHTER` times as bright in the master, averaged over 1 degree, as the master is there.
-
-    Parameters
-    ----------
-    master, seen
-        (view, row, col, primary). The share is the mean of the views'.
-    scene
-        Where.
-
-    Raises
-    ------
-    ValueError
-        If the pictures have not the same shape.
-    """
-    _require_pair("halos", master, seen)
-    rows, cols = master.shape[1:3]
-    screen, areas = scene.screen(rows, cols), scene.pixel_areas(rows, cols)
-    density = _density(master, scene)
-    sigmas = [sigma * density for sigma in HALO_SIGMAS]
-    shares = []
-    for pair in _each_view(master, seen, scene):
-        raised = [np.maximum(plane * scene.projector.white, HALO_BLACK) for plane in pair]
-        wanted, shown = (_band(np.log10(plane), screen, sigmas) for plane in raised)
-        weaker = np.minimum(np.abs(wanted), np.abs(shown))
-        turned_over = (wanted * shown < 0) & (weaker > HALO_CONTRAST)
-        smooth = np.where(screen, mean_within(raised[0], screen, sigmas[0]), 0)
-        beside = _highest_within(smooth, sigmas[1]) > HALO_BRIGHTER * smooth
-        shares.append(float(np.sum(areas * (turned_over & beside & screen)) / areas.sum()))
-    return float(np.mean(shares))
 
 
 def black_level(seen: Light, scene: Scene) -> float:
@@ -264,36 +175,8 @@ def _on_screen(where: Mask, light: Light, scene: Scene) -> Mask:
     return np.array(np.broadcast_to(where & scene.screen(*light.shape[1:3]), light.shape[:3]))
 
 
-def _density(light: Light, scene: Scene) -> float:
-    """Pixels per degree."""
-    return scene.viewing.pixels_per_degree(*light.shape[1:3])
-
-
-def _each_view(master: Light, seen: Light, scene: Scene) -> list[tuple[Floats, Floats]]:
-    """(row, col) luminances of master and seen, view by view."""
-    return list(zip(luminance(master, scene), luminance(seen, scene), strict=True))
-
-
-def _band(plane: Floats, where: Mask, sigmas: list[float]) -> Floats:
-    """Difference of the local means of two sizes."""
-    fine, coarse = (mean_within(plane, where, sigma) for sigma in sigmas)
-    return fine - coarse
-
-
 def mean_within(plane: Floats, where: Mask, sigma: float) -> Floats:
     """Local mean over the pixels `where`; 1 far from any of them."""
     share = gaussian_filter(where.astype(np.float64), sigma)
     total = gaussian_filter(np.where(where, plane, 0), sigma)
     return np.asarray(np.divide(total, share, out=np.ones_like(total), where=share > 1e-9))
-
-
-def _highest_within(plane: Floats, radius: float) -> Floats:
-    """Highest value within a disc, which takes one filter for each of its rows."""
-    highest, rows, reach = plane.copy(), len(plane), int(radius)
-    for step in range(min(reach, rows - 1) + 1):
-        width = 2 * int(np.sqrt(radius**2 - step**2)) + 1
-        row = maximum_filter1d(plane, width, axis=1)
-        below, above = slice(step, rows), slice(rows - step)
-        np.maximum(highest[below], row[above], out=highest[below])
-        np.maximum(highest[above], row[below], out=highest[above])
-    return highest

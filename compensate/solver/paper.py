@@ -7,7 +7,7 @@ range, and the result is clipped into the projector's gamut at the end.
 
 The paper measures crosstalk in XYZ, takes it to RGB, "gamma corrects" it and transforms it to
 YCbCr. Our reading: to *linear* YCbCr, for crosstalk is linear in light only (the other reading is
-worse than doing nothing: ``validation/experiments/gamma_coded.py``). Crosstalk that mixes channels
+worse than doing nothing: ``validation/experiments/table1.py``). Crosstalk that mixes channels
 cannot be solved channel by channel: what mixes them is left out, as the paper's equations do.
 """
 

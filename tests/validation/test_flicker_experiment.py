@@ -8,20 +8,18 @@ from itertools import cycle
 
 import numpy as np
 import pytest
-from mistakes import failed, no_colorvideovdp
+from mistakes import failed
 
 from compensate.aim import dome
 from domesim.scene import load_scene
-from testing import pairs
-from validation import films, judges
+from validation import films
 from validation.experiment import Work
 from validation.experiments import flicker
 
 
 @pytest.fixture(autouse=True)
 def _quickly(monkeypatch):
-    """Tiny, without the judge that takes seconds a frame."""
-    monkeypatch.setattr(judges, "colorvideovdp_video", no_colorvideovdp)
+    """Tiny."""
     monkeypatch.setattr(flicker, "QUICK_WIDTH", 48)
     monkeypatch.setattr(flicker, "QUICK_SIZE", 40)
     monkeypatch.setattr(flicker, "FADE", 24)
@@ -32,7 +30,6 @@ def test_it_is_as_expected(tmp_path):
     finding = flicker.run(Work(store=tmp_path))
     assert failed(finding) == []
     assert flicker.run(Work(store=tmp_path)) == finding  # killed and resumed
-    assert finding.left_out[-1] == "ColorVideoVDP: it needs pip install 'domesim[metrics]'"
     assert [len(table.rows) for table in finding.tables] == [6]
 
 
@@ -129,20 +126,3 @@ def test_a_jump_is_told_over_the_slope_around():
 def test_a_bend_is_no_slope():
     assert flicker.bend([0.0, 1.0, 2.0, 3.0]) == 0
     assert flicker.bend([0.0, 1.0, 3.0, 4.0]) == 1
-
-
-# The judge of films
-
-
-def test_a_film_is_judged_beside_its_frames(monkeypatch):
-    """By a judge whose quality is 10 - 10 times the mean difference."""
-
-    def film(reference, test, scene, rate):
-        return 10 - 10 * float(np.abs(np.subtract(reference, test)).mean())
-
-    monkeypatch.setattr(judges, "colorvideovdp_video", film)
-    scene = flicker.stereo_at(flicker.CROSSTALK, flicker.WHITE)
-    picture = partial(pairs.generated, 48)
-    judged = flicker.judge(flicker.Film(partial(flicker.with_disc, picture, 2), scene))
-    assert 9 < judged.film < 10
-    assert judged.standing == pytest.approx(judged.film)

@@ -85,15 +85,6 @@ def test_what_is_published_is_quoted():
 
 def test_what_the_evidence_says():
     """Its words, not only its figures."""
-    jod, flip = (
-        [
-            PUBLISHED.figures[f"wrong_model.dome_planetarium.{method}.{judge}"]
-            for method in ("untouched", "subtractive", "closed_form")
-        ]
-        for judge in ("jod", "flip")
-    )
-    assert jod[2] > max(jod[0], jod[1])
-    assert flip[0] > flip[2] > flip[1]
     fog, trunks = (
         [
             PUBLISHED.figures[f"deghosting.{picture}.5%.{method}.quality"]

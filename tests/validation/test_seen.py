@@ -76,37 +76,6 @@ def test_chroma_shift_is_a_share_of_the_pixels_asked_for(distance, expected):
     assert seen.chroma_shift(0 * light(u), light(u), where, PAIR) is None
 
 
-@pytest.mark.parametrize("band", seen.BANDS)
-def test_structure_seen_is_its_share_whatever_the_veil(band):
-    master = texture(3.0)
-    found = seen.structure_seen(grey(master), grey(0.4 * master + 0.02), DOME, *band)
-    assert found == pytest.approx(0.4, rel=1e-6)
-    assert seen.structure_seen(grey(master), grey(0.03 - master), DOME, *band) < 0
-
-
-def test_structure_is_told_by_its_size():
-    """Blur of 4 degrees takes texture of 1 degree and leaves that of 12."""
-    fine, coarse = (grey(texture(size)) for size in (1, 12))
-    blurred = [gaussian_filter(one, (0, 4, 4, 0)) for one in (fine, coarse)]
-    assert seen.structure_seen(fine, blurred[0], DOME, 0.25, 1) < 0.1
-    assert seen.structure_seen(coarse, blurred[1], DOME, 10, 30) > 0.85
-
-
-def test_structure_is_looked_for_in_the_darker_part_only():
-    master = texture(3.0)
-    master[60:90, 60:90] = RANDOM.uniform(0.5, 1, (30, 30))
-    shown = np.where(master > 0.1, 0, 0.7 * master)
-    found = seen.structure_seen(grey(master), grey(shown), DOME, 2, 10)
-    assert found == pytest.approx(0.7, rel=1e-6)
-
-
-def test_an_even_picture_has_no_structure_and_bands_have_an_order():
-    black = np.zeros((1, SIZE, SIZE, 3))
-    assert seen.structure_seen(black, black, DOME, 2, 10) is None
-    with pytest.raises(ValueError, match="got 10 and 2"):
-        seen.structure_seen(black, black, DOME, 10, 2)
-
-
 def turned(light, degrees, saturation):
     """The same luminance, its (R - Y, B - Y) turned and scaled; G follows from them."""
     weights = PAIR.projector.luminance_weights
@@ -141,47 +110,6 @@ def test_grey_has_no_hue():
     assert seen.saturation_and_hue(grey(*plane).astype(np.float32), coloured(), PAIR) is None
 
 
-def lamp(dark, ring=None):
-    """A lamp of 6 degrees in the dark; a ring around it if one is given, in cd/m²."""
-    rows, cols = np.mgrid[:SIZE, :SIZE] - (SIZE - 1) / 2
-    distance = np.hypot(rows, cols + 20)
-    plane = np.where(distance < 6, 10.0, dark)
-    if ring is not None:
-        plane = np.where((distance >= 7) & (distance < 9), ring, plane)
-    return grey(plane / DOME.projector.white)
-
-
-def test_a_ring_that_outshines_its_lamp_is_a_halo():
-    """Area between 7 and 9 pixels from the lamp; its share of the hemisphere by solid angle."""
-    assert seen.halos(lamp(0.1), lamp(0.1), DOME) == 0
-    found = seen.halos(lamp(0.1), lamp(0.1, 20.0), DOME)
-    ring = np.pi * (9**2 - 7**2) * (np.pi / 180) ** 2 / (2 * np.pi)
-    assert 0.5 * ring < found < 2 * ring
-
-
-def test_no_halo_without_a_bright_thing_beside_it(monkeypatch):
-    """The same ring around a lamp that is only 4.8 times as bright as the dark."""
-    dim = lamp(0.1)
-    dim[dim > 0.1 / DOME.projector.white] = 0.48 / DOME.projector.white
-    assert seen.halos(dim, lamp(0.1, 20.0), DOME) == 0
-    monkeypatch.setattr(seen, "HALO_BRIGHTER", 1.5)
-    assert seen.halos(dim, lamp(0.1, 20.0), DOME) > 0
-
-
-def test_what_lies_below_the_black_of_halos_has_no_contrast():
-    assert seen.halos(lamp(0.1) * 1e-4, lamp(0.1, 20.0), DOME) == 0
-
-
-def test_the_highest_within_a_disc_is_found():
-    plane = RANDOM.uniform(0, 1, (23, 31))
-    rows, cols = np.mgrid[:23, :31]
-    expected = [
-        [plane[np.hypot(rows - row, cols - col) <= 4.3].max() for col in range(31)]
-        for row in range(23)
-    ]
-    assert np.array_equal(seen._highest_within(plane, 4.3), expected)
-
-
 def test_black_level_is_the_first_percentile_on_the_screen():
     plane = np.zeros((SIZE, SIZE))
     plane[SCREEN] = RANDOM.permutation(np.linspace(0.1, 1.1, SCREEN.sum()))
@@ -189,7 +117,6 @@ def test_black_level_is_the_first_percentile_on_the_screen():
     assert found == pytest.approx(0.11 * DOME.projector.white, rel=1e-3)
 
 
-@pytest.mark.parametrize("figure", [seen.halos, seen.saturation_and_hue])
-def test_pictures_of_two_shapes_are_refused(figure):
+def test_pictures_of_two_shapes_are_refused():
     with pytest.raises(ValueError, match="takes"):
-        figure(coloured(), coloured()[:, 1:], PAIR)
+        seen.saturation_and_hue(coloured(), coloured()[:, 1:], PAIR)

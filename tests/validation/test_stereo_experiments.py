@@ -8,7 +8,6 @@ from mistakes import failed
 
 from compensate.aim import pair
 from compensate.methods import STEREO
-from compensate.problem import Problem
 from domesim.pathtrace import polarised
 from domesim.scene import StereoScene, load_stereo
 from validation import data
@@ -16,7 +15,6 @@ from validation.experiment import Missing, Work, load_experiment, require_tracer
 from validation.experiments import (
     fig2_fig6_deghosting,
     fig10_seats,
-    frozen_pollution,
     polarised_crosstalk,
 )
 
@@ -25,8 +23,6 @@ from validation.experiments import (
 def _few(monkeypatch):
     """One theatre or system of several that are measured alike; `make validate` has them all."""
     monkeypatch.setattr(fig10_seats, "SCENES", fig10_seats.SCENES[:1])
-    monkeypatch.setattr(frozen_pollution, "THEATRES", frozen_pollution.THEATRES[:1])
-    monkeypatch.setattr(frozen_pollution, "CROSSTALK", frozen_pollution.CROSSTALK[1:])
 
 
 def more_depolarising(monkeypatch):
@@ -53,11 +49,6 @@ def one_seat_for_all(monkeypatch):
     )
 
 
-def exact_is_frozen(monkeypatch):
-    """Freezing the pollution does nothing."""
-    monkeypatch.setattr(Problem, "frozen", lambda self, at: self)
-
-
 @pytest.mark.usefixtures("_few")
 @pytest.mark.parametrize(
     ("name", "mutate"),
@@ -65,7 +56,6 @@ def exact_is_frozen(monkeypatch):
         pytest.param("polarised_crosstalk", more_depolarising, marks=pytest.mark.long),
         ("fig2_fig6_deghosting", ours_is_subtraction),
         ("fig10_seats", one_seat_for_all),
-        ("frozen_pollution", exact_is_frozen),
     ],
 )
 def test_mutations_turn_an_experiment_red(name, mutate, monkeypatch):
@@ -101,15 +91,8 @@ def test_the_line_by_hand_is_the_depolarised_share_over_the_rest():
     )
 
 
-def test_two_numbers_by_hand_by_scipy_and_by_gpcg():
-    numbers = frozen_pollution.two_numbers()
-    for name in ("by hand", "SciPy's BVLS", "GPCG, exact"):
-        assert numbers[name] == pytest.approx((0, 0.4005 / 1.01), abs=1e-12)
-    assert numbers["GPCG, frozen (the paper's)"] == pytest.approx((0, 0.4), abs=1e-12)
-
-
 def test_the_region_holds_a_ghost_that_cannot_be_subtracted():
-    scene = load_stereo(fig2_fig6_deghosting.SCENE)
+    scene = load_stereo(fig2_fig6_deghosting.STEREO_SCENE)
     posed = fig2_fig6_deghosting.pose(
         fig2_fig6_deghosting.pair(fig2_fig6_deghosting.GENERATED, 128, scene), scene
     )

@@ -386,14 +386,3 @@ def test_extreme_outcomes_are_what_they_are_called(stills):
 def test_stored_steps_are_read_back(finding, tmp_path):
     for _ in range(2):
         assert user_study.run(Work(store=tmp_path)) == finding
-
-
-@pytest.mark.parametrize(
-    ("false_alarm", "correct", "least"), [(0.05, False, 15), (0.05, True, 16), (0.01, False, 17)]
-)
-def test_videos_are_significant_from_a_count_on(false_alarm, correct, least):
-    found = user_study.videos(102, false_alarm, correct=correct)
-    assert found.others == (least, 20)
-    # Of 20: not significant either way; and with five others it makes 102
-    alone = next(n for n in range(10, 21) if 2 * at_least(20, n) <= false_alarm)
-    assert found.second == (20 - alone + 1, min(alone - 1, 102 - 5 * least))

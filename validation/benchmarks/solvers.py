@@ -113,12 +113,4 @@ SOLVERS: Mapping[str, Solver] = {
         _scipy("L-BFGS-B", {"maxiter": 2000, "maxfun": 4000, "ftol": 1e-12, "gtol": 1e-12}),
         double=True,
     ),
-    "tnc": Solver(
-        "TNC (SciPy), float64",
-        _scipy("TNC", {"maxfun": 300, "rescale": 0, "ftol": 1e-12, "gtol": 1e-12}),
-        double=True,
-    ),
 }
-
-USUAL = tuple(name for name in SOLVERS if name != "tnc")
-"""Those of the benchmark: TNC is slower than L-BFGS-B, and tried in an experiment only."""

@@ -5,29 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "What light does": (
+    "Truth: what light does": (
         "closed_form",
         "truth",
         "polarised_crosstalk",
         "domes_in_3d",
         "flat_cinema",
     ),
-    "What compensation does": (
-        "wrong_model",
-        "surveys",
-        "photographed_crosstalk",
-        "contrast_sensitivity",
-        "stray_light",
-        "saliency_maps",
-        "dome_seats",
-        "gamma_coded",
-        "channels_alone",
-        "frozen_pollution",
-        "deghosting",
+    "Worth: what the default gains": (
         "quality",
         "two_eyes",
+        "wrong_model",
         "flicker",
-        "convergence",
+        "stray_light",
+        "audiences",
     ),
     "The paper, remade": (
         "fig9_dome",
@@ -37,9 +28,9 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "table1",
         "only_visible",
         "user_study",
-        "audiences",
     ),
-    "What it costs": ("costs", "shows", "live"),
+    "Measuring": ("surveys", "photographed_crosstalk"),
+    "Shows: what it costs": ("costs", "shows", "live"),
 }
 """Names of the experiments, in the report's order, by heading."""
 

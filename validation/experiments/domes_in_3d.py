@@ -59,7 +59,7 @@ from validation.experiment import (
     between,
     require_tracer,
 )
-from validation.inputs import DOME_SIZE, wanted
+from validation.inputs import DOME_SIZE, orrery, wanted
 
 SCENES = ("dome_stereo_spectral", "dome_stereo_polarised")
 RADIUS, ALBEDO = 5.0, 0.5
@@ -250,18 +250,6 @@ def at_infinity(read: Callable[[], Light]) -> Light:
     return np.concatenate([turned(light, half * DISPARITY / 2) for half in (1, -1)])
 
 
-def orrery(size: int) -> Light:
-    """The orrery, as ``domesim master --kind dome-stereo`` renders it."""
-    from scenes.artwork.orrery.cameras import views  # noqa: PLC0415 - slow to import
-    from scenes.artwork.orrery.orrery import Orrery  # noqa: PLC0415
-    from scenes.artwork.orrery.picture import Settings as How  # noqa: PLC0415
-    from scenes.artwork.orrery.picture import Studio  # noqa: PLC0415
-
-    looks = views("dome-stereo")
-    frame = Studio(How(size=size, samples=16, orrery=Orrery(seed=7, loop=60.0)), looks).frame(0.0)
-    return np.stack([frame[name] for name in looks])
-
-
 def judged(read: Callable[[], Light], name: str, *, seed: int) -> Seen:
     """A pair in a scene, by all ways."""
     scene, given = load_dome(name), read()
@@ -371,7 +359,7 @@ def _pairs(work: Work) -> tuple[dict[str, Callable[[], Light]], list[str]]:
     if work.quick:
         return found, ["The orrery, and the photographed sky: with a full run"]
     left_out = [f"{name}: needs the test data; set {FOLDER}" for name in SKIES if name not in found]
-    return {**found, "orrery": partial(orrery, DOME_SIZE)}, left_out
+    return {**found, "orrery": partial(orrery, "dome-stereo", DOME_SIZE)}, left_out
 
 
 def _checks(

@@ -38,13 +38,13 @@ from testing.masters import bundled_night
 from validation.drawing import pictures
 from validation.experiment import Check, Column, Finding, Pictures, Table, Work, at_least, at_most
 from validation.judges import luminance
-from validation.seen import halos, mean_within, saturation_and_hue
+from validation.seen import mean_within, saturation_and_hue
 
 Floats = NDArray[np.floating[Any]]
 
 THEATRE = "dome_imax"
 """Theatre of the demo; the others are looked at when there is time."""
-OTHERS = ("dome_planetarium", "dome_hemisphere")
+OTHERS = ("dome_planetarium",)
 TITLES: Mapping[str, str] = {
     "master": "Master",
     "none": "Seen, untouched",
@@ -71,30 +71,21 @@ class Seen:
         Slope of the dark detail seen against the master's.
     plain
         Black, Weber contrast, stars.
-    correlation
-        Correlation of the (fine) dark detail with that of the master.
-    fine_contrast
-        Rms of the dark detail over the mean of dark pixels within about a degree.
     contrast
         Relative contrast in the dark.
     dark
         Mean luminance of the dark half, cd/m².
     hue, saturation
         Shift of hue of the dark half, degrees, and its saturation over the master's.
-    halo
-        Share of the screen with a base contrast of the wrong sign beside bright things.
     """
 
     lost: float
     detail: float
     plain: PlainFigures
-    correlation: float
-    fine_contrast: float
     contrast: float
     dark: float
     hue: float
     saturation: float
-    halo: float
 
 
 @dataclass(frozen=True)
@@ -157,8 +148,8 @@ def _measured(name: str, light: Light, comparison: Comparison, plain: PlainFigur
     dark = screen & (wanted < np.median(wanted[screen]))
     per_degree = scene.viewing.pixels_per_degree(*screen.shape)
     sigma = REACH * per_degree
-    near, around = mean_within(seen, dark, sigma), mean_within(seen, screen, sigma)
-    detail = (seen - near)[dark]
+    around = mean_within(seen, screen, sigma)
+    detail = (seen - mean_within(seen, dark, sigma))[dark]
     detail_wanted = (wanted - mean_within(wanted, dark, sigma))[dark]
     desired = comparison.posed.wanted
     colours = saturation_and_hue(desired, light, scene)
@@ -167,13 +158,10 @@ def _measured(name: str, light: Light, comparison: Comparison, plain: PlainFigur
         0.0 if name == "master" else comparison.outcomes[name].figures.loss_after,
         float(np.sum(detail * detail_wanted) / np.sum(detail_wanted**2)),
         plain,
-        float(np.corrcoef(detail, detail_wanted)[0, 1]),
-        float(np.sqrt(np.mean((detail / near[dark]) ** 2))),
         float(np.sqrt(np.mean((seen / around - 1)[dark] ** 2))),
         float(seen[dark].mean()),
         colours.hue_shift,
         colours.saturation,
-        halos(desired, light, scene),
     )
 
 
@@ -225,12 +213,6 @@ def _result(outcome: Outcome) -> str:
     master, raised = outcome.seen["master"], outcome.seen["raised-black"]
     closer = ours.lost < min(none.lost, subtractive.lost)
     around = ours.contrast > max(none.contrast, subtractive.contrast)
-    among = ours.fine_contrast > max(none.fine_contrast, subtractive.fine_contrast)
-    left = (
-        ", which leaves almost none"
-        if subtractive.fine_contrast < 0.1 * master.fine_contrast
-        else ""
-    )
     return (
         f'The paper: subtraction "can only correctly compensate ... regions with enough signal", '
         f'and clamping leads "to loss of detail". {_held(subtractive.detail < 0.5)}: '
@@ -252,12 +234,10 @@ def _result(outcome: Outcome) -> str:
         f"{ours.dark / master.dark:.1f} times as bright as it should be ({ours.dark:.3f} cd/m²; "
         f"master {master.dark:.3f}, untouched {none.dark:.3f}, subtraction "
         f"{subtractive.dark:.3f}).\n\n"
-        f'The paper: it "increases the relative contrast". {_held(around, among)}. Against '
+        f'The paper: it "increases the relative contrast". {_held(around)}. Against '
         f"everything within a degree, dark pixels have {_change(ours.contrast, none.contrast)} "
         f"contrast than uncompensated and {_change(ours.contrast, subtractive.contrast)} than with "
-        f"subtraction. Among themselves they have "
-        f"{_change(ours.fine_contrast, none.fine_contrast)} than uncompensated, and "
-        f"{_change(ours.fine_contrast, subtractive.fine_contrast)} than with subtraction{left}."
+        f"subtraction."
     )
 
 
@@ -313,13 +293,10 @@ def _table(theatre: str, outcome: Outcome) -> Table:
             Column(name="contrast seen, 2 to 10°", unit="%", digits=".1f"),
             Column(name="stars in order", unit="%", digits=".1f"),
             Column(name="black over untouched", digits=".2f"),
-            Column(name="correlation of detail"),
             Column(name="relative contrast in the dark", digits=".3f"),
-            Column(name="contrast among dark pixels", digits=".4f"),
             Column(name="dark half", unit="cd/m²"),
             Column(name="its hue shifts by", unit="°", digits=".1f"),
             Column(name="its saturation", digits=".2f"),
-            Column(name="halos", unit="% of the screen", digits=".2f"),
         ),
         rows=tuple(
             (
@@ -335,13 +312,10 @@ def _table(theatre: str, outcome: Outcome) -> Table:
                     )
                 ),
                 one.plain.black,
-                one.correlation,
                 one.contrast,
-                one.fine_contrast,
                 one.dark,
                 one.hue,
                 one.saturation,
-                100 * one.halo,
             )
             for name, one in outcome.seen.items()
         ),

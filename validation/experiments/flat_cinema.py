@@ -45,13 +45,10 @@ from domesim.room.flat_room import FlatRoom
 from domesim.scene import CinemaScene, FlatScene, load_scene, load_stereo
 from domesim.scene.flat import ROOM
 from testing.pairs import generated
-from validation.drawing import panel
 from validation.experiment import (
     Check,
     Column,
     Finding,
-    Panel,
-    Pictures,
     Table,
     Work,
     at_least,
@@ -59,6 +56,7 @@ from validation.experiment import (
     between,
     require_tracer,
 )
+from validation.inputs import orrery
 
 CINEMA, GAIN = "cinema_2d", "stereo_room"
 PICTURES = ("white", "checkerboard")
@@ -69,9 +67,6 @@ WIDTH = 1024
 """Pixels across a frame."""
 NOTHING, SUBTRACTED, AIMED = "untouched", "subtracted", "aimed at"
 WAYS = {NOTHING: "none", SUBTRACTED: "subtractive", AIMED: "perceptual"}
-EIGHT = 8
-"""Times that the shown pictures are brightened, too."""
-
 PROJECTOR_ALONE = 235.0
 MEASURED: Mapping[str, float] = {
     "all dark": 150.0,
@@ -196,31 +191,18 @@ def masters(width: int, *, quick: bool) -> dict[str, Callable[[], Light]]:
     found: dict[str, Callable[[], Light]] = {
         "generated night": lambda: np.asarray(generated(width, 1)[:1], np.float32)
     }
-    return found if quick else {**found, "orrery": cache(partial(orrery, width))}
 
+    def left() -> Light:
+        return np.asarray(orrery("stereo", width)[:1], np.float32)
 
-def orrery(width: int) -> Light:
-    """The left eye's picture of ``domesim master --kind stereo``."""
-    from scenes.artwork.orrery.cameras import views  # noqa: PLC0415 - slow to import
-    from scenes.artwork.orrery.orrery import Orrery  # noqa: PLC0415
-    from scenes.artwork.orrery.picture import Settings as How  # noqa: PLC0415
-    from scenes.artwork.orrery.picture import Studio  # noqa: PLC0415
-
-    looks = views("stereo")
-    frame = Studio(How(size=width, samples=16, orrery=Orrery(seed=7, loop=60.0)), looks).frame(0.0)
-    return np.asarray(np.clip(frame[next(iter(looks))], 0, 1)[None], np.float32)
-
-
-def seen_by_way(master: Light, scene: CinemaScene) -> tuple[Light, dict[str, Light]]:
-    """What should be seen of a frame, and what is, by way."""
-    posed = pose(master, scene)
-    seen = {way: posed.seen(solved(posed, method).light) for way, method in WAYS.items()}
-    return posed.wanted, seen
+    return found if quick else {**found, "orrery": cache(left)}
 
 
 def judged(read: Callable[[], Light], scene: CinemaScene) -> Shown:
     """A frame in a cinema, by all ways."""
-    wanted, seen = seen_by_way(read(), scene)
+    posed = pose(read(), scene)
+    wanted = posed.wanted
+    seen = {way: posed.seen(solved(posed, method).light) for way, method in WAYS.items()}
     screen = scene.screen(*wanted.shape[1:3])
     ruler, plain = Ruler(wanted, scene, screen), PlainRuler(wanted, scene, screen)
     black = {way: plain.black(each) for way, each in seen.items()}
@@ -228,17 +210,6 @@ def judged(read: Callable[[], Light], scene: CinemaScene) -> Shown:
         {way: ruler.lost(each) for way, each in seen.items()},
         {way: float(each.mean() / wanted.mean()) for way, each in seen.items()},
         {way: each / black[NOTHING] for way, each in black.items()},
-    )
-
-
-def drawn(read: Callable[[], Light], scene: CinemaScene) -> tuple[Panel, ...]:
-    """The master and what is seen of it, as they are and brightened."""
-    wanted, seen = seen_by_way(read(), scene)
-    titles = {"master": wanted} | {f"seen, {way}": each for way, each in seen.items()}
-    return tuple(
-        panel(f"{title}{words}", light, scene, what="Frame", brightest=1 / times)
-        for times, words in ((1, ""), (EIGHT, f", {EIGHT} times the light"))
-        for title, light in titles.items()
     )
 
 
@@ -288,15 +259,6 @@ def run(work: Work) -> Finding:
         Shown,
         lambda given: judged(*given),
     )
-    pictures = tuple(
-        Pictures(
-            caption=f"{film} in a cinema with light walls: what should be seen, and what is.",
-            panels=work.step(
-                f"{film}: pictures", tuple[Panel, ...], partial(drawn, read, cinemas["light walls"])
-            ),
-        )
-        for film, read in films.items()
-    )
     off = max(abs(one.off) for one in traced.values())
     gains = {
         name: [
@@ -321,7 +283,6 @@ def run(work: Work) -> Finding:
             *_harmless(gains, shown, quick=work.quick),
         ),
         tables=tuple(_tables(traced, homes, contrasts, eyes, shown)),
-        pictures=pictures,
         figures={
             "flat_cinema.off": off,
             "flat_cinema.ansi": contrasts[CINEMA].ansi,

@@ -10,14 +10,11 @@ Rationale
     *jump* of a fade is its largest step over its own slope there (the median step of the seven
     around), of the mean luminance that is projected, and that is seen. Of regions, squares of 1/16
     of the width, the slope is at least a tenth of the median of all steps, for some stand still.
-    ColorVideoVDP compares films at 24 frames a second with their masters. It has been calibrated
-    for stills and for films apart: a still frame shown as a film has 1.7 times the loss of a
-    still. So a film is compared with the mean of its frames, each *standing still as a film*.
 Expected
     What stands still does not change at all; frames are the same to the bit in any order and alone.
     No fade's mean jumps above 1.5 times its slope, nor do regions in 95 % of all steps; where a
     picture stands still beside what moves, its mean bends from frame to frame by at most 0.5 % of
-    its luminance; a film's JOD is at most 0.05 below the mean of its frames', standing still.
+    its luminance.
 """
 
 from __future__ import annotations
@@ -43,7 +40,6 @@ from validation.experiment import (
     Check,
     Column,
     Finding,
-    Missing,
     Table,
     Work,
     at_most,
@@ -64,15 +60,11 @@ AROUND = 7
 REGIONS = 16
 """To the width."""
 PAIR, DOME = "pair", "dome"
-JUMP, STILL, LOSS = 1.5, 5e-3, 0.05
+JUMP, STILL = 1.5, 5e-3
 """What is allowed: see Expected."""
 GREYS = {PAIR: 0.1, DOME: 0.03}
 """Light of an even grey from which all pollution can be subtracted, and of which the mean goes one
 way."""
-RATE = 24.0
-"""Frames a second."""
-STANDING = 6
-"""Frames of what stands still: a quarter of a second, as long as ColorVideoVDP looks back."""
 START, END = (0.7, 0.3), (0.9, 0.3)
 """Way of the disc."""
 STANDS = 0.4
@@ -151,15 +143,6 @@ class Disc:
         return bend(self.level) / float(np.mean(self.level))
 
 
-@final
-@dataclass(frozen=True)
-class Judged:
-    """ColorVideoVDP's JOD of a film, and the mean of its frames', standing still as films."""
-
-    film: float
-    standing: float
-
-
 def run(work: Work) -> Finding:
     """Films that stand still, fade and move."""
     size = (QUICK_WIDTH, QUICK_SIZE) if work.quick else (WIDTH, SIZE)
@@ -175,40 +158,31 @@ def run(work: Work) -> Finding:
         for name, picture, scene in ((PAIR, pair, stereo), (DOME, dome, theatre))
         for first in ("black", "grey")
     }
-    judged = dict(moving)
+    cuts = dict(moving)
     if work.quick:
         left_out = ["Maps and tables, and the test data: with a full run"]
     else:
         present, left_out = data.present(data.SEQUENCE)
         if len(present) == len(data.SEQUENCE):
-            judged["beachball"] = Film(partial(_sequence, stereo), stereo)
+            cuts["beachball"] = Film(partial(_sequence, stereo), stereo)
         small = partial(pairs.generated, WIDTH // 2, work.seed)
         for title, name in (("map", "stereo_cinema_silver"), ("table", "stereo_shutter")):
             scene = load_scene(name)
             frames = partial(_fade, small, scene, "black", FADE // 2)
             fades[f"pair from black, a {title}"] = Film(frames, scene)
     repeats = work.each(
-        {f"{name}: in any order": Film(partial(_cut, f), f.scene) for name, f in judged.items()},
+        {f"{name}: in any order": Film(partial(_cut, f), f.scene) for name, f in cuts.items()},
         float,
         differences,
     )
     faded = work.each({f"fade, {name}": film for name, film in fades.items()}, Fade, fade)
     discs = work.each(moving, Disc, disc)
-    jods: dict[str, Judged] = {}
-    for name, film in judged.items():
-        try:
-            jods[name] = work.step(f"judged, {name}", Judged, partial(judge, film))
-        except Missing:
-            left_out.append("ColorVideoVDP: it needs pip install 'domesim[metrics]'")
-            break
     return Finding(
-        result=_result(faded, discs, jods),
-        checks=tuple(_checks(repeats, faded, discs, jods)),
-        tables=tuple(_tables(faded, discs, jods)),
+        result=_result(faded, discs),
+        checks=tuple(_checks(repeats, faded, discs)),
+        tables=tuple(_tables(faded, discs)),
         figures={
             **{f"flicker.{name}.regions": found.regions for name, found in faded.items()},
-            **{f"flicker.{name}.film": jod.film for name, jod in jods.items()},
-            **{f"flicker.{name}.standing_still": jod.standing for name, jod in jods.items()},
         },
         left_out=tuple(left_out),
     )
@@ -300,23 +274,6 @@ def _stands(found: Shown) -> NDArray[np.bool_]:
     return stands
 
 
-def judge(film: Film) -> Judged:
-    """What ColorVideoVDP says of a film, and of its frames.
-
-    Raises
-    ------
-    Missing
-        If it is not installed.
-    """
-    frames, seen, scene = list(film.frames()), shown(film).seen, film.scene
-    standing = [
-        judges.colorvideovdp_video([frame] * STANDING, [one] * STANDING, scene, RATE)
-        for frame, one in zip(frames, seen, strict=True)
-    ]
-    whole = judges.colorvideovdp_video(frames, seen, scene, RATE)
-    return Judged(film=whole, standing=float(np.mean(standing)))
-
-
 def jumps(levels: Floats) -> Floats:
     """(step, ...) size of each step of (frame, ...) levels over the slope there."""
     least = _floor(levels) if levels.ndim > 1 else 0.0
@@ -378,7 +335,6 @@ def _checks(
     repeats: Mapping[str, float],
     faded: Mapping[str, Fade],
     discs: Mapping[str, Disc],
-    jods: Mapping[str, Judged],
 ) -> Iterator[Check]:
     for name, difference in repeats.items():
         yield equal(f"{name}, after a cut, and alone: largest difference of light", difference, 0)
@@ -389,31 +345,18 @@ def _checks(
     for name, moved in discs.items():
         yield equal(f"{name}: largest change of what stands still", moved.standing, 0)
         yield at_most(f"{name}: bend of what stands still beside the disc", moved.rough, STILL)
-    for name, jod in jods.items():
-        loss = jod.standing - jod.film
-        yield at_most(f"{name}: JOD that the film loses to its frames", loss, LOSS, "JOD")
 
 
-def _result(
-    faded: Mapping[str, Fade], discs: Mapping[str, Disc], jods: Mapping[str, Judged]
-) -> str:
+def _result(faded: Mapping[str, Fade], discs: Mapping[str, Disc]) -> str:
     step = max(max(found.jumps) for found in faded.values())
-    text = (
+    return (
         f"What stands still is the same to the bit. Of {len(faded)} fades, the largest step of the "
         f"mean is {step:.3f} of its slope. What stands still beside a disc bends by "
         f"{max(moved.rough for moved in discs.values()):.1e} of its luminance."
     )
-    for name, jod in jods.items():
-        text += (
-            f"\n\nColorVideoVDP, {name}: the film {jod.film:.3f} JOD, its frames standing still as "
-            f"films {jod.standing:.3f}."
-        )
-    return text
 
 
-def _tables(
-    faded: Mapping[str, Fade], discs: Mapping[str, Disc], jods: Mapping[str, Judged]
-) -> Iterator[Table]:
+def _tables(faded: Mapping[str, Fade], discs: Mapping[str, Disc]) -> Iterator[Table]:
     yield Table(
         caption="Of fades, steps over the slope around; of a disc, how what stands still far from "
         "it bends, over its luminance.",
@@ -433,13 +376,3 @@ def _tables(
             *((n, len(moved.level), None, None, None, moved.rough) for n, moved in discs.items()),
         ),
     )
-    if jods:
-        yield Table(
-            caption=f"ColorVideoVDP of what is seen; films at {RATE:g} frames a second.",
-            columns=(
-                Column(name="film"),
-                Column(name="film", unit="JOD", digits=".3f"),
-                Column(name="mean of its frames as films", unit="JOD", digits=".3f"),
-            ),
-            rows=tuple((name, jod.film, jod.standing) for name, jod in jods.items()),
-        )

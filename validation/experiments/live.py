@@ -8,15 +8,11 @@ Rationale
     ColorVideoVDP; in a quick run by the library's own model of differences, on the two inputs
     that it has). Frames of a moving picture are timed one after the other in one process, by the
     clock and of all cores, as multiples of copying a frame, too. A process that is fed by a pipe
-    tells latency and whether its memory grows. What a shader would take on a GPU is counted from
-    its text: every pass writes its texels, and reads every texture at least once from memory; it
-    fetches texels, from caches mostly, at no more than a GPU's texture units do; and the processor
-    takes a time to hand it on, which was measured.
+    tells latency and whether its memory grows.
 Expected
     Codes of 8 bits differ by one at most. Live keeps at least 85 % of the gain. Its process grows
     by at most 16 MB, and a frame is written two frames after it was read at the latest, where
-    frames are as long as the median. By count, a GPU of 1 TB/s and 500 billion texels a second
-    shows a dome of 4096² (quick: 1024²) in at most 1/60 s.
+    frames are as long as the median.
     Told, not checked, for they are of seconds: frames a second of this machine.
 """
 
@@ -24,7 +20,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import subprocess
 import sys
 import tempfile
@@ -44,7 +39,6 @@ from compensate.devices import CPU
 from compensate.live.coding import PIXEL_FORMATS, Coding
 from compensate.live.engines import Engine, engine_of, has_gpu
 from compensate.live.process import copying
-from compensate.live.shader import shader_of
 from compensate.pose import pose
 from compensate.ruler import Ruler
 from compensate.solve import solved
@@ -71,11 +65,6 @@ SHARE, GROWTH, LATE = 0.85, 16e6, 2.0
 """Least share of the default's gain; most growth in bytes; most latency in frames."""
 FEW = 0.02
 """JOD: of a smaller gain no share is told."""
-BANDWIDTH, TEXELS, RATE, A_PASS = 1e12, 5e11, 60.0, 4e-5
-"""Bytes and texels a second of a GPU, frames a second, and seconds that each pass takes anyhow (in
-FFmpeg on the machine of an H200; where it is drawn and not computed, 18 times as long)."""
-TEXEL = 8
-"""Bytes of four halves."""
 _SRGB = encoding_named("srgb")
 
 
@@ -131,22 +120,6 @@ class Process:
     latency: float
 
 
-@final
-@dataclass(frozen=True)
-class Cost:
-    """What a shader's frame takes: passes, bytes, and texels that are fetched."""
-
-    passes: int
-    bytes: float
-    fetches: float
-
-    @property
-    def seconds(self) -> float:
-        """On the GPU of `BANDWIDTH` and `TEXELS`."""
-        moved = max(self.bytes / BANDWIDTH, self.fetches / TEXELS)
-        return moved + self.passes * A_PASS
-
-
 def run(work: Work) -> Finding:
     """Codes, gains, rates, a process, and counts."""
     size = 128 if work.quick else 512
@@ -155,15 +128,12 @@ def run(work: Work) -> Finding:
         gains, left_out = _gains(work)
         rates = work.each(_sizes(work), Rate, lambda each: _rate(*each))
         process = work.step("process", Process, lambda: _process(60 if work.quick else 10_000))
-    wide = 1024 if work.quick else 4096
-    cost = work.step("shader", Cost, partial(_cost, wide))
     share = _share(gains)
     fastest = "; ".join(f"{name} {1 / rate.frame:.0f}" for name, rate in rates.items())
     checks = [
         *(at_most(f"{name}: codes apart", found.most, 1) for name, found in apart.items()),
         at_most("growth of a process", process.growth / 1e6, GROWTH / 1e6, "MB"),
         at_most("latency, in frames", process.latency, LATE),
-        at_most(f"{wide}² by count, of 1/60 s", cost.seconds * RATE, 1.0),
         *([] if share is None else [at_least("share of the default's gain", share, SHARE)]),
     ]
     told = "" if share is None else f" Live keeps {share:.1%} of the default's gain."
@@ -171,14 +141,12 @@ def run(work: Work) -> Finding:
         result=(
             f"Live codes are the library's to {max(a.most for a in apart.values())} of 255 "
             f"({max(a.share for a in apart.values()):.2%} of samples differ).{told} Frames a "
-            f"second here, by {by}: {fastest}. By count a dome of {wide}² takes a GPU of 1 TB/s "
-            f"{cost.seconds * 1e3:.1f} ms."
+            f"second here, by {by}: {fastest}."
         ),
         checks=tuple(checks),
-        tables=tuple(_tables(rates, gains, cost, wide)),
+        tables=tuple(_tables(rates, gains)),
         figures={
             "share": share,
-            "gpu_ms": cost.seconds * 1e3,
             **{f"fps, {name}": 1 / rate.frame for name, rate in rates.items()},
         },
         left_out=tuple(left_out),
@@ -362,78 +330,7 @@ def _process(frames: int, size: int = 64) -> Process:
     return Process(told["frames"], float(after - before), latency, latency / 1e3 * told["fps"])
 
 
-def _cost(size: int) -> Cost:
-    return cost_of(shader_of(load_scene(DOME), size, size, _SRGB))
-
-
-def cost_of(text: str) -> Cost:
-    """What a frame takes, by a shader's text."""
-    sizes = {"HOOKED": _size_of(text)}
-    moved = fetched = 0.0
-    passes = [part for part in text.split("//!HOOK MAIN\n") if "fetch_" in part]
-    for part in re.findall(r"//!TEXTURE (\w+)\n//!SIZE (\d+) (\d+)", text):
-        sizes[part[0]] = int(part[1]) * int(part[2])
-    for part in passes:
-        read = re.findall(r"//!BIND (\w+)", part)
-        saved = re.search(r"//!SAVE (\w+)\n//!WIDTH (\d+)\n//!HEIGHT (\d+)", part)
-        texels = int(saved[2]) * int(saved[3]) if saved else sizes["HOOKED"]
-        body = part[part.index("vec2 clip_to(") :]
-        costs = _functions(body)
-        block, group = re.findall(r"//!COMPUTE (\d+) \1 (\d+) \2\n", part)[0]
-        threads = texels * (int(group) / int(block)) ** 2
-        moved += TEXEL * (texels + sum(sizes[name] for name in read if f"fetch_{name}(" in body))
-        fetched += threads * costs["hook"]
-        if saved:
-            sizes[saved[1]] = texels
-    return Cost(len(passes), moved, fetched)
-
-
-def _size_of(text: str) -> int:
-    found = re.search(r"//!WHEN HOOKED.w (\d+) = HOOKED.h (\d+) =", text)
-    assert found is not None
-    return int(found[1]) * int(found[2])
-
-
-def _functions(body: str) -> dict[str, float]:
-    """Texels that each function of GLSL fetches, with those that it calls."""
-    costs: dict[str, float] = {}
-    for _ in range(2):  # the first of them calls what follows
-        for found in re.finditer(r"(?:vec\d|float|void|int) (\w+)\([^;{}()]*\) \{", body):
-            costs[found[1]] = _fetches(body, found.end() - 1, costs)[0]
-    return costs
-
-
-_LOOP = re.compile(r"for \(int \w+ = (-?[\w.]+); \w+ (<=?) (\d+); \w+(?:\+\+| \+= (\d+))\)\s*")
-
-
-def _fetches(text: str, at: int, costs: dict[str, float]) -> tuple[float, int]:
-    """Counts of one statement that begins at a place, and where it ends."""
-    loop = _LOOP.match(text, at)
-    if loop is not None:
-        inner, end = _fetches(text, loop.end(), costs)
-        first = int(loop[1]) if re.fullmatch(r"-?\d+", loop[1]) else 0
-        count = (int(loop[3]) + (loop[2] == "<=") - first) / int(loop[4] or 1)
-        return count * inner, end
-    total = 0.0
-    if text[at] != "{":
-        end = text.index(";", at) + 1
-        for called in re.findall(r"(\w+)\(", text[at:end]):
-            total += 1 if called.startswith("fetch_") else costs.get(called, 0)
-        return total, end
-    at += 1
-    while True:
-        at += len(text[at:]) - len(text[at:].lstrip())
-        if text[at] == "}":
-            return total, at + 1
-        if guard := re.compile(r"(?:if|else)\b[^;{]*(?=\{)").match(text, at):
-            at = guard.end()
-        some, at = _fetches(text, at, costs)
-        total += some
-
-
-def _tables(
-    rates: dict[str, Rate], gains: dict[str, Gain], cost: Cost, wide: int
-) -> Iterator[Table]:
+def _tables(rates: dict[str, Rate], gains: dict[str, Gain]) -> Iterator[Table]:
     yield Table(
         caption="Frames a second here, and what is left of copying a frame",
         columns=(
@@ -459,13 +356,3 @@ def _tables(
             ),
             rows=tuple((name, g.of_default, g.of_live) for name, g in gains.items()),
         )
-    yield Table(
-        caption=f"A dome of {wide}² by the shader's text",
-        columns=(
-            Column(name="passes"),
-            Column(name="moved", unit="GB"),
-            Column(name="fetched", unit="billion texels"),
-            Column(name="by count", unit="ms"),
-        ),
-        rows=((cost.passes, cost.bytes / 1e9, cost.fetches / 1e9, cost.seconds * 1e3),),
-    )

@@ -4,20 +4,18 @@ Rationale
     The paper solves only where pollution is predicted to be visible: its Table 1 times one pair
     whole, and three parts of it. Here the same four areas of one pair are solved by the paper's
     weighting, around the place where subtraction leaves most; and of several pairs and domemasters
-    (these 512 pixels across) what `--only-visible` takes, by local contrast, the default. It pays
-    if the prediction finds what is seen: ColorVideoVDP says what is lost, and where it sees
-    differences. (It is in no objective; but the prediction is of its kind, with its constants, see
-    `compensate.vision.differences`.) FFTs are counted as shares of the whole picture's. How well
-    the mask holds what is marked is tried on the inputs of `quality`, 512 pixels across, untouched
-    and subtracted: the threshold is tuned on one half of them and tried on the other, both ways
-    round.
+    (these 384 pixels across, on which nothing was chosen) what `--only-visible` takes, by local
+    contrast, the default. It pays if the prediction finds what is seen: ColorVideoVDP says what is
+    lost, and where it sees differences. (It is in no objective; but the prediction is of its kind,
+    with its constants, see `compensate.vision.differences`. Note 0009 tells how its threshold was
+    tuned on one half of the inputs of `quality` and tried on the other.) FFTs are counted as shares
+    of the whole picture's.
 Expected
     Work falls in proportion to the area, but for the windows' margins: a part takes at most twice
     its share of the whole's FFTs. To solve only what is predicted never takes 10 % more FFTs than
     the whole, and never costs more than 0.02 JOD (full run; where ColorVideoVDP is installed). Of
     what the judge marks (1 JOD and more, locally), the mask holds 95 % at no more than twice the
-    area: of each input, by the threshold of the other half, and of each picture that is solved,
-    if 0.01 % of it is marked.
+    area: of each picture, if 0.01 % of it is marked.
 """
 
 from __future__ import annotations
@@ -25,8 +23,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial, reduce
-from operator import add
+from functools import partial
 from typing import TypeVar, final
 
 import numpy as np
@@ -55,17 +52,13 @@ from validation.experiment import (
     at_most,
 )
 from validation.inputs import (
-    DOMEMASTERS,
-    LUMINANCES,
     USUAL_CROSSTALK,
     USUAL_LUMINANCE,
     Input,
-    kinds,
-    wanted,
+    reported_domemasters,
     words,
 )
 from validation.judges import colorvideovdp_map, luminance
-from validation.marks import MARKED, Agreement, agreement, tuned
 
 T = TypeVar("T")
 
@@ -77,6 +70,8 @@ PAPER: Mapping[str, tuple[float, float, int, float]] = {
     "196 × 232": (232 / 2028, 196 / 1080, 2636, 4.1634),
 }
 """Its Table 1: area -> shares of columns and rows, FFTs, seconds."""
+MARKED = 1.0
+"""JOD that the judge's heatmap has at least where it marks a difference."""
 HELD, AREA = 0.95, 2.0
 """Least share of the marked pixels that is in the mask, and largest area of the mask over
 theirs."""
@@ -218,50 +213,30 @@ def measure(posed_as: Callable[[], Posed]) -> Shown:
     )
 
 
-def agree(one: Input) -> Agreement:
-    """Agreement on an input, summed over its places, untouched and subtracted."""
-    light = one.read().astype(np.float32)
-    places = {(pollution, USUAL_LUMINANCE) for pollution in one.pollutions}
-    places |= {(one.usual, white) for white in LUMINANCES}
-    found = []
-    for place in sorted(places):
-        posed = pose(light, one.scene(*place))
-        found += [agreement(posed, shown) for shown in (posed.desired, posed.subtractive)]
-    return reduce(add, found)
-
-
-def halves(inputs: Mapping[str, Input]) -> tuple[list[str], list[str]]:
-    """Names of the inputs: of each kind every second."""
-    names = kinds(inputs).values()
-    return [n for each in names for n in each[::2]], [n for each in names for n in each[1::2]]
-
-
 def run(work: Work) -> Finding:
     """Measure, and say whether it is as expected."""
     width = 256 if work.quick else 2048
     drawn = partial(generated, width, work.seed)
-    tried_on, left_out = wanted(work)
+    domes, left_out = reported_domemasters(work)
     there, absent = ([], []) if work.quick else present(PAIRS)
     left_out += [each for each in absent if each not in left_out]
     pairs: dict[str, Callable[[], Light]] = {"generated": drawn}
     pairs |= {name: partial(_read, name) for name in there}
     timed_pair = pairs.get("trunks", drawn)
-    domes = [(name, one) for name, one in tried_on.items() if one.kind == DOMEMASTERS]
     inputs = {name: partial(_pair, read) for name, read in pairs.items()}
-    inputs |= {name: partial(_dome, one) for name, one in domes}
+    inputs |= {name: partial(_dome, one) for name, one in domes.items()}
     areas = {
         name: work.step(f"area {name}", Area, partial(_area, timed_pair, *paper[:2]))
         for name, paper in PAPER.items()
     }
     found = {name: work.step(name, Shown, partial(measure, read)) for name, read in inputs.items()}
     judged = {name: shown for name, shown in found.items() if shown.quality}
-    tried = _tried(work, tried_on)
     if not judged:
         left_out.append("What the judge says: it needs pip install 'domesim[metrics]'")
     return Finding(
-        result=_result(areas, found, judged, tried),
-        checks=tuple(_checks(areas, found, judged, tried, quick=work.quick)),
-        tables=(_table1(areas), _table(found), *([_held(tried)] if tried else [])),
+        result=_result(areas, found, judged),
+        checks=tuple(_checks(areas, found, judged, quick=work.quick)),
+        tables=(_table1(areas), _table(found)),
         figures={
             **{f"only_visible.{name}.area_ffts": a.ffts for name, a in areas.items()},
             **{
@@ -272,59 +247,9 @@ def run(work: Work) -> Finding:
                 f"only_visible.{name}.jod": s.quality[2] - s.quality[1]
                 for name, s in judged.items()
             },
-            **{f"only_visible.{name}.held": t.held for name, t in tried.items()},
-            **{f"only_visible.{name}.over_marked": t.area for name, t in tried.items()},
         },
         left_out=tuple(left_out),
     )
-
-
-@final
-@dataclass(frozen=True)
-class Tried:
-    """A mask on an input, by the threshold of the other half.
-
-    Attributes
-    ----------
-    level
-        The threshold, JOD.
-    of
-        The pixels.
-    held, area
-        See `Agreement.at`.
-    """
-
-    level: float
-    of: Agreement
-
-    @property
-    def held(self) -> float:
-        """Share of the marked pixels in the mask."""
-        return self.of.at(self.level)[0]
-
-    @property
-    def area(self) -> float:
-        """Area of the mask over that of the marked pixels."""
-        return self.of.at(self.level)[1]
-
-
-def _tried(work: Work, inputs: Mapping[str, Input]) -> dict[str, Tried]:
-    """Each input that has marks, by the threshold of the half that it is not in; none unjudged."""
-    try:
-        found = {
-            name: work.step(f"marks {name}", Agreement, partial(agree, one))
-            for name, one in inputs.items()
-        }
-    except Missing:
-        return {}
-    marked = {name: each for name, each in found.items() if each.marked}
-    one, other = ([name for name in half if name in marked] for half in halves(inputs))
-    levels = [tuned(marked[name] for name in half) for half in (other, one)]
-    return {
-        name: Tried(level, marked[name])
-        for half, level in zip((one, other), levels, strict=True)
-        for name in half
-    }
 
 
 def _area(read: Callable[[], Light], cols: float, rows: float) -> Area:
@@ -349,7 +274,6 @@ def _checks(
     areas: Mapping[str, Area],
     found: Mapping[str, Shown],
     judged: Mapping[str, Shown],
-    tried: Mapping[str, Tried],
     *,
     quick: bool,
 ) -> list[Check]:
@@ -378,15 +302,11 @@ def _checks(
     ]
     if quick:
         return checks
-    marks = {name: (t.held, t.area) for name, t in tried.items()}
-    marks |= {
-        f"{name}, subtracted": (s.covered, s.mask / s.marked)
-        for name, s in judged.items()
-        if s.covered is not None and s.marked is not None and s.marked >= FEW
-    }
-    for name, (held, larger) in marks.items():
-        checks.append(at_least(f"{name}: of what is marked in the mask", held, HELD))
-        checks.append(at_most(f"{name}: the mask over what is marked", larger, AREA))
+    for name, s in judged.items():
+        if s.covered is not None and s.marked is not None and s.marked >= FEW:
+            larger = s.mask / s.marked
+            checks.append(at_least(f"{name}: of what is marked in the mask", s.covered, HELD))
+            checks.append(at_most(f"{name}: the mask over what is marked", larger, AREA))
     return checks
 
 
@@ -394,11 +314,10 @@ def _result(
     areas: Mapping[str, Area],
     found: Mapping[str, Shown],
     judged: Mapping[str, Shown],
-    tried: Mapping[str, Tried],
 ) -> str:
     whole, *_, least = areas.values()
     faster = {name: shown.seconds[0] / shown.seconds[1] for name, shown in found.items()}
-    words_ = (
+    told = (
         f"The paper's smallest part, {1 / least.share:.0f} times smaller, took it 60 times less "
         f"time; ours takes {whole.ffts / least.ffts:.0f} times fewer FFTs and "
         f"{whole.seconds / least.seconds:.0f} times less time. To solve only what is "
@@ -412,63 +331,12 @@ def _result(
         held = [s for s in judged.values() if s.marked is not None and s.marked >= FEW]
         covered = ", ".join(f"{s.covered:.0%}" for s in held)
         larger = ", ".join(f"{s.mask / s.marked:.1f}" for s in held if s.marked)
-        words_ += (
+        told += (
             f" Quality changes by {min(changes):+.3f} to {max(changes):+.3f} JOD. Of what "
             f"ColorVideoVDP marks after subtraction the mask holds {covered}, at {larger} times "
             f"the area."
         )
-    if tried:
-        total = _total(tried)
-        worst = min(tried.values(), key=lambda each: each.held)
-        levels = sorted({each.level for each in tried.values()})
-        words_ += (
-            f" On {len(tried)} inputs, each by the threshold of the other half "
-            f"({' and '.join(f'{level:g}' for level in levels)} JOD), it holds {total[0]:.1%} of "
-            f"what is marked, and {worst.held:.1%} of the input of which it holds least, at "
-            f"{total[1]:.2f} times the area, at most {max(t.area for t in tried.values()):.2f}; "
-            f"thresholds and masking of eqs. 10-12 held {total[2]:.0%} at {total[3]:.1f}."
-        )
-    return words_
-
-
-def _total(tried: Mapping[str, Tried]) -> tuple[float, float, float, float]:
-    """Held and area of all inputs, by local contrast and by thresholds and masking."""
-    marked = sum(t.of.marked for t in tried.values())
-    held = sum(t.held * t.of.marked for t in tried.values()) / marked
-    area = sum(t.area * t.of.marked for t in tried.values()) / marked
-    before = [sum(t.of.veils[k] for t in tried.values()) / marked for k in range(2)]
-    return held, area, before[0], before[1]
-
-
-def _held(tried: Mapping[str, Tried]) -> Table:
-    return Table(
-        caption=(
-            "Inputs of `quality`, untouched and subtracted, at their pollutions and luminances: "
-            f"what ColorVideoVDP marks ({MARKED:g} JOD and more), and the mask, by a threshold "
-            "tuned on the other half. Before: thresholds and masking of eqs. 10-12."
-        ),
-        columns=(
-            Column(name="input"),
-            Column(name="threshold", unit="JOD", digits=".2f"),
-            Column(name="marked", unit="%", digits=".2f"),
-            Column(name="of it in the mask", unit="%", digits=".1f"),
-            Column(name="mask over marked", digits=".2f"),
-            Column(name="before: in the mask", unit="%", digits=".0f"),
-            Column(name="before: over marked", digits=".1f"),
-        ),
-        rows=tuple(
-            (
-                name,
-                t.level,
-                100 * t.of.marked / t.of.seen,
-                100 * t.held,
-                t.area,
-                100 * t.of.before[0],
-                t.of.before[1],
-            )
-            for name, t in tried.items()
-        ),
-    )
+    return told
 
 
 def _table1(areas: Mapping[str, Area]) -> Table:

@@ -4,7 +4,7 @@ Rationale
     The paper's claim is about two eyes, and all other judges here have one. `compensate.vision.
     binocular` holds published models of two: the fused picture by Ding and Sperling's gain control,
     the contrast of both by two stages (Meese, Georgeson and Baker), and rivalry by the ratio of
-    contrasts (DiCE). The pairs of `quality`, without variants, are shown in
+    contrasts (DiCE). The pairs of `quality` are shown in
     `stereo_polarised_paper` with crosstalk of 2, 5 and 10 %, at a white of 15 cd/m². No constant of
     these models was chosen on them; the default was chosen on some of them, by other judges.
     ColorVideoVDP, the mean of both eyes alone, is asked at 5 %.
@@ -32,28 +32,23 @@ from compensate.aim import Aim
 from compensate.pose import Eye, Posed, pose
 from compensate.ruler import NO_DIFFERENCE
 from compensate.solve import solved
-from compensate.vision.binocular.pair import Pair, TwoEyes
+from compensate.vision.binocular.pair import Pair
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
-from domesim.scene import Scene
 from testing.places import stereo_at
 from testing.statistics import Estimate, estimate
 from validation import inputs, judges
-from validation.drawing import COLOURS, panel, plot
 from validation.experiment import (
     Check,
     Column,
     Finding,
     Missing,
-    Panel,
-    Pictures,
-    Plot,
     Table,
     Work,
     at_least,
     at_most,
 )
-from validation.inputs import CHOOSING, PAIRED, VARIANTS, Input
+from validation.inputs import CHOOSING, PAIRED, Input
 
 DEFAULT, NOTHING, SUBTRACTION, PAPER = "contrast", "nothing", "subtraction", "paper's weighting"
 """Names of ways, as in `quality`; the first is the product's default."""
@@ -64,15 +59,13 @@ WAYS: Mapping[str, tuple[str, Eye]] = {
     DEFAULT: ("perceptual", Aim()),
 }
 CROSSTALK, USUAL, WHITE = (0.02, 0.05, 0.1), 0.05, 15.0
-RISING = (0.0, 0.005, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1)
+RISING = (0.0, 0.02, 0.05, 0.1)
 """Crosstalk at which nothing is done, to see that figures rise."""
 FIGURES = {
     "fused_loss": ("fused loss", "JOD"),
     "contrast": ("contrast", "thresholds"),
     "rivalry": ("rivalry", "share of the picture"),
 }
-SHOWN = ("generated", "trunks", "credits", "night street")
-"""Pairs whose rivalry is drawn."""
 
 
 @dataclass(frozen=True)
@@ -99,10 +92,10 @@ def run(work: Work) -> Finding:
     if importlib.util.find_spec("cv2") is None:
         raise Missing("needs OpenCV: pip install 'domesim[disparity]'")
     wanted, left_out = inputs.wanted(work)
-    pairs = {n: o for n, o in wanted.items() if o.kind == PAIRED and n not in VARIANTS}
+    pairs = {n: o for n, o in wanted.items() if o.kind == PAIRED}
     left_out = [text for text in left_out if text.partition(":")[0] not in inputs.DOMES]
     crosstalk = (USUAL,) if work.quick else CROSSTALK
-    rises, cells, shown = {}, {}, []
+    rises, cells = {}, {}
     for name, one in pairs.items():
         light = cache(one.read)
         rises[name] = work.step(f"{name}: rising", Rise, partial(_rise, light))
@@ -114,11 +107,6 @@ def run(work: Work) -> Finding:
                     Cell,
                     partial(_cell, case, way, judged=share == USUAL and not work.quick),
                 )
-        if name in SHOWN or work.quick:
-            panels = work.step(
-                f"{name}: pictures", tuple[Panel, ...], partial(_drawn, Case(light, USUAL))
-            )
-            shown.append(Pictures(caption=_caption(name), panels=panels))
     if not work.quick and any(
         cell.judged is None for key, cell in cells.items() if key[1] == USUAL
     ):
@@ -127,8 +115,6 @@ def run(work: Work) -> Finding:
         result=_told(cells, pairs),
         checks=tuple(_checks(rises, cells, quick=work.quick)),
         tables=(_differences(cells, pairs), _by_pair(cells)),
-        plots=(_rising_drawn(rises),),
-        pictures=tuple(shown),
         figures=_figures(cells),
         left_out=tuple(left_out),
     )
@@ -192,35 +178,6 @@ def _cell(case: Case, way: str, *, judged: bool) -> Cell:
         except Missing:
             jod = None
     return Cell(found.fused_loss, found.contrast, found.rivalry, jod)
-
-
-def _drawn(case: Case) -> tuple[Panel, ...]:
-    """Anaglyphs of what is seen by each way, rivalry of the left eye's picture in violet."""
-    posed, brighter = case.posed, 3.0
-    found = [_anaglyph("master", posed.wanted, None, posed.scene, brighter)]
-    for way in WAYS:
-        seen = case.seen(way)
-        two = case.pair.two_eyes(seen)
-        title = f"{way}: {two.rivalry:.1%} rival"
-        found.append(_anaglyph(title, seen, two, posed.scene, brighter))
-    return tuple(found)
-
-
-def _anaglyph(
-    title: str, light: Light, two: TwoEyes | None, scene: Scene, brighter: float
-) -> Panel:
-    red, cyan = light
-    mixed = np.concatenate([red[..., :1], cyan[..., 1:]], axis=-1) * brighter
-    if two is not None:
-        mixed[two.rivalry_maps[0]] = (0.6, 0.0, 0.8)
-    return panel(title, mixed[None], scene, what="Anaglyph")
-
-
-def _caption(name: str) -> str:
-    return (
-        f"{name} at {USUAL:.0%} crosstalk: red for the left eye, cyan for the right one, three "
-        f"times brighter than it is. Violet: where the eyes rival that do not in the master."
-    )
 
 
 def _over_pairs(cells: Mapping[Any, Cell], way: str, other: str, figure: str) -> Estimate:
@@ -357,25 +314,6 @@ def _by_pair(cells: Mapping[Any, Cell]) -> Table:
             )
             for name, share in names
         ),
-    )
-
-
-def _rising_drawn(rises: Mapping[str, Rise]) -> Plot:
-    def draw(axes: Any) -> None:
-        for k, (name, rise) in enumerate(rises.items()):
-            axes.plot(
-                100 * np.array(RISING),
-                100 * np.array(rise.rivalry),
-                "o-",
-                color=COLOURS[k % len(COLOURS)],
-                label=name,
-            )
-        axes.set_xlabel("crosstalk, %")
-        axes.set_ylabel("where two eyes rival, % of the picture")
-        axes.legend(fontsize=7.5, loc="center left", bbox_to_anchor=(1.0, 0.5))
-
-    return plot(
-        "Rivalry of untouched pairs by crosstalk.", "It rises with crosstalk for all pairs.", draw
     )
 
 

@@ -16,18 +16,14 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
 from domesim.observation.uncertain import SIGMAS
-from validation.drawing import COLOURS, plot
-from validation.experiment import Column, Finding, Plot, Table, Work, at_least, at_most, equal
+from validation.experiment import Column, Finding, Table, Work, at_least, at_most, equal
 from validation.study import (
-    NoScale,
     Scale,
     Study,
     analyse,
@@ -94,26 +90,6 @@ class Stills:
     lead_error: float
 
 
-@dataclass(frozen=True)
-class Videos:
-    """What the videos' chi² leaves possible, for one meaning of "significant".
-
-    Attributes
-    ----------
-    meaning
-        In words.
-    second
-        Least and most choices for perceptual compensation in video #2, which has no significant
-        preference.
-    others
-        And in any of the five others.
-    """
-
-    meaning: str
-    second: tuple[int, int]
-    others: tuple[int, int]
-
-
 def stills() -> Stills:
     """All choices that agree with chi² = 283.0 of 960."""
     totals, cases, leads = [], [], []
@@ -141,33 +117,6 @@ def stills() -> Stills:
     )
 
 
-def videos(wins: int, false_alarm: float, *, correct: bool) -> Videos:
-    """What is possible for each video if five of six are significant, and #2 is not.
-
-    Parameters
-    ----------
-    wins
-        Choices for perceptual compensation in all six.
-    false_alarm
-        Probability of a false alarm in two-sided binomial tests: of each; or of all together, with
-        Holm's correction.
-    correct
-        Whether with it.
-    """
-    # Of five that prefer perceptual compensation; their order does not matter
-    five = np.array(list(combinations_with_replacement(range(CHOICES // 2, CHOICES + 1), 5)))
-    sets = np.column_stack([wins - five.sum(1), five])
-    sets = sets[(sets[:, 0] >= 0) & (sets[:, 0] <= CHOICES)]
-    p = _two_sided(CHOICES)[sets]
-    significant = (holm(p) if correct else p) <= false_alarm
-    sets = sets[~significant[:, 0] & np.all(significant[:, 1:], 1)]
-    return Videos(
-        f"p at most {false_alarm:g}" + (", all six together (Holm)" if correct else ", each alone"),
-        (int(sets[:, 0].min()), int(sets[:, 0].max())),
-        (int(sets[:, 1:].min()), int(sets[:, 1:].max())),
-    )
-
-
 def run(work: Work) -> Finding:
     """Count out what is possible, and say whether it is as expected."""
     still = work.step("stills", Stills, stills)
@@ -175,11 +124,6 @@ def run(work: Work) -> Finding:
     won = int(possible.max())
     lost = VIDEOS * CHOICES - won
     (video,) = analyse([[0, won], [lost, 0]], ["perceptual", "other"]).pairs
-    meanings = (
-        videos(won, 0.05, correct=False),
-        videos(won, 0.05, correct=True),
-        videos(won, 0.01, correct=False),
-    )
     ahead = [totals for totals in still.totals if totals.perceptual_won]
     ways = sum(totals.ways for totals in ahead)
     doubtful = ways - sum(totals.concluded for totals in ahead)
@@ -226,8 +170,7 @@ def run(work: Work) -> Finding:
                 SIGMAS,
             ),
         ),
-        tables=(_pairs(still), _scales(still), _videos(meanings)),
-        plots=(_sets_drawn(still), _shares_drawn(still)),
+        tables=(_pairs(still),),
         figures={
             "user_study.video_wins": won,
             "user_study.video_share": video.share,
@@ -300,116 +243,6 @@ def _pairs(still: Stills) -> Table:
             for pair in study.pairs
         ),
     )
-
-
-def _scales(still: Stills) -> Table:
-    return Table(
-        caption=(
-            "Stills: Bradley-Terry scale values of the same outcomes. A value of -1 means that for "
-            "one choice of the condition there are e = 2.7 of perceptual compensation. Where the "
-            "misfit is improbable, no such scale describes the choices."
-        ),
-        columns=(
-            Column(name="outcome"),
-            Column(name="condition"),
-            Column(name="scale value", unit="log-odds", digits=".2f"),
-            Column(name="standard error", unit="log-odds", digits=".2f"),
-            Column(name="p of the misfit", digits=".1g"),
-        ),
-        rows=tuple(
-            (name, NAMES[i], scale.values[i], scale.errors[i], scale.misfit and scale.misfit.p)
-            for name, scale in _found(still).items()
-            for i in (SUBTRACTIVE, NONE)
-        ),
-    )
-
-
-def _videos(meanings: tuple[Videos, ...]) -> Table:
-    return Table(
-        caption=(
-            "Video: choices for perceptual compensation of the 20 in each video that are possible "
-            'if 102 is the sum, and "significant" has one of these meanings (two-sided binomial '
-            "tests). The paper does not say which it has."
-        ),
-        columns=(
-            Column(name="meaning"),
-            Column(name="video #2, not significant"),
-            Column(name="each other, significant"),
-        ),
-        rows=tuple(
-            (each.meaning, "{} to {}".format(*each.second), "{} to {}".format(*each.others))
-            for each in meanings
-        ),
-    )
-
-
-def _sets_drawn(still: Stills) -> Plot:
-    won = [totals for totals in still.totals if totals.perceptual_won]
-    kinds = {
-        "significantly preferred in every possible outcome": [
-            t for t in won if t.concluded == t.ways
-        ],
-        "not in every one": [t for t in won if t.concluded < t.ways],
-        "not what won most": [t for t in still.totals if not t.perceptual_won],
-    }
-
-    def draw(axes: Any) -> None:
-        styles = zip((COLOURS[0], COLOURS[1], "#999999"), "o^x", strict=True)
-        for (name, totals), (colour, marker) in zip(kinds.items(), styles, strict=True):
-            at = np.array([each.wins for each in totals]).T
-            axes.plot(at[PERCEPTUAL], at[SUBTRACTIVE], marker, color=colour, label=name)
-        axes.set_xlabel("wins of perceptual compensation, of 640 trials")
-        axes.set_ylabel("wins of subtractive, of 640 trials")
-        axes.legend(loc="center", title="perceptual compensation is", alignment="left")
-
-    return plot(
-        f"All {len(still.totals)} sets of wins that give the stills' chi². Those of 960 trials "
-        "that neither compensation won, no compensation did.",
-        "An ellipse of points. On its right, where perceptual compensation wins most, all but the "
-        "ends say that it is preferred to both others.",
-        draw,
-    )
-
-
-def _shares_drawn(still: Stills) -> Plot:
-    def draw(axes: Any) -> None:
-        axes.axvline(50, color="black", linewidth=1)
-        for row, (name, study) in enumerate(still.cases.items()):
-            share, low, high = 100 * np.array([(p.share, p.low, p.high) for p in study.pairs]).T
-            axes.errorbar(
-                share,
-                np.arange(3) + 0.2 * (row - 1),
-                xerr=(share - low, high - share),
-                fmt="o^s"[row],
-                capsize=3,
-                label=name,
-            )
-        pairs = [f"{p.first}\nover {p.second}" for p in next(iter(still.cases.values())).pairs]
-        axes.set_yticks(range(3), pairs)
-        axes.invert_yaxis()
-        axes.set_xlim(35, 101)
-        axes.set_xlabel("share of choices, % of the pair's 320")
-        axes.legend(
-            loc="lower right",
-            bbox_to_anchor=(1, 1),
-            ncols=3,
-            handlelength=1,
-            columnspacing=1,
-        )
-
-    return plot(
-        "Stills: three possible outcomes, with 95 % intervals. At 50 % there is no preference.",
-        "Perceptual over subtractive compensation has a share of 46 % in the least favourable "
-        "outcome, 56 % in the least that is significant, 88 % in the most favourable. Its share "
-        "over none is high in all.",
-        draw,
-    )
-
-
-def _found(still: Stills) -> dict[str, Scale]:
-    """Scales of the cases that have one."""
-    scales = {name: study.scale for name, study in still.cases.items()}
-    return {name: scale for name, scale in scales.items() if not isinstance(scale, NoScale)}
 
 
 def _percent(*shares: float) -> str:

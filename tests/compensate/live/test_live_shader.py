@@ -165,6 +165,13 @@ def test_curves_that_shaders_know(colour):
     assert "//!HOOK" in shader_of(load_scene("dome_imax"), 32, 32, encoding_named(colour))
 
 
+@pytest.mark.parametrize("name", ["dome_imax", "stereo_cinema_silver"])
+def test_every_pass_is_computed(name):
+    """Drivers take long to draw; only the red frame is drawn."""
+    text = shader_of(load_scene(name), 96, 96, encoding_named("srgb"))
+    assert text.count("//!COMPUTE") == text.count("//!HOOK MAIN") - 1
+
+
 def test_scenes_that_no_shader_shows():
     with pytest.raises(InputError, match="linear"):
         shader_of(load_scene("stereo_shutter"), 32, 32, SRGB)

@@ -15,10 +15,24 @@ from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
-from compensate.weighting import PerceptualWeighting
+from compensate.weighting import CsfWeighting, PerceptualWeighting
 from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.grey_to_grey import GreyToGrey
+
+
+def test_frozen_crosstalk_is_not_the_minimum_of_two_numbers():
+    """Worked out by hand in validation/notes/0005: the other eye could leave some of its light."""
+    crosstalk, seen = 0.1, np.array([0.005, 0.4]).reshape(2, 1, 1, 1)
+    weighting = CsfWeighting(
+        np.ones((1, 2, 2)), np.eye(1), np.ones((1, 1), np.bool_), (2, 2), views=2
+    )
+    posed = Problem(Crosstalk(1, 1, leak_matrices(crosstalk, 1)), weighting, seen)
+    exact, frozen = (
+        GPCG(frozen=frozen, tolerance=1e-12)(posed, seen).light.ravel() for frozen in (False, True)
+    )
+    assert exact == pytest.approx([0, 0.4005 / 1.01], abs=1e-12)
+    assert frozen == pytest.approx([0, 0.4], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", OBSERVATIONS)

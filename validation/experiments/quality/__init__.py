@@ -32,7 +32,6 @@ from functools import cache, partial
 
 from domesim.light import Light
 from validation import inputs, panel
-from validation.crops import caption
 from validation.experiment import Finding, Panel, Pictures, Work
 from validation.experiments.quality import verdict
 from validation.experiments.quality.measuring import KNOB, SLOW, WAYS, Case, Cell, measure
@@ -97,9 +96,12 @@ def _side_by_side(
     """What is wanted, and what is seen of each way."""
 
     def master() -> tuple[Panel, int]:
-        return case().crop.master
+        return case().picture("master", case().plain.wanted), case().brighter
 
     first, brighter = work.step(f"{words(place)}: master", tuple[Panel, int], master)
-    text = caption(words(place), brighter, views=1 if one.kind == DOMEMASTERS else 2)
+    where = (
+        "the whole domemaster" if one.kind == DOMEMASTERS else "the left eye's region of a ghost"
+    )
+    text = f"{words(place)}: {where}, {brighter} times brighter than it is."
     panels = (panel for cell in ways.values() for panel in cell.panels)
     return Pictures(caption=text, panels=(first, *panels))

@@ -12,16 +12,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from compensate.aim import Aim
-from compensate.ghosts import edge_sigma
 from compensate.pose import Eye, Posed, pose
 from compensate.solve import solved
 from compensate.weighting import PerceptualWeighting
 from domesim.light import Light
 from domesim.scene import Scene
 from validation import laws, panel, seen
-from validation.crops import Crop
+from validation.closeups import closeup, exposure, uncorrectable
 from validation.experiment import Missing, Panel
-from validation.experiments.quality.contour import ghost_contours
 from validation.inputs import Input
 from validation.judges import luminance
 
@@ -100,9 +98,20 @@ class Case:
         return self.posed(Aim())
 
     @cached_property
-    def crop(self) -> Crop:
-        """What pictures show of it."""
-        return Crop(self.plain)
+    def window(self) -> tuple[slice, slice]:
+        """Rows and columns that pictures show: of a pair, the region where a ghost is left."""
+        if self.scene.views == 1:
+            return slice(None), slice(None)
+        return uncorrectable(self.plain)
+
+    @cached_property
+    def brighter(self) -> int:
+        """Factor by which pictures are brightened."""
+        return exposure(self.plain.wanted[:1, *self.window], self.scene)
+
+    def picture(self, title: str, light: Light) -> Panel:
+        """Panel of what the only, or the left, eye sees in the window."""
+        return closeup(title, light[:1, *self.window], self.scene, brighter=self.brighter)
 
     @cached_property
     def untouched(self) -> Light:
@@ -118,12 +127,6 @@ class Case:
     def exact(self) -> NDArray[np.bool_]:
         """(view, row, col) pixels that subtraction shows exactly, and that are not black."""
         return seen.exact(self.plain.wanted, self.subtracted, self.scene)
-
-    @cached_property
-    def clipped(self) -> NDArray[np.bool_]:
-        """(view, row, col) pixels at which subtraction shows too much."""
-        above = np.any(self.subtracted - self.plain.wanted > seen.EXACT, axis=-1)
-        return np.asarray(above & self.plain.screen)
 
 
 def measure(
@@ -144,7 +147,7 @@ def measure(
         judged,
         _lawful(case, shown),
         {name: figure for name, figure in figures.items() if figure is not None},
-        (case.crop.panel(picture, shown),) if picture else (),
+        (case.picture(picture, shown),) if picture else (),
     )
 
 
@@ -183,13 +186,9 @@ def _of_dome(case: Case, shown: Light) -> dict[str, float | None]:
 
 
 def _of_pair(case: Case, shown: Light) -> dict[str, float | None]:
-    contour, of_contrast = _contours(case, shown)
     black = case.plain.screen & (luminance(case.plain.wanted, case.scene) < BLACK)
     added = luminance(shown - case.subtracted, case.scene)[black]
     return {
-        "ghost contour": contour,
-        "ghost contour of contrast": of_contrast,
-        "slopes of the other eye": _of_the_other_eye(case, shown),
         ADDED: float(added.mean()) if black.mean() > 0.01 else None,
     }
 
@@ -205,30 +204,3 @@ def _base_ratio(master: Light, shown: Light, scene: Scene) -> NDArray[Any]:
     logs = [np.log(np.maximum(luminance(light, scene), 0) + dark) for light in (master, shown)]
     rise = gaussian_filter(logs[1] - logs[0], (0, sigma, sigma), mode="nearest")
     return np.asarray(np.exp(rise))
-
-
-def _contours(case: Case, shown: Light) -> tuple[float | None, float | None]:
-    master, now, before = (
-        luminance(light, case.scene) for light in (case.plain.wanted, shown, case.untouched)
-    )
-    density = case.scene.viewing.pixels_per_degree(*shown.shape[1:3])
-    return ghost_contours(master, now, before, case.clipped, density)
-
-
-def _of_the_other_eye(case: Case, shown: Light) -> float | None:
-    """Share of the other eye's slopes in the residual's, over what subtraction leaves there."""
-    sigma = edge_sigma(case.scene.viewing.pixels_per_degree(*shown.shape[1:3]))
-
-    def slopes(light: Light) -> NDArray[Any]:
-        plane = luminance(light, case.scene)
-        found = [
-            gaussian_filter(plane, (0, sigma, sigma), order=order, mode="nearest")
-            for order in ((0, 1, 0), (0, 0, 1))
-        ]
-        return np.stack(found)[:, case.clipped]
-
-    other = slopes(case.plain.wanted[::-1])
-    energy = float(np.sum(other**2))
-    if not energy:
-        return None
-    return float(np.sum(slopes(shown - case.plain.wanted) * other)) / energy

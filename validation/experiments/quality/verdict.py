@@ -100,11 +100,6 @@ def last(cells: Cells, judges: Iterable[panel.Judge]) -> dict[str, list[str]]:
 def checks(cells: Cells, wanted: Mapping[str, Input], *, judged: bool) -> Iterator[Check]:
     """The laws; and, if all judges are there, what is expected of them on the reporting half."""
     yield from _of_laws(cells)
-    yield at_most(
-        "nothing done: difference of its ghost contour to 1, the largest",
-        max(abs(ways[NOTHING].plain.get("ghost contour", 1) - 1) for ways in cells.values()),
-        1e-9,
-    )
     ours = reported(cells)
     yield from _of_exact([ways[DEFAULT].plain for ways in ours.values()])
     pairs = of_kind(ours, wanted, PAIRED)
