@@ -142,7 +142,7 @@ OPTIONS: list[tuple[str, tuple[object, ...], tuple[str, ...]]] = [
     ("compensate", ("--tolerance", "nan"), ("tolerance", "between 0 and 1", "got nan")),
     ("compensate", ("--lift", -1), ("lift", "at least 0", "got -1")),
     ("compensate", ("--lift", 2, *PAPER), ("--lift belongs to --weighting contrast",)),
-    ("compensate", ("--low-frequency-gain", 0.2), ("of contrast, use --lift",)),
+    ("compensate", ("--low-frequency-gain", 0.2), ("for contrast, use --lift",)),
     ("compensate", (*PAPER, "--low-frequency-gain", 2), ("gain", "0..1", "got 2")),
     ("compensate", ("--frames", "1-9"), ("--frames", "one file")),
     ("compare", ("--lift", "nan"), ("lift", "at least 0", "got nan")),
