@@ -92,3 +92,13 @@ def browser() -> Iterator[Any]:
         chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         yield chromium
         chromium.close()
+
+
+@pytest.fixture(scope="session")
+def window(browser: Any) -> Iterator[Any]:
+    """One window for all tests of the page: a new one takes longer than to load the page anew."""
+    from viewer import Viewer  # noqa: PLC0415 - NumPy comes with it
+
+    page = browser.new_page(viewport={"width": 1440, "height": 900})
+    yield Viewer(page)
+    page.close()
