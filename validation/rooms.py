@@ -128,7 +128,7 @@ def _floors() -> Iterator[Case]:
             audience_albedo=_grey(albedo), seed=1, look_at=(0.0, 4.0, 3.0),
         )  # fmt: skip
         seats = replace(BARE, floor=black, solids=tuple(solids))
-        yield Case("seats and audience, black floor, albedo", seats, albedo, (-0.01, 2.0))
+        yield Case("seats and audience, black floor, albedo", seats, albedo)
 
 
 def _in_the_beam() -> Iterator[Case]:

@@ -13,15 +13,16 @@ Expected
     The closed form is exact, within 3e-3 (a patch 5e-3), whatever the tilt, a truncation, black
     holes or a lens off the centre. It is too dark over a floor, by a wall or before a lit cavity,
     the more the higher the albedo: by more than 5 % over a floor at the spring line of albedo 0.1,
-    and less over a recessed one; too bright for a gain lobe and among seats. Radiosity is within
-    1 % of paths. Tabulated transport of a recessed floor is within 1e-3 of paths for white (rms;
-    quick: 2e-3), of others within 5e-3, and for a patch within 1e-2; eight modes, which is what
-    solvers take, within 5 % of a patch. Mitsuba within 2.5e-3 of the reflected light and three of
-    its standard errors (its rays start a little above the surface, in float32). 95 % of all
-    differences from Radiance, of drawn theatres' tabulated means and of energies within two of
-    their standard errors, none beyond four and a half. Walks within 0.5 % of each figure that CIE
-    171 publishes but for three standard errors, and no further from the form factors than their own
-    standard errors say. Where Radiance is not installed, it is left out.
+    and less over a recessed one; too bright for a gain lobe. Among seats it may be off either way:
+    they hide the screen from itself, and send light back. Radiosity is within 1 % of paths.
+    Tabulated transport of a recessed floor is within 1e-3 of paths for white (rms; quick: 2e-3), of
+    others within 5e-3, and for a patch within 1e-2; eight modes, which is what solvers take, within
+    5 % of a patch. Mitsuba within 2.5e-3 of the reflected light and three of its standard errors
+    (its rays start a little above the surface, in float32). 95 % of all differences from Radiance,
+    of drawn theatres' tabulated means and of energies within two of their standard errors, none
+    beyond four and a half. Walks within 0.5 % of each figure that CIE 171 publishes but for three
+    standard errors, and no further from the form factors than their own standard errors say. Where
+    Radiance is not installed, it is left out.
 """
 
 from __future__ import annotations
@@ -213,7 +214,7 @@ def _way_checks(wanted: Sequence[Case], found: Found, *, quick: bool) -> Iterato
                 bound = 2.5e-3 + 3 * one.error
                 yield at_most(f"{what}: Mitsuba's over ours, less 1", abs(one.off_by), bound)
                 assert one.rms is not None
-                allowed = float(np.hypot(1e-2, one.noise))
+                allowed = float(np.hypot(2e-2, one.noise))
                 yield at_most(f"{what}: Mitsuba's, rms over the screen", one.rms, allowed)
 
 
