@@ -7,11 +7,11 @@ Rationale
     15 or 48 cd/m² (`inputs.CROSSTALK_PLACES`, `ALBEDO_PLACES`), a black of 1/2000 of it (the least
     sequential contrast of SMPTE RP 431-2's reference projector) and an adaptation to 1/10 of it.
     Every method knows the pollution exactly. Before any figure counts, what is seen must keep the
-    laws (`laws`), on every case of both halves. Nine judges compare it with the master (`panel`)
-    and have one vote each; six of them judge structure and contrast. Plain figures stand beside
-    them (`seen`). The paper's weighting and other lifts are tried at the usual place only: an
-    albedo of 0.5 or a crosstalk of 5 %, at 15 cd/m². Gains are averaged over an input's cases
-    first, and intervals are Student's over inputs.
+    laws (`laws`), on every case of both halves. Of the reporting half nine judges compare it with
+    the master (`panel`) and have one vote each; six of them judge structure and contrast. Plain
+    figures stand beside them (`seen`). The paper's weighting and other lifts are tried at the usual
+    place only: an albedo of 0.5 or a crosstalk of 5 %, at 15 cd/m². Gains are averaged over an
+    input's cases first, and intervals are Student's over inputs.
 Expected
     The default keeps every law, as nothing and subtraction do. Domes: in the mean it is better than
     nothing by every judge (by FovVideoVDP at least -0.02 JOD) and better than subtraction by every
@@ -70,10 +70,10 @@ def run(work: Work) -> Finding:
 
 
 def _measured(work: Work, place: Place, one: Input, case: Callable[[], Case]) -> dict[str, Cell]:
-    """Every way at a place, a step each."""
-    usual = _usual(place, one)
-    ways = {**WAYS, **SLOW, **KNOB} if usual else WAYS
-    judges = () if work.quick else panel.PANEL
+    """Every way at a place, a step each; judges are heard of the reporting half alone."""
+    usual, reported = _usual(place, one), place[0] not in inputs.CHOOSING
+    ways = {**WAYS, **SLOW, **KNOB} if usual and (reported or work.quick) else WAYS
+    judges = panel.PANEL if reported and not work.quick else ()
 
     def measured(name: str) -> Cell:
         return measure(case(), ways[name], judges, name if usual else "")

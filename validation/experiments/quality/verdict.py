@@ -196,22 +196,21 @@ def told(cells: Cells, wanted: Mapping[str, Input]) -> str:
         f"{len(cells) - len(half)} cases of inputs that settings were chosen on."
     )
     for kind in (DOMEMASTERS, PAIRED):
-        for title, part in (("Reporting", half), ("choosing", _others(cells))):
-            some = of_kind(part, wanted, kind)
-            heard = [judge for judge in panel.PANEL if _heard(some, judge)]
-            if some and JUDGE in (judge.name for judge in heard):
-                worst = min(beyond(ways, DEFAULT) for ways in some.values())
-                by_rank = ranks(_usual(some), heard)
-                text += (
-                    f"\n\n{title} {kind}: {gain(some, DEFAULT).written} JOD over the better of "
-                    f"nothing and subtraction, {worst:+.3f} in the worst case; more than {SHORT:g} "
-                    f"below it in {_short(some)} of {len(some)} cases. Mean ranks with "
-                    f"{len(heard)} judges: "
-                    + ", ".join(f"{name} {rank:.2f}" for name, rank in by_rank.items())
-                    + ". Last by some judge: "
-                    + ("; ".join(f"{n} ({', '.join(j)})" for n, j in last(some, heard).items()))
-                    + "."
-                )
+        some = of_kind(half, wanted, kind)
+        heard = [judge for judge in panel.PANEL if _heard(some, judge)]
+        if some and JUDGE in (judge.name for judge in heard):
+            worst = min(beyond(ways, DEFAULT) for ways in some.values())
+            by_rank = ranks(_usual(some), heard)
+            text += (
+                f"\n\nReporting {kind}: {gain(some, DEFAULT).written} JOD over the better of "
+                f"nothing and subtraction, {worst:+.3f} in the worst case; more than {SHORT:g} "
+                f"below it in {_short(some)} of {len(some)} cases. Mean ranks with "
+                f"{len(heard)} judges: "
+                + ", ".join(f"{name} {rank:.2f}" for name, rank in by_rank.items())
+                + ". Last by some judge: "
+                + "; ".join(f"{n} ({', '.join(j)})" for n, j in last(some, heard).items())
+                + "."
+            )
     return text
 
 
@@ -404,10 +403,6 @@ def _short(cells: Cells) -> int:
 
 def _heard(cells: Cells, judge: panel.Judge) -> bool:
     return all(judge.name in ways[DEFAULT].judged for ways in cells.values())
-
-
-def _others(cells: Cells) -> Cells:
-    return {place: ways for place, ways in cells.items() if place[0] in CHOOSING}
 
 
 def _mean(values: Iterable[float | None]) -> float | None:
