@@ -74,7 +74,7 @@ def run_for_real(*arguments: object, **options: Any) -> Outcome:
         [sys.executable, "-m", "domesim", *map(str, arguments)],
         text=True,
         check=False,
-        timeout=60,
+        timeout=300,
         **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
     )
     return outcome(done.returncode, done.stdout or "", done.stderr)

@@ -156,7 +156,7 @@ def _no_vulkan() -> str | None:
         ["ffmpeg", "-v", "error", *DEVICE, *source, *chain, "-f", "null", "-"],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     return (

@@ -593,7 +593,7 @@ def test_ctrl_c_leaves_whole_frames(tmp_path: Path, out: Path) -> None:
         assert process.poll() is None
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=300)
     names = written(out)
     assert err.splitlines() == [
         f"domesim: {len(names)} of {count} frames are done; the same command goes on with the rest",

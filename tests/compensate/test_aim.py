@@ -113,7 +113,8 @@ def test_light_rises_with_light(base, steps, lift):
         plane[place] = value
     aimed = grey_aim(plane, 0.03, lift)
     found = np.array([aimed[place] for place in places])
-    assert np.all(np.diff(found) >= -1e-6)
+    # Points are in the base of others, which so differs by a tenth of a per cent between them
+    assert np.all(np.diff(found) >= -5e-3 * found[:-1])
     surroundings = np.median(np.maximum(aimed, 0.03)[plane == base]) - base  # as they are seen
     assert np.all(found - np.sort(light) <= 2.1 * surroundings)
 

@@ -28,7 +28,7 @@ class Machine:
         with self._lock:
             self._under_way += 1
             self.most = max(self.most, self._under_way)
-        self._barrier.wait(timeout=10)
+        self._barrier.wait(timeout=60)
         with self._lock:
             self._under_way -= 1
             self.done.append(master.name)

@@ -638,7 +638,7 @@ def test_a_real_ctrl_c(folder: Path) -> None:
     assert process.stdout is not None
     told = [process.stdout.readline().split() for _ in range(3)]
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=300)
     assert (process.returncode, err) == (130, COMPLAINT)
     assert [what for what, _ in told] == ["tracing"] * 3
     found = layers_of(out)

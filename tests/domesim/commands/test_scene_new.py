@@ -148,7 +148,7 @@ def test_it_asks_on_a_terminal(tmp_path):
         pass
     finally:
         os.close(ours)
-    assert process.wait(timeout=60) == 0, told.decode()
+    assert process.wait(timeout=300) == 0, told.decode()
     assert "--tilt: must be 0 to 60" in told.decode()
     scene = load_scene(tmp_path / "mine.toml")
     assert scene.dome.radius == 6

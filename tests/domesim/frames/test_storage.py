@@ -147,7 +147,7 @@ def in_memory(limit: int, *arguments: object) -> subprocess.CompletedProcess[str
         text=True,
         capture_output=True,
         check=False,
-        timeout=100,
+        timeout=300,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
     )
 

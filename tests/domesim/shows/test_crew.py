@@ -36,7 +36,7 @@ def refused(folder: Path, before: str, *command: str) -> Outcome:
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,
+        timeout=300,
     )
     return outcome(done.returncode, done.stdout, done.stderr)
 
@@ -161,5 +161,5 @@ def test_the_farm_of_the_docs_is_encrypted(tmp_path: Path, monkeypatch: pytest.M
 
 def run_program(*arguments: object) -> Outcome:
     command = [*PROGRAM, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     return outcome(done.returncode, done.stdout, done.stderr)

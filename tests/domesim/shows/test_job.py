@@ -102,7 +102,7 @@ def both(first: subprocess.Popen[str], second: subprocess.Popen[str]) -> list[tu
         assert process.stdin is not None
         process.stdin.write("\n")
         process.stdin.flush()
-    errors = [process.communicate(timeout=60)[1] for process in (first, second)]
+    errors = [process.communicate(timeout=300)[1] for process in (first, second)]
     return [(first.returncode, errors[0]), (second.returncode, errors[1])]
 
 
@@ -151,7 +151,7 @@ def test_who_would_change_the_settings_is_told_who_works_there(tmp_path: Path) -
     while not list((tmp_path / "log").glob("*")):
         time.sleep(0.02)
     later = client(tmp_path, 32, 0.0, "anew")
-    _, errors = later.communicate("\n", timeout=60)
+    _, errors = later.communicate("\n", timeout=300)
     assert later.returncode == 2
     assert f"process {at_work.pid}" in errors
     assert "since" in errors
@@ -159,7 +159,7 @@ def test_who_would_change_the_settings_is_told_who_works_there(tmp_path: Path) -
     at_work.send_signal(signal.SIGKILL)
     at_work.communicate()
     after = client(tmp_path, 32, 0.0, "anew")
-    _, errors = after.communicate("\n", timeout=60)
+    _, errors = after.communicate("\n", timeout=300)
     assert (after.returncode, errors) == (0, "")
     assert len(settings_used(tmp_path)) == 1
 
