@@ -75,15 +75,15 @@ CASES = {case.name: case for case in chosen()}
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("name", "error", "allowed"),
+    ("name", "pictures", "error", "allowed"),
     [
-        ("recessed floor", 5e-4, 1e-3),
-        ("floor at the spring line, albedo 0.2", 1e-3, 5e-3),
-        ("gain lobe, share 0.3", 3e-3, 5e-3),
+        ("recessed floor", ("white", "patch"), 5e-4, 1e-3),
+        ("floor at the spring line, albedo 0.2", ("white", "patch"), 1e-3, 5e-3),
+        ("gain lobe, share 0.3", ("white",), 3e-3, 5e-3),
     ],
 )
-def test_tabulated_transport_is_what_paths_find(name, error, allowed):
-    case = replace(CASES[name], error=0.01, tabulated=error, others=())
+def test_tabulated_transport_is_what_paths_find(name, pictures, error, allowed):
+    case = replace(CASES[name], error=0.01, tabulated=error, others=(), pictures=pictures)
     found = light_of(case, Effort(1.0, 8, 0, 0), 0)
     for light in found.values():
         tabulated = light.by[TABULATED]
