@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.errors import InputError
 from domesim.frames.frame import Frame
 from domesim.light import transfer
 
@@ -39,9 +40,17 @@ def shown_over_black(frame: Frame) -> Frame:
     alpha = header.alpha
     if alpha is None or is_opaque(header.extra[alpha]):
         return frame
-    noted = replace(header, notes=(*header.notes, "over black where its alpha lets it through"))
+    taken = "straight" if header.straight else "multiplied by alpha"
+    note = f"over black where its alpha lets it through, its colours taken as {taken}"
+    noted = replace(header, notes=(*header.notes, note))
     if not header.straight:
         return replace(frame, header=noted)
+    if not opacity(header.extra[alpha]).any() and frame.pixels.any():
+        raise InputError(
+            f"{frame.path}: wanted an alpha that lets something through, got 0 everywhere over a "
+            "picture (captures of games have that). Export it without alpha (ImageMagick: convert "
+            "IN -alpha off OUT)."
+        )
     shown = over_black(frame.pixels, header.extra[alpha], frame.colour.transfer)
     return replace(frame, pixels=shown, header=noted)
 

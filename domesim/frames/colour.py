@@ -31,7 +31,7 @@ class ColourTag:
         "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084" or "dcdm"; or a
         space of OpenColorIO, whose light is in ACES AP0 (`domesim.light.ocio`).
     primaries
-        "BT.709", "P3-D65", "P3-DCI", "BT.2020", "XYZ", "ACES AP0" or "ACES AP1".
+        One of `CHROMATICITIES`, or eight numbers in words: x, y of red, green, blue and white.
     source
         For a person: "file: chromaticities", "assumed for JPEG", "--encoding dcdm", ...
     """
@@ -60,7 +60,10 @@ class ColourTag:
         if self.managed:
             return ocio.spoken(self.transfer)
         transfer = TRANSFER_NAMES.get(self.transfer, self.transfer)
-        return transfer if self.primaries == "BT.709" else f"{transfer} {self.primaries}"
+        if self.primaries == "BT.709":
+            return transfer
+        known = self.primaries in CHROMATICITIES
+        return f"{transfer} {'' if known else 'of primaries '}{self.primaries}"
 
 
 BT709_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -111,7 +114,8 @@ TRANSFER_NAMES = {
 }
 
 # x, y of red, green, blue and white: ITU-R BT.709-6 and BT.2020-2, SMPTE RP 431-2 (DCI white and
-# D65), SMPTE ST 2065-1 (AP0), ACES TB-2014-004 via AMPAS S-2014-004 (AP1); XYZ with white E.
+# D65), SMPTE ST 2065-1 (AP0), ACES TB-2014-004 via AMPAS S-2014-004 (AP1), Adobe RGB (1998), 4.3.1;
+# XYZ with white E.
 CHROMATICITIES = {
     "BT.709": (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290),
     "P3-D65": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
@@ -120,7 +124,11 @@ CHROMATICITIES = {
     "XYZ": (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3),
     "ACES AP0": (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.0770, 0.32168, 0.33767),
     "ACES AP1": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767),
+    "Adobe RGB": (0.640, 0.330, 0.210, 0.710, 0.150, 0.060, 0.3127, 0.3290),
 }
+
+_FAR = 2.0  # of x and y: no primaries of a camera's space lie there
+_FLAT = 1e-3  # twice the area of a triangle of x, y that is no gamut; BT.709's is 0.22
 
 # Identifiers of the Color Interop Forum, which OpenImageIO and EXR's colorInteropID use:
 # transfer_primaries_state, such as "g24_rec709_display".
@@ -141,6 +149,7 @@ _INTEROP_PRIMARIES = {
     "xyzd65": "XYZ",
     "ap0": "ACES AP0",
     "ap1": "ACES AP1",
+    "adobergb": "Adobe RGB",
 }
 
 # ITU-T H.273 code points. 1, 6, 14 and 15 are one camera curve, which displays decode by BT.1886.
@@ -179,7 +188,10 @@ def colour_of_profile(path: Path, spec: Any) -> ColourTag | None:
     if not isinstance(profile, np.ndarray):  # an EXR may have any text of that name
         return None
     try:
-        transfer, primaries = icc.meaning_of(bytes(profile), CHROMATICITIES)
+        transfer, told = icc.meaning_of(bytes(profile), CHROMATICITIES)
+        primaries = told if isinstance(told, str) else primaries_of(told)
+        if primaries is None:
+            raise ValueError("an ICC profile of primaries that are no colours")
     except ValueError as error:
         raise unsupported_encoding(path, str(error)) from error
     named = one_line(spec.get_string_attribute("ICCProfile:profile_description"))
@@ -203,11 +215,31 @@ def interop_named(path: Path, identifier: str) -> tuple[str, str] | None:
 
 
 def primaries_of(chromaticities: Sequence[float]) -> str | None:
-    """The known primaries within 0.001 of x, y of red, green, blue and white."""
+    """Primaries of x, y of red, green, blue and white: a name within 0.001, or these numbers.
+
+    None if no light has them, or they are one colour.
+    """
     for name, known in CHROMATICITIES.items():
         if np.allclose(chromaticities, known, rtol=0, atol=1e-3):
             return name
-    return None
+    xy = np.array(chromaticities, np.float64).reshape(4, 2)
+    if not (np.isfinite(xy).all() and np.abs(xy).max() < _FAR and xy[3].min() > 0):
+        return None
+    shape = np.column_stack([xy[:3], np.ones(3)])
+    if abs(np.linalg.det(shape)) < _FLAT or np.linalg.solve(shape.T, [*xy[3], 1]).min() <= 0:
+        return None
+    return " ".join(f"{value:.6g}" for value in xy.ravel())
+
+
+def chromaticities_of(primaries: str) -> tuple[float, ...] | None:
+    """x, y of red, green, blue and white of a `ColourTag`'s primaries; None for another name."""
+    if primaries in CHROMATICITIES:
+        return CHROMATICITIES[primaries]
+    try:
+        numbers = tuple(map(float, primaries.split()))
+    except ValueError:
+        return None
+    return numbers if len(numbers) == 8 and primaries_of(numbers) else None
 
 
 def unsupported_encoding(path: Path, got: str) -> InputError:

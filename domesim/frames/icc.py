@@ -26,8 +26,12 @@ _NEAR = 0.004  # of XYZ: profiles round, and take white points of four digits
 _CODES = 1.5  # of L*, 8 bits
 
 
-def meaning_of(profile: bytes, chromaticities: Mapping[str, tuple[float, ...]]) -> tuple[str, str]:
-    """Transfer and primaries of an ICC profile, which are `CURVES` and those given by name.
+def meaning_of(
+    profile: bytes, chromaticities: Mapping[str, tuple[float, ...]]
+) -> tuple[str, str | tuple[float, ...]]:
+    """Transfer and primaries of an ICC profile: of `CURVES`, and the name of those given by name.
+
+    Primaries that have no name are x, y of red, green, blue and white, as they are adapted to D50.
 
     Raises
     ------
@@ -54,7 +58,8 @@ def meaning_of(profile: bytes, chromaticities: Mapping[str, tuple[float, ...]]) 
     for primaries, xy in chromaticities.items():
         if np.abs(columns - _adapted(xy)).max() <= _NEAR:
             return curves[0], primaries
-    raise ValueError(f"ICC profile '{name}' of other primaries")
+    xy = np.column_stack([columns, _D50])[:2] / np.column_stack([columns, _D50]).sum(axis=0)
+    return curves[0], tuple(xy.T.ravel().tolist())
 
 
 def _lightness(profile: Any) -> NDArray[np.float64]:

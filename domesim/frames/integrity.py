@@ -24,6 +24,14 @@ def damaged(path: Path, label: str, got: str) -> InputError:
     return InputError(f"{path}: wanted a complete {label}, got {got}. Copy or render it again.")
 
 
+def projected(path: Path, projection: str) -> InputError:
+    """The error for a picture that says that it is a panorama."""
+    return InputError(
+        f"{path}: wanted a picture as it is projected, got one that says it is {projection}. Make "
+        "a domemaster of it first."
+    )
+
+
 @contextmanager
 def enough_memory(path: Path) -> Iterator[None]:
     """Turns a lack of memory into an error for a person."""

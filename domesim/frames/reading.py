@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,9 +19,16 @@ from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag
 from domesim.frames.depths import FLOATING, INTEGER, code_span
 from domesim.frames.formats import FORMATS, LABELS
-from domesim.frames.formats.base import Format, Window
+from domesim.frames.formats.base import Format, Window, camera_raw
 from domesim.frames.frame import Frame, Header, Pixels
-from domesim.frames.integrity import SQUARE, DamagedError, damaged, enough_memory, refuse_sides
+from domesim.frames.integrity import (
+    SQUARE,
+    DamagedError,
+    damaged,
+    enough_memory,
+    projected,
+    refuse_sides,
+)
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
 from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size
@@ -153,12 +161,27 @@ def _examined(path: Path, *, header: bool = False) -> Format | None:
                     f"{path}: wanted an image, got an empty file. Copy or render it again."
                 )
             file.seek(0)
+            _refuse_projection(path, file)
             form = next((each for each in FORMATS.values() if start.startswith(each.starts)), None)
             return None if form is None else _described_by_file(path, form, file, header=header)
     except OSError as error:
         raise InputError(
             f"{path}: wanted to read it, got '{reason(error)}'. Check its path and permissions."
         ) from error
+
+
+_ENDS = 1 << 18  # bytes in which XMP is looked for
+_PROJECTION = re.compile(rb"GPano:ProjectionType\s*(?:=\s*[\"']|>)\s*(\w+)")
+
+
+def _refuse_projection(path: Path, file: BinaryIO) -> None:
+    """Refuse a panorama that says so (Google's GPano, in XMP)."""
+    ends = file.read(_ENDS)
+    file.seek(max(file.tell(), file.seek(0, os.SEEK_END) - _ENDS))
+    said = _PROJECTION.search(ends + file.read())
+    file.seek(0)
+    if said is not None and said[1].lower() != b"fisheye":
+        raise projected(path, one_line(said[1].decode("latin-1")))
 
 
 def _described_by_file(path: Path, form: Format, file: BinaryIO, *, header: bool) -> Format:
@@ -209,6 +232,8 @@ def _open_at(path: Path, name: str, form: Format | None) -> Any:
     return reader
 
 
+_RAW = (b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FUJIFILMCCD-RAW", b"FOVb", b"\0MRM")
+"""First bytes of Olympus', Panasonic's, Fujifilm's, Sigma's and Minolta's raw files."""
 _STILLS = (b"heic", b"heix", b"heim", b"heis", b"mif1", b"avif")
 """Brands of pictures in the container of MP4 (ISO/IEC 23008-12, 10.2; AV1 Image File Format, 4)."""
 
@@ -217,6 +242,8 @@ def _refuse_video(path: Path) -> None:
     """Name the container of a video whose suffix is of none that is read."""
     with path.open("rb") as file:
         start = file.read(16)
+    if start.startswith(_RAW) or start[4:12] == b"ftypcrx ":
+        raise camera_raw(path)
     if start[4:8] == b"ftyp" and start[8:12] in _STILLS:
         raise InputError(
             f"{path}: wanted {LABELS}, got HEIF or AVIF. Convert it to EXR or "
@@ -289,7 +316,7 @@ def layout_of(
     straight = form.unassociated
     if straight is None:
         straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
-    notes = [*_pixel_notes(path, spec, form), *(["legal range"] if legal else [])]
+    notes = [*form.notes, *_pixel_notes(path, spec, form), *(["legal range"] if legal else [])]
     if orientation != UPRIGHT:
         notes.append(f"turned upright: its Orientation is {orientation}")
     header = Header(
@@ -506,12 +533,16 @@ def read_samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray
 
 def refuse_several_images(path: Path, reader: Any) -> None:
     """To be called last, for a reader may not find its way back from a second image."""
-    several = bool(reader.seek_subimage(1, 0))
+    spec = reader.spec()
+    # FFmpeg's image2pipe makes one file of all frames; OpenImageIO reads the first.
+    piped = reader.format_name() == "pnm" and spec.get_int_attribute("pnm:binary")
+    several = piped and path.stat().st_size >= 2 * spec.image_bytes(True)
+    several = several or bool(reader.seek_subimage(1, 0))
     problem_of(reader)
     if several:
         raise InputError(
             f"{path}: wanted one image, got a file of several parts or pages. "
-            "Split it first (oiiotool IN --sisplit -o OUT)."
+            "Take one (oiiotool IN --subimage 0 -o OUT)."
         )
 
 

@@ -191,6 +191,12 @@ class Master:
         made = self.with_pixels(pixels)
         return replace(made, frames=tuple(replace(each, colour=colour) for each in made.frames))
 
+    @property
+    def of_several(self) -> str:
+        """What a message adds to "one picture", if its file has more."""
+        notes = [each for each in self.frames[0].header.notes if each.startswith("one of ")]
+        return "".join(f" ({each})" for each in notes)
+
     def described(self) -> str:
         """One phrase for a person: ``2 x 1920 x 1080 EXR, ..., left and right in two files``."""
         first = self.frames[0].described()
@@ -336,7 +342,7 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
     if master.packing != "mpo" and any(path.suffix.lower() == ".mpo" for path in files):
         raise InputError(
             f"{files[0]}: wanted left and right of an MPO for .mpo, got "
-            f"{_DESCRIPTIONS.get(master.packing, 'one picture')}. Choose .jpg."
+            f"{_DESCRIPTIONS.get(master.packing, 'one picture')}{master.of_several}. Choose .jpg."
         )
     if master.packing == "mpo" and not isinstance(SUFFIXES.get(files[0].suffix.lower()), jpeg.JPEG):
         raise InputError(
@@ -420,7 +426,7 @@ def _read_file(
         frames, file = stereo
         return Master(frames, "multi-view" if isinstance(file, MultiView) else "multi-part", file)
     with enough_memory(path):
-        pair = _read_mpo(path, colour)
+        pair = _read_mpo(path, colour, taken=packing == "mpo")
     if pair is not None:
         return Master(pair, "mpo")
     frame = read_image(path, repair=repair, grey=packing in _AXES, colour=colour)
@@ -431,13 +437,13 @@ def _read_file(
     return Master((frame,))
 
 
-def _read_mpo(path: Path, colour: ColourTag | None) -> tuple[Frame, ...] | None:
-    """Left and right of an MPO; None if it is none."""
+def _read_mpo(path: Path, colour: ColourTag | None, *, taken: bool) -> tuple[Frame, ...] | None:
+    """Left and right of an MPO, or what is `taken` for one; None if it is none."""
     try:
         with path.open("rb") as file:
             start = file.read(len(jpeg.START))
             content = start + file.read() if start == jpeg.START else b""
-        views = jpeg.pair_of(content) if content else None
+        views = jpeg.pair_of(content, taken=taken) if content else None
     except OSError:  # reading it otherwise will tell
         return None
     except ValueError as error:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
-from domesim.frames.colour import CHROMATICITIES
+from domesim.frames.colour import CHROMATICITIES, chromaticities_of
 from domesim.light import Light
 from domesim.light.strips import in_strips
 from domesim.light.transfer import Transfer
@@ -207,8 +207,8 @@ def chromaticities(name: str) -> tuple[float, ...] | None:
 
     None if the name is not known, or no light has such chromaticities (Y = 0).
     """
-    if name in CHROMATICITIES:
-        return CHROMATICITIES[name]
+    if (known := chromaticities_of(name)) is not None:
+        return known
     with warnings.catch_warnings(action="ignore"):  # of its parts that are not installed
         spaces = import_module("colour").RGB_COLOURSPACES
     if name not in spaces:

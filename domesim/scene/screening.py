@@ -74,8 +74,9 @@ def _require_views(master: Master, scene: Scene) -> None:
     eyes = master.frames[0].header.eyes
     packing = "" if eyes is None else f" {eyes.packing}, as it says itself"
     raise InputError(
-        f"{master.path}: wanted left and right for {scene.name}, got one picture. Name both "
-        f"(--left L.####.exr --right R.####.exr), or say how they are packed (--packing{packing})."
+        f"{master.path}: wanted left and right for {scene.name}, got one picture"
+        f"{master.of_several}. Name both (--left L.####.exr --right R.####.exr), or say how they "
+        f"are packed (--packing{packing})."
     )
 
 

@@ -1,11 +1,13 @@
 """Image formats: one file each, and one line of a table."""
 
 from domesim.frames.formats.base import Format, Plain
+from domesim.frames.formats.bmp import BMP
 from domesim.frames.formats.dpx import DPX
 from domesim.frames.formats.exr import EXR
 from domesim.frames.formats.hdr import HDR
 from domesim.frames.formats.jpeg import JPEG
 from domesim.frames.formats.jpeg2000 import JPEG2000
+from domesim.frames.formats.jpegxl import JPEGXL
 from domesim.frames.formats.png import PNG
 from domesim.frames.formats.tiff import TIFF
 
@@ -20,10 +22,10 @@ FORMATS: dict[str, Format] = {
         JPEG2000("jpeg2000", "JPEG 2000", (".jp2", ".j2k", ".j2c", ".jpc"), (8, 10, 12, 16)),
         # Read only. Each of these was seen to notice truncation; OpenImageIO also has formats that
         # do not (and one, "null", that makes images up), hence a list.
-        Plain("bmp", "BMP", unassociated=True),
+        BMP("bmp", "BMP", unassociated=True),
         HDR("hdr", "HDR"),
         Plain("iff", "IFF"),
-        Plain("jpegxl", "JPEG XL"),
+        JPEGXL("jpegxl", "JPEG XL"),
         Plain("pnm", "PNM"),
         Plain("rla", "RLA"),
         Plain("sgi", "SGI"),

@@ -14,6 +14,7 @@ from typing import Any, BinaryIO, ClassVar, Literal, Self, TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.errors import InputError
 from domesim.frames.colour import (
     ColourTag,
     colour_of_cicp,
@@ -45,6 +46,7 @@ class Format:
     aspect: float | None = None  # width of a pixel by its height
     unassociated: bool | None = None  # whether colours are not multiplied by alpha
     stored_anew: bytes | None = None  # the file as OpenImageIO can read it
+    notes: tuple[str, ...] = ()  # for a person
 
     starts: ClassVar[tuple[bytes, ...]] = ()  # what files begin with that `examined` is to see
     wanted: ClassVar[str] = "R, G, B"  # what they must hold
@@ -150,8 +152,11 @@ class Format:
         return colour_of_cicp(path, spec) or colour_of_profile(path, spec) or own
 
     def _colour(self, path: Path, spec: Any) -> ColourTag:
-        if spec.get_int_attribute("Exif:ColorSpace") == 1:
+        space = spec.get_int_attribute("Exif:ColorSpace")
+        if space == 1:
             return ColourTag("srgb", "BT.709", "file: Exif")
+        if space == _ADOBE_RGB or (space == _UNCALIBRATED and _interoperability(path) == "R03"):
+            return ColourTag("gamma2.2", "Adobe RGB", "file: Exif, Adobe RGB")
         stated = spec.get_string_attribute("oiio:ColorSpace")
         named = interop_named(path, stated)
         if named and named[0] != "srgb":  # sRGB is OpenImageIO's own guess
@@ -369,6 +374,33 @@ class Format:
             The file's bytes.
         """
         return content
+
+
+_ADOBE_RGB, _UNCALIBRATED = 2, 65535  # of Exif's ColorSpace; 2 as cameras write it
+
+
+def _interoperability(path: Path) -> str:
+    """Exif's InteroperabilityIndex: R03 is Adobe RGB (CIPA DC-009, 4.2)."""
+    from PIL import ExifTags, Image  # noqa: PLC0415 - few files need it
+
+    with Image.open(path) as opened:
+        index = opened.getexif().get_ifd(ExifTags.IFD.Interop).get(ExifTags.Interop.InteropIndex)
+    return str(index or "").strip("\0 ")
+
+
+def camera_raw(path: Path) -> InputError:
+    """The error for what a camera's sensor gave."""
+    return InputError(
+        f"{path}: wanted a picture, got a camera's raw file. Develop it first, in linear light for "
+        "measurements (dcraw -4 -T IN)."
+    )
+
+
+def animated(path: Path) -> InputError:
+    """The error for a picture of several frames."""
+    return InputError(
+        f"{path}: wanted one picture, got an animation. Save each of its frames as a picture."
+    )
 
 
 @final

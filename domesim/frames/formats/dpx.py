@@ -18,6 +18,8 @@ _HEADER = 2048
 _NAME = (36, 136)
 _TURNED, _DEVICE, _INDUSTRY = 768, 1408, 1664  # where fields begin
 _FIELDS = ((136, 160), (_TURNED, _TURNED + 2), (_DEVICE, _INDUSTRY), (_INDUSTRY, _HEADER))
+_DESCRIPTOR = 800
+_LUMA_AND_CHROMA = (b"\7", b"d", b"e", b"f", b"g")  # 7: chroma alone; 100 to 103
 _ROWS = (1, 2, 4, 3)
 _COLUMNS = range(4, 8)
 _OF_INDUSTRY = (
@@ -65,6 +67,11 @@ class DPX(Format):
             raise DamagedError(f"one that ends early, at {size} of {stated} bytes")
         (offset,) = struct.unpack_from(order + "I", start, 4)
         header = start[: min(offset, _HEADER)]
+        if header[_DESCRIPTOR : _DESCRIPTOR + 1] in _LUMA_AND_CHROMA:
+            raise InputError(
+                f"{path}: wanted R, G, B, got Y'CbCr (descriptor {header[_DESCRIPTOR]}). Export it "
+                "as R, G, B."
+            )
         turned = int.from_bytes(header[_TURNED : _TURNED + 2], "big" if order == ">" else "little")
         # OpenImageIO makes rows of lines that are columns.
         if turned in _COLUMNS:

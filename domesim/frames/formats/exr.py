@@ -8,6 +8,7 @@ is not of the picture itself is carried over as bytes (*OpenEXR File Layout*, op
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,14 +21,15 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
 from domesim.errors import InputError
 from domesim.frames.colour import (
-    CHROMATICITIES,
     ColourTag,
+    chromaticities_of,
     interop_identifier,
     interop_named,
     primaries_of,
 )
 from domesim.frames.formats.base import Format, Target, Window
 from domesim.frames.integrity import DamagedError
+from domesim.frames.messages import one_line
 
 MAGIC = b"v/1\x01"
 _MULTI_PART, _LONG_NAMES = 0x1000, 0x400  # of the version field
@@ -41,6 +43,8 @@ _STRUCTURE = {
     *(b"dwaCompressionLevel", b"openexr:levelmode", b"openexr:roundingmode"),
 }
 _OF_OLD_PIXELS = {b"preview", b"textureformat", b"oiio:SHA-1", b"oiio:AverageColor"}
+
+_SUBSAMPLED = re.compile(r"Subsampled channels are not supported \(channel \"([^\"]*)\"")
 
 Attributes: TypeAlias = dict[bytes, bytes]
 """Name -> the whole attribute: name, type, size and value."""
@@ -82,20 +86,45 @@ class EXR(Format):
         return data, display
 
     def _colour(self, path: Path, spec: Any) -> ColourTag:
-        stated = spec.get_string_attribute("colorInteropID")
-        stated = stated or spec.get_string_attribute("oiio:ColorSpace")
-        transfer, primaries, source = "linear", "BT.709", "assumed for EXR"
-        known = interop_named(path, stated)
-        if known:
-            (transfer, primaries), source = known, f"file: {stated}"
+        """The identifier goes first (OpenEXR, *Color Interop*, 2026)."""
+        identifier = spec.get_string_attribute("colorInteropID")
+        if identifier == "data":
+            raise InputError(
+                f"{path}: wanted a picture, got numbers that are none (colorInteropID 'data'). "
+                "Name another file, or say what it is (--encoding)."
+            )
+        known = interop_named(path, identifier)
+        odd = f"; colorInteropID {one_line(identifier)!r} is not known"
+        odd = "" if known or identifier in ("", "unknown") else odd
         chromaticities = spec.getattribute("chromaticities")
+        named = None if chromaticities is None else primaries_of(chromaticities)
+        if known:
+            source = f"file: {identifier}"
+            # P3-DCI has no identifier: see `interop_identifier`.
+            if {named, known[1]} == {"P3-DCI", "P3-D65"} or named in (None, known[1]):
+                return ColourTag(known[0], named or known[1], source)
+            return ColourTag(*known, f"{source}; its chromaticities say {named}, and are not used")
         if chromaticities is None:
-            return ColourTag(transfer, primaries, source)
-        named = primaries_of(chromaticities)
+            return ColourTag("linear", "BT.709", f"assumed for EXR{odd}")
         if named is None:
-            source = f"{source}; primaries assumed, the file's chromaticities are not known ones"
-            return ColourTag(transfer, primaries, source)
-        return ColourTag(transfer, named, "file: chromaticities")
+            source = f"assumed for EXR; the file's chromaticities are no colours{odd}"
+            return ColourTag("linear", "BT.709", source)
+        return ColourTag("linear", named, f"file: chromaticities{odd}")
+
+    def explain(self, path: Path, problem: str) -> None:
+        """Luminance and chroma, and subsampled channels (*OpenEXR Technical Introduction*)."""
+        subsampled = _SUBSAMPLED.search(problem)
+        if subsampled is None:
+            return
+        if subsampled[1].upper().rpartition(".")[2] in ("RY", "BY"):
+            raise InputError(
+                f"{path}: wanted R, G, B, got an EXR of luminance and chroma (Y, RY, BY). It is "
+                "not damaged: save it as R, G, B where it was made."
+            )
+        raise InputError(
+            f"{path}: wanted channels of one size, got {one_line(subsampled[1])}, which is "
+            "subsampled. It is not damaged: save it without that channel where it was made."
+        )
 
     def of_part(self, part: int) -> Self:
         return replace(self, carried=(self.carried[part],))
@@ -118,7 +147,7 @@ class EXR(Format):
         if colour.transfer != "linear":
             spec.attribute("colorInteropID", interop_identifier(colour))
         if colour.primaries != "BT.709":
-            kind, value = oiio.TypeDesc("float[8]"), CHROMATICITIES[colour.primaries]
+            kind, value = oiio.TypeDesc("float[8]"), chromaticities_of(colour.primaries)
             spec.attribute("chromaticities", kind, value)
 
     def finished(self, content: bytes, path: Path, target: Target) -> bytes:

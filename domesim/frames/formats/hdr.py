@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.frames.colour import CHROMATICITIES, ColourTag, primaries_of
+from domesim.frames.colour import ColourTag, primaries_of
 from domesim.frames.formats.base import Format
 from domesim.frames.messages import one_line
 
@@ -71,9 +71,9 @@ class HDR(Format):
         primaries = primaries_of(self.chromaticities)
         if primaries is None:
             raise InputError(
-                f"{path}: wanted primaries of {', '.join(CHROMATICITIES)}, got PRIMARIES "
-                f"{' '.join(f'{value:g}' for value in self.chromaticities)}. Convert it first, or "
-                "say what it is (--encoding)."
+                f"{path}: wanted PRIMARIES of three colours, got "
+                f"{' '.join(f'{value:g}' for value in self.chromaticities)}. Correct it, or say "
+                "what it is (--encoding)."
             )
         return ColourTag("linear", primaries, "file: PRIMARIES")
 

@@ -6,6 +6,7 @@ OpenImageIO reads and writes a part of them: it loses an Orientation, and commen
 from __future__ import annotations
 
 import io
+import re
 import struct
 import warnings
 from collections.abc import Iterator
@@ -24,6 +25,10 @@ _JFIF, _FIRST, _LAST, _COMMENT, _SCAN = 0xE0, 0xE1, 0xEF, 0xFE, 0xDA  # APPn, CO
 # Of APP2: ICC profiles, which are said anew; and where other pictures of the file are, which are
 # not in another. APP14 tells how samples are stored.
 _INDEX, _ENTRIES, _DISPARITY = b"MPF\0", 0xB002, 0x020002
+_GAINS = (b"http://ns.adobe.com/hdr-gain-map/1.0/", b"urn:iso:std:iso:ts:21496:-1")
+_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # SOF0 to SOF15
+_MARKER, _END = re.compile(rb"\xff[^\x00\x01\xd0-\xd8\xff]"), b"\xff\xd9"  # not RST, SOI; EOI
+_DEPTH = 8
 _OF_STORAGE = (b"ICC_PROFILE\0", _INDEX, b"Adobe", _STEREO)
 
 
@@ -51,7 +56,26 @@ class JPEG(Format):
             raise InputError(
                 f"{path}: wanted one picture, got an MPO of two views. Save one alone."
             )
-        return replace(self, metadata=_metadata_of(content), eyes=_eyes_of(content))
+        if (depth := _depth(content)) > _DEPTH:
+            raise InputError(
+                f"{path}: wanted a JPEG of {_DEPTH} bits, got one of {depth}. It is not damaged: "
+                "save it as TIFF or PNG of 16 bits where it was made."
+            )
+        first = _first_of(content)
+        notes: tuple[str, ...] = ()
+        if any(gains in content for gains in _GAINS):
+            notes = ("its gain map is left out",)
+        elif (count := len(_pictures_of(content))) > 1:
+            notes = (
+                f"one of {count} pictures in its file, which are not marked as a stereo pair "
+                "(--packing mpo takes two as one)",
+            )
+        elif START in content[len(first) :]:
+            notes = ("the other pictures in its file are left out",)
+        # OpenImageIO would apply a gain map, and give light beyond white.
+        anew = _without(first, (_INDEX, *_GAINS)) if len(first) < len(content) else None
+        metadata, eyes = _metadata_of(content), _eyes_of(content)
+        return replace(self, metadata=metadata, eyes=eyes, notes=notes, stored_anew=anew)
 
     def state_storage(self, spec: Any, target: Target) -> None:
         spec.attribute("Compression", "jpeg:100")
@@ -86,12 +110,33 @@ def _segments_of(content: bytes) -> Iterator[tuple[int, bytes]]:
         position = end
 
 
+def _depth(content: bytes) -> int:
+    """Bits of a sample, as a frame's header has it; 0 if there is none."""
+    frames = (whole for marker, whole in _segments_of(content) if marker in _FRAMES)
+    return next((whole[4] for whole in frames if len(whole) > 4), 0)
+
+
+def _first_of(content: bytes) -> bytes:
+    """The first picture of a file, up to its end of image (B.1.1.3); all, if there is none."""
+    position = 2 + sum(len(whole) for _, whole in _segments_of(content))
+    while (found := _MARKER.search(content, position)) is not None:
+        position = found.end()
+        if found[0] == _END:
+            return content[:position]
+        if position + 2 > len(content):
+            break
+        position += int.from_bytes(content[position : position + 2])
+    return content
+
+
 def _metadata_of(content: bytes) -> bytes:
     """The segments that tell of the picture: Exif, XMP, IPTC, comments, ..."""
     return b"".join(
         whole
         for marker, whole in _segments_of(content)
-        if _is_metadata(marker) and not whole[4:].startswith(_OF_STORAGE)
+        if _is_metadata(marker)
+        and not whole[4:].startswith(_OF_STORAGE)
+        and not any(gains in whole for gains in _GAINS)
     )
 
 
@@ -138,10 +183,11 @@ def _eyes_of(content: bytes) -> Eyes | None:
     return None
 
 
-def pair_of(content: bytes) -> tuple[bytes, bytes] | None:
+def pair_of(content: bytes, *, taken: bool = False) -> tuple[bytes, bytes] | None:
     """Left and right of an MPO of two views (CIPA DC-007, 5.2.3.3: disparity); None if it is none.
 
-    A panorama, or a picture with a preview, is one picture.
+    A panorama, or a picture with a preview, is one picture. If it is `taken` for a pair, two
+    pictures that are no previews are one.
 
     Raises
     ------
@@ -149,9 +195,30 @@ def pair_of(content: bytes) -> tuple[bytes, bytes] | None:
         If there are more views, or less in the file than its index says. The message says what was
         got.
     """
-    index = next((whole for _, whole in _segments_of(content) if whole[4:].startswith(_INDEX)), b"")
-    if not index:
+    views = [
+        entry
+        for entry in _pictures_of(content)
+        if taken or "Disparity" in entry["Attribute"]["MPType"]
+    ]
+    if len(views) < 2:
         return None
+    if len(views) > 2:
+        raise ValueError(f"an MPO of {len(views)} views")
+    # The leftmost comes first (6.2.2.2). Places count from behind the index's name.
+    origin = content.index(_INDEX) + len(_INDEX)
+    begins = [origin + view["DataOffset"] if view["DataOffset"] else 0 for view in views]
+    left, right = (
+        content[begin : begin + view["Size"]] for begin, view in zip(begins, views, strict=True)
+    )
+    if not (left.startswith(START) and right.startswith(START)):
+        raise ValueError("an MPO that ends early")
+    return _without(left, (_INDEX,)), _without(right, (_INDEX,))
+
+
+def _pictures_of(content: bytes) -> list[Any]:
+    """Entries of an MPO's index, of pictures that are no previews; none if there is no index."""
+    if not any(whole[4:].startswith(_INDEX) for _, whole in _segments_of(content)):
+        return []
     from PIL import Image  # noqa: PLC0415 - few JPEGs have an index
 
     try:
@@ -159,21 +226,8 @@ def pair_of(content: bytes) -> tuple[bytes, bytes] | None:
         with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(content)) as opened:
             entries = getattr(opened, "mpinfo", {}).get(_ENTRIES, [])
     except (OSError, ValueError, SyntaxError, KeyError, Image.DecompressionBombError):
-        return None
-    views = [entry for entry in entries if "Disparity" in entry["Attribute"]["MPType"]]
-    if len(views) < 2:
-        return None
-    if len(views) > 2:
-        raise ValueError(f"an MPO of {len(views)} views")
-    # The leftmost comes first (6.2.2.2). Places count from behind the index's name.
-    origin = content.index(index) + 8
-    begins = [origin + view["DataOffset"] if view["DataOffset"] else 0 for view in views]
-    left, right = (
-        content[begin : begin + view["Size"]] for begin, view in zip(begins, views, strict=True)
-    )
-    if not (left.startswith(START) and right.startswith(START)):
-        raise ValueError("an MPO that ends early")
-    return _without_index(left), _without_index(right)
+        return []
+    return [each for each in entries if "Thumbnail" not in each["Attribute"]["MPType"]]
 
 
 def joined_pair(left: bytes, right: bytes) -> bytes:
@@ -197,9 +251,10 @@ def _index_segment(first: int, place: int, second: int) -> bytes:
     return b"\xff\xe2" + struct.pack(">H", len(body) + 2) + body
 
 
-def _without_index(content: bytes) -> bytes:
+def _without(content: bytes, kinds: tuple[bytes, ...]) -> bytes:
+    """A JPEG without the segments that speak of one of these."""
     segments, rest = _taken_apart(content)
-    kept = [whole for _, whole in segments if not whole[4:].startswith(_INDEX)]
+    kept = [whole for _, whole in segments if not any(kind in whole for kind in kinds)]
     return START[:2] + b"".join(kept) + rest
 
 

@@ -18,8 +18,8 @@ from isal.igzip_lib import IsalError
 from numpy.typing import NDArray
 
 from domesim.frames.colour import (
-    CHROMATICITIES,
     ColourTag,
+    chromaticities_of,
     code_points_of,
     interop_named,
     is_sayable,
@@ -27,7 +27,7 @@ from domesim.frames.colour import (
     primaries_of,
 )
 from domesim.frames.eyes import SIDE_BY_SIDE, Eyes
-from domesim.frames.formats.base import Format, Target
+from domesim.frames.formats.base import Format, Target, animated
 from domesim.frames.formats.png_pixels import compressed
 from domesim.frames.integrity import DamagedError, refuse_sides
 
@@ -73,6 +73,8 @@ class PNG(Format):
                 name = kind.decode("ascii", "replace")
                 raise DamagedError(f"a wrong checksum in chunk {name!r}")
             picture.add(kind, chunk[8:-4])
+            if kind == b"acTL":
+                raise animated(path)
             if kind == b"sTER":
                 eyes = _eyes_of(chunk[8:-4])
             if kind == b"IHDR":
@@ -103,7 +105,7 @@ class PNG(Format):
             ]
             named = primaries_of(white_first[2:] + white_first[:2])
             if named is None:
-                sources.append("primaries assumed, its chromaticities are not known ones")
+                sources.append("primaries assumed, its chromaticities are no colours")
             else:
                 primaries = named
                 sources.append("cHRM")
@@ -154,8 +156,8 @@ def colour_chunks(colour: ColourTag) -> bytes:
     exponents = {"linear": 1.0, "gamma2.2": 2.2, "gamma2.4": 2.4, "gamma2.6": 2.6, "dcdm": 2.6}
     if colour.transfer in exponents:
         chunks += chunk(b"gAMA", struct.pack(">I", round(100000 / exponents[colour.transfer])))
-    xy = CHROMATICITIES[colour.primaries]
-    if min(xy) >= 0:  # cHRM has no sign, and so not AP0
+    xy = chromaticities_of(colour.primaries)
+    if xy is not None and min(xy) >= 0:  # cHRM has no sign, and so not AP0
         white_first = [round(100000 * value) for value in (*xy[6:], *xy[:6])]
         chunks += chunk(b"cHRM", struct.pack(">8I", *white_first))
     return chunks

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
-from domesim.frames.formats.base import Format, Target
+from domesim.frames.formats.base import Format, Target, camera_raw
 from domesim.frames.integrity import DamagedError
 
 if sys.version_info >= (3, 14):
@@ -33,6 +33,9 @@ else:
     from backports import zstd
 
 _COMPRESSION, _FILL_ORDER, _EXIF = 259, 266, 34665
+_KIND, _PHOTOMETRIC, _SUB_DIRECTORIES, _DNG = 254, 262, 330, 50706
+_REDUCED = 1  # of `_KIND`
+_SENSOR = {32803, 34892}  # photometrics: a colour filter's, linear raw
 _COLS, _ROWS, _BITS, _ROWS_PER_STRIP, _PLANAR = 256, 257, 258, 278, 284
 _TILE_COLS, _TILE_ROWS = 322, 323
 _PLACES, _SIZES = (273, 324), (279, 325)  # of strips, of tiles
@@ -67,7 +70,10 @@ class TIFF(Format):
     storage = ("tiff:.*",)
 
     def examined(self, path: Path, file: BinaryIO) -> Self:
-        return replace(self, stored_anew=_File(file).stored_anew())
+        tiff = _File(file)
+        if tiff.is_raw():
+            raise camera_raw(path)
+        return replace(self, stored_anew=tiff.stored_anew())
 
     def explain(self, path: Path, problem: str) -> None:
         lacking = _LACKING.search(problem)
@@ -132,6 +138,7 @@ class _File:
         self._order = "<" if start[:2] == b"II" else ">"
         self._big = start[2:] in (b"+\0", b"\0+")
         self._word = "Q" if self._big else "I"
+        self._canon = file.read(6)[4:] == b"CR"
 
     def _read(self, form: str, place: int) -> tuple[int, ...]:
         count = struct.calcsize(self._order + form)
@@ -165,6 +172,7 @@ class _File:
                     self._require(tags[tag].offset, size)
                 elif tag == _EXIF:
                     begins.append(tags[tag].offset)
+            begins += self._values(tags, _SUB_DIRECTORIES)
             begins += self._read(self._word, begin + count * length)
             yield tags
 
@@ -177,6 +185,21 @@ class _File:
         form, room = f"{number}{name}", struct.calcsize(f"={self._word}")
         inline = struct.calcsize(f"={form}") <= room
         return self._read(form, place + 4 + room if inline else offset)
+
+    def is_raw(self) -> bool:
+        """Whether it is a camera's: what stands first is a preview, or has a colour filter's light.
+
+        By DNG 1.7, TIFF/EP and Canon's marker; others have a larger picture behind the first.
+        """
+        each: list[_Tags] = [*self._directories(), {}]
+        first = each[0]
+        if _DNG in first or self._canon or self._first(first, _KIND, 0) & _REDUCED:
+            return True
+        sides = [self._first(tags, _COLS, 0) * self._first(tags, _ROWS, 0) for tags in each]
+        light = [self._first(tags, _PHOTOMETRIC, 0) for tags in each]
+        return not _SENSOR.isdisjoint(light) or (
+            _SUB_DIRECTORIES in first and max(sides) > sides[0]
+        )
 
     def stored_anew(self) -> bytes | None:
         """The TIFF with its strips as ZIP; None if it can be read as it is."""

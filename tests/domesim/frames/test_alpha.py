@@ -66,7 +66,6 @@ STRAIGHT = [
     ("in.tif", "uint16", "srgb"),
     ("in.tif", "float32", "linear"),
     ("in.tga", "uint8", "srgb"),
-    ("in.bmp", "uint8", "srgb"),
     ("in.jp2", "uint8", "srgb"),
     ("in.webp", "uint8", "srgb"),
 ]

@@ -505,8 +505,8 @@ def gamma(value: float) -> bytes:
         (
             [chrm(0.6, 0.3, 0.2, 0.7, 0.1, 0.1, 0.3, 0.3)],
             "srgb",
-            "BT.709",
-            "file: primaries assumed, its chromaticities are not known ones",
+            "0.6 0.3 0.2 0.7 0.1 0.1 0.3 0.3",
+            "file: cHRM",
         ),
         ([chunk(b"cICP", bytes([9, 16, 0, 1]))], "st2084", "BT.2020", "file: cICP"),
         ([chunk(b"cICP", bytes([11, 17, 0, 1]))], "dcdm", "P3-DCI", "file: cICP"),
@@ -579,12 +579,12 @@ def test_exr_chromaticities_name_the_primaries(
     assert read_frame(source).colour == ColourTag("linear", primaries, "file: chromaticities")
 
 
-def test_exr_of_unknown_chromaticities_says_so(tmp_path: Path) -> None:
-    xy = (0.6, 0.3, 0.2, 0.7, 0.1, 0.1, 0.3, 0.3)
-    source = store(tmp_path / "in.exr", texture("float16"), chromaticities=("float[8]", xy))
-    colour = read_frame(source).colour
-    assert (colour.transfer, colour.primaries) == ("linear", "BT.709")
-    assert "not known" in colour.source
+def test_exr_of_chromaticities_that_are_no_colours_says_so(tmp_path: Path) -> None:
+    for xy in ((0.0,) * 8, (0.3, 0.3) * 4, (0.6, 0.3, 0.2, 0.7, 0.1, 0.1, 0.7, 0.7)):
+        source = store(tmp_path / "in.exr", texture("float16"), chromaticities=("float[8]", xy))
+        colour = read_frame(source).colour
+        assert (colour.transfer, colour.primaries) == ("linear", "BT.709")
+        assert "are no colours" in colour.source
 
 
 def test_frames_describe_themselves(tmp_path: Path) -> None:
