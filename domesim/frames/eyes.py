@@ -15,7 +15,8 @@ Packed: TypeAlias = Literal["side-by-side", "top-bottom"]
 SIDE_BY_SIDE: Packed = "side-by-side"
 TOP_BOTTOM: Packed = "top-bottom"
 _STEREO_3D = {1: SIDE_BY_SIDE, 2: TOP_BOTTOM}
-_FLAT = 0  # AVStereo3D's type
+_FLAT, _UNSAID = 0, 8  # AVStereo3D's types
+_ONE_EYE = (1, 2)  # its view: the left, the right
 
 
 @final
@@ -54,9 +55,11 @@ def of_video(stereo_3d: bytes | None, mode: str) -> Eyes | None:
         raise ValueError(mode)
     if stereo_3d is None:
         return None
-    kind, flags = struct.unpack_from("=2i", stereo_3d)
-    if kind == _FLAT:
+    kind, flags, view = struct.unpack_from("=3i", stereo_3d)
+    if kind == _FLAT or (kind == _UNSAID and view in _ONE_EYE):
         return None
+    if kind == _UNSAID:
+        raise ValueError("a spatial video (MV-HEVC)")
     if kind not in _STEREO_3D:
         raise ValueError("views that are interleaved, or in turn")
     return Eyes(_STEREO_3D[kind], bool(flags & 1), "stereo mode")

@@ -31,7 +31,14 @@ from domesim.frames.integrity import (
 )
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
-from domesim.frames.video import SUFFIXES, container_of, read_video_frame, video_of, video_size
+from domesim.frames.video import (
+    START,
+    container_of,
+    other_container,
+    read_video_frame,
+    video_of,
+    video_size,
+)
 from domesim.light.strips import all_within, converted
 
 
@@ -241,7 +248,7 @@ _STILLS = (b"heic", b"heix", b"heim", b"heis", b"mif1", b"avif")
 def _refuse_video(path: Path) -> None:
     """Name the container of a video whose suffix is of none that is read."""
     with path.open("rb") as file:
-        start = file.read(16)
+        start = file.read(START)
     if start.startswith(_RAW) or start[4:12] == b"ftypcrx ":
         raise camera_raw(path)
     if start[4:8] == b"ftyp" and start[8:12] in _STILLS:
@@ -251,11 +258,7 @@ def _refuse_video(path: Path) -> None:
         )
     container = container_of(start)
     if container is not None:
-        raise InputError(
-            f"{path}: wanted a video in {', '.join(SUFFIXES)}, got one in {container} called "
-            f"'{path.suffix}'. Convert it (ffmpeg -i IN -c:v ffv1 -c:a copy OUT.mkv), or rename "
-            "it if its suffix is wrong."
-        )
+        raise other_container(path, container)
 
 
 # The header: where the samples are.

@@ -37,20 +37,33 @@ from numpy.typing import NDArray
 from domesim.errors import InputError, reason
 from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of_code_points
+from domesim.frames.containers import cropping_of, siting_of
 from domesim.frames.eyes import Eyes, of_video
 from domesim.frames.ffv1 import is_whole
 from domesim.frames.frame import Frame, Header
-from domesim.frames.integrity import SQUARE, damaged, refuse_sides
+from domesim.frames.integrity import SQUARE, damaged, projected, refuse_sides
 from domesim.frames.messages import one_line
 from domesim.frames.orientation import UPRIGHT, turned
-from domesim.frames.yuv import MATRICES, PixelFormat, code_values, pixel_format
+from domesim.frames.yuv import MATRICES, PixelFormat, beyond_limits, code_values, pixel_format
 from domesim.host.files import KEPT_OPEN
 
-SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv", ".mxf")
+SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv", ".webm", ".mxf")
 """Suffixes of files that are videos."""
 
-CODECS = {"prores": "ProRes", "ffv1": "FFV1", "h264": "H.264", "hevc": "HEVC"}
-"""Each of these was seen to notice damage, as far as it can."""
+CODECS = {
+    "prores": "ProRes",
+    "ffv1": "FFV1",
+    "h264": "H.264",
+    "hevc": "HEVC",
+    "av1": "AV1",
+    "vp9": "VP9",
+    "dnxhd": "DNxHR",
+    "cfhd": "CineForm",
+    "hap": "HAP",
+    "mjpeg": "Motion JPEG",
+    "v210": "v210",
+}
+"""FFmpeg's names and people's. Each was seen to notice what does not decode."""
 
 _CINEMA = {"jpeg2000": "JPEG 2000"}
 """What the MXF of a DCP holds (SMPTE ST 429-4): X'Y'Z' of 12 bits."""
@@ -61,6 +74,7 @@ _STEREOSCOPIC = re.compile(  # SMPTE ST 429-10: a set of its header
     rb"\x06\x0e\x2b\x34\x02[\x53\x7f]\x01\x01\x0d\x01\x01\x01\x01\x01\x63\x00"
 )
 EYES = ("left", "right")
+_WIDE = 1.3  # width by height of a view that is not squeezed; squeezed 16 : 9 has 0.89
 _HEADER = 1 << 16
 _UNSAID = (0, 2)  # ITU-T H.273: reserved, unspecified
 _RGB = 0  # its MatrixCoefficients for R, G, B
@@ -118,7 +132,7 @@ def frame_paths(video: Path) -> tuple[Path, ...]:
         If the extra ``video`` is not installed; or the file is no video of `CODECS`, is not whole,
         has no constant rate, lacks frames, or is interlaced.
     """
-    count, stereoscopic = _looked_through(*_state(video))
+    count, stereoscopic, _ = _looked_through(*_state(video))
     stems = [f"{video.stem}.{eye}" for eye in EYES] if stereoscopic else [video.stem]
     return tuple(
         video / f"{stem}.{number:04d}{video.suffix}"
@@ -146,18 +160,35 @@ def is_picture(track: Path) -> bool:
 
 
 def container_of(start: bytes) -> str | None:
-    """Returns the container that a video's first bytes state; None if it is no video."""
+    """Returns the container that a video's first `START` bytes state; None if it is no video."""
+    for begin, packet in ((0, 188), (4, 192)):  # ISO/IEC 13818-1, 2.4.3.2; cameras' have 4 more
+        if start[begin::packet][:3] == b"GGG":
+            return "MPEG-TS"
     return next(
         (name for name, place, mark in _MARKS if start[place : place + len(mark)] == mark), None
     )
 
 
+def other_container(path: Path, container: str) -> InputError:
+    """The error for a video in a container that is not read, or under a suffix that is not."""
+    codec = "-c copy" if container == "MPEG-TS" else "-c:v ffv1 -c:a copy"
+    rename = ", or rename it if its suffix is wrong" if container in _READ else ""
+    return InputError(
+        f"{path}: wanted a video in {', '.join(SUFFIXES)}, got one in {container} called "
+        f"'{path.suffix}'. Convert it (ffmpeg -i IN {codec} OUT.mkv){rename}."
+    )
+
+
+START = 400
+"""Bytes by which a container is known."""
+
+_READ = ("QuickTime or MP4", "Matroska or WebM", "MXF")
 _MARKS = (
-    ("QuickTime or MP4", 4, b"ftyp"),
-    ("QuickTime or MP4", 4, b"moov"),
-    ("Matroska or WebM", 0, b"\x1a\x45\xdf\xa3"),
+    (_READ[0], 4, b"ftyp"),
+    (_READ[0], 4, b"moov"),
+    (_READ[1], 0, b"\x1a\x45\xdf\xa3"),
     ("AVI", 8, b"AVI "),
-    ("MXF", 0, b"\x06\x0e\x2b\x34\x02\x05\x01\x01\x0d\x01\x02"),
+    (_READ[2], 0, b"\x06\x0e\x2b\x34\x02\x05\x01\x01\x0d\x01\x02"),
     ("MPEG", 0, b"\0\0\1\xba"),
     ("MPEG", 0, b"\0\0\1\xb3"),
     ("Windows Media", 0, b"\x30\x26\xb2\x75\x8e\x66\xcf\x11"),
@@ -205,8 +236,8 @@ def _number(path: Path) -> int:
 def video_size(path: Path) -> tuple[int, int]:
     """Rows and columns of the frame that `path` names."""
     with _decoding(path.parent) as decoder:
-        context = decoder.stream.codec_context
-        return context.height, context.width
+        context, (left, top, right, bottom) = decoder.stream.codec_context, decoder.crop
+        return context.height - top - bottom, context.width - left - right
 
 
 def _state(video: Path) -> tuple[Path, int, int]:
@@ -238,16 +269,20 @@ def _refused(path: Path) -> Iterator[None]:
 def _opened(video: Path) -> Iterator[tuple[Any, Stream]]:
     """The container and the picture of a video."""
     av = pyav(video)
+    with video.open("rb") as file:
+        container = container_of(file.read(START))
+    if container is not None and container not in _READ:
+        raise other_container(video, container)
     with _refused(video):
-        container = av.open(
+        opened = av.open(
             f"file:{video}",
             # No playlists and the like, which name other files
             options={"format_whitelist": _CONTAINERS},
             # Of a title that is not UTF-8 PyAV would make an error, and leave the file open.
             metadata_errors="replace",
         )
-    with container:
-        yield container, _picture_of(video, container)
+    with opened:
+        yield opened, _picture_of(video, opened)
 
 
 def _picture_of(video: Path, container: Any) -> Stream:
@@ -260,21 +295,44 @@ def _picture_of(video: Path, container: Any) -> Stream:
     context = stream.codec_context
     _require_codec(video, context)
     refuse_sides(video, context.width, context.height)
-    if stream.guessed_rate is None or stream.start_time is None or not stream.time_base:
+    if stream.guessed_rate is None or not stream.time_base:
         raise InputError(f"{video}: wanted a frame rate, got none. Convert it to ProRes or FFV1.")
     aspect = stream.sample_aspect_ratio or context.sample_aspect_ratio or 1
-    if abs(aspect - 1) > SQUARE:
+    if abs(aspect - 1) > SQUARE and not _both_views(video, stream, Fraction(aspect)):
         raise InputError(
             f"{video}: wanted square pixels, got ones of {aspect.numerator} : {aspect.denominator} "
             "(sample aspect ratio). Resize it to square ones first (ffmpeg -i IN -vf "
-            "scale=iw*sar:ih,setsar=1 OUT)."
+            "scale=iw*sar:ih,setsar=1 -c:v ffv1 -c:a copy OUT.mkv)."
         )
     context.options = {"err_detect": "crccheck+bitstream+buffer+explode"}
     return stream
 
 
+def _both_views(video: Path, stream: Stream, aspect: Fraction) -> bool:
+    """Whether square pixels are twice as wide (or high) by Matroska's display size alone.
+
+    It is of one view (RFC 9559, 18.10), and mkvmerge writes that of both. Which of them was meant,
+    shows in the views: squeezed ones are higher than wide, and others are not.
+    """
+    mode = stream.metadata.get("stereo_mode", "")
+    beside = mode in ("left_right", "right_left")
+    if not (beside or mode in ("top_bottom", "bottom_top")) or aspect != (2 if beside else 0.5):
+        return False
+    context = stream.codec_context
+    view = context.width / context.height * (0.5 if beside else 2)
+    if view > _WIDE if beside else view < 2 * _WIDE:
+        return True
+    option, of_one = ("width", context.width // 2) if beside else ("height", context.height // 2)
+    raise InputError(
+        f"{video}: wanted views of square pixels, got ones of {view:.3g} : 1 at {aspect} : 1. If "
+        f"they are whole, say the size of one (mkvpropedit IN --edit track:v1 --set "
+        f"display-{option}={of_one}). If they are squeezed, stretch them (ffmpeg -i IN -vf "
+        "scale=iw*sar:ih,setsar=1 -c:v ffv1 -c:a copy OUT.mkv)."
+    )
+
+
 def _require_codec(video: Path, context: Any) -> None:
-    name = "none" if context is None else context.name
+    name = "none" if context is None else context.codec.canonical_name
     if video.suffix.lower() != ".mxf":
         if name not in CODECS:
             raise InputError(
@@ -302,8 +360,11 @@ def _step(stream: Stream) -> Fraction:
 
 
 @lru_cache(maxsize=8)
-def _looked_through(video: Path, size: int, changed: int) -> tuple[int, bool]:
-    """How many frames there are, none missing; and whether each is two, for left and right."""
+def _looked_through(video: Path, size: int, changed: int) -> tuple[int, bool, int]:
+    """How many frames there are, none missing; whether each is two, for left and right; first time.
+
+    Of a Matroska of two or three frames FFmpeg tells no first time.
+    """
     with _opened(video) as (container, stream):
         shown = []
         with _refused(video):
@@ -316,8 +377,9 @@ def _looked_through(video: Path, size: int, changed: int) -> tuple[int, bool]:
         if not shown or None in shown:
             raise InputError(f"{video}: wanted frames with times, got none. Convert it to FFV1.")
         step = _step(stream)
+        start = min(shown) if stream.start_time is None else stream.start_time
         for place, time in enumerate(sorted(shown)):
-            if abs(time - stream.start_time - place * step) >= step / 2:
+            if abs(time - start - place * step) >= step / 2:
                 raise InputError(
                     f"{video}: wanted {float(stream.guessed_rate):.6g} frames a second, all there, "
                     f"got none for frame {place + 1}. Export it again, at a constant rate."
@@ -330,7 +392,7 @@ def _looked_through(video: Path, size: int, changed: int) -> tuple[int, bool]:
             count //= 2
         if stated - count > _LACKING:
             raise damaged(video, "video", f"one that lacks its last {round(stated - count)} frames")
-    return count, stereoscopic
+    return count, stereoscopic, start
 
 
 def _says_stereoscopic(video: Path) -> bool:
@@ -380,11 +442,15 @@ class _Decoder:
         self.lock, self.closed = threading.Lock(), False
         with ExitStack() as opened:
             self._container, self.stream = opened.enter_context(_opened(video))
-            self._begin()
+            self._begin(video)
             self._opened = opened.pop_all()
 
-    def _begin(self) -> None:
+    def _begin(self, video: Path) -> None:
         context = self.stream.codec_context
+        start = self.stream.start_time
+        self._start = _looked_through(*_state(video))[2] if start is None else start
+        self.crop = cropping_of(video)
+        self.siting = ""  # of colour differences, as soon as a frame tells
         metadata = [self._container.metadata, *(each.metadata for each in self._container.streams)]
         timecodes = (each.get("timecode") or each.get("TIMECODE") for each in metadata)
         self.timecode = next(filter(None, timecodes), "")
@@ -413,7 +479,7 @@ class _Decoder:
         """
         if eye_of(path):
             return self._pair_of(path)[EYES.index(eye_of(path))]
-        wanted = self.stream.start_time + (_number(path) - 1) * self._step
+        wanted = self._start + (_number(path) - 1) * self._step
         before, self._at = self._at, None
         ahead = None if before is None else (wanted - before) / self._step
         with _refused(path):
@@ -433,7 +499,7 @@ class _Decoder:
         if number == before:
             return pair
         self._pair = (0, [])
-        place = floor(self.stream.start_time + (number - 1) * self._step)
+        place = floor(self._start + (number - 1) * self._step)
         skipped, sought = 0, number != before + 1 or not before
         with _refused(path):
             if sought and not self._seek(place):
@@ -453,7 +519,7 @@ class _Decoder:
         try:
             self._container.seek(place, stream=self.stream, backward=True)
         except av.FFmpegError:
-            self._container.seek(self.stream.start_time, stream=self.stream, backward=True)
+            self._container.seek(self._start, stream=self.stream, backward=True)
             return False
         finally:
             self._frames = self._decoded()
@@ -475,7 +541,7 @@ class _Decoder:
         """
         import av  # noqa: PLC0415
 
-        first = Fraction(self.stream.start_time)
+        first = Fraction(self._start)
         failure = None
         for back in _BACK:
             earlier = first if back is None else max(first, wanted - back * self._step)
@@ -556,7 +622,7 @@ def _tags(source: Any) -> _Tags:
 
 
 def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None) -> Frame:
-    name = {**CODECS, **_CINEMA}[decoder.stream.codec_context.name]
+    name = {**CODECS, **_CINEMA}[decoder.stream.codec_context.codec.canonical_name]
     kind = pixel_format(decoded.format.name)
     if kind is None:
         raise InputError(
@@ -566,6 +632,8 @@ def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None
     if decoded.interlaced_frame:
         raise InputError(f"{path}: wanted whole frames, got interlaced ones. De-interlace.")
     tags = _completed(decoder.tags, _tags(decoded))
+    if decoded.color_range in (_LIMITED, _FULL) and name not in _SILENT:
+        tags = replace(tags, range=int(decoded.color_range))
     stated: ColourTag | None
     try:
         stated = _CINEMA_COLOUR if kind.xyz else _stated_colour(path, tags)
@@ -575,10 +643,15 @@ def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None
         stated = None
     matrix, told = _matrix(path, tags, kind, colour or stated)
     full = kind.full_range if tags.range not in (_LIMITED, _FULL) else tags.range == _FULL
-    pixels, alpha = code_values(decoded, kind, matrix, full=full)
+    if not decoder.siting:
+        decoder.siting = siting_of(decoded) if kind.chroma in ("4:2:0", "4:2:2") else "left"
+    pixels, alpha = code_values(decoded, kind, matrix, full=full, siting=decoder.siting)
+    pixels = _cropped(pixels, decoder.crop)
+    alpha = None if alpha is None else _cropped(alpha, decoder.crop)
     meant = colour or stated
     assert meant is not None
-    ways = [each for each in (told, "" if full else "limited range") if each]
+    ways = [told, "" if full else "limited range", _doubt(decoder.tags, decoded, kind, full=full)]
+    ways = [each for each in ways if each]
     meant = replace(meant, source="; ".join([meant.source, *ways]))
     sample = "uint8" if kind.bits == 8 else "uint16"
     names = ("R", "G", "B") if alpha is None else ("R", "G", "B", "A")
@@ -600,6 +673,24 @@ def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None
     return shown_over_black(Frame(pixels, path, meant, kind.bits, floating=False, header=header))
 
 
+_SILENT = ("ProRes", "FFV1")  # codecs whose frames say nothing of their own
+
+
+def _cropped(samples: NDArray[Any], crop: tuple[int, int, int, int]) -> NDArray[Any]:
+    left, top, right, bottom = crop
+    rows, cols = samples.shape[:2]
+    return samples[top : rows - bottom, left : cols - right]
+
+
+def _doubt(tags: _Tags, decoded: Any, kind: PixelFormat, *, full: bool) -> str:
+    """What speaks against the range that was taken; "" if nothing does."""
+    if tags.range in (_LIMITED, _FULL) and (tags.range == _FULL) != full:
+        return f"its container says {'limited' if full else 'full'}"
+    if not full and not kind.chroma and beyond_limits(decoded, kind):
+        return "as it says, but its codes are those of full range: is it?"
+    return ""
+
+
 _ONE = 65536  # of a display matrix: 16 bits below the point
 _TURNS = {
     (1, 0, 0, 1): 1,
@@ -614,9 +705,16 @@ _TURNS = {
 """Exif's number by where a display matrix (ISO/IEC 14496-12, 8.3.2) takes columns and rows."""
 
 
+_FLAT = (4, 5)  # of AVSphericalProjection: rectilinear, and a fisheye's
+
+
 def _shown(path: Path, metadata: Mapping[str, str], decoded: Any) -> tuple[int, Eyes | None]:
     """How a frame is turned when it is shown, and how two views are packed in it."""
     side_data = {each.type.name: bytes(each) for each in decoded.side_data}
+    mapping = np.frombuffer(side_data.get("SPHERICAL", b"")[:4], np.int32)
+    if mapping.size and int(mapping[0]) not in _FLAT:
+        names = dict(enumerate(("equirectangular", "a cube", "a tile", "half equirectangular")))
+        raise projected(path, names.get(int(mapping[0]), "a sphere's surface"))
     matrix = np.frombuffer(side_data.get("DISPLAYMATRIX", b""), np.int32)
     orientation: int | None = UPRIGHT
     if matrix.size:
@@ -631,7 +729,8 @@ def _shown(path: Path, metadata: Mapping[str, str], decoded: Any) -> tuple[int, 
         return orientation, of_video(side_data.get("STEREO3D"), metadata.get("stereo_mode", ""))
     except ValueError as error:
         raise InputError(
-            f"{path}: wanted views side by side or one above the other, got {error}. Export it so."
+            f"{path}: wanted views side by side or one above the other, got {error}. Export "
+            "it so, or left and right as two files."
         ) from error
 
 

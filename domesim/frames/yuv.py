@@ -7,8 +7,8 @@ equations with the weights :math:`K_R, K_B` of their primaries:
     R = Y + 2 (1 - K_R) C_R,    B = Y + 2 (1 - K_B) C_B,    G = (Y - K_R R - K_B B) / K_G
 
 Everything is float32: libswscale rounds to 8 bits on many of its ways, and takes BT.601 where
-nothing is said. Colour differences lie between pixels as MPEG-2 has it, and H.264 and HEVC where
-they do not say otherwise: in the column of every second pixel, between two rows.
+nothing is said. Colour differences lie where the stream says, else as MPEG-2 has it: in the column
+of every second pixel, between two rows.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ MATRICES = {
 _PLANAR = re.compile(r"(yuv|yuvj|yuva|gbr|gbra)(420|422|444|)p(9|10|12|14|16|)(le|)")
 _PACKED = {
     "bgr0": ("u1", 4, (2, 1, 0)),
+    "rgb0": ("u1", 4, (0, 1, 2)),
+    "rgba": ("u1", 4, (0, 1, 2, 3)),
     "bgra": ("u1", 4, (2, 1, 0, 3)),
     "rgb24": ("u1", 3, (0, 1, 2)),
     "rgb48le": ("<u2", 3, (0, 1, 2)),
@@ -89,7 +91,7 @@ def pixel_format(name: str) -> PixelFormat | None:
 
 
 def code_values(
-    frame: Any, kind: PixelFormat, matrix: int, *, full: bool
+    frame: Any, kind: PixelFormat, matrix: int, *, full: bool, siting: str = "left"
 ) -> tuple[NDArray[np.float32], NDArray[Any] | None]:
     """R, G, B and alpha of a decoded frame.
 
@@ -103,6 +105,8 @@ def code_values(
         One of `MATRICES`, for what is not R, G, B.
     full
         Whether all codes are used, or 16 to 235 (240) of 255 and likewise of more bits.
+    siting
+        One of `SITINGS`.
 
     Returns
     -------
@@ -125,7 +129,7 @@ def code_values(
     for plane in planes[1:3]:
         small = np.empty(plane.shape, np.float32)
         _scaled(plane, 128 * scale, span, small)
-        differences.append(full_size(small, kind.chroma, luma.shape))
+        differences.append(full_size(small, kind.chroma, luma.shape, siting))
     return from_luma(luma, differences[0], differences[1], matrix), alpha
 
 
@@ -214,28 +218,49 @@ def small_size(plane: NDArray[np.float32], chroma: str) -> NDArray[np.float32]:
     return plane
 
 
-def full_size(small: NDArray[np.float32], chroma: str, shape: Sequence[int]) -> NDArray[np.float32]:
+SITINGS = {
+    "left": (0.0, 0.5),
+    "center": (0.5, 0.5),
+    "topleft": (0.0, 0.0),
+    "top": (0.5, 0.0),
+    "bottomleft": (0.0, 1.0),
+    "bottom": (0.5, 1.0),
+}
+"""Where a colour difference lies from the first of its two columns, and of its two rows, by the
+names that FFmpeg has for ITU-T H.273's ChromaLocType."""
+
+
+def full_size(
+    small: NDArray[np.float32], chroma: str, shape: Sequence[int], siting: str = "left"
+) -> NDArray[np.float32]:
     """Colour differences at each of `shape` pixels, linear between those that there are."""
+    across, down = SITINGS[siting]
     if chroma == "4:2:0":
-        small = _between_rows(small, shape[0])
+        small = _twice(small, shape[0], down)
     if chroma in ("4:2:0", "4:2:2"):
-        small = _on_columns(small, shape[1])
+        small = _twice(small.T, shape[1], across).T
     return small
 
 
-def _between_rows(small: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
-    """Each of `small` lies between two rows: a quarter of a step off either."""
-    edged = np.pad(small, ((1, 1), (0, 0)), "edge")
+def _twice(small: NDArray[np.float32], rows: int, place: float) -> NDArray[np.float32]:
+    """Two rows for each of `small`, which lies at `place` of them: 0 the first, 1 the second."""
+    near = np.float32(1 - place / 2), np.float32((1 + place) / 2)
     twice = np.empty((2 * len(small), small.shape[1]), np.float32)
-    twice[0::2] = 0.75 * small + 0.25 * edged[:-2]
-    twice[1::2] = 0.75 * small + 0.25 * edged[2:]
+    twice[0::2], twice[1::2] = near[0] * small, near[1] * small
+    twice[2::2] += (1 - near[0]) * small[:-1]
+    twice[1:-1:2] += (1 - near[1]) * small[1:]
+    twice[0] += (1 - near[0]) * small[0]
+    twice[-1] += (1 - near[1]) * small[-1]
     return twice[:rows]
 
 
-def _on_columns(small: NDArray[np.float32], cols: int) -> NDArray[np.float32]:
-    """Each of `small` lies on every second column."""
-    twice = np.empty((len(small), 2 * small.shape[1]), np.float32)
-    twice[:, 0::2] = small
-    twice[:, 1:-1:2] = (small[:, :-1] + small[:, 1:]) / 2
-    twice[:, -1] = small[:, -1]
-    return twice[:, :cols]
+def beyond_limits(frame: Any, kind: PixelFormat) -> bool:
+    """Whether a decoded frame's R, G, B go farther than limited range's black and white."""
+    scale = 2 ** (kind.bits - 8)
+    planes = _planes(frame, kind)[:3]
+    return any(
+        plane.min() < _BLACKEST * scale or plane.max() > _WHITEST * scale for plane in planes
+    )
+
+
+_BLACKEST, _WHITEST = 4, 251  # of 8 bits: what overshoots stays within

@@ -1,0 +1,123 @@
+"""What a video says that PyAV does not tell: cropping, and where colour differences lie.
+
+Matroska has PixelCrop (RFC 9559, 5.1.4.1.28), MP4 a clean aperture (ISO/IEC 14496-12, 12.1.4).
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import struct
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from domesim.frames.yuv import SITINGS
+
+_HEAD = 1 << 20  # bytes in which Matroska's tracks are looked for
+_MATROSKA = b"\x1a\x45\xdf\xa3"
+_WAY = (0x18538067, 0x1654AE6B, 0xAE, 0xE0)  # Segment, Tracks, TrackEntry, Video
+_CROPS = (0x54CC, 0x54BB, 0x54DD, 0x54AA)  # left, top, right, bottom
+_BOXES = ("moov", "trak", "mdia", "minf", "stbl", "stsd")
+_ENTRY = 86  # bytes of a picture's sample entry before its boxes
+
+Crop = tuple[int, int, int, int]
+"""Pixels on the left, top, right and bottom that are not shown."""
+
+
+def cropping_of(video: Path) -> Crop:
+    """Returns what a video's container cuts off.
+
+    Parameters
+    ----------
+    video
+        The file, of one picture.
+    """
+    with video.open("rb") as file:
+        head = file.read(_HEAD)
+        if head.startswith(_MATROSKA):
+            found = dict(_elements(head, 0, len(head), _WAY))
+            left, top, right, bottom = (found.get(each, 0) for each in _CROPS)
+            return left, top, right, bottom
+        return next(_apertures(file, 0, file.seek(0, 2), _BOXES), (0, 0, 0, 0))
+
+
+def _elements(data: bytes, place: int, end: int, way: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+    """Name and value of Matroska's elements (RFC 8794) at the end of a `way`."""
+    while place + 2 <= end and data[place]:
+        named = 9 - data[place].bit_length()
+        at = place + named
+        sized = 9 - data[at].bit_length() if at < end else 9
+        if sized > 8 or at + sized > end:
+            return
+        name = int.from_bytes(data[place:at])
+        size = int.from_bytes(data[at : at + sized]) & ((1 << 7 * sized) - 1)
+        begin = at + sized
+        stop = end if size == (1 << 7 * sized) - 1 else min(end, begin + size)
+        if not way:
+            yield name, int.from_bytes(data[begin:stop][:8])
+        elif name == way[0]:
+            yield from _elements(data, begin, stop, way[1:])
+        place = stop
+
+
+def _apertures(file: Any, place: int, end: int, way: tuple[str, ...]) -> Iterator[Crop]:
+    """What clean apertures cut off, at the end of a `way` of boxes."""
+    while place + 8 <= end:
+        file.seek(place)
+        size, kind = struct.unpack(">I4s", file.read(8))
+        begin = place + 8
+        if size == 1:
+            (size,), begin = struct.unpack(">Q", file.read(8).ljust(8, b"\0")), begin + 8
+        stop = end if size == 0 else min(end, place + size)
+        if stop <= place + 7:
+            return
+        if way and kind == way[0].encode():
+            yield from _apertures(file, begin + (8 if kind == b"stsd" else 0), stop, way[1:])
+        elif not way:
+            file.seek(place)
+            entry = file.read(min(stop - place, 1 << 16))
+            for found in re.finditer(rb"\0\0\0\x28clap(.{32})", entry[_ENTRY:], re.DOTALL):
+                yield _aperture(entry, struct.unpack(">8i", found[1]))
+        place = stop
+
+
+def _aperture(entry: bytes, values: tuple[int, ...]) -> Crop:
+    """Width, height and places of the middle from that of the picture, each as a fraction."""
+    if 0 in values[1::2]:
+        return 0, 0, 0, 0
+    wide, high, across, down = (Fraction(*pair) for pair in zip(*[iter(values)] * 2, strict=True))
+    cols, rows = struct.unpack_from(">2H", entry, 32)
+    left, top = (cols - wide) / 2 + across, (rows - high) / 2 + down
+    edges = round(left), round(top), cols - round(left + wide), rows - round(top + high)
+    return edges if min(edges) >= 0 and wide > 0 and high > 0 else (0, 0, 0, 0)
+
+
+logging.getLogger("libav").addHandler(logging.NullHandler())
+
+
+def siting_of(frame: Any) -> str:
+    """Returns where a decoded frame's colour differences lie: one of `SITINGS`.
+
+    PyAV does not tell; a filter of FFmpeg says it in its log.
+    """
+    from av import VideoFrame  # noqa: PLC0415
+    from av import logging as log  # noqa: PLC0415
+    from av.filter import Graph  # noqa: PLC0415
+
+    assert isinstance(frame, VideoFrame)
+    graph = Graph()
+    size = {"width": frame.width, "height": frame.height, "format": frame.format}
+    source = graph.add_buffer(**size, time_base=Fraction(1, 1000))
+    graph.link_nodes(source, graph.add("showinfo"), graph.add("buffersink")).configure()
+    level = log.get_level()
+    log.set_level(log.INFO)
+    try:
+        with log.Capture() as said:
+            graph.vpush(frame)
+            graph.vpull()
+    finally:
+        log.set_level(level)
+    found = re.search(r"\bcl:(\w+)", "".join(text for _, _, text in said))
+    return found[1] if found is not None and found[1] in SITINGS else "left"
