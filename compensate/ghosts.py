@@ -143,30 +143,6 @@ def edge_sigma(pixels_per_degree: float) -> float:
     return max(FINEST_SIGMA, pixels_per_degree / (2 * np.pi * BEST_FREQUENCY))
 
 
-def slope_magnitudes(planes: Floats, sigma: float) -> Floats:
-    """Computes |grad (G * plane)|, in the planes' own precision.
-
-    Parameters
-    ----------
-    planes
-        (view, row, col).
-    sigma
-        Standard deviation of G, pixels.
-
-    Returns
-    -------
-    slopes
-        (view, row, col), per pixel.
-    """
-    slopes = np.empty_like(planes)
-
-    def fill(view: int, rows: slice) -> None:
-        np.hypot(*_slopes(planes[view], rows, sigma), out=slopes[view, rows])
-
-    in_strips(fill, planes.shape)
-    return slopes
-
-
 def _common_edges(first: Floats, second: Floats, sigma: float) -> float:
     """Sum of grad (G * first) . grad (G * second) over all pixels of all planes."""
     pair = (first,) if second is first else (first, second)

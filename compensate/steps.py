@@ -6,6 +6,8 @@ a third of their light apart: over a floor they become contours.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,11 +49,37 @@ def visible_steps(
     first = frame.frames[0]
     if first.floating or first.bits > BITS:
         return 0.0
-    largest = 2**first.bits - 1
+    pixels = [each.pixels for each in frame.frames]
+    return share_of_steps(pixels, 2**first.bits - 1, seen, screen, weights)
+
+
+def share_of_steps(
+    pixels: Sequence[NDArray[np.floating]],
+    largest: int,
+    seen: Light,
+    screen: NDArray[np.bool_],
+    weights: NDArray[np.floating],
+) -> float:
+    """Measures where neighbouring codes are seen as a step.
+
+    Parameters
+    ----------
+    pixels
+        Of each view: (row, col, primary) codes over the largest.
+    largest
+        Code.
+    seen, screen, weights
+        As for `visible_steps`.
+
+    Returns
+    -------
+    share
+        As of `visible_steps`.
+    """
 
     def count(view: int, rows: slice) -> tuple[int, int]:
         some = slice(rows.start + -rows.start % _EVERY, rows.stop, _EVERY)
-        codes = np.rint(frame.frames[view].pixels[some] * largest).astype(np.int16)
+        codes = np.rint(pixels[view][some] * largest).astype(np.int16)
         on = screen[some, 1:] & screen[some, :-1]
         near = on & (np.abs(np.diff(codes, axis=1)).max(axis=-1) == 1)
         light = seen[view, some] @ weights.astype(seen.dtype)

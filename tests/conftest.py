@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 # Before NumPy loads: threads that wait for each other on busy cores make small matrices ten times
 # slower.
@@ -19,6 +20,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 # The product must work without the extra `fast`; tests of it turn it on.
 os.environ["DOMESIM_FAST"] = "0"
+
+# A test fails for everybody or for nobody; `--hypothesis-profile default` looks at other examples.
+settings.register_profile("same", derandomize=True)
+settings.load_profile("same")
 
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""

@@ -273,12 +273,15 @@ class Work:
         Folder for finished steps; without it nothing is kept.
     note
         Told which step is under way.
+    heard
+        Folder for what judges said (`validation.hearing`).
     """
 
     quick: bool = True
     seed: int = 0
     store: Path | None = None
     note: Callable[[str], None] = lambda text: None
+    heard: Path | None = None
     seconds: float = field(default=0.0, init=False)
     """Time that the steps took, now or before they were stored, s."""
     _names: set[str] = field(default_factory=set, init=False)

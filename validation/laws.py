@@ -12,7 +12,8 @@ has them all; property tests ask them of random pictures, `quality` of all of it
     dark    ... and the darker half never is
     exact   what subtraction shows exactly stays as it is
     limb    around a smooth ball light is monotone where the master's is
-    steps   two neighbouring codes of a master of 8 bits differ by no more than a visible step
+    steps   two neighbouring codes of a master of 8 bits differ by no more than a visible step, or
+            the product tells that the master is too coarse
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, median_filter
 
+from compensate.steps import COARSE, share_of_steps
 from domesim.light import Light
 from domesim.light.transfer import named
 from domesim.scene import Scene
@@ -250,24 +252,29 @@ def limb(shown: Shown) -> float | None:
 
 
 def steps(shown: Shown) -> float | None:
-    """Largest contrast between pixels that touch and whose codes of 8 bits are neighbours.
+    """Contrast between pixels that touch, and whose codes of 8 bits are neighbours.
 
-    None if the master is not of 8 bits (sRGB). Codes are neighbours if no primary differs by more
-    than one. The contrast is the difference of light over the lesser.
+    It is that which twice the share of the screen exceeds that the product tells of (`COARSE`).
+    None if the master is not of 8 bits (sRGB), or if the product tells. Codes are neighbours if no
+    primary differs by more than one. The contrast is the difference of light over the lesser.
     """
     codes = 255 * named("srgb", white=1.0).encode(np.clip(shown.master, 0, 1))
     on = np.broadcast_to(shown.screen, shown.master.shape[:3])
     if np.abs(codes - np.round(codes))[on].max() > 0.02:  # single precision keeps 0.001
         return None
-    found = [0.0]
+    weights = shown.scene.projector.luminance_weights
+    if share_of_steps(list(codes / 255), 255, shown.seen, shown.screen, weights) > COARSE:
+        return None
+    found = [np.zeros(1)]
     for view, (_, _, now) in enumerate(shown.luminances()):
         for offset in ((0, 1), (1, 0)):
             here, there = _moved(offset, now.shape)
             apart = np.abs(np.round(codes[view][here]) - np.round(codes[view][there])).max(-1)
             near = (apart == 1) & shown.screen[here] & shown.screen[there]
             low = np.maximum(np.minimum(now[here], now[there]), HARDLY)
-            found.append(float(np.max((np.abs(now[here] - now[there]) / low)[near], initial=0)))
-    return max(found)
+            found.append((np.abs(now[here] - now[there]) / low)[near])
+    contrasts, few = np.sort(np.concatenate(found)), int(4 * COARSE * on.sum())
+    return float(contrasts[max(len(contrasts) - 1 - few, 0)])
 
 
 def points(shown: Shown, view: int) -> tuple[Mask, Floats]:

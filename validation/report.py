@@ -31,8 +31,8 @@ from validation.experiments import EXPERIMENTS, GROUPS
 from validation.origin import digest
 from validation.results import AS_EXPECTED, BROKEN, NOT_AS_EXPECTED, NOT_RUN, Entry, Results, Status
 
-STEPS = ".domesim-steps"
-"""Folder of finished steps, in the output folder."""
+STEPS, HEARD = ".domesim-steps", "heard"
+"""Folder of finished steps, in the output folder, and of what judges said, in that."""
 
 FAILED = (NOT_AS_EXPECTED, BROKEN)
 """Statuses of experiments, one of which is enough for the run to have failed."""
@@ -189,7 +189,8 @@ def validate(
         store = _store(out / STEPS / name, run, code[name])
         if fresh:
             shutil.rmtree(store, ignore_errors=True)
-        work = Work(quick=quick, seed=seed, store=store, note=listener.note)
+        heard = None if fresh else out / STEPS / HEARD
+        work = Work(quick=quick, seed=seed, store=store, note=listener.note, heard=heard)
         outcome = _outcome(experiments[name], work, run.machine, code[name])
         run = replace(run, outcomes=(*run.outcomes, outcome))
         run.results.write(out / "results.json")

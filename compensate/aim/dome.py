@@ -22,13 +22,19 @@ the light that is missing in the darkest part of the screen,
 B is a guided mean of log m (`compensate.blocks.guided`), which keeps edges. A pixel counts by its
 darkness, c / m, so that nothing bright nearby raises the base of what is dark and leaves a rim.
 
-*Texture and points.* Below its base a pixel keeps its contrast. What stands out, a star, would be
-multiplied until it meets white. It is lifted by at most twice what its surroundings are, and so
-that light rises with light; the slope at m = B is that of texture:
+*Texture and points.* Below its base a pixel keeps its contrast, m' = m B' / B. What stands out, a
+star, would be multiplied until it meets white. So each pixel adds its own part u of v as its base
+does; u is at most 2 v, and the slope at m = B is that of texture:
 
-    m' = m B' / B                              m <= B
-    m' = m + (B' - B) (2 - B / m)              m >  B
-    m' = m (1 + (B' - B) / B  t (2 - t))       t = min(B / m, 1)            (both in one)
+    m' = (m² + u²)^(1/2)
+
+    u = v m / B                                m <= B
+    u = v (2 - B / m)                          m >  B
+    u = v m / B  t (2 - t)                     t = min(B / m, 1)            (both in one)
+
+Light rises with light, and nothing gains more than twice what its surroundings do: m' - m falls
+with m where u stays. What is much brighter than v is left as it is, so that no base, however it
+varies around a limb, draws a rim inside it.
 
 *Colour.* The floor leaves too much of some primaries. To lift the others alone would show a blue
 sky as purple. So a lifted colour of luminance Y' is mixed with grey, as far as it is lifted, until
@@ -68,7 +74,7 @@ DARK = 0.005
 DARKEST = 0.1
 """Share of the screen whose missing light decides: its darkest part."""
 REACH = 2.0
-"""Degrees within which contrast is kept: radius of the guided mean."""
+"""Degrees within which contrast is kept: radius of the guided mean, whose weights fall to it."""
 EDGE = 0.7
 """Contrast, in natural logarithms, above which an edge separates two places."""
 BLOCKS = 2
@@ -80,6 +86,26 @@ def block_of(density: float) -> tuple[int, int]:
     """Returns the side of a block, pixels, and the guided mean's radius, blocks."""
     block = max(1, round(density / BLOCKS))
     return block, max(1, round(REACH * density / block))
+
+
+def gain_of(m: Array, B: Array, v: float) -> Array:
+    """Computes how many times its light a pixel is lifted to.
+
+    Parameters
+    ----------
+    m, B
+        The master's luminance with c, and its base; of one unit and shape.
+    v
+        How far black is lifted.
+
+    Returns
+    -------
+    gain
+        m' / m, from 1.
+    """
+    xp = namespace(m)
+    t = xp.minimum(B / m, xp.ones_like(m))
+    return xp.sqrt(1 + (v / B * t * (2 - t)) ** 2)
 
 
 def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light) -> Light:
@@ -134,8 +160,7 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
         slope, offset = xp.unstack(enlarged(bases[view], block, rows, cols), axis=0)
         B = xp.exp(slope * xp.log(m) + offset)
         none, one, tiny = xp.zeros_like(m), xp.ones_like(m), xp.full_like(m, _TINY)
-        t = xp.minimum(B / m, one)
-        gain = 1 + (xp.sqrt(B * B + v * v) / B - 1) * t * (2 - t)
+        gain = gain_of(m, B, v)
         # Limited to what brings the brightest primary to white, so that hues stay
         room = (w / xp.maximum(x, tiny) for w, x in zip(white, own, strict=True))
         gain = xp.maximum(xp.minimum(gain, reduce(xp.minimum, room)), one)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.aim.dome import DARKEST, EDGE
-from compensate.blocks import box_sum
+from compensate.blocks import falling, near_sum
 from compensate.live import dome_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
 from compensate.live.constants import SETTLED, STEPS, DomeConstants
@@ -53,7 +53,8 @@ class CompiledDome:
         self._code = code_of(coding, pixels, cols, dithers=dithers)
         on = k.screen.astype(np.float32)
         self._counted = block_sums(on, k.block)
-        self._around = box_sum(self._counted, k.radius)
+        self._around = near_sum(self._counted, k.radius)
+        self._near = np.array(falling(k.radius), np.float32)
         shape = self._counted.shape
         self._dome = loops.Dome(
             cols=np.uint64(cols),
@@ -104,7 +105,7 @@ class CompiledDome:
         floors = self._settled(loops.MASTER, sweep)
         v, below = np.float32(self._raised(floors)), self._wide(floors)
         loops.guided(
-            self._counted, self._around, self._heap, k.radius, np.float32(EDGE**2), self._work,
+            self._counted, self._around, self._heap, self._near, np.float32(EDGE**2), self._work,
             self._coarse,
         )  # fmt: skip
         widened(self._coarse, *self._blocks, self._base)

@@ -105,8 +105,8 @@ def _lifted(
         m = _luminance(k, red, green, blue) * between(below, 3, at, c) + k.dark
         over_b = exponential(-between(base, 0, up, c) * logarithm(m) - between(base, 1, up, c))
         t = min(ONE / (over_b * m), ONE)
-        raised = np.sqrt(ONE + v * over_b * (v * over_b)) - ONE
-        gain = ONE + raised * t * (_TWO - t)
+        own = v * over_b * t * (_TWO - t)
+        gain = np.sqrt(ONE + own * own)
         lifts[i, c] = max(min(gain, ONE / max(red, green, blue, TINY)), ONE)
 
 
@@ -238,51 +238,56 @@ def sweep(
 
 
 @INSIDE
-def _boxed(planes: Any, i: Any, radius: int, line: Any, sums: Any) -> None:
-    """Sums over squares about row `i` of (plane, row, col)."""
+def _near(planes: Any, i: Any, weights: Any, line: Any, sums: Any) -> None:
+    """`compensate.blocks.near_sum` of row `i` of (plane, row, col)."""
+    radius = len(weights) - 1
     reach, cols = np.uint64(radius), np.uint64(planes.shape[2])
     for k in range(planes.shape[0]):
         line[:] = ZERO
         for near in range(max(i - radius, 0), min(i + radius + 1, planes.shape[1])):
+            weight = weights[abs(near - i)]
             for j in range(cols):
-                line[reach + j] += planes[k, near, j]
+                line[reach + j] += weight * planes[k, near, j]
         sums[k] = ZERO
-        for d in range(reach + reach + NEXT):
+        for d in range(-radius, radius + 1):
+            weight, at = weights[abs(d)], np.uint64(radius + d)
             for j in range(cols):
-                sums[k, j] += line[d + j]
+                sums[k, j] += weight * line[at + j]
 
 
 @COMPILED
 def guided(
-    counted: Any, around: Any, heap: Any, radius: int, variance: Any, work: Any, result: Any
+    counted: Any, around: Any, heap: Any, weights: Any, variance: Any, work: Any, result: Any
 ) -> None:
     """`compensate.blocks.guided` from the sums of `sweep`.
 
-    `counted`, `around`: (row, col) of blocks: pixels that count, and their sums over boxes.
+    `counted`, `around`: (row, col) of blocks: pixels that count, and their `near_sum`.
+    `weights`: by distance.
     `variance`: of an edge.
     `work`: (5, row, col), for use in between.
     `result`: (2, row, col): slope and offset.
     """
     rows, cols = counted.shape
+    wide = cols + 2 * (len(weights) - 1)
     for i in numba.prange(rows):
-        line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((2, cols), np.float32)
-        _boxed(heap[:2], i, radius, line, sums)
+        line, sums = np.empty(wide, np.float32), np.empty((2, cols), np.float32)
+        _near(heap[:2], i, weights, line, sums)
         for j in range(cols):
             weight = max(sums[0, j], _LEAST)
             middle = sums[1, j] / weight
             spread = heap[2, i, j] + (middle * heap[0, i, j] - 2 * heap[1, i, j]) * middle
             work[0, i, j], work[1, i, j], work[2, i, j] = max(spread, ZERO), middle, weight
     for i in numba.prange(rows):
-        line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((1, cols), np.float32)
-        _boxed(work[:1], i, radius, line, sums)
+        line, sums = np.empty(wide, np.float32), np.empty((1, cols), np.float32)
+        _near(work[:1], i, weights, line, sums)
         for j in range(cols):
             spread = sums[0, j] / work[2, i, j]
             slope = spread / (spread + variance)
             work[3, i, j] = counted[i, j] * slope
             work[4, i, j] = counted[i, j] * (ONE - slope) * work[1, i, j]
     for i in numba.prange(rows):
-        line, sums = np.empty(cols + 2 * radius, np.float32), np.empty((2, cols), np.float32)
-        _boxed(work[3:], i, radius, line, sums)
+        line, sums = np.empty(wide, np.float32), np.empty((2, cols), np.float32)
+        _near(work[3:], i, weights, line, sums)
         for k in range(2):
             for j in range(cols):
                 result[k, i, j] = sums[k, j] / max(around[i, j], _LEAST)

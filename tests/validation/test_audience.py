@@ -25,7 +25,7 @@ from validation.audience.design import CATCH, SPOILT, TRAINING, plan
 from validation.audience.files import Answer, Answers, names_of, read_study
 from validation.audience.inference import audience, share_interval, sign_changes
 from validation.audience.power import Situation
-from validation.audience.rehearsal import attentive, one_key, planned
+from validation.audience.rehearsal import answered, attentive, planned
 from validation.audience.viewers import counts
 from validation.experiment import Work, load_experiment
 
@@ -186,7 +186,7 @@ def study():
 def test_who_presses_one_key_is_told_of_and_still_counted(study):
     random = np.random.default_rng(2)
     good = [attentive(study, n, [0.0, 0.3, 1.5], random) for n in range(1, 10)]
-    found = analyse_study(study, [*good, one_key(study, 10, 2)])
+    found = analyse_study(study, [*good, answered(study, 10, [2] * len(study.viewers[9]))])
     *others, last = found.viewers
     assert last.told == (
         "catch trials no better than guessed",

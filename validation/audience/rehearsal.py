@@ -38,15 +38,11 @@ def attentive(
         if random.random() < lapses:
             first = random.random() < 0.5
         choices.append(1 if first else 2)
-    return _answered(study, number, choices)
+    return answered(study, number, choices)
 
 
-def one_key(study: Study, number: int, choice: int) -> Answers:
-    """A viewer who presses the same key in all trials."""
-    return _answered(study, number, [choice] * len(study.viewers[number - 1]))
-
-
-def _answered(study: Study, number: int, choices: Sequence[int]) -> Answers:
+def answered(study: Study, number: int, choices: Sequence[int]) -> Answers:
+    """A viewer who makes these choices, trial by trial."""
     given = tuple(Answer(trial=k, choice=choice) for k, choice in enumerate(choices))
     return Answers(study=study.digest, viewer=number, name=str(number), answers=given)
 

@@ -111,11 +111,6 @@ class Cost:
         """The first light with a true gap of at most `gap`."""
         return next((seen for seen in self.seen if seen.gap <= gap), None)
 
-    @property
-    def final_gap(self) -> float:
-        """True relative gap in the end."""
-        return self.seen[-1].gap
-
 
 @final
 @dataclass(frozen=True)

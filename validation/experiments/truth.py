@@ -357,8 +357,6 @@ def _over_the_screen(found: Found) -> Table:
             )
             for name, lights in found.items()
             for picture, light in lights.items()
-            if {EIGHT, MITSUBA} & set(light.by)
-            and picture in ("patch", "coloured", "white")
-            and ENERGY not in light.by
+            if {EIGHT, MITSUBA} & set(light.by) and ENERGY not in light.by
         ),
     )

@@ -28,7 +28,7 @@ wishes = st.builds(
 )
 
 
-@settings(max_examples=5, deadline=None, derandomize=True)
+@settings(max_examples=5, deadline=None)
 @given(wishes)
 def test_any_theatre_is_lit_and_blended(wish):
     _require_lit_and_blended(wish)

@@ -76,7 +76,7 @@ def _measured(work: Work, place: Place, one: Input, case: Callable[[], Case]) ->
     judges = panel.PANEL if reported and not work.quick else ()
 
     def measured(name: str) -> Cell:
-        return measure(case(), ways[name], judges, name if usual else "")
+        return measure(case(), ways[name], judges, name if usual else "", work.heard)
 
     where = words(place)
     return {name: work.step(f"{where}: {name}", Cell, partial(measured, name)) for name in ways}

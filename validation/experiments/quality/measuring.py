@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
@@ -20,6 +21,7 @@ from domesim.scene import Scene
 from validation import laws, panel, seen
 from validation.closeups import closeup, exposure, uncorrectable
 from validation.experiment import Missing, Panel
+from validation.hearing import heard
 from validation.inputs import Input
 from validation.judges import luminance
 
@@ -130,16 +132,23 @@ class Case:
 
 
 def measure(
-    case: Case, way: tuple[str, Eye], judges: Iterable[panel.Judge], picture: str = ""
+    case: Case,
+    way: tuple[str, Eye],
+    judges: Iterable[panel.Judge],
+    picture: str = "",
+    store: Path | None = None,
 ) -> Cell:
-    """Every figure of one way; with a picture of that title, if it has one."""
+    """Every figure of one way; with a picture of that title, if it has one.
+
+    `store`: folder of what judges said, if there is one.
+    """
     method, eye = way
     posed = case.posed(eye)
     master, shown = posed.wanted, posed.seen(solved(posed, method).light)
     judged = {}
     for judge in judges:
         try:
-            judged[judge.name] = judge.judge(master, shown, case.scene)
+            judged[judge.name] = heard(judge, master, shown, case.scene, store)
         except Missing:
             continue
     figures = {**_of_all(case, shown), **(_of_dome if len(master) == 1 else _of_pair)(case, shown)}
