@@ -7,6 +7,7 @@ a third of their light apart: over a floor they become contours.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,10 @@ COARSE = 1e-3
 """Least share of the screen that a report mentions."""
 BITS = 8
 """Bits of the finest codes whose steps can be seen."""
-_EVERY = 4  # every fourth row is looked at
+_EVERY = 5  # each fifth row and the next are looked at; masters repeat by even numbers
+
+_Pair: TypeAlias = tuple[NDArray[Any], NDArray[Any]]
+"""Of pixels, and of their neighbours to the right, or below."""
 
 
 def visible_steps(
@@ -78,14 +82,27 @@ def share_of_steps(
     """
 
     def count(view: int, rows: slice) -> tuple[int, int]:
-        some = slice(rows.start + -rows.start % _EVERY, rows.stop, _EVERY)
-        codes = np.rint(pixels[view][some] * largest).astype(np.int16)
-        on = screen[some, 1:] & screen[some, :-1]
-        near = on & (np.abs(np.diff(codes, axis=1)).max(axis=-1) == 1)
-        light = seen[view, some] @ weights.astype(seen.dtype)
-        lower = np.minimum(light[:, 1:], light[:, :-1])
-        step = near & (np.abs(np.diff(light, axis=1)) > VISIBLE * lower)
-        return int(np.count_nonzero(step)), int(np.count_nonzero(on))
+        begin = rows.start + -rows.start % _EVERY
+        some, below = slice(begin, rows.stop - 1, _EVERY), slice(begin + 1, rows.stop, _EVERY)
+        on, others = (
+            (
+                screen[each],
+                np.rint(pixels[view][each] * largest).astype(np.int16),
+                seen[view, each] @ weights.astype(seen.dtype),
+            )
+            for each in (some, below)
+        )
+        beside = [(plane[:, :-1], plane[:, 1:]) for plane in on]
+        found = [_steps(*beside), _steps(*zip(on, others, strict=True))]
+        return sum(steps for steps, _ in found), sum(pairs for _, pairs in found)
 
     counts = in_strips(count, seen.shape)
     return sum(steps for steps, _ in counts) / max(sum(pairs for _, pairs in counts), 1)
+
+
+def _steps(on: _Pair, codes: _Pair, light: _Pair) -> tuple[int, int]:
+    """Number of pixels whose neighbour is a visible step away, and of all that have one."""
+    both = on[0] & on[1]
+    near = both & (np.abs(codes[0] - codes[1]).max(axis=-1) == 1)
+    step = near & (np.abs(light[0] - light[1]) > VISIBLE * np.minimum(*light))
+    return int(np.count_nonzero(step)), int(np.count_nonzero(both))

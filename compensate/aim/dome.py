@@ -75,7 +75,7 @@ DARKEST = 0.1
 """Share of the screen whose missing light decides: its darkest part."""
 REACH = 2.0
 """Degrees within which contrast is kept: radius of the guided mean, whose weights fall to it."""
-EDGE = 0.7
+EDGE = 1.0
 """Contrast, in natural logarithms, above which an edge separates two places."""
 BLOCKS = 2
 """Blocks a degree: how finely the base is known."""
