@@ -8,18 +8,20 @@ how sure a measured scene is of all that.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy, ghost_contour
+from compensate.overview import Overview, Seen
 from compensate.plain import PlainFigures, PlainRuler
 from compensate.pose import Posed, differences
-from compensate.ruler import Ruler
+from compensate.ruler import Ruler, averaged
 from compensate.solver.result import Result
 from compensate.weighting import Weighting
 from domesim.light import Light
@@ -144,28 +146,50 @@ class Appraisal:
     def _screen(self) -> NDArray[np.bool_]:
         return self.posed.screen
 
-    @cached_property
+    @property
     def clipped(self) -> float:
         """Share of the screen's pixels where subtraction needs less light than none."""
-        if self.posed.exact:
-            return 0.0
-        shown, wanted = self.posed.shown, self.posed.single.desired
-        if isinstance(self.posed.observation, SeveralSeats):
-            shown = self.posed.single.observation.observe(self.posed.subtractive)
-
-        def count(view: int, rows: slice) -> int:
-            return self._too_bright(shown[view, rows] - wanted[view, rows], rows)
-
-        return sum(in_strips(count, shown.shape)) / (len(shown) * np.count_nonzero(self._screen))
+        return self._subtraction[0]
 
     @property
     def loss_subtractive(self) -> float:
         """`loss` of exact clipped subtraction."""
-        return _mean(self._losses_subtractive)
+        return _mean(self._subtraction[1])
 
     @cached_property
-    def _losses_subtractive(self) -> dict[str, float]:
-        return self._losses(self.posed.shown)
+    def _subtraction(self) -> tuple[float, dict[str, float]]:
+        """`clipped`, and the losses of exact clipped subtraction."""
+        posed, pixels = self.posed, len(self.posed.desired) * np.count_nonzero(self._screen)
+        floor = posed.floor
+        if posed.exact:
+            return 0.0, dict.fromkeys(self._rulers, 0.0)
+        if floor is None:
+            return self._clipped_of_pictures() / pixels, self._losses(self._averaged(posed.shown))
+        counts = []
+
+        def projected(_: int, rows: slice) -> list[NDArray[Any]]:
+            light, left = floor.projected(rows)
+            counts.append(self._too_bright(left, rows))
+            return light
+
+        losses = self._losses(self._overview.of(projected).small)
+        return float(sum(counts) / pixels), losses
+
+    def _clipped_of_pictures(self) -> int:
+        """How many pixels show too much over subtraction, by what is seen of it."""
+        posed = self.posed
+        shown, wanted = posed.shown, posed.single.desired
+        if isinstance(posed.observation, SeveralSeats):
+            shown = posed.single.observation.observe(posed.subtractive)
+
+        def count(view: int, rows: slice) -> int:
+            part = shown[view, rows] - wanted[view, rows]
+            return self._too_bright([part[..., p] for p in range(part.shape[-1])], rows)
+
+        return sum(in_strips(count, shown.shape))
+
+    def _averaged(self, light: Light) -> Light:
+        return averaged(light, self._screen)
 
     @property
     def pollution(self) -> float:
@@ -184,23 +208,45 @@ class Appraisal:
         Ghosts are (view, row, col) luminance that is seen too much, cd/m². The last two are NaN
         where subtraction is exact: they may never be asked for.
         """
-        residual = self.posed.observation.observe(self.posed.desired)
+        posed, projector = self.posed, self._scene.projector
+        if self._desired is not None:
+            small, _, excited = self._desired
+            assert excited is not None  # of a dome of one view
+            weights = projector.luminance_weights
+            pollution = self._overview.pollution(excited, weights) * projector.white
+            ghost = projector.luminance(posed.desired[:0])
+        else:
+            residual = posed.observation.observe(posed.desired)
+            small = self._averaged(residual)
+            residual -= posed.wanted
+            ghosts = residual[: self._scene.views if self.of_ghosts else 0]
+            ghost = projector.luminance(ghosts)
+            pollution = mean_luminance(residual, self._scene, posed.setting.areas)
         lost, black = math.nan, math.nan
-        if not self.posed.exact:
-            lost = _mean(self._losses(residual))
-            black = self._plain.black(self._of_first_seat(residual))
-        residual -= self.posed.wanted
-        ghosts = residual[: self._scene.views if self.of_ghosts else 0]
-        ghost = self._scene.projector.luminance(ghosts)
-        pollution = mean_luminance(residual, self._scene, self.posed.setting.areas)
+        if not posed.exact:
+            lost = _mean(self._losses(small))
+            black = self._plain.black(self._of_first_seat(small))
         return pollution, ghost, lost, black
 
-    def _too_bright(self, part: Light, rows: slice) -> int:
+    @property
+    def _overview(self) -> Overview:
+        return self.posed.setting.overview
+
+    @cached_property
+    def _desired(self) -> Seen | None:
+        """What is seen of the untouched master in a dome of one view."""
+        return None if self.posed.floor is None else self._overview.of(self.posed.desired)
+
+    @cached_property
+    def _wanted(self) -> Light:
+        """What all seats should see, `averaged`."""
+        if self._desired is not None and self._desired.own is not None:
+            return self._desired.own
+        return self._averaged(self.posed.wanted)
+
+    def _too_bright(self, planes: Sequence[NDArray[np.floating]], rows: slice) -> int:
         """How many pixels of the screen show more light than they should, in some primary."""
-        if part.max() <= _INVISIBLE_LIGHT:
-            return 0
-        # Primary by primary: NumPy's `any` of three is ten times slower
-        too_bright = reduce(np.logical_or, np.moveaxis(part > _INVISIBLE_LIGHT, -1, 0))
+        too_bright = reduce(np.logical_or, (plane > _INVISIBLE_LIGHT for plane in planes))
         return int(np.count_nonzero(too_bright & self._screen[rows]))
 
     def visible_error(self, light: Light) -> float:
@@ -219,7 +265,7 @@ class Appraisal:
 
     def loss(self, light: Light) -> float:
         """Returns how much worse light looks than the master, JOD; the mean of all seats."""
-        return _mean(self._losses(self._seen(light)))
+        return _mean(self._losses(self._overview.of(light).small))
 
     def look(self, light: Light, *, plain: bool = True) -> Look:
         """Computes what changes from method to method.
@@ -236,11 +282,15 @@ class Appraisal:
         look
             Quality lost, in the mean and by seat, and plain figures.
         """
-        seen, figures = self._seen(light), PlainFigures()
-        subtracted = light is self.posed.subtractive
-        losses = self._losses_subtractive if subtracted else self._losses(seen)
+        figures, subtracted = PlainFigures(), self.posed.subtracts(light)
+        if subtracted and not plain:
+            losses = self._subtraction[1]
+        else:
+            seen = self._overview.of(light)
+            losses = self._subtraction[1] if subtracted else self._losses(seen.small)
         if plain:
-            figures = self._plain.figures(self._of_first_seat(seen), self._black_before)
+            small, around = self._of_first_seat(seen.small), self._overview.around(light, seen)
+            figures = self._plain.figures(small, self._black_before, around)
         several = isinstance(self.posed.observation, SeveralSeats)
         return Look(_mean(losses), losses if several else {}, figures)
 
@@ -249,12 +299,13 @@ class Appraisal:
         """Black of the untouched master, cd/m²."""
         if not self.posed.exact:
             return self._untouched[3]
-        untouched = self.posed.observation.observe(self.posed.desired)
-        return self._plain.black(self._of_first_seat(untouched))
+        seen = self._desired or self._overview.of(self.posed.desired)
+        return self._plain.black(self._of_first_seat(seen.small))
 
     @cached_property
     def _plain(self) -> PlainRuler:
-        return PlainRuler(self._of_first_seat(self.posed.wanted), self._scene, self._screen)
+        wanted, small = (self._of_first_seat(each) for each in (self.posed.wanted, self._wanted))
+        return PlainRuler(wanted, self._scene, self._screen, small)
 
     def _of_first_seat(self, light: Light) -> Light:
         if isinstance(self.posed.observation, SeveralSeats):
@@ -311,7 +362,7 @@ class Appraisal:
         ghost = self._untouched[1]
         if np.ptp(ghost, axis=(1, 2)).max() < _INVISIBLE_LIGHT * self._scene.projector.white:
             return None
-        if self.posed.exact and light is self.posed.subtractive:
+        if self.posed.exact and self.posed.subtracts(light):
             return 0.0
         error = self._error(light)
         if is_rounding(error / self._scene.projector.white):
@@ -341,20 +392,12 @@ class Appraisal:
     def lost_map(self, seen: Light) -> NDArray[np.floating]:
         """Maps the quality that is lost at the first seat, (view, row, col), JOD."""
         ruler = next(iter(self._rulers.values()))
-        if is_rounding(seen, ruler.wanted):
+        if is_rounding(self._averaged(seen), ruler.wanted):
             return np.zeros(seen.shape[:3], np.float32)
         return ruler.lost_map(seen)
 
-    def _seen(self, light: Light) -> Light:
-        """What is seen of `light` at all seats."""
-        return (
-            self.posed.shown
-            if light is self.posed.subtractive
-            else self.posed.observation.observe(light)
-        )
-
     def _losses(self, seen: Light) -> dict[str, float]:
-        """Loss by the seat's name, from what all seats see; a single seat has no name."""
+        """Loss by the seat's name, from the averaged light of all seats; one has no name."""
         losses = {}
         for number, (name, ruler) in enumerate(self._rulers.items()):
             of_seat = seen
@@ -366,11 +409,11 @@ class Appraisal:
     @cached_property
     def _rulers(self) -> dict[str, Ruler]:
         """Ruler by the seat's name; a single seat has no name."""
-        seats = {"": self.posed.wanted}
+        seats = {"": self._wanted}
         if isinstance(self.posed.observation, SeveralSeats):
             assert isinstance(self._scene, StereoScene)
             seats = {
-                name: self.posed.observation.of_seat(self.posed.wanted, number)
+                name: self.posed.observation.of_seat(self._wanted, number)
                 for number, name in enumerate(self._scene.chosen)
             }
         return {name: Ruler(wanted, self._scene, self._screen) for name, wanted in seats.items()}

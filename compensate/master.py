@@ -187,7 +187,7 @@ class Solution:
             See `Figures`.
         """
         posed, result = self.posed, self.result
-        brief = brief and posed.exact and result.light is posed.subtractive
+        brief = brief and posed.exact and posed.subtracts(result.light)
         look = appraisal.look(result.light, plain=not brief)
         left = appraisal.foreseen(result.light)
         return Figures(

@@ -30,9 +30,10 @@ averaged first. A figure is None where the master has nothing that it could be m
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, final
+from functools import cached_property, partial
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,8 @@ _BLOCK = 4  # pixels: stars are looked for in blocks that are twice as bright so
 
 Floats = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
+Around: TypeAlias = Callable[[int, NDArray[np.intp], NDArray[np.intp]], NDArray[Any]]
+"""A view, rows and columns of places -> (place, 5, 5, primary) light within two pixels of them."""
 
 
 @final
@@ -119,10 +122,15 @@ class PlainRuler:
         Where.
     screen
         (row, col) pixels that count.
+    small
+        `wanted` as it is `averaged`, if that is known.
     """
 
-    def __init__(self, wanted: Light, scene: Scene, screen: Mask) -> None:
+    def __init__(
+        self, wanted: Light, scene: Scene, screen: Mask, small: Light | None = None
+    ) -> None:
         self._wanted, self._scene, self._screen = wanted, scene, screen
+        self._small = averaged(wanted, screen) if small is None else small
 
     def black(self, seen: Light) -> float:
         """Returns the mean luminance of the darker half as it is seen, cd/m².
@@ -130,19 +138,21 @@ class PlainRuler:
         Parameters
         ----------
         seen
-            (view, row, col, primary).
+            (view, row, col, primary), or `averaged`.
         """
         return self._black(self._luminance(averaged(seen, self._screen)))
 
-    def figures(self, seen: Light, untouched: float) -> PlainFigures:
+    def figures(self, seen: Light, untouched: float, around: Around | None = None) -> PlainFigures:
         """Computes all figures.
 
         Parameters
         ----------
         seen
-            (view, row, col, primary).
+            (view, row, col, primary), or `averaged`.
         untouched
             `black` of what is seen untouched, cd/m².
+        around
+            Of all pixels that are seen, if `seen` is averaged.
 
         Returns
         -------
@@ -157,17 +167,13 @@ class PlainRuler:
             self._black(light) / untouched if untouched > 0 else None,
             fine,
             coarse,
-            *self._stars(seen),
+            *self._stars(around or partial(around_of, seen)),
             None if colours is None else colours.hue_shift,
         )
 
     @property
     def _weights(self) -> Floats:
         return self._scene.projector.luminance_weights
-
-    @cached_property
-    def _small(self) -> Light:
-        return averaged(self._wanted, self._screen)
 
     @cached_property
     def _dark(self) -> Mask:
@@ -231,10 +237,10 @@ class PlainRuler:
         points = []
         for view in self._luminance(self._wanted):
             rows, cols = _points(view, self._screen)
-            points.append((rows, cols, _light_of(view, rows, cols)))
+            points.append((rows, cols, _light_of(around_of_plane(view, rows, cols))))
         return points
 
-    def _stars(self, seen: Light) -> tuple[float | None, float | None]:
+    def _stars(self, around: Around) -> tuple[float | None, float | None]:
         """Light of stars over the master's, and share of pairs in order."""
         wanted = np.concatenate([light for _, _, light in self._points])
         if not wanted.size:
@@ -242,8 +248,8 @@ class PlainRuler:
         weights = (self._weights * self._scene.projector.white).astype(np.float32)
         stars = np.concatenate(
             [
-                _light_of(view, rows, cols, weights)
-                for view, (rows, cols, _) in zip(seen, self._points, strict=True)
+                _light_of(around(view, rows, cols) @ weights)
+                for view, (rows, cols, _) in enumerate(self._points)
             ]
         )
         ranks = np.argsort(wanted, kind="stable")[:: -(-wanted.size // STARS)]
@@ -339,7 +345,7 @@ def _points(plane: Floats, screen: Mask) -> tuple[NDArray[np.intp], NDArray[np.i
     row, col = _BLOCK * row + within // _BLOCK, _BLOCK * col + within % _BLOCK
     inside = (row >= 2) & (col >= 2) & (row < plane.shape[0] - 2) & (col < plane.shape[1] - 2)
     row, col = row[inside], col[inside]
-    near, on_screen = (_around(each, row, col) for each in (plane, screen))
+    near, on_screen = (around_of_plane(each, row, col) for each in (plane, screen))
     peak = plane[row, col]
     stars = on_screen.all(axis=(1, 2)) & (peak >= near.max(axis=(1, 2)))
     stars &= peak >= POINT * near[:, _RING].max(axis=1)
@@ -350,22 +356,40 @@ _RING = np.pad(np.zeros((3, 3), np.bool_), 1, constant_values=True)
 """(5, 5): the pixels two pixels away."""
 
 
-def _around(plane: NDArray[Any], rows: NDArray[np.intp], cols: NDArray[np.intp]) -> NDArray[Any]:
-    """(place, 5, 5, ...) what lies within two pixels of places."""
+def around_of(
+    light: Light, view: int, rows: NDArray[np.intp], cols: NDArray[np.intp]
+) -> NDArray[Any]:
+    """Light within two pixels of places of a view.
+
+    Parameters
+    ----------
+    light
+        (view, row, col, primary).
+    view
+        Which of them.
+    rows, cols
+        (place,) at least two pixels from the edge.
+
+    Returns
+    -------
+    around
+        (place, 5, 5, primary).
+    """
+    return around_of_plane(light[view], rows, cols)
+
+
+def around_of_plane(
+    plane: NDArray[Any], rows: NDArray[np.intp], cols: NDArray[np.intp]
+) -> NDArray[Any]:
+    """`around_of` of a (row, col, ...) plane."""
     steps = np.arange(-2, 3)
     return np.asarray(
         plane[rows[:, None, None] + steps[:, None], cols[:, None, None] + steps[None, :]]
     )
 
 
-def _light_of(
-    plane: NDArray[Any],
-    rows: NDArray[np.intp],
-    cols: NDArray[np.intp],
-    weights: Floats | None = None,
-) -> Floats:
-    """Light of 3 x 3 pixels less what lies around; `weights` make luminance of primaries."""
-    near = _around(plane, rows, cols)
-    near = np.asarray(near if weights is None else near @ weights, np.float64)
+def _light_of(near: NDArray[Any]) -> Floats:
+    """Light of 3 x 3 pixels less what lies around, of (place, 5, 5)."""
+    near = np.asarray(near, np.float64)
     around = near[:, _RING].mean(axis=1)
     return np.asarray(near[:, 1:-1, 1:-1].sum(axis=(1, 2)) - 9 * around)

@@ -17,14 +17,15 @@ from typing import TypeAlias, cast, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim import Aim, Sight, aimed_light
+from compensate.aim import Aim, Sight, aimed_light, lifted_light
+from compensate.overview import Overview
 from compensate.problem import Problem
-from compensate.subtract import reflecting, subtracted
+from compensate.subtract import Floor, reflecting, subtracted
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Array, Light, namespace, require_light
-from domesim.light.rounding import is_rounding
+from domesim.light.rounding import ROUNDING, is_rounding
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.base import AdjointObservation, Observation
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -52,14 +53,10 @@ class Posed:
         What all frames of this size share.
     desired
         (view, row, col, primary) master light, in 0..1 on the screen.
-    subtractive, shown
-        The light of exact clipped subtraction, and what is seen of it, at all seats.
     """
 
     setting: Setting
     desired: Light
-    subtractive: Light
-    shown: Light
 
     @property
     def scene(self) -> Scene:
@@ -77,8 +74,34 @@ class Posed:
         return self.setting.screen
 
     @cached_property
+    def floor(self) -> Floor | None:
+        """What is seen beside own light over subtraction, of a dome of one view; else None.
+
+        It tells most of what is to be known of subtraction, without pictures of it.
+        """
+        return self.setting.floor(self.desired)
+
+    @cached_property
+    def subtractive(self) -> Light:
+        """The light of exact clipped subtraction."""
+        if self.floor is not None:
+            return self.floor.subtracted()
+        return self.setting.subtracted(self.desired)
+
+    @cached_property
+    def shown(self) -> Light:
+        """What is seen of exact clipped subtraction, at all seats."""
+        return self.observation.observe(self.subtractive)
+
+    def subtracts(self, light: Light) -> bool:
+        """Says whether light is `subtractive` itself."""
+        return light is vars(self).get("subtractive")
+
+    @cached_property
     def exact(self) -> bool:
         """Whether subtraction shows what is wanted, to rounding."""
+        if self.floor is not None:
+            return not self.floor.leaves(ROUNDING)
         return is_rounding(self.shown, self.wanted)
 
     @cached_property
@@ -121,7 +144,11 @@ class Posed:
         if not isinstance(setting.eye, Aim):
             return None
         wanted = setting.single.direct(self.desired)
-        light, seen, upper = self.subtractive, self.shown, setting.upper_like(wanted)
+        upper = setting.upper_like(wanted)
+        if self.floor is not None:
+            eye, sight, floor = setting.eye, setting.sight, self.floor.planes
+            return lifted_light(eye, sight, setting.single, wanted, floor, upper)
+        light, seen = self.subtractive, self.shown
         if setting.single is not self.observation:
             seen = setting.single.observe(light)
         return aimed_light(setting.eye, setting.sight, setting.single, wanted, light, seen, upper)
@@ -205,9 +232,7 @@ class Stage:
         setting = self._of_size(*desired.shape[1:3])
         require_light(desired, setting.observation.shape, who="compensate")
         require_within_range(desired, setting.screen)
-        desired = _on(setting.screen, desired)
-        subtractive = setting.subtracted(desired)
-        return Posed(setting, desired, subtractive, setting.observation.observe(subtractive))
+        return Posed(setting, _on(setting.screen, desired))
 
     def pose_frame(self, frame: Master) -> tuple[Posed, float]:
         """Poses a master's file; the second value is the share of its screen out of range."""
@@ -256,6 +281,11 @@ class Setting:
         projector = self.scene.projector
         density = self.scene.viewing.pixels_per_degree(*self.screen.shape)
         return Sight(self.screen, projector.luminance_weights, projector.white, density)
+
+    @cached_property
+    def overview(self) -> Overview:
+        """What is seen at all seats, as figures take it."""
+        return Overview(self.observation, self.screen, self.areas)
 
     @cached_property
     def uncertain(self) -> Uncertain | None:
@@ -307,6 +337,14 @@ class Setting:
         """Subtracts exactly from a master, at the one seat or the mean one."""
         wanted = self.single.direct(desired)
         return subtracted(self.single, wanted, (0.0, self.upper_like(wanted)))[0]
+
+    def floor(self, desired: Light) -> Floor | None:
+        """What is seen beside own light over subtraction: see `Posed.floor`."""
+        single = self.single
+        if not (isinstance(single, LowRankObservation) and isinstance(desired, np.ndarray)):
+            return None
+        wanted = single.direct(desired)
+        return Floor(single, wanted, self.upper_like(wanted))
 
     @cached_property
     def dome(self) -> LowRankObservation | None:

@@ -70,7 +70,7 @@ class Ruler:
     Parameters
     ----------
     wanted
-        (view, row, col, primary) what should be seen.
+        (view, row, col, primary) what should be seen, or `averaged`.
     scene
         Where.
     screen
@@ -87,7 +87,7 @@ class Ruler:
         Parameters
         ----------
         seen
-            (view, row, col, primary).
+            (view, row, col, primary), or `averaged`.
         """
         xyz = self._shown(seen)
         squares = sum(reference.pooled(xyz, share) ** 2 for reference, share in self._references)
@@ -143,7 +143,7 @@ def averaged(light: Light, screen: NDArray[np.bool_]) -> Light:
     Parameters
     ----------
     light
-        (view, row, col, primary).
+        (view, row, col, primary); what is averaged already stays.
     screen
         (row, col) bool: light elsewhere counts as 0.
 
@@ -152,7 +152,15 @@ def averaged(light: Light, screen: NDArray[np.bool_]) -> Light:
     means
         (view, row, col, primary) of blocks.
     """
-    block = -(-max(screen.shape) // FINEST)
-    rows, cols = (slice(side // block * block) for side in screen.shape)
+    block = block_of(screen)
+    small = tuple(side // block for side in screen.shape)
+    if block > 1 and light.shape[1:3] == small:
+        return light
+    rows, cols = (slice(side * block) for side in small)
     sums = light_sums(light[:, rows, cols], block, screen[rows, cols])
     return np.ascontiguousarray(sums) / block**2
+
+
+def block_of(screen: NDArray[np.bool_]) -> int:
+    """Pixels along a side of the blocks of `averaged`."""
+    return int(-(-max(screen.shape) // FINEST))

@@ -28,6 +28,11 @@ _Pair: TypeAlias = tuple[NDArray[Any], NDArray[Any]]
 """Of pixels, and of their neighbours to the right, or below."""
 
 
+def are_fine(frame: Master) -> bool:
+    """Says whether a master's codes are so fine that none of their steps is seen."""
+    return frame.frames[0].floating or frame.frames[0].bits > BITS
+
+
 def visible_steps(
     frame: Master, seen: Light, screen: NDArray[np.bool_], weights: NDArray[np.floating]
 ) -> float:
@@ -50,11 +55,10 @@ def visible_steps(
         Share of all pixels. A pixel counts if its code differs from its neighbour's by one in some
         primary and by no more in any, and its luminance by `VISIBLE`. 0 for depths above 8 bits.
     """
-    first = frame.frames[0]
-    if first.floating or first.bits > BITS:
+    if are_fine(frame):
         return 0.0
     pixels = [each.pixels for each in frame.frames]
-    return share_of_steps(pixels, 2**first.bits - 1, seen, screen, weights)
+    return share_of_steps(pixels, 2 ** frame.frames[0].bits - 1, seen, screen, weights)
 
 
 def share_of_steps(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from compensate.aim.dome import lifted
+from compensate.aim.dome import Planes, lifted
 from compensate.aim.pair import veiled
 from compensate.aim.pair_in_a_dome import aimed
 from compensate.aim.settings import Aim, Sight
@@ -20,7 +20,35 @@ from domesim.light import Array, Light
 from domesim.light.strips import in_strips
 from domesim.observation.base import Observation
 
-__all__ = ["Aim", "Sight", "aimed_light"]
+__all__ = ["Aim", "Sight", "aimed_light", "lifted_light"]
+
+
+def lifted_light(
+    aim: Aim,
+    sight: Sight,
+    observation: Observation,
+    wanted: Light,
+    floor: Light | Planes,
+    upper: Array | float = 1.0,
+) -> Light:
+    """Computes the light that shows what is aimed at in a dome.
+
+    Parameters
+    ----------
+    aim, sight, wanted, floor
+        As for `compensate.aim.dome.lifted`.
+    observation
+        What is seen of light, at one seat.
+    upper
+        Largest light, which broadcasts.
+
+    Returns
+    -------
+    light
+        (view, row, col, primary) to project, from 0 to `upper`.
+    """
+    target = lifted(aim, sight, wanted, floor, _white(observation, wanted))
+    return subtracted(observation, target, (0.0, upper), start=target, out=target)[0]
 
 
 def aimed_light(
@@ -55,14 +83,17 @@ def aimed_light(
     if len(wanted) > 1 and reflecting(observation) is None:
         target = veiled(aim, sight, wanted, np.maximum(seen - wanted, 0))
     else:
-        brightest = observation.direct(np.broadcast_to(np.ones((), wanted.dtype), wanted.shape))
         floor = _less(seen, observation.direct(subtractive))
         if len(wanted) == 1:
-            target = lifted(aim, sight, wanted, floor, brightest)
-        else:
-            target = aimed(aim, sight, observation, wanted, floor, brightest, upper)
+            return lifted_light(aim, sight, observation, wanted, floor, upper)
+        target = aimed(aim, sight, observation, wanted, floor, _white(observation, wanted), upper)
         del floor  # it takes memory
     return subtracted(observation, target, (0.0, upper), start=subtractive)[0]
+
+
+def _white(observation: Observation, like: Light) -> Light:
+    """What is seen of white in its own place, which broadcasts."""
+    return observation.direct(np.broadcast_to(np.ones((), like.dtype), like.shape))
 
 
 def _less(light: Light, other: Light) -> Light:

@@ -61,12 +61,14 @@ were chosen, and what lost: ``validation/notes/0007``.
 
 from __future__ import annotations
 
-from functools import reduce
+from collections.abc import Callable, Sequence
+from functools import partial, reduce
+from typing import TypeAlias
 
 from compensate.aim.settings import Aim, Sight
 from compensate.blocks import guided
 from domesim.light import Array, Light, namespace, total
-from domesim.light.blocks import block_sums, by_blocks, enlarged
+from domesim.light.blocks import block_sums, by_blocks, enlarged_across, enlarged_down
 from domesim.light.strips import in_parts
 
 DARK = 0.005
@@ -108,7 +110,11 @@ def gain_of(m: Array, B: Array, v: float) -> Array:
     return xp.sqrt(1 + (v / B * t * (2 - t)) ** 2)
 
 
-def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light) -> Light:
+Planes: TypeAlias = Callable[[int, slice], Sequence[Array]]
+"""A view and some rows of it -> (row, col) of each primary."""
+
+
+def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light | Planes, brightest: Light) -> Light:
     """Lifts the master with its surroundings.
 
     Parameters
@@ -118,7 +124,8 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
     wanted
         (view, row, col, primary) what should be seen, 1 = projector white.
     floor
-        Light that is there without any of its own, over subtraction of the master; of that shape.
+        Light that is there without any of its own, over subtraction of the master: of that shape,
+        or what tells it of some rows.
     brightest
         What is seen of white in its own place; nothing is lifted above. It broadcasts.
 
@@ -127,37 +134,38 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
     light
         (view, row, col, primary) what is aimed at.
     """
-    xp, (views, _, cols, primaries) = namespace(wanted), wanted.shape
+    xp, (views, _, cols, _) = namespace(wanted), wanted.shape
     c = DARK / sight.white
     block, radius = block_of(sight.density)
+    floors = floor if callable(floor) else partial(planes_of, floor)
+    weights = [float(each) for each in sight.weights]
 
     def sums(view: int, rows: slice) -> Array:
         """(5, row, col) by blocks: pixels, missing light, and importance w, w log m, w log² m."""
         m = sight.luminance(wanted[view, rows, ...]) + c
         on = xp.astype(sight.screen[rows, :], m.dtype)
-        missing = on * (sight.luminance(floor[view, rows, ...]) - m + c)
+        low = reduce(xp.add, (w * x for w, x in zip(weights, floors(view, rows), strict=True)))
+        missing = on * (xp.maximum(low, xp.zeros_like(low)) - m + c)
         w, log_m = on * (c / m), xp.log(m)
-        return block_sums(xp.stack([on, missing, w, w * log_m, w * log_m**2]), block)
+        planes = on, missing, w, w * log_m, w * log_m**2
+        return xp.stack([block_sums(plane, block) for plane in planes])
 
     v, bases = 0.0, []
     for planes in xp.unstack(by_blocks(sums, wanted.shape, block, wanted), axis=0):
         pixels, missing, w, first, second = xp.unstack(planes, axis=0)
         v = max(v, aim.lift * _darkest(pixels, missing))
-        bases.append(xp.stack(guided(pixels, w, first, second, radius, EDGE)))
+        base = xp.stack(guided(pixels, w, first, second, radius, EDGE))
+        bases.append(enlarged_across(base, block, cols))
 
-    aimed, weights = xp.empty_like(wanted), [float(each) for each in sight.weights]
+    aimed = xp.empty_like(wanted)
 
     def work(view: int, rows: slice) -> None:
-        own, white = (
-            [each[view, rows, :, p] for p in range(primaries)] for each in (wanted, brightest)
-        )
-        low = [
-            reduce(xp.maximum, (floor[each, rows, :, p] for each in range(views)))
-            for p in range(primaries)
-        ]
+        own, white = (planes_of(each, view, rows) for each in (wanted, brightest))
+        each_floor = zip(*(floors(each, rows) for each in range(views)), strict=True)
+        low = [reduce(xp.maximum, each) for each in each_floor]
         luminance = sight.luminance(wanted[view, rows, ...])
         m = luminance + c
-        slope, offset = xp.unstack(enlarged(bases[view], block, rows, cols), axis=0)
+        slope, offset = xp.unstack(enlarged_down(bases[view], block, rows), axis=0)
         B = xp.exp(slope * xp.log(m) + offset)
         none, one, tiny = xp.zeros_like(m), xp.ones_like(m), xp.full_like(m, _TINY)
         gain = gain_of(m, B, v)
@@ -178,6 +186,11 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light, brightest: Light
 
     in_parts(work, wanted.shape, wanted)
     return aimed
+
+
+def planes_of(light: Light, view: int, rows: slice) -> list[Array]:
+    """(row, col) of each primary of (view, row, col, primary) light."""
+    return [light[view, rows, :, p] for p in range(light.shape[-1])]
 
 
 def _darkest(pixels: Array, sums: Array) -> float:

@@ -19,7 +19,7 @@ from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE, compared
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.result import Status
-from compensate.steps import COARSE, visible_steps
+from compensate.steps import COARSE, are_fine, visible_steps
 from compensate.visible import OnlyVisible, SpatiallyWeighted
 from compensate.vision.csf import LowFrequencyFloor
 from compensate.weighting import PerceptualWeighting
@@ -296,7 +296,7 @@ class Compensating(Recipe):
 def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     """Write it while its figures are computed; of what subtraction shows, only quick ones."""
     posed, light = solution.posed, solution.result.light
-    appraisal, exact = Appraisal(posed), posed.exact and light is posed.subtractive
+    appraisal, exact = Appraisal(posed), posed.exact and posed.subtracts(light)
     frame, clipped = solution.encoded()
     with ThreadPoolExecutor(1, "domesim-file") as beside:
         written = beside.submit(write, frame)
@@ -314,7 +314,9 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     del stored_light
     line = line_of(found)
     weights = posed.scene.projector.luminance_weights
-    coarse = visible_steps(solution.frame, posed.seen(light), posed.screen, weights)
+    coarse = 0.0
+    if not are_fine(solution.frame):
+        coarse = visible_steps(solution.frame, posed.seen(light), posed.screen, weights)
     if coarse > COARSE:
         line += (
             f"\n  steps between the master's codes are seen on {coarse:.1%} of the screen: render "

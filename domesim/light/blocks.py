@@ -134,14 +134,48 @@ def enlarged(coarse: Array, block: int, rows: slice, cols: int) -> Array:
     planes
         (..., row, col) of these rows.
     """
+    return enlarged_down(enlarged_across(coarse, block, cols), block, rows)
+
+
+def enlarged_across(coarse: Array, block: int, cols: int) -> Array:
+    """Interpolates values of blocks along rows alone: once for all strips of `enlarged_down`.
+
+    Parameters
+    ----------
+    coarse, block, cols
+        As for `enlarged`.
+
+    Returns
+    -------
+    wide
+        (..., row of blocks, col).
+    """
+    return coarse if block == 1 else _linear_across(coarse, block, cols)
+
+
+def enlarged_down(wide: Array, block: int, rows: slice) -> Array:
+    """Completes `enlarged_across`.
+
+    Parameters
+    ----------
+    wide
+        (..., row of blocks, col).
+    block, rows
+        As for `enlarged`.
+
+    Returns
+    -------
+    planes
+        (..., row, col) of these rows.
+    """
     if block == 1:
-        return coarse[..., rows, :]
+        return wide[..., rows, :]
     places = (np.arange(rows.start, rows.stop) + 0.5) / block - 0.5
-    places = np.clip(places, 0, coarse.shape[-2] - 1)
+    places = np.clip(places, 0, wide.shape[-2] - 1)
     first, last = int(places[0]), int(np.ceil(places[-1]))
     weights = np.maximum(1 - np.abs(places[:, None] - np.arange(first, last + 1)), 0)
-    weights = namespace(coarse).asarray(weights, dtype=coarse.dtype, device=coarse.device)
-    return _linear_across(weights @ coarse[..., first : last + 1, :], block, cols)
+    weights = namespace(wide).asarray(weights, dtype=wide.dtype, device=wide.device)
+    return weights @ wide[..., first : last + 1, :]
 
 
 def _sums_along(planes: Array, block: int, axis: int) -> Array:

@@ -81,6 +81,11 @@ def all_within(values: NDArray[Any], least: float, most: float) -> bool:
     return all(in_strips(work, values.shape))
 
 
+def summed(plane: NDArray[Any]) -> float:
+    """Sum of (row, col): of each row in its own precision, and of rows in double precision."""
+    return float(plane.sum(axis=-1).sum(dtype=np.float64))
+
+
 def converted(picture: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
     """Converts (row, col, ...) to another type by all threads: NumPy's half is slow."""
     if picture.dtype == kind:

@@ -1,0 +1,175 @@
+"""What is seen of light, as small as figures are measured: averaged as the ruler averages.
+
+What a dome reflects is the sum of a few modes (`domesim.observation.lowrank`), so that its small
+picture is the small one of its own light and those of the modes: one look at the light is enough.
+Any other picture is observed first, and then averaged.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, partial
+from typing import Any, NamedTuple, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensate.aim.dome import Planes, planes_of
+from compensate.plain import Around, around_of, around_of_plane
+from compensate.ruler import averaged, block_of
+from domesim.light import Light
+from domesim.light.blocks import block_sums
+from domesim.light.strips import in_strips, summed
+from domesim.observation.base import Observation
+from domesim.observation.lowrank import LowRank, LowRankObservation
+
+Floats = NDArray[Any]
+
+
+class Seen(NamedTuple):
+    """What is seen of light.
+
+    Attributes
+    ----------
+    small
+        (seen view, row, col, primary) means: see `compensate.ruler.averaged`.
+    own, excited
+        Of a dome of one view: means of what is seen without pollution, and (primary, rank) by how
+        much each mode is seen. None of anything else.
+    """
+
+    small: Light
+    own: Light | None
+    excited: Floats | None
+
+
+@final
+class Overview:
+    """Small pictures of what is seen in one place.
+
+    Parameters
+    ----------
+    observation
+        What is seen of light.
+    screen
+        (row, col) bool: pixels that count.
+    areas
+        (row, col) of the pixels, m².
+    """
+
+    def __init__(
+        self, observation: Observation, screen: NDArray[np.bool_], areas: NDArray[np.floating]
+    ) -> None:
+        self._observation, self._screen, self._areas = observation, screen, areas
+
+    def of(self, light: Light | Planes) -> Seen:
+        """Looks at what is seen of light.
+
+        Parameters
+        ----------
+        light
+            (view, row, col, primary) that is projected; of a dome of one view also what tells it
+            of some rows.
+
+        Returns
+        -------
+        seen
+            See `Seen`.
+        """
+        observation = self._observation
+        if not isinstance(observation, LowRankObservation):
+            return Seen(averaged(observation.observe(light), self._screen), None, None)
+        planes = light if callable(light) else partial(planes_of, light)
+        sums, collected = self._summed(planes)
+        excited = (self._factors.core @ collected[:, :, None])[:, :, 0]
+        modes, room = self._small
+        own = sums / block_of(self._screen) ** 2
+        small = own + room + np.tensordot(excited.astype(own.dtype), modes, 1)
+        small, own = (np.ascontiguousarray(np.moveaxis(each, 0, -1)[None]) for each in (small, own))
+        return Seen(small, own, excited)
+
+    def around(self, light: Light, seen: Seen) -> Around:
+        """Tells what is seen around places, of all pixels.
+
+        Parameters
+        ----------
+        light
+            That is projected.
+        seen
+            What `of` found of it.
+
+        Returns
+        -------
+        around
+            A view, rows and columns of places -> (place, 5, 5, primary).
+        """
+        if seen.excited is None:
+            return partial(around_of, self._observation.observe(light))
+        f, excited = self._factors, seen.excited.astype(light.dtype)
+
+        def here(view: int, rows: NDArray[np.intp], cols: NDArray[np.intp]) -> Floats:
+            gain, modes, room = (
+                around_of_plane(np.moveaxis(each, 0, -1), rows, cols)
+                for each in (f.direct_gain[None], f.spread, f.ambient)
+            )
+            return np.asarray(around_of(light, view, rows, cols) * gain + modes @ excited.T + room)
+
+        return here
+
+    def pollution(self, excited: Floats, weights: Floats) -> float:
+        """Computes the mean luminance over a dome's screen that is not its picture's own, of white.
+
+        Parameters
+        ----------
+        excited
+            See `Seen`.
+        weights
+            (primary,) of luminance.
+        """
+        modes, room = self._means
+        return float(weights @ (excited @ modes + room))
+
+    @property
+    def _factors(self) -> LowRank:
+        assert isinstance(self._observation, LowRankObservation)
+        return self._observation.factors_like(np.empty(0, np.float32))
+
+    def _summed(self, planes: Planes) -> tuple[Floats, Floats]:
+        """(primary, row, col) sums of own light over blocks, and (primary, rank) V'x."""
+        f, block = self._factors, block_of(self._screen)
+        rows, cols = self._screen.shape
+        gain = None if (f.direct_gain == 1).all() else f.direct_gain
+
+        def look(_: int, blocks: slice) -> tuple[Floats, Floats]:
+            some = slice(blocks.start * block, min(blocks.stop * block, rows))
+            each = planes(0, some)
+            collected = [[summed(c * x) for c in f.collect[:, some]] for x in each]
+            on = self._screen[some] if gain is None else self._screen[some] * gain[some]
+            own = [x * on for x in each]
+            whole = (some.stop - some.start) // block * block, cols // block * block
+            return (
+                np.stack([block_sums(x[: whole[0], : whole[1]], block) for x in own]),
+                np.array(collected),
+            )
+
+        shape = 1, -(-rows // block), block * cols * len(f.core)
+        sums, collected = zip(*in_strips(look, shape), strict=True)
+        return np.concatenate(sums, axis=1), np.asarray(sum(collected))
+
+    @cached_property
+    def _small(self) -> tuple[Floats, Floats]:
+        """(rank, row, col) of the modes, and (primary, row, col) of light without a picture."""
+
+        def small(planes: Floats) -> Floats:
+            return np.moveaxis(averaged(np.moveaxis(planes, 0, -1)[None], self._screen)[0], -1, 0)
+
+        return small(self._factors.spread), small(self._factors.ambient)
+
+    @cached_property
+    def _means(self) -> tuple[Floats, Floats]:
+        """(rank,) and (primary,) means of the same over the screen's area."""
+        weights = self._areas / self._areas.sum()
+        modes, room = (
+            np.array([np.vdot(weights, plane) for plane in planes])
+            for planes in (self._factors.spread, self._factors.ambient)
+        )
+        return modes, room
