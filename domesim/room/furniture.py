@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from domesim.errors import InputError
 from domesim.frames.messages import one_line
 from domesim.host.files import read_plain
+from domesim.room import polygons
 from domesim.room.theatre import Albedo, Point, Solid, Viewpoint
 
 EYE_HEIGHT = 1.2
@@ -161,7 +162,8 @@ def box(name: str, low: Point, high: Point, albedo: Albedo) -> Solid:
 def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
     """The triangles of a mesh file: STL, PLY, OBJ, OFF or GLB.
 
-    Its coordinates are taken for metres in the room's frame.
+    Its coordinates are taken for metres in the room's frame; GLB has y up and looks along z, and is
+    turned (glTF 2.0, 3.4).
 
     Raises
     ------
@@ -183,12 +185,16 @@ def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
             raise InputError(
                 f"{path}: wanted the mesh of {name}, got {wrong}. Export it as STL, PLY or OBJ."
             )
-        # Without a path, no other files are looked for: materials and pictures
-        mesh = import_module("trimesh").load_mesh(io.BytesIO(content), file_type=kind)
-        vertices = np.array(mesh.vertices, np.float64).reshape(-1, 3)
-        faces = np.array(mesh.faces, np.int64).reshape(-1, 3)
+        vertices, faces = _triangles(kind, content)
+        if kind == "glb":
+            vertices = vertices[:, [0, 2, 1]] * (1, -1, 1)
     except InputError:
         raise
+    except polygons.CrossedError as error:
+        raise InputError(
+            f"{path}: wanted the mesh of {name}, got {error}. Triangulate it where it was made "
+            "(Blender: Triangulate Faces)."
+        ) from error
     except Exception as error:  # trimesh's readers raise whatever their parsing runs into
         raise InputError(
             f"{path}: wanted the mesh of {name}, got a file that does not read as {kind.upper()}. "
@@ -204,6 +210,50 @@ def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
             f"Export it again."
         )
     return Solid(name, vertices, faces, albedo)
+
+
+_FAR = 5.0  # of the theatre's radius: what is in it or around it reaches less far
+
+
+def require_near(solid: Solid, radius: float) -> None:
+    """Refuse a thing that reaches far out of a theatre, as one in millimetres does.
+
+    Parameters
+    ----------
+    solid
+        The thing.
+    radius
+        The theatre's, m.
+
+    Raises
+    ------
+    InputError
+        If it does.
+    """
+    axis = int(np.abs(solid.vertices).max(axis=0).argmax())
+    low, high = solid.vertices[:, axis].min(), solid.vertices[:, axis].max()
+    if max(-low, high) > _FAR * radius:
+        raise InputError(
+            f"{solid.name} reaches from {low:.4g} to {high:.4g} m ({'xyz'[axis]}), far out of the "
+            f"theatre (radius {radius:.4g} m): is it in millimetres? Export it in metres."
+        )
+
+
+def _triangles(kind: str, content: bytes) -> _Mesh:
+    """Vertices and triangles of a mesh file, what has more corners cut into them."""
+    held = None
+    if kind == "obj" and re.search(rb"(?m)^[ \t]*f(?:[ \t]+[^\s#]+){4}", content):
+        held = polygons.read_obj(content.decode("utf-8", "replace"))
+    if kind == "off":
+        held = polygons.read_off(content.decode("utf-8", "replace"))
+    if held is None:
+        # Without a path, no other files are looked for: materials and pictures
+        mesh = import_module("trimesh").load_mesh(io.BytesIO(content), file_type=kind)
+        held = polygons.read_ply(mesh.metadata["_ply_raw"]) if kind == "ply" else None
+    if held is not None:
+        return held[0], polygons.triangles(*held)
+    vertices = np.array(mesh.vertices, np.float64).reshape(-1, 3)
+    return vertices, np.array(mesh.faces, np.int64).reshape(-1, 3)
 
 
 # Its readers go on with what they lack (pictures, say), but log it on standard error.

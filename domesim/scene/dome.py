@@ -518,7 +518,9 @@ def _furniture(
     ]
     for mesh in file.meshes:
         with mistakes.noted():
-            solids.append(furniture.from_file(folder / mesh.file, mesh.name, three(mesh.albedo)))
+            solid = furniture.from_file(folder / mesh.file, mesh.name, three(mesh.albedo))
+            furniture.require_near(solid, dome.radius)
+            solids.append(solid)
     for name, view in file.viewpoints.items():
         viewpoints[name] = Viewpoint(view.position_m, view.look_at_m, np.radians(view.field_deg))
     return tuple(solids), viewpoints
