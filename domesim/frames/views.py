@@ -60,6 +60,7 @@ _DESCRIPTIONS = {
     "multi-part": "left and right in two parts",
     "mpo": "left and right in one MPO",
 }
+_FRAME_PACKED = {(1280, 1470): 720, (1920, 2205): 1080}  # HDMI 1.4a, 8.2.3.2: rows of a view
 _AXES: Mapping[Packing, int] = {"side-by-side": 1, "top-bottom": 0}
 
 
@@ -470,6 +471,13 @@ def _read_inner(path: Path, content: bytes, colour: ColourTag | None) -> Frame:
 def _halves(frame: Frame, packing: Packing, eyes: Eyes | None) -> tuple[Frame, ...]:
     axis = _AXES[packing]
     rows, cols = frame.pixels.shape[:2]
+    if packing == "top-bottom" and (high := _FRAME_PACKED.get((cols, rows))) is not None:
+        raise InputError(
+            f"{frame.path}: wanted left above right, got frame-packed 3D ({cols} x {rows} px), "
+            f"whose lines {high + 1} to {rows - high} are neither's. Take them out (ffmpeg -i IN "
+            f"-filter_complex '[0]split[a][b];[a]crop=iw:{high}:0:0:exact=1[c];"
+            f"[b]crop=iw:{high}:0:{rows - high}:exact=1[d];[c][d]vstack' OUT)."
+        )
     if (rows, cols)[axis] % 2:
         raise InputError(
             f"{frame.path}: wanted an even {('height', 'width')[axis]} for two views packed as "

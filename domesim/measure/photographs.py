@@ -326,6 +326,24 @@ def _channels(path: Path, eye: str, projector: str, section: Files | _Colours) -
     return listed
 
 
+def require_depth(frame: Frame) -> None:
+    """Refuse a photograph whose codes are too few for light that differs a hundredfold.
+
+    Raises
+    ------
+    InputError
+        If it has less than 10 bits: then it has a curve, too, whatever is said of it.
+    """
+    if frame.bits < _LEAST_BITS:
+        raise InputError(
+            f"{frame.path}: a photograph must be raw and linear, of {_LEAST_BITS} bits or more, "
+            f"got {frame.bits}; develop it without a curve (dcraw -4 -T IN, or a linear EXR)"
+        )
+
+
+_LEAST_BITS = 10
+
+
 class _Reader:
     """Reads photographs of one size, and remembers which samples were full."""
 
@@ -367,6 +385,7 @@ class _Reader:
                 f'({frame.colour.source}); if it is linear, say encoding = "linear" in '
                 f"[photographs], else develop it so"
             )
+        require_depth(frame)
         size = frame.pixels.shape[:2]
         if self.size is None or self._first is None:
             self.size, self._first = (size[0], size[1]), path

@@ -195,6 +195,7 @@ class Report:
             now=time.strftime("%Y-%m-%d %H:%M:%S"),
             left=duration(left / rate) if rate else "",
             failed=[each.reason for each in self._outcomes.values() if isinstance(each, Failed)],
+            unlike=unlike(rows.values()),
             columns=self._columns,
             curves=_curves(self._columns, rows),
             ends=[*rows][:1] + [*rows][-1:],
@@ -254,6 +255,37 @@ class Report:
             count = verdicts[judged.verdict][0] if judged.verdict in verdicts else 0
             verdicts[judged.verdict] = (count + 1, judged)
         return sorted(verdicts.values(), key=lambda each: (-each[1].needs, -each[0]))
+
+
+def unlike(frames: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Tells of frames whose size or encoding is another than most have; nothing if all are alike.
+
+    Parameters
+    ----------
+    frames
+        Their figures.
+    """
+    kinds: dict[str, list[str]] = {}
+    for figures in frames:
+        size = _SIZE.match(str(figures.get("read", "")))
+        meant = figures.get("encoding") or {}
+        if size is not None:
+            kind = f"{size[0]}, {meant.get('transfer')} {meant.get('primaries')}"
+            kinds.setdefault(kind, []).append(_name(figures.get("input")))
+    most = max(kinds, key=lambda kind: len(kinds[kind]), default="")
+    return [
+        f"{names[0]}{f' and {len(names) - 1} more' if names[1:] else ''}: {kind}; the others {most}"
+        for kind, names in kinds.items()
+        if kind != most
+    ]
+
+
+def _name(files: Any) -> str:
+    """The name of the first of a frame's files."""
+    return Path(files[0] if isinstance(files, list) else str(files)).name
+
+
+_SIZE = re.compile(r"(?:2 x )?\d+ x \d+")
 
 
 def page_name(output: str) -> str:

@@ -29,7 +29,7 @@ from domesim.shows.cinema import Cinema, becoming, dcp_hint
 from domesim.shows.crew import Crew
 from domesim.shows.film import Films
 from domesim.shows.job import Job, Record, open_job
-from domesim.shows.report import Report, page_name
+from domesim.shows.report import Report, page_name, unlike
 from domesim.shows.show import Show
 from domesim.shows.work import (
     Failed,
@@ -212,6 +212,8 @@ def _each(
         raise
     done = telling.done()
     done.seconds["total"] = time.perf_counter() - began
+    for line in unlike(done.frames):
+        complain(line)
     if report is None or job is None:
         return done
     done.add_report(report)

@@ -63,6 +63,7 @@ from domesim.measure.dome.photographs import Photographs
 from domesim.measure.dome.registration import Registered, registered
 from domesim.measure.dome.spots import Reading
 from domesim.measure.patterns.listing import read_patterns
+from domesim.measure.photographs import require_depth
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.fields import Number, Place, Section, three
 from domesim.scene.loading import scene_content
@@ -356,9 +357,11 @@ def _patterns(paths: list[Path], scene: DomeScene) -> Floats:
 def _light(path: Path) -> Floats:
     """(row, col, primary) raw linear values of a photograph."""
     frame = read_image(path, repair=False, signed=True, colour=encoding_named("linear"))
-    if frame.bits < 10:
+    require_depth(frame)
+    said = frame.header.colour
+    if said is not None and not said.assumed and said.transfer != "linear":
         raise InputError(
-            f"{path}: a photograph must be raw and linear, of 10 bits or more, got {frame.bits}; "
-            f"develop it without a curve (dcraw -4, or a linear EXR)"
+            f"{path}: wanted a linear photograph, got {said.named} ({said.source}). Develop it "
+            "without a curve (dcraw -4 -T IN, or a linear EXR)."
         )
     return np.asarray(frame.pixels, np.float64)

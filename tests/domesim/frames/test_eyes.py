@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import Run
+from image_files import store
 from PIL import Image
 from videos import KINDS, write_video
 
@@ -349,6 +350,19 @@ def test_one_picture_that_says_so_stays_as_it_is(tmp_path: Path) -> None:
     assert "it says that it is side-by-side, right first (sTER)" in master.described()
     write_master(master, [tmp_path / "out.png"])
     assert chunk(b"sTER", b"\0") in (tmp_path / "out.png").read_bytes()
+
+
+@pytest.mark.parametrize(("cols", "high", "gap"), [(1280, 720, 30), (1920, 1080, 45)])
+def test_frame_packed_3d_is_refused(tmp_path: Path, cols: int, high: int, gap: int) -> None:
+    picture = np.zeros((2 * high + gap, cols, 3), np.uint8)
+    picture[:high], picture[high + gap :] = 100, 90
+    path = store(tmp_path / "in.png", picture)
+    with pytest.raises(InputError, match=f"lines {high + 1} to {high + gap} are neither's"):
+        read_master([path], packing="top-bottom")
+    assert len(read_master([path]).frames) == 1
+    without = np.delete(picture, slice(high, high + gap), axis=0)
+    master = read_master([store(tmp_path / "cut.png", without)], packing="top-bottom")
+    assert [round(float(each.pixels.max()) * 255) for each in master.frames] == [100, 90]
 
 
 def test_halves_are_not_taken_for_pairs(tmp_path: Path) -> None:

@@ -320,6 +320,11 @@ def spoil_srgb(folder, text):
     return text.replace("left-black.exr", "photo.png")
 
 
+def spoil_depth(folder, text):
+    spoiled = spoil_srgb(folder, text)
+    return spoiled.replace("[photographs]", '[photographs]\nencoding = "linear"')
+
+
 def replaced(old, new):
     def spoil(folder, text):
         assert old in text
@@ -336,6 +341,7 @@ REFUSED = {
     "no light": (spoil_dark, "must be brighter than black all over the screen"),
     "black brighter": (spoil_below_black, "must be brighter than black, got -"),
     "not linear": (spoil_srgb, 'say encoding = "linear"'),
+    "a picture of 8 bits": (spoil_depth, "of 10 bits or more, got 8"),
     "no such file": (replaced("left-black.exr", "none.exr"), "none.exr"),
     "no white": (replaced("white_cd_m2 = 15.4", ""), "projector.white_cd_m2: field required"),
     "an unknown key": (replaced("black =", "blakc ="), "photographs.left"),
