@@ -9,25 +9,32 @@ the figures that say what was done and how good it is.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import final
+from pathlib import Path
+from typing import Literal, final
 
 import numpy as np
 
 from compensate.aim import Aim
 from compensate.figures import Appraisal, Figures
-from compensate.methods import Solver
+from compensate.methods import Solver, require_method
 from compensate.own import own_problem
 from compensate.pose import Eye, Posed, Stage, require_within_range
 from compensate.solve import solved
 from compensate.solver.fitting import fitting
 from compensate.solver.result import Result
 from compensate.weighting import PerceptualWeighting, Weighting
+from domesim.errors import InputError
 from domesim.frames import Master
-from domesim.light import Light, require_light
+from domesim.light import Light, as_sent, on_host, require_light
 from domesim.observation.base import AdjointObservation
 from domesim.scene import Scene
+from domesim.scene.loading import as_scene
 from domesim.scene.screening import encoded
+
+WEIGHTINGS: Mapping[str, Callable[[], Eye]] = {"aim": Aim, "paper": PerceptualWeighting}
+"""What a picture is made for, by name."""
 
 
 @final
@@ -43,10 +50,11 @@ class Outcome:
 
 def compensate(
     desired: Light,
-    scene: Scene,
+    scene: Scene | str | Path,
     *,
+    method: str = "perceptual",
     solver: Solver | None = None,
-    weighting: Eye | Weighting | None = None,
+    weighting: Eye | Weighting | Literal["aim", "paper"] | None = None,
     observation: AdjointObservation | None = None,
 ) -> Result:
     """Finds the light to project so that the audience sees as nearly as possible what is desired.
@@ -57,12 +65,14 @@ def compensate(
         (view, row, col, primary) master light in 0..1: a domemaster, or left and right. It is
         wanted *without* pollution and ambient light.
     scene
-        The theatre, or stereo system.
+        The theatre, or stereo system; or its name or file.
+    method
+        One of `compensate.methods.METHODS`, as on the command line; the product's by default.
     solver
-        Any of `compensate.solver`; the product's by default.
+        Any of `compensate.solver`; the method's by default.
     weighting
-        Settings of the vision model; or how much a residual matters, by a weighting of one's own,
-        such as `compensate.own.LinearWeighting`.
+        "aim", the default, or "paper"; settings of either; or how much a residual matters, by a
+        weighting of one's own, such as `compensate.own.LinearWeighting`.
     observation
         What is seen, if not by the scene's own: such as
         `domesim.observation.linear.LinearObservation`. The weighting is the paper's then, unless it
@@ -72,16 +82,30 @@ def compensate(
     -------
     result
         The light, (view, row, col, primary), and why the method stopped. Off the screen it is the
-        master's.
+        master's. It is of the master's library and device.
 
     Raises
     ------
     InputError
-        If the master leaves 0..1 on the screen (see `domesim.scene.screening.within_range`).
+        If the master is no light of the scene's views, or leaves 0..1 on the screen (see
+        `domesim.scene.screening.within_range`); if there is no such scene or method.
     """
+    require_light(desired, who="compensate")
+    scene = as_scene(scene)
+    if isinstance(weighting, str):
+        if weighting not in WEIGHTINGS:
+            raise InputError(
+                f"compensate takes {' or '.join(WEIGHTINGS)} as weighting, got {weighting!r}"
+            )
+        weighting = WEIGHTINGS[weighting]()
+    if not isinstance(desired, np.ndarray):
+        result = compensate(
+            on_host(desired), scene, method=method, solver=solver, weighting=weighting,
+            observation=observation,
+        )  # fmt: skip
+        return replace(result, light=as_sent(result.light, desired))
     own = observation is not None and not isinstance(weighting, Aim)
     if own or isinstance(weighting, Weighting):
-        require_light(desired, who="compensate")
         screen = scene.screen(*desired.shape[1:3])
         require_within_range(desired, screen)
         assert not isinstance(weighting, Aim)
@@ -93,7 +117,8 @@ def compensate(
     if weighting is None and solver is not None:
         weighting = PerceptualWeighting()
     posed = Stage(scene, weighting, observation).pose(desired)
-    result = solved(posed, "perceptual", solver)
+    require_method(method, scene)
+    result = solved(posed, method, solver)
     if posed.desired is desired:
         return result
     on = posed.screen[None, :, :, None]

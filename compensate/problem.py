@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import final
 
 from compensate.weighting import Weighting
+from domesim.errors import InputError
 from domesim.light import Array, Light, dot, namespace, require_light, total
 from domesim.light.strips import in_parts
 from domesim.observation.base import AdjointObservation
@@ -46,7 +47,7 @@ class Problem:
 
     Raises
     ------
-    ValueError
+    InputError
         If shapes disagree, or a lower bound is above its upper.
     """
 
@@ -63,12 +64,12 @@ class Problem:
     ) -> None:
         require_light(desired, observation.seen_shape, who="Problem's desired light")
         if weighting.shape != observation.seen_shape:
-            raise ValueError(
+            raise InputError(
                 f"weighting takes {weighting.shape}, but the observation gives "
                 f"{observation.seen_shape}"
             )
         if regularisation and anchor is None:
-            raise ValueError("a regularised problem needs an anchor, got none")
+            raise InputError("a regularised problem needs an anchor, got none")
         if anchor is not None:
             require_light(anchor, observation.shape, who="Problem's anchor")
         xp = namespace(desired)
@@ -82,7 +83,7 @@ class Problem:
         self.regularisation = regularisation
         self.negligible = negligible
         if bool(xp.any(self.lower > self.upper)):
-            raise ValueError("a lower bound is above its upper bound")
+            raise InputError("a lower bound is above its upper bound")
 
     @property
     def ffts(self) -> int:

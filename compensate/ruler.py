@@ -30,7 +30,8 @@ from numpy.typing import NDArray
 
 from compensate.vision.differences import Reference, quality_lost
 from compensate.vision.resolution import shares
-from domesim.light import Light
+from domesim.errors import InputError
+from domesim.light import Light, require_finite, require_light
 from domesim.light.blocks import light_sums
 from domesim.observation.projector import conversion
 from domesim.scene import Scene
@@ -75,9 +76,21 @@ class Ruler:
         Where.
     screen
         (row, col) pixels that count.
+
+    Raises
+    ------
+    InputError
+        If `wanted` is no light, or the screen is not of its size or empty.
     """
 
     def __init__(self, wanted: Light, scene: Scene, screen: NDArray[np.bool_]) -> None:
+        require_light(wanted, (*np.shape(wanted)[:3], 3), who="Ruler")
+        require_finite(wanted, who="Ruler")
+        if not (screen.any() and wanted.size) or any(np.less(screen.shape, wanted.shape[1:3])):
+            raise InputError(
+                f"Ruler takes a screen of the picture's {wanted.shape[1:3]} pixels, of which some "
+                f"count, got {np.count_nonzero(screen)} of {screen.shape}"
+            )
         self.wanted = wanted
         self._scene, self._screen = scene, screen
 

@@ -36,6 +36,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from domesim.errors import InputError
 from domesim.light import Array, Light, namespace
 from domesim.light.strips import in_strips, summed
 from domesim.observation.base import Observation
@@ -95,11 +96,11 @@ def subtracted(
 
     Raises
     ------
-    ValueError
+    InputError
         If several seats look at once, or light is not seen where it is shown: D has a 0.
     """
     if observation.shape != observation.seen_shape:
-        raise ValueError(f"subtraction is of one seat, got {observation.seen_shape} seen")
+        raise InputError(f"subtraction is of one seat, got {observation.seen_shape} seen")
     if isinstance(wanted, np.ndarray) and (parts := _parts(observation, wanted)) is not None:
         return _by_newton(parts, wanted, bounds, out, max_rounds)  # eq. 1
     return _by_rounds(observation, wanted, bounds, start, max_rounds)
@@ -550,7 +551,7 @@ def _by_rounds(
     lower, upper = (xp.asarray(each, dtype=wanted.dtype, device=wanted.device) for each in bounds)
     slopes = None if isinstance(observation, GreyToGrey) else _own_slopes(observation, wanted)
     if slopes is not None and not float(xp.min(slopes)) > 0:
-        raise ValueError("subtraction takes a direct gain above 0 everywhere")
+        raise InputError("subtraction takes a direct gain above 0 everywhere")
     light = xp.minimum(xp.maximum(wanted if start is None else start, lower), upper)
     settling = _Settling(float(xp.finfo(wanted.dtype).eps))
     for rounds in range(1, max_rounds + 1):

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from compensate.fourier import Fourier, padded_size
 from compensate.vision.csf import LowFrequencyFloor, daly
+from domesim.errors import InputError
 from domesim.light import Array, Light, dot, kind, namespace, require_light
 from domesim.light.strips import in_parts, in_strips
 from domesim.room.viewing import Viewing
@@ -60,7 +61,7 @@ class Weighting(ABC):
 
         Raises
         ------
-        ValueError
+        InputError
             If `residual` has not this weighting's shape.
         """
         require_light(residual, self.shape, who=f"{type(self).__name__} weights residuals; it")
@@ -121,9 +122,9 @@ class CsfWeighting(Weighting):
     ) -> None:
         expected = (len(opponent), padded[0], padded[1] // 2 + 1)
         if not callable(gains) and gains.shape not in (expected, (1, *expected[1:])):
-            raise ValueError(f"CsfWeighting takes gains {expected}, got {gains.shape}")
+            raise InputError(f"CsfWeighting takes gains {expected}, got {gains.shape}")
         if support.shape[0] > padded[0] or support.shape[1] > padded[1]:
-            raise ValueError(f"padded grid {padded} is smaller than the support {support.shape}")
+            raise InputError(f"padded grid {padded} is smaller than the support {support.shape}")
         self._gains = gains
         self.opponent = opponent
         self.support = support
@@ -306,7 +307,7 @@ class Masked(Weighting):
 
     def __init__(self, mask: NDArray[np.floating[Any]], inner: Weighting) -> None:
         if mask.shape not in (inner.shape[1:3], inner.shape[:3]):
-            raise ValueError(
+            raise InputError(
                 f"Masked takes a mask {inner.shape[1:3]} or {inner.shape[:3]}, got {mask.shape}"
             )
         rows, cols = mask.shape[-2:]

@@ -11,18 +11,23 @@ from typing import TypeAlias
 
 import numpy as np
 
+from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, Master, read_master, write_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.views import made_for
-from domesim.light import Light, require_light
+from domesim.light import Light, on_host, require_finite, require_light
 from domesim.scene import Scene
+from domesim.scene.loading import as_scene
 from domesim.scene.screening import decoded, encoded
+
+AnyScene: TypeAlias = Scene | str | Path
+"""A scene, its name or the path of its file."""
 
 Files: TypeAlias = str | Path | Sequence[str | Path]
 """One file; or two, left and right."""
 
 
-def load_master(path: Files, scene: Scene, encoding: str | None = None) -> tuple[Light, Master]:
+def load_master(path: Files, scene: AnyScene, encoding: str | None = None) -> tuple[Light, Master]:
     """Read a master as light on the screen of a scene.
 
     Parameters
@@ -30,7 +35,8 @@ def load_master(path: Files, scene: Scene, encoding: str | None = None) -> tuple
     path
         An EXR, PNG, TIFF, DPX, JPEG or JPEG 2000 file; or two files, left and right.
     scene
-        Where it is shown: light is in units of its projector's white and in its primaries.
+        Where it is shown: light is in units of its projector's white and in its primaries. A
+        scene, its name or its file.
     encoding
         What the code values mean, such as "srgb" or "st2084:p3-d65" (`domesim.frames.encodings`);
         None to go by the file.
@@ -50,10 +56,10 @@ def load_master(path: Files, scene: Scene, encoding: str | None = None) -> tuple
     """
     colour = None if encoding is None else encoding_named(encoding, "encoding")
     master = read_master(_listed(path), colour=colour)
-    return decoded(master, scene), master
+    return decoded(master, as_scene(scene)), master
 
 
-def observe(light: Light, scene: Scene) -> Light:
+def observe(light: Light, scene: AnyScene) -> Light:
     """What the audience sees of projected light.
 
     Parameters
@@ -61,18 +67,25 @@ def observe(light: Light, scene: Scene) -> Light:
     light
         (view, row, col, primary), 1.0 = projector white.
     scene
-        The theatre, or stereo system.
+        The theatre, or stereo system; or its name or file.
 
     Returns
     -------
     seen
-        The same axes; of several seats, their views one after the other.
+        The same axes, library and device; of several seats, their views one after the other.
+
+    Raises
+    ------
+    InputError
+        If it is no light, has a value that is not finite, or is not of the scene's views.
     """
     require_light(light, who="observe")
+    require_finite(light, who="observe")
+    scene = as_scene(scene)
     return scene.observation(*light.shape[1:3]).observe(light)
 
 
-def save(light: Light, path: Files, scene: Scene, like: Master | None = None) -> float:
+def save(light: Light, path: Files, scene: AnyScene, like: Master | None = None) -> float:
     """Write light as a picture.
 
     Parameters
@@ -96,22 +109,26 @@ def save(light: Light, path: Files, scene: Scene, like: Master | None = None) ->
     ------
     InputError
         If a file cannot be written.
-    ValueError
+    InputError
         If the light has another size than `like`, or there are not as many files as views.
     """
-    require_light(light, who="save")
+    require_light(light, (*np.shape(light)[:3], 3), who="save")
+    require_finite(light, who="save")
+    light, scene = on_host(light), as_scene(scene)
     paths = _listed(path)
     screen = scene.screen(*light.shape[1:3])
     if like is None:
         like, screen = _linear(light, scene), np.ones_like(screen)
     if light.shape[1:3] != (size := like.frames[0].pixels.shape[:2]):
-        raise ValueError(f"save takes light of its master's size, {size}, got {light.shape[1:3]}")
+        raise InputError(f"save takes light of its master's size, {size}, got {light.shape[1:3]}")
     result, clipped = encoded(made_for(like, paths), light, scene, screen)
     write_master(result, paths)
     return clipped
 
 
 def _listed(path: Files) -> list[Path]:
+    if not isinstance(path, str | Path | Sequence):
+        raise InputError(f"wanted a path, or two, got a {type(path).__name__}")
     return [Path(path)] if isinstance(path, str | Path) else [Path(each) for each in path]
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from compensate.problem import Problem
 from compensate.solver.result import Result, Status
 from compensate.subtract import MAX_ROUNDS, subtracted
+from domesim.errors import InputError
 from domesim.light import Array, Light, namespace
 from domesim.observation.base import AdjointObservation, Observation
 
@@ -69,12 +70,12 @@ class RaisedBlack:
 
         Raises
         ------
-        ValueError
+        InputError
             If the observation is not affine.
         """
         observation, xp = problem.observation, namespace(problem.desired)
         if not isinstance(observation, AdjointObservation):
-            raise ValueError(
+            raise InputError(
                 f"a raised black takes an affine observation, got {type(observation).__name__}; "
                 f"use its linearised()"
             )

@@ -30,6 +30,7 @@ from compensate.weighting import (
     Weighting,
     linear_ycbcr,
 )
+from domesim.errors import InputError
 from domesim.light import Light
 from domesim.observation.crosstalk import Crosstalk
 from domesim.room.viewing import Viewing
@@ -62,12 +63,12 @@ class PaperMethod:
 
         Raises
         ------
-        ValueError
+        InputError
             If the problem is not one of linear crosstalk of two views and three primaries.
         """
         observation, weighting = problem.observation, problem.weighting
         if not isinstance(observation, Crosstalk) or observation.shape[3] != 3:
-            raise ValueError(
+            raise InputError(
                 f"PaperMethod takes crosstalk of three primaries, got "
                 f"{type(observation).__name__} {observation.shape}"
             )
@@ -75,7 +76,7 @@ class PaperMethod:
         if isinstance(weighting, Masked):
             weighting = weighting.inner
         if not isinstance(weighting, CsfWeighting):
-            raise ValueError(f"PaperMethod takes a CsfWeighting, got {type(weighting).__name__}")
+            raise InputError(f"PaperMethod takes a CsfWeighting, got {type(weighting).__name__}")
         to_ycc = linear_ycbcr(self.luminance_weights)
         pure = LowFrequencyFloor(0.0)
         daly = PerceptualWeighting(pure, pure)(

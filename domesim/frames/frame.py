@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.depths import code_range
 from domesim.frames.eyes import Eyes
@@ -81,12 +82,12 @@ class Frame:
 
         Raises
         ------
-        ValueError
+        InputError
             If `pixels` has not this frame's shape.
         """
         new = np.asarray(pixels, dtype=np.float32)
         if new.shape != self.pixels.shape:
-            raise ValueError(f"Frame.with_pixels takes {self.pixels.shape}, got {new.shape}")
+            raise InputError(f"Frame.with_pixels takes {self.pixels.shape}, got {new.shape}")
         return replace(self, pixels=new)
 
     @property

@@ -86,7 +86,7 @@ class Master:
 
     Raises
     ------
-    ValueError
+    InputError
         If count and packing disagree.
     """
 
@@ -100,7 +100,7 @@ class Master:
     def __post_init__(self) -> None:
         wanted = 1 if self.packing == "single" else 2
         if len(self.frames) != wanted:
-            raise ValueError(f"Master of '{self.packing}' takes {wanted}, got {len(self.frames)}")
+            raise InputError(f"Master of '{self.packing}' takes {wanted}, got {len(self.frames)}")
 
     @property
     def path(self) -> Path:
@@ -155,13 +155,13 @@ class Master:
 
         Raises
         ------
-        ValueError
+        InputError
             If `pixels` has not this master's shape.
         """
         new = np.asarray(pixels, dtype=np.float32)
         wanted = (len(self.frames), *self.frames[0].pixels.shape)
         if new.shape != wanted:
-            raise ValueError(f"Master.with_pixels takes {wanted}, got {new.shape}")
+            raise InputError(f"Master.with_pixels takes {wanted}, got {new.shape}")
         changed = (frame.with_pixels(view) for frame, view in zip(self.frames, new, strict=True))
         return replace(self, frames=tuple(changed))
 
@@ -254,14 +254,14 @@ def read_master(
         As for `read_frame`; if left and right differ in size or encoding, name themselves the
         other way round, or are the same image; if an image cannot be halved; if an EXR's views
         are not left and right; or if a file is not packed as `packing` says.
-    ValueError
+    InputError
         If there are not one or two paths, or `packing` is not a `Packing`.
     """
     files = tuple(Path(path) for path in paths)
     if len(files) not in (1, 2):
-        raise ValueError(f"read_master takes one or two paths, got {len(files)}")
+        raise InputError(f"read_master takes one or two paths, got {len(files)}")
     if packing is not None and packing not in _PACKINGS:
-        raise ValueError(f"read_master takes packing {', '.join(_PACKINGS)}, got '{packing}'")
+        raise InputError(f"read_master takes packing {', '.join(_PACKINGS)}, got '{packing}'")
     if len(files) == 2:
         refuse_packing(files, packing, "files")
         master = _read_pair(*files, repair=repair, allow_identical=allow_identical, colour=colour)
@@ -301,7 +301,7 @@ def write_master(
     InputError
         As for `write_frame`; if both files of a pair are one; or if an EXR of two views is to
         become another format.
-    ValueError
+    InputError
         As for `write_frame`; if there are not as many paths as the packing has files; or if the
         frames of what is to be one file differ in encoding or channels.
     """
@@ -329,13 +329,13 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
 
     Raises
     ------
-    InputError, ValueError
+    InputError
         As for `write_master`, but for what depends on the pixels or the disk.
     """
     files = tuple(Path(path) for path in paths)
     wanted = 2 if master.packing == "files" else 1
     if len(files) != wanted:
-        raise ValueError(f"write_master takes {wanted} for '{master.packing}', got {len(files)}")
+        raise InputError(f"write_master takes {wanted} for '{master.packing}', got {len(files)}")
     if wanted == 2 and files[0].resolve() == files[1].resolve():
         raise InputError(
             f"{files[0]}: wanted two files for left and right, got one twice. Name another."
@@ -352,7 +352,7 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
         )
     if master.packing in ("multi-view", "multi-part"):
         if master.file is None:
-            raise ValueError(
+            raise InputError(
                 f"write_master takes '{master.packing}' as read from such a file, got new"
             )
         if not isinstance(SUFFIXES.get(files[0].suffix.lower()), EXR):
@@ -388,7 +388,7 @@ def made_for(
 
     Raises
     ------
-    InputError, ValueError
+    InputError
         As for `require_writable`.
     """
     require_writable(master, paths, bits)
@@ -512,7 +512,7 @@ def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: b
         seeds = [seed_of(left.path, view) if dither else None for view in range(2)]
         return jpeg.joined_pair(*map(encoded, (left, right), repeat(path), repeat(bits), seeds))
     if not left.colour.means_the_same_as(right.colour):
-        raise ValueError(f"write_master takes one encoding, got {left.colour} and {right.colour}")
+        raise InputError(f"write_master takes one encoding, got {left.colour} and {right.colour}")
     if master.packing in _AXES:
         eyes = master.eyes
         # What cannot be said is not so, either: then left comes first.
@@ -531,7 +531,7 @@ def _whole(left: Frame, right: Frame, packing: Packing) -> Frame:
     """The image that `_halves` takes apart."""
     axis = _AXES[packing]
     if left.header.channels != right.header.channels:
-        raise ValueError(
+        raise InputError(
             f"write_master takes the same channels of left and right for '{packing}', "
             f"got {left.header.channels} and {right.header.channels}"
         )

@@ -8,11 +8,14 @@ projector primary (R, G, B).
 
 from __future__ import annotations
 
+import math
 from typing import Any, TypeAlias
 
 import numpy as np
 from array_api_compat import array_namespace, is_torch_array, to_device
 from numpy.typing import NDArray
+
+from domesim.errors import InputError
 
 Array: TypeAlias = Any
 """Any array of the array API standard: the standard has no static type yet."""
@@ -40,6 +43,24 @@ def on_host(array: Array) -> NDArray[Any]:
     return np.asarray(array)
 
 
+def as_sent(array: NDArray[Any], sent: Array) -> Array:
+    """Converts a NumPy array to the library, precision and device of another.
+
+    Parameters
+    ----------
+    array
+        Of any shape.
+    sent
+        An array of any library.
+
+    Returns
+    -------
+    array
+        The same values.
+    """
+    return namespace(sent).asarray(array, dtype=sent.dtype, device=sent.device)
+
+
 def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: str) -> None:
     """Refuse what is not Light.
 
@@ -54,16 +75,41 @@ def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: st
 
     Raises
     ------
-    ValueError
+    InputError
         If it is not a real floating array with four axes, or has another shape.
     """
     sizes = tuple(getattr(light, "shape", ()))
     if shape is not None and sizes != shape:
-        raise ValueError(f"{who} takes (view, row, col, primary) = {shape}, got {sizes}")
+        raise InputError(f"{who} takes (view, row, col, primary) = {shape}, got {sizes}")
     if len(sizes) != len(AXES):
-        raise ValueError(f"{who} takes axes (view, row, col, primary), got shape {sizes}")
-    if not namespace(light).isdtype(light.dtype, "real floating"):
-        raise ValueError(f"{who} takes float32 or float64 light, got {light.dtype}")
+        raise InputError(f"{who} takes axes (view, row, col, primary), got shape {sizes}")
+    xp = namespace(light)
+    if light.dtype not in (xp.float32, xp.float64):
+        raise InputError(f"{who} takes float32 or float64 light, got {light.dtype}")
+
+
+def require_finite(light: Light, *, who: str) -> None:
+    """Refuse light that is not a number somewhere: it would spread over all that is seen.
+
+    Parameters
+    ----------
+    light
+        Of any axes.
+    who
+        Name of the caller, for the message.
+
+    Raises
+    ------
+    InputError
+        If a value is NaN or infinite.
+    """
+    xp = namespace(light)
+    if not math.isfinite(float(xp.sum(light, dtype=xp.float64))):
+        count = int(xp.sum(xp.astype(~xp.isfinite(light), xp.int64)))
+        raise InputError(
+            f"{who} takes finite light, got {count} values that are NaN or infinite. "
+            f"Replace them first."
+        )
 
 
 def kind(array: Array) -> tuple[str, str, str]:

@@ -47,7 +47,7 @@ class Crosstalk(StereoObservation):
     InputError
         If crosstalk is impossible (see the module's docstring), the map is negative, or a number
         is not finite.
-    ValueError
+    InputError
         If shapes disagree.
     """
 
@@ -62,11 +62,11 @@ class Crosstalk(StereoObservation):
     ) -> None:
         matrices = np.asarray(matrices, np.float64)
         if matrices.ndim != 3 or len(matrices) != 2 or matrices.shape[1] != matrices.shape[2]:
-            raise ValueError(f"Crosstalk takes matrices (2, p, p), got {matrices.shape}")
+            raise InputError(f"Crosstalk takes matrices (2, p, p), got {matrices.shape}")
         if share is None:
             share = np.ones((2, 1, 1))
         elif share.shape != (2, rows, cols):
-            raise ValueError(f"Crosstalk takes a map {(2, rows, cols)}, got {share.shape}")
+            raise InputError(f"Crosstalk takes a map {(2, rows, cols)}, got {share.shape}")
         primaries = matrices.shape[1]
         self._shape = (2, rows, cols, primaries)
         self._matrices = matrices
@@ -212,7 +212,7 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
 
     Raises
     ------
-    ValueError
+    InputError
         If it has another shape.
     """
     stated = np.asarray(crosstalk, np.float64)
@@ -225,7 +225,7 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
         (2, primaries, primaries): lambda: stated,
     }
     if stated.shape not in shapes:
-        raise ValueError(
+        raise InputError(
             f"leak_matrices takes crosstalk of shape {', '.join(map(str, shapes))}, "
             f"got {stated.shape}"
         )

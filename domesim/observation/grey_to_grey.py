@@ -44,7 +44,7 @@ class GreyToGrey(Observation):
         If levels do not rise from 0 to 1, or the table is not finite, has light without any
         picture (that is black), adds about as much as white, or would make a pixel darker than
         nothing or brighter as its own picture gets darker; or if black is no light.
-    ValueError
+    InputError
         If shapes disagree.
     """
 
@@ -61,10 +61,10 @@ class GreyToGrey(Observation):
         self._table = np.asarray(table, np.float64)
         count = len(self._levels)
         if self._table.ndim != 4 or len(self._table) != 2:
-            raise ValueError(f"GreyToGrey takes a table (2, p, k, k), got {self._table.shape}")
+            raise InputError(f"GreyToGrey takes a table (2, p, k, k), got {self._table.shape}")
         primaries = self._table.shape[1]
         if self._table.shape[2:] != (count, count):
-            raise ValueError(f"GreyToGrey takes {count} levels, got a table {self._table.shape}")
+            raise InputError(f"GreyToGrey takes {count} levels, got a table {self._table.shape}")
         _require_table(self._levels, self._table)
         self._shape = (2, rows, cols, primaries)
         self._black = require_black(black, primaries)

@@ -13,6 +13,7 @@ from typing import Self, final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from domesim.errors import InputError
 from domesim.light import Light, dot, namespace
 from domesim.observation.base import AdjointObservation
 
@@ -36,7 +37,7 @@ class LinearObservation(AdjointObservation):
 
     Raises
     ------
-    ValueError
+    InputError
         If `apply` is not linear, or `adjoint` does not belong to it.
     """
 
@@ -121,24 +122,24 @@ def require_linear(
 
     Raises
     ------
-    ValueError
+    InputError
         If `apply` is not linear, or `adjoint` is not its adjoint.
     """
     random = np.random.default_rng(0)
     x = random.standard_normal(shape)
     seen = apply(x)
     if np.linalg.norm(apply(-2 * x) + 2 * seen) > _ROUNDING * np.linalg.norm(seen):
-        raise ValueError(
+        raise InputError(
             f"{who} takes a linear apply, got one with apply(-2 x) other than -2 apply(x); a "
             f"constant is no part of it"
         )
     y = random.standard_normal(seen.shape)
     back = adjoint(y)
     if back.shape != shape:
-        raise ValueError(f"{who} takes an adjoint that returns {shape}, got {back.shape}")
+        raise InputError(f"{who} takes an adjoint that returns {shape}, got {back.shape}")
     there, here = dot(seen, y), dot(x, back)
     if abs(there - here) > _ROUNDING * float(np.linalg.norm(seen) * np.linalg.norm(y)):
-        raise ValueError(
+        raise InputError(
             f"{who} takes the adjoint of apply, got <A x, y> = {there:.6g} and <x, A' y> = "
             f"{here:.6g} for noise x and y"
         )

@@ -8,6 +8,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.errors import InputError
 from domesim.light import Light, namespace
 from domesim.observation.stereo import StereoObservation
 
@@ -23,14 +24,14 @@ class SeveralSeats(StereoObservation):
 
     Raises
     ------
-    ValueError
+    InputError
         If there is no seat, or their shapes disagree.
     """
 
     def __init__(self, seats: Sequence[StereoObservation]) -> None:
         shapes = {seat.shape for seat in seats}
         if len(shapes) != 1:
-            raise ValueError(f"SeveralSeats takes seats of one shape, got {sorted(shapes)}")
+            raise InputError(f"SeveralSeats takes seats of one shape, got {sorted(shapes)}")
         self.seats = tuple(seats)
 
     @property

@@ -56,12 +56,12 @@ def require_black(black: ArrayLike, primaries: int) -> NDArray[np.float64]:
     ------
     InputError
         If it is negative or not finite.
-    ValueError
+    InputError
         If it has another shape.
     """
     stated = np.asarray(black, np.float64)
     if stated.shape not in {(), (2, 1), (primaries,), (2, primaries)}:
-        raise ValueError(f"black takes shape (2, {primaries}), got {stated.shape}")
+        raise InputError(f"black takes shape (2, {primaries}), got {stated.shape}")
     if not np.isfinite(stated).all():
         raise InputError("black must be finite, got NaN or infinity")
     if stated.min() < 0:

@@ -256,7 +256,7 @@ class Transport:
         return np.asarray(sample_nodes(self.modes, u, v) @ weight / weight.sum())
 
 
-def load_transport(path: Path) -> Transport:
+def load_transport(path: str | Path) -> Transport:
     """Read a file that `Transport.save` wrote.
 
     Raises
@@ -264,7 +264,7 @@ def load_transport(path: Path) -> Transport:
     InputError
         If it is no such file, or damaged.
     """
-    arrays = read_arrays(path, FORMAT, "transport", ("dome", *_FIELDS, "provenance"))
+    arrays = read_arrays(Path(path), FORMAT, "transport", ("dome", *_FIELDS, "provenance"))
     try:
         radius, half_angle, tilt, ratio, cut = (float(value) for value in arrays["dome"])
         dome = Dome(radius, half_angle, tilt, ratio, None if np.isnan(cut) else cut)

@@ -38,8 +38,24 @@ def load_scene(name_or_path: str | Path) -> Scene:
     InputError
         If there is no such scene, or with all mistakes of its file, each with its path.
     """
+    if not isinstance(name_or_path, str | Path):
+        raise InputError(
+            f"wanted a scene, the name of one or the path of its file, got a "
+            f"{type(name_or_path).__name__}"
+        )
     text, folder = _scene_text(name_or_path)
     return scene_of_text(text, str(name_or_path), folder)
+
+
+def as_scene(scene: Scene | str | Path) -> Scene:
+    """Return a scene; load it if it is named.
+
+    Raises
+    ------
+    InputError
+        As for `load_scene`, and for what is neither a scene nor a name.
+    """
+    return scene if isinstance(scene, Scene) else load_scene(scene)
 
 
 def scene_content(name_or_path: str | Path) -> dict[str, Any]:
