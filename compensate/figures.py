@@ -57,7 +57,8 @@ class Figures:
         file's code values. No setting changes the model. Of several seats, their mean.
         `loss_before` may be left out (`Solution.outcome`). Below `ruler.NO_DIFFERENCE` there is no
         difference.
-    black, contrast_fine, contrast_coarse, stars, stars_in_order, hue_shift
+    black, contrast_fine, contrast_coarse, stars, stars_in_order, hue_shift, sky, faintest_star,
+    faintest_star_schaefer
         `compensate.plain.PlainFigures` as compensated, at the first seat. They are left out where
         `loss_before` is.
     ghost_edges
@@ -98,6 +99,9 @@ class Figures:
     stars: float | None
     stars_in_order: float | None
     hue_shift: float | None
+    sky: float | None
+    faintest_star: float | None
+    faintest_star_schaefer: float | None
     ghost_edges: float | None
     loss_by_seat: dict[str, float]
     file_clipped: float
@@ -293,6 +297,11 @@ class Appraisal:
             figures = self._plain.figures(small, self._black_before, around)
         several = isinstance(self.posed.observation, SeveralSeats)
         return Look(_mean(losses), losses if several else {}, figures)
+
+    @cached_property
+    def of_master(self) -> PlainFigures:
+        """Plain figures of the master, as the first seat should see it."""
+        return self._plain.of_master(self._black_before)
 
     @cached_property
     def _black_before(self) -> float:

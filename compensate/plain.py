@@ -24,6 +24,11 @@ light of the other, it is seen brighter by at least `SEEN_STEP`.
 *Hue shift* is the mean angle between hues, (R - Y) / Y and (B - Y) / Y of the projector's R and B
 and the luminance Y. Pixels count by the master's luminance times saturation.
 
+The *sky* of a dome is the darker half. Its surface brightness, and the *faintest star* that is seen
+in it, are magnitudes (`domesim.inspection.magnitudes`). A star's image is as large as the master's
+are, and at least a pixel. The faintest star is one of the master: where a method gives stars half
+as much light again, it has so much less in the master.
+
 All but stars is measured in pictures of at most `ruler.FINEST` pixels a side: larger ones are
 averaged first. A figure is None where the master has nothing that it could be measured on.
 """
@@ -39,9 +44,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.ruler import BLACK, averaged
+from domesim.inspection.magnitudes import Faintest, faintest_star, sky_brightness
 from domesim.light import Light
 from domesim.light.blocks import block_sums
-from domesim.scene import Scene
+from domesim.scene import DomeScene, Scene
 
 FINE, COARSE = (0.25, 1.0), (2.0, 10.0)
 """Sides of a block, at least, and of the one around it, degrees."""
@@ -83,6 +89,11 @@ class PlainFigures:
         Light of stars over the master's, and share of pairs in order.
     hue_shift
         Degrees, 0 to 180.
+    sky
+        Surface brightness of the darker half, mag/arcsec².
+    faintest_star, faintest_star_schaefer
+        Magnitude of the faintest star of the master that is seen, by Crumey for a typical observer,
+        and by Schaefer.
     """
 
     black: float | None = None
@@ -91,6 +102,9 @@ class PlainFigures:
     stars: float | None = None
     stars_in_order: float | None = None
     hue_shift: float | None = None
+    sky: float | None = None
+    faintest_star: float | None = None
+    faintest_star_schaefer: float | None = None
 
 
 @final
@@ -163,13 +177,57 @@ class PlainRuler:
         light = self._luminance(small)
         colours = of_colours(self._sampled(self._small), self._sampled(small), self._weights)
         fine, coarse = (None if band is None else band.seen(light) for band in self._bands)
+        black, (stars, in_order) = (
+            self._black(light),
+            self._stars(around or partial(around_of, seen)),
+        )
         return PlainFigures(
-            self._black(light) / untouched if untouched > 0 else None,
+            black / untouched if untouched > 0 else None,
             fine,
             coarse,
-            *self._stars(around or partial(around_of, seen)),
+            stars,
+            in_order,
             None if colours is None else colours.hue_shift,
+            *self._sky(black, stars),
         )
+
+    def of_master(self, untouched: float) -> PlainFigures:
+        """`figures` of the master itself."""
+        return self.figures(self._small, untouched, partial(around_of, self._wanted))
+
+    def faintest(self, black: float, stars: float | None = None) -> Faintest | None:
+        """Computes the faintest star of the master that is seen.
+
+        Parameters
+        ----------
+        black
+            Of what is seen, cd/m².
+        stars
+            Light of stars over the master's; None where there are none.
+
+        Returns
+        -------
+        faintest
+            None in a scene without a sky, which only a dome has, or if stars have no light at all.
+        """
+        more = 1.0 if stars is None else stars
+        if not (isinstance(self._scene, DomeScene) and more > 0):
+            return None
+        return faintest_star(black, self._image).fainter(2.5 * float(np.log10(more)))
+
+    def _sky(self, black: float, stars: float | None) -> tuple[float | None, ...]:
+        """Surface brightness and faintest stars of a dome's sky."""
+        brightness, faintest = sky_brightness(black), self.faintest(black, stars)
+        shown = isinstance(self._scene, DomeScene) and np.isfinite(brightness)
+        schaefer, crumey = faintest or (None, None)
+        return brightness if shown else None, crumey, schaefer
+
+    @cached_property
+    def _image(self) -> float:
+        """Solid angle of a star's image, sr: the median of the master's, and at least a pixel."""
+        pixel = np.radians(1 / self._scene.viewing.pixels_per_degree(*self._screen.shape)) ** 2
+        spreads = np.concatenate([spread for _, _, _, spread in self._points])
+        return float(pixel * max(1.0, np.median(spreads) if spreads.size else 1.0))
 
     @property
     def _weights(self) -> Floats:
@@ -232,24 +290,26 @@ class PlainRuler:
         return self._scene.projector.luminance(light.astype(np.float32, copy=False))
 
     @cached_property
-    def _points(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Floats]]:
-        """Rows, cols and light of the stars of each view."""
+    def _points(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Floats, Floats]]:
+        """Rows, cols, light of the stars of each view, and the pixels over which it is spread."""
         points = []
         for view in self._luminance(self._wanted):
             rows, cols = _points(view, self._screen)
-            points.append((rows, cols, _light_of(around_of_plane(view, rows, cols))))
+            near = np.asarray(around_of_plane(view, rows, cols), np.float64)
+            light, peak = _light_of(near), near[:, 2, 2] - near[:, _RING].mean(axis=1)
+            points.append((rows, cols, light, light / peak))
         return points
 
     def _stars(self, around: Around) -> tuple[float | None, float | None]:
         """Light of stars over the master's, and share of pairs in order."""
-        wanted = np.concatenate([light for _, _, light in self._points])
+        wanted = np.concatenate([light for _, _, light, _ in self._points])
         if not wanted.size:
             return None, None
         weights = (self._weights * self._scene.projector.white).astype(np.float32)
         stars = np.concatenate(
             [
                 _light_of(around(view, rows, cols) @ weights)
-                for view, (rows, cols, _) in enumerate(self._points)
+                for view, (rows, cols, *_) in enumerate(self._points)
             ]
         )
         ranks = np.argsort(wanted, kind="stable")[:: -(-wanted.size // STARS)]
@@ -381,7 +441,20 @@ def around_of(
 def around_of_plane(
     plane: NDArray[Any], rows: NDArray[np.intp], cols: NDArray[np.intp]
 ) -> NDArray[Any]:
-    """`around_of` of a (row, col, ...) plane."""
+    """`around_of` of one plane.
+
+    Parameters
+    ----------
+    plane
+        (row, col, ...).
+    rows, cols
+        (place,) at least two pixels from the edge.
+
+    Returns
+    -------
+    around
+        (place, 5, 5, ...).
+    """
     steps = np.arange(-2, 3)
     return np.asarray(
         plane[rows[:, None, None] + steps[:, None], cols[:, None, None] + steps[None, :]]

@@ -11,6 +11,7 @@ import pytest
 from command_line import Run
 from stored_masters import store, written
 
+from compensate.plain import PlainRuler
 from compensate.pose import Stage
 from compensate.prediction import MARKED, Prediction, regions, remaining, triage
 from compensate.shows.predicting import Predicting
@@ -93,6 +94,12 @@ def test_a_dome(run: Run, tmp_path: Path, out: Path) -> None:
     assert frame["regions"] == [[r.start, r.stop, c.start, c.stop] for r, c in boxes]
     assert f"{wanted.untouched.share:.0%} of the screen" in outcome.out
     assert f"{wanted.subtracted.share:.0%} after subtraction: compensation worth" in outcome.out
+    ruler = PlainRuler(posed.wanted, scene, posed.screen)
+    for name, light in (("master", posed.wanted), ("untouched", posed.seen(posed.desired))):
+        faintest = ruler.faintest(ruler.black(light))
+        assert frame[f"faintest_star_{name}"] == pytest.approx(faintest._asdict())
+        assert faintest.told in outcome.out
+    assert "The faintest star falls from" in outcome.out
 
 
 def test_the_maps_are_read_back(run: Run, tmp_path: Path, out: Path) -> None:

@@ -109,6 +109,8 @@ def _compared(
         comparison = compare_methods(frame, scene, solver=solver, weighting=eye, progress=start)
     for outcome in comparison.outcomes.values():
         console.say(line_of(outcome.figures))
+    if told := comparison.stars():
+        console.say(told)
     return comparison
 
 

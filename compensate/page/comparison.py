@@ -10,14 +10,16 @@ from typing import Any, final
 
 import numpy as np
 
-from compensate.figures import Appraisal
+from compensate.figures import Appraisal, Figures
 from compensate.master import Outcome, solve_frame
 from compensate.methods import Solver, methods_of
 from compensate.page.page import Figure, View, write_page
+from compensate.plain import PlainFigures
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE
 from domesim.frames import Master
 from domesim.host.numbers import decimal, percent
+from domesim.inspection.magnitudes import SOURCES, Faintest
 from domesim.light import Light
 from domesim.scene import DomeScene, Scene
 from domesim.scene.screening import encoded
@@ -168,6 +170,7 @@ class Comparison:
                 "no difference. It cannot see how grey black is, nor the figures below.",
             ),
             *self._plain(names),
+            *self._sky(names),
             Figure(
                 "Darkest 1 %",
                 "cd/m²",
@@ -197,6 +200,40 @@ class Comparison:
             }
             if texts:
                 yield Figure(title, unit, texts, meaning)
+
+    def _sky(self, names: Mapping[str, str]) -> Iterator[Figure]:
+        """A dome's sky in magnitudes, of the master, too."""
+        figures: dict[str, PlainFigures | Figures] = {"Master": self.appraisal.of_master}
+        figures |= {names[method]: outcome.figures for method, outcome in self.outcomes.items()}
+        skies = {name: f"{f.sky:.1f}" for name, f in figures.items() if f.sky is not None}
+        faintest = {name: each.told for name, f in figures.items() if (each := faintest_of(f))}
+        if skies:
+            yield Figure(
+                "Sky",
+                "mag/arcsec²",
+                skies,
+                "Surface brightness of the darker half of the screen. More is darker.",
+            )
+        if faintest:
+            yield Figure(
+                "Faintest star",
+                "magnitude",
+                faintest,
+                f"Of the master's stars, over the darker half, by two authors' thresholds: "
+                f"{SOURCES}.",
+            )
+
+    def stars(self) -> str | None:
+        """Says what happens to the faintest star, in a line; None without a sky."""
+        master = faintest_of(self.appraisal.of_master)
+        if master is None:
+            return None
+        parts = [f"master {master.told}"]
+        for method, outcome in self.outcomes.items():
+            if found := faintest_of(outcome.figures):
+                factor = decimal(10 ** (0.4 * (master.crumey - found.crumey)), 2)
+                parts.append(f"{method} {found.told}, where it has {factor} times the light")
+        return f"Faintest star, magnitudes ({SOURCES}): {'; '.join(parts)}"
 
     def _ghosts(self, names: Mapping[str, str]) -> list[Figure]:
         """What is left of the ghosts, as `compensate.ghosts` and the documents define it."""
@@ -242,6 +279,13 @@ class Comparison:
             "Version": f"domesim {metadata.version('domesim')}",
             "Command": command,
         }
+
+
+def faintest_of(figures: PlainFigures | Figures) -> Faintest | None:
+    """The faintest star by both authors."""
+    if figures.faintest_star is None or figures.faintest_star_schaefer is None:
+        return None
+    return Faintest(figures.faintest_star_schaefer, figures.faintest_star)
 
 
 def shown_methods(scene: Scene) -> Mapping[str, tuple[str, str]]:

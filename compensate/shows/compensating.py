@@ -340,6 +340,11 @@ def _plain(f: Figures) -> list[str]:
         },
         "stars": {"{:.2f} times as bright": f.stars, "{:.0%} in order": f.stars_in_order},
         "hue": {"{:.0f}° off": f.hue_shift},
+        "sky, magnitudes": {
+            "{:.1f} an arcsec²": f.sky,
+            "faintest star {:.1f} (Crumey 2014, F = 2)": f.faintest_star,
+            "{:.1f} (Schaefer 1990)": f.faintest_star_schaefer,
+        },
     }
     told = {
         name: [form.format(value) for form, value in forms.items() if value is not None]

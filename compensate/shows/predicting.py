@@ -14,6 +14,7 @@ from typing import Any, final
 
 import numpy as np
 
+from compensate.plain import PlainRuler
 from compensate.pose import Posed, Stage
 from compensate.prediction import (
     Planes,
@@ -30,6 +31,7 @@ from domesim.frames.formats.exr import state_compression
 from domesim.frames.formats.png import colour_chunks, with_colour_chunks
 from domesim.frames.whole import write_together
 from domesim.frames.writing import bare_specification, encode
+from domesim.inspection.magnitudes import SOURCES, Faintest
 from domesim.light.blocks import light_means
 from domesim.observation.stereo import VIEWS
 from domesim.scene.choice import SceneChoice
@@ -303,15 +305,33 @@ def _figures(posed: Posed, triage: Triage) -> dict[str, Any]:
         "visible_subtracted_by_view": list(triage.subtracted.shares),
         "verdict": triage.verdict.name.lower(),
         "regions": [[rows.start, rows.stop, cols.start, cols.stop] for rows, cols in boxes],
+        **_sky(posed),
     }
+
+
+def _sky(posed: Posed) -> dict[str, Any]:
+    """Faintest star of a dome's master, and as it is seen untouched: see `PlainRuler.faintest`."""
+    ruler = PlainRuler(posed.wanted[: posed.scene.views], posed.scene, posed.screen)
+    untouched = posed.setting.overview.of(posed.desired).small[: posed.scene.views]
+    stars = {
+        "faintest_star_master": ruler.faintest(ruler.black(posed.wanted[: posed.scene.views])),
+        "faintest_star_untouched": ruler.faintest(ruler.black(untouched)),
+    }
+    return {name: each._asdict() for name, each in stars.items() if each is not None}
 
 
 def _line(figures: dict[str, Any]) -> str:
     verdict = Verdict[figures["verdict"].upper()].value
-    return (
+    line = (
         f"visible pollution on {_percent(figures['visible'])} of the screen, "
         f"{_percent(figures['visible_subtracted'])} after subtraction: {verdict}"
     )
+    if "faintest_star_master" not in figures:
+        return line
+    master, seen = (
+        Faintest(**figures[f"faintest_star_{name}"]) for name in ("master", "untouched")
+    )
+    return f"{line}. The faintest star falls from {master.told} to {seen.told} mag ({SOURCES})"
 
 
 def _percent(share: float) -> str:

@@ -21,6 +21,7 @@ from domesim.host.numbers import decimal
 from domesim.inspection import lightmaps
 from domesim.inspection.contrast import contrast
 from domesim.inspection.coverage import coverage, require_covered
+from domesim.inspection.magnitudes import SOURCES, faintest_star, sky_brightness
 from domesim.inspection.photometry import Photometry, ghost, photometry
 from domesim.inspection.plans import (
     dome_plan,
@@ -235,7 +236,29 @@ def _dome_tables(
             "of white" if scene.transport is None else "of white, by the stored transport"),
     ]  # fmt: skip
     tables = [("Light", rows), ("The room", room), ("Averages", pictures)]
+    tables.append(("Sky and stars", _stars(light.black, means["picture_pollution_cd_m2"])))
     return tables, {row.key: row.value for _, rows in tables for row in rows}
+
+
+def _stars(black: float, polluted: float) -> list[Row]:
+    """How dark a sky of black can be, alone and under the night scene, in magnitudes."""
+    alone, under = (faintest_star(luminance, 0.0) for luminance in (black, polluted))
+    rows = []
+    for key, place, luminance, faintest in (
+        ("black_sky", "Black frame", black, alone),
+        ("night_sky", "Black in the night scene", polluted, under),
+    ):
+        brightness = sky_brightness(luminance)
+        told = brightness if np.isfinite(brightness) else None
+        rows += [
+            Row(f"{key}_mag_arcsec2", place, told, "mag/arcsec²", "more is darker"),
+            Row(f"{key}_faintest_star", "faintest star", faintest.crumey, "mag",
+                f"a point; {faintest.told} by {SOURCES}"),
+        ]  # fmt: skip
+    factor = 10 ** (0.4 * (alone.crumey - under.crumey))
+    rows.append(Row("stars_brighter", "Stars must be brighter by", factor, "times",
+                    "than over a black frame, to be seen in the night scene"))  # fmt: skip
+    return rows
 
 
 def _views(scene: DomeScene, seen: Light, places: Mapping[str, Viewpoint]) -> list[View]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -9,11 +11,14 @@ from scipy.ndimage import gaussian_filter
 from compensate import ruler
 from compensate.plain import POINT, PlainFigures, PlainRuler, of_colours
 from compensate.ruler import NO_DIFFERENCE, compared
+from domesim.inspection.magnitudes import faintest_star
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
+from testing.content import charts
 from testing.judged import stars
 
 DOME, PAIR = load_scene("dome_imax"), load_scene("stereo_cinema_silver")
+SKY = ("sky", "faintest_star", "faintest_star_schaefer")
 SIZE = 360  # two pixels a degree of the dome
 
 
@@ -40,8 +45,11 @@ def test_the_master_keeps_all(scene: Scene) -> None:
     light = night(scene, (scene.views, SIZE, SIZE))
     light[:, 100::40, 100::40] = 0.3
     found = figures(light, light, scene)
+    sky = {name: getattr(found, name) for name in SKY}
+    assert (None in sky.values()) == (scene is PAIR)
     assert vars(found) == pytest.approx(
         {
+            **sky,
             "black": 1,
             "contrast_fine": 1,
             "contrast_coarse": 1,
@@ -91,7 +99,7 @@ def test_fine_contrast_is_of_fine_things() -> None:
 def test_flat_light_has_no_contrast_no_stars_and_grey_no_hue() -> None:
     grey = np.full((1, SIZE, SIZE, 3), 0.1, np.float32)
     found = figures(grey, grey + np.float32(0.01), DOME, untouched=0.0)
-    assert found == PlainFigures()
+    assert replace(found, **dict.fromkeys(SKY)) == PlainFigures()
 
 
 def test_light_off_the_screen_does_not_count() -> None:
@@ -161,3 +169,48 @@ def test_small_differences_are_none() -> None:
     assert compared(0.3, 0.3 + 0.9 * NO_DIFFERENCE) == "no different from"
     assert compared(0.3, 0.3 + 1.1 * NO_DIFFERENCE) == "better than"
     assert compared(0.3, 0.3 - 1.1 * NO_DIFFERENCE) == "worse than"
+
+
+@pytest.mark.parametrize("chart", ["ten stars", "magnitudes"])
+def test_a_veil_takes_the_faint_stars(chart: str) -> None:
+    """Of the master, and the more light lies over it, the fewer."""
+    light = charts.CHARTS[chart](SIZE)
+    own = PlainRuler(light, DOME, DOME.screen(SIZE, SIZE))
+    veils = [0, *np.geomspace(1e-6, 0.3, 30)]
+    seen = [own.figures((light + veil).astype(np.float32), 1.0) for veil in veils]
+    for name in SKY:
+        values = [getattr(each, name) for each in seen]
+        values = [value for value in values if value is not None]  # a black sky has no brightness
+        assert len(values) >= len(veils) - 1
+        assert np.diff(values).max() <= 1e-4  # the light of stars, in float32
+        assert values[0] > values[-1] + 2
+    assert vars(own.of_master(1.0)) == vars(seen[0])
+
+
+def test_the_faintest_star_by_hand() -> None:
+    """Stars of a pixel, half a degree wide, on an even sky: dimmed by half, they lose 0.75."""
+    level, side = 0.004, 1 / 2
+    light = np.full((1, SIZE, SIZE, 3), level, np.float32)
+    light[:, 100:260:20, 100:260:20] = 0.1
+    found = figures(light, light, DOME)
+    sky, area = level * DOME.projector.white, np.radians(side) ** 2
+    assert found.sky == pytest.approx(12.58 - 2.5 * np.log10(sky), abs=1e-4)
+    expected = faintest_star(sky, area)
+    assert found.faintest_star == pytest.approx(expected.crumey, abs=1e-4)
+    assert found.faintest_star_schaefer == pytest.approx(expected.schaefer, abs=1e-4)
+    dimmed = figures(light, np.where(light > level, (light + level) / 2, light), DOME)
+    assert dimmed.faintest_star == pytest.approx(found.faintest_star - 2.5 * np.log10(2), abs=1e-4)
+    spread = light.copy()
+    spread[:, 100:260:20, 101:261:20] = 0.1
+    spread[:, 100:260:20, 100:260:20] += 0.001  # a peak
+    assert figures(spread, spread, DOME).faintest_star == pytest.approx(
+        faintest_star(sky, 2 * area).crumey, abs=0.02
+    )
+
+
+def test_stars_without_light_are_not_seen() -> None:
+    light = np.full((1, SIZE, SIZE, 3), 0.004, np.float32)
+    light[:, 100:260:20, 100:260:20] = 0.1
+    found = figures(light, np.full_like(light, 0.004), DOME)
+    assert found.sky is not None
+    assert found.faintest_star is None

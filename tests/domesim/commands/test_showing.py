@@ -12,6 +12,7 @@ import pytest
 from command_line import exit_code
 
 from domesim.commands.scene_show import marked
+from domesim.inspection.magnitudes import faintest_star
 from domesim.inspection.plans import WIDTH, dome_plan, dome_section, flat_plan, flat_section
 from domesim.scene import load_dome, load_scene, load_stereo
 from domesim.scene.drafts import DomeWish, dome_draft
@@ -102,6 +103,22 @@ def test_the_night_scene_has_the_figures_of_observe(pages, run, tmp_path):
     figures = shown(page)
     for key in ("direct_cd_m2", "pollution_cd_m2"):
         assert figures[f"picture_{key}"] == pytest.approx(frame[key], rel=1e-5)
+
+
+def test_the_skies_are_those_of_its_black_and_its_pollution(pages):
+    for page in pages.values():
+        figures = shown(page)
+        if "black_frame_cd_m2" not in figures:
+            assert "black_sky_mag_arcsec2" not in figures
+            continue
+        lights = figures["black_frame_cd_m2"], figures["picture_pollution_cd_m2"]
+        for sky, light in zip(("black_sky", "night_sky"), lights, strict=True):
+            assert figures[f"{sky}_mag_arcsec2"] == pytest.approx(12.58 - 2.5 * np.log10(light))
+            faintest = faintest_star(light, 0.0).crumey
+            assert figures[f"{sky}_faintest_star"] == pytest.approx(faintest)
+        fall = figures["black_sky_faintest_star"] - figures["night_sky_faintest_star"]
+        assert figures["stars_brighter"] == pytest.approx(10 ** (0.4 * fall))
+        assert fall > 0
 
 
 def test_a_3d_screen_has_the_crosstalk_of_its_seats(pages):
