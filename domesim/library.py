@@ -112,7 +112,8 @@ def save(light: Light, path: Files, scene: AnyScene, like: Master | None = None)
     InputError
         If the light has another size than `like`, or there are not as many files as views.
     """
-    require_light(light, (*np.shape(light)[:3], 3), who="save")
+    require_light(light, who="save")
+    require_light(light, (*light.shape[:3], 3), who="save")
     require_finite(light, who="save")
     light, scene = on_host(light), as_scene(scene)
     paths = _listed(path)
