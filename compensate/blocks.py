@@ -1,4 +1,4 @@
-"""Local means of blocks, of arrays of any library: of few pixels along rows and columns.
+"""Separable local means of pictures that are averaged by blocks, for any array library.
 
 How far a mean reaches is some degrees, and so are blocks: it takes some blocks, whatever the size
 of a picture, and its cost is O(n). Three boxes one after the other come close to a

@@ -5,8 +5,8 @@ solution subtracts that of the light x that *is* shown:
 
     x = clip(D^-1 (wanted - ambient - phi(x)))                                      (eq. 1, exact)
 
-It is no least-squares solution: who can see a picture exactly does, and takes no share in the error
-of others. With crosstalk of 0.1 and (0.005, 0.4) wanted it shows (0, 0.4); least squares show
+It is no least-squares solution. A pixel that can show what is wanted does, and takes no error from
+its neighbours. With crosstalk of 0.1 and (0.005, 0.4) wanted it shows (0, 0.4); least squares show
 (0, 0.39653).
 
 *What domes and pairs have in common.* Light reaches other places as s = K V'x, a few sums, and
@@ -15,13 +15,15 @@ other views pixel by pixel: what is seen is C (D x + S s + ambient), and so, in 
     x = clip(free - M x_u),          free = D^-1 (wanted - C S s - dark)
 
 with x_u the other view's light, M the crosstalk, and `dark` what is seen without a picture. On a
-flat screen s is empty; of one view M is 0. For a given s rounds solve x in each strip of pixels. A
-round gains M, a factor of fifty for 2 %. s is the root of s - K V'x(s), which is piecewise linear:
-Newton's method on its pieces (semismooth Newton) takes a few steps. Its slopes leave out M.
+flat screen s is empty; of one view M is 0. For a given s rounds solve x in each strip of pixels.
+Each round multiplies the error by M: at 2 % crosstalk it shrinks fiftyfold. s is the root of
+s - K V'x(s), which is piecewise linear: Newton's method on its pieces (semismooth Newton) takes a
+few steps. Its slopes leave out M.
 
 *Any other observation*, a table from grey to grey or one of your own, is solved by rounds of all
-pixels; along a table, with each view's own light found exactly in every round. A round gains what
-pollution is of a picture. Where rounds do not settle, pollution is as strong as the picture.
+pixels; along a table, with each view's own light found exactly in every round. Each round
+multiplies the error by the ratio of pollution to picture. Where rounds do not settle, pollution is
+as strong as the picture.
 """
 
 from __future__ import annotations

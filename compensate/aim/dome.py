@@ -37,14 +37,14 @@ with m where u stays. What is much brighter than v is left as it is, so that no 
 varies around a limb, draws a rim inside it.
 
 *Colour.* The floor leaves too much of some primaries. To lift the others alone would show a blue
-sky as purple. So a lifted colour of luminance Y' is mixed with grey, as far as it is lifted, until
-it is grey where its least primary is half of the floor:
+sky as purple. So a lifted colour is mixed with grey of the same luminance Y'. The share
+of grey grows with the lift, and as the weakest primary falls from the floor to half of it:
 
     m'_p = Y' + k (m'_p - Y'),     k = 1 - (1 - m / m') (1 - max(2 min_p(m'_p / floor_p, 1) - 1, 0))
 
 *No harm.* What is over the floor, which is what will be projected, never has more luminance than
-the master. So nothing is seen brighter than untouched, where all the light that is now subtracted
-lies over it, too:
+the master. So nothing is seen brighter than untouched: there the light that is now subtracted
+is seen, too:
 
     m'_p = m'_p - (1 - q) over_p,      over_p = max(m'_p - floor_p, 0),      q = min(Y / Y_over, 1)
 

@@ -1,7 +1,7 @@
 """The aim of a 3D dome: both views lifted by the same light, then veils for what ghosts are left.
 
 Reflected light is missing all over the screen, and crosstalk in places. Over the lifted black most
-ghosts can be subtracted; what no light of one's own takes away, the floor, is no ghost.
+ghosts can be subtracted. The floor is no ghost: less light of a pixel's own does not take it away.
 """
 
 from __future__ import annotations

@@ -388,8 +388,8 @@ def line_of(f: Figures) -> str:
         low, likely, high = (percent(light, 3) for light in f.light_left)
         least, error, most = (decimal(error) for error in f.error_left)
         parts += [
-            f"light left, by how surely the room was measured: {likely} of white (95%: {low} to "
-            f"{high})",
+            f"light left over: {likely} of white (95%, as surely as the room was measured: "
+            f"{low} to {high})",
             f"visible error: {error} (95%: {least} to {most})",
         ]
     return "\n  ".join(parts)

@@ -68,7 +68,7 @@ def test_the_command_says_what_is_left(run, tmp_path):
     for scene in (tmp_path / "rig.toml", "stereo_cinema_silver"):
         code, out, err = run(*given, "--scene", scene, "--anew")
         assert (code, err) == (0, "")
-        said.append("by how surely the room was measured" in out)
+        said.append("as surely as the room was measured" in out)
         code, out, err = run(*given, "--scene", scene, "--anew", "--json")
         assert (code, err) == (0, "")
         figures.append(json.loads(out)["frames"][0])
