@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, final
+from typing import Any, Literal, final
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class Outcome:
 
 def compensate(
     desired: Light,
-    scene: Scene | str | Path,
+    scene: Scene | str | Path | Mapping[str, Any],
     *,
     method: str = "perceptual",
     solver: Solver | None = None,

@@ -5,9 +5,9 @@ load_master -> Light -> compensate.compensate -> Light -> observe -> Light -> sa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -20,8 +20,8 @@ from domesim.scene import Scene
 from domesim.scene.loading import as_scene
 from domesim.scene.screening import decoded, encoded
 
-AnyScene: TypeAlias = Scene | str | Path
-"""A scene, its name or the path of its file."""
+AnyScene: TypeAlias = Scene | str | Path | Mapping[str, Any]
+"""A scene, its name, the path of its file, or what that holds."""
 
 Files: TypeAlias = str | Path | Sequence[str | Path]
 """One file; or two, left and right."""

@@ -18,6 +18,7 @@ from domesim import load_master, load_scene, observe, save
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.observation.transport import load_transport
+from domesim.scene.loading import scene_content
 
 SCENE = "dome_planetarium"
 LIGHT = np.full((1, 32, 32, 3), 0.05, np.float32)
@@ -101,6 +102,24 @@ def test_what_is_no_scene_is_refused(function, scene):
 def test_other_wrong_arguments_are_refused(call):
     with pytest.raises(InputError):
         call()
+
+
+def test_scenes_in_memory():
+    """A sweep needs no files: a whiter screen adds more light, as the closed form says."""
+    content = scene_content("dome_hemisphere")
+    patch = np.zeros_like(LIGHT)
+    patch[:, 14:18, 14:18] = 1.0
+    for albedo in (0.3, 0.6):
+        content["screen"]["albedo"] = albedo
+        black = observe(patch, content)[0, 2, 16, 0]
+        lit = observe(patch, content)[0, 16, 16, 0] - black
+        assert lit == pytest.approx(1.0, abs=1e-6)
+        white = observe(np.ones_like(LIGHT), content)[0, 16, 16, 0]
+        assert white - 1 == pytest.approx(albedo / 2 / (1 - albedo / 2), rel=1e-3)
+    assert load_scene(content).name == "dome_hemisphere"
+    del content["screen"]["albedo"]
+    with pytest.raises(InputError, match=r"scene 'dome_hemisphere'.*albedo"):
+        load_scene(content)
 
 
 def test_light_comes_back_in_its_own_library():

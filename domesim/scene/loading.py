@@ -5,10 +5,12 @@ All mistakes of a file are listed in one go, each with its path.
 
 from __future__ import annotations
 
+import copy
 import difflib
 import hashlib
 import json
 import tomllib
+from collections.abc import Mapping
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -30,14 +32,23 @@ from domesim.scene.stereo import StereoScene
 from domesim.scene.stereo_file import StereoFile
 
 
-def load_scene(name_or_path: str | Path) -> Scene:
-    """The scene of a TOML file, or one of the project's own by its name.
+def load_scene(name_or_path: str | Path | Mapping[str, Any]) -> Scene:
+    """The scene of a TOML file, one of the project's own by its name, or one in memory.
+
+    Parameters
+    ----------
+    name_or_path
+        Path of a .toml file; a name; or what such a file holds, such as `scene_content` returns:
+        sections by name. Paths in that are from the current folder.
 
     Raises
     ------
     InputError
         If there is no such scene, or with all mistakes of its file, each with its path.
     """
+    if isinstance(name_or_path, Mapping):
+        content = copy.deepcopy(dict(name_or_path))
+        return _named(content, f"scene {content.get('name', 'in memory')!r}", Path(), file="")
     if not isinstance(name_or_path, str | Path):
         raise InputError(
             f"wanted a scene, the name of one or the path of its file, got a "
@@ -47,7 +58,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     return scene_of_text(text, str(name_or_path), folder)
 
 
-def as_scene(scene: Scene | str | Path) -> Scene:
+def as_scene(scene: Scene | str | Path | Mapping[str, Any]) -> Scene:
     """Return a scene; load it if it is named.
 
     Raises
@@ -112,8 +123,13 @@ def scene_of_text(text: str, where: str, folder: Path) -> Scene:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a ValueError also for a number too long
         raise InputError(f"{where}: not valid TOML: {error}") from None
+    return _named(content, where, folder, file=where)
+
+
+def _named(content: dict[str, Any], where: str, folder: Path, file: str) -> Scene:
+    """The scene of `content`; mistakes begin with `where`."""
     try:
-        return _described(content, where, folder)
+        return _described(content, where, folder, file)
     except InputError as error:
         if str(error).startswith(where):
             raise
@@ -167,7 +183,7 @@ def _bundled(name: str) -> str:
     return resources.files("scenes").joinpath(f"{name}.toml").read_text()
 
 
-def _described(content: dict[str, Any], where: str, folder: Path) -> Scene:
+def _described(content: dict[str, Any], where: str, folder: Path, file: str) -> Scene:
     """The scene of a file that says which kind it is."""
     kind = _kind(content)
     scene: Scene
@@ -184,7 +200,7 @@ def _described(content: dict[str, Any], where: str, folder: Path) -> Scene:
     except ValidationError as error:
         raise InputError(all_mistakes(error, where, kind)) from None
     text = json.dumps(content, sort_keys=True, default=str) + digest
-    return replace(scene, file=where, content=hashlib.sha256(text.encode()).hexdigest())
+    return replace(scene, file=file, content=hashlib.sha256(text.encode()).hexdigest())
 
 
 def _kind(content: dict[str, Any]) -> type[DomeFile | StereoFile | CinemaFile]:
