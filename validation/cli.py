@@ -12,8 +12,9 @@ import typer
 
 from domesim.commands.options import Json, Quiet
 from domesim.errors import InputError
-from domesim.host.console import Console, prepare
+from domesim.host.console import Console
 from domesim.host.cores import cores
+from domesim.host.writing import prepare
 from validation.benchmarks import copying, writing
 from validation.benchmarks import files as file_costs
 from validation.benchmarks.measuring import Cost, Settings, costs
@@ -50,7 +51,7 @@ def validate(
     """
     console = Console(quiet=quiet, json=json)
     names = EXPERIMENTS if only is None else tuple(name.strip() for name in only.split(","))
-    prepare(out)
+    prepare(out / "report.html", out / "results.json")
     with console.progress("validating", len(names)) as start:
         run = run_experiments(
             out, Listener(console, start), names=names, quick=quick, seed=seed, fresh=fresh
@@ -145,7 +146,7 @@ def bench(
     wanted = _names("--problems", problems, PROBLEMS)
     tried = _names("--solvers", solvers, SOLVERS)
     settings = Settings(budget=150, repeats=1) if quick else Settings()
-    prepare(out)
+    prepare(out / writing.NAME)
     console.say(*writing.LEGEND.split("\n"), "", writing.HEADER)
     machine = {
         "cores": cores(),
@@ -164,7 +165,7 @@ def bench(
 
 
 def _bench_files(out: Path, console: Console, *, quick: bool) -> None:
-    prepare(out)
+    prepare(out / file_costs.NAME)
     console.say(file_costs.HEADER)
     found = []
     for cost in file_costs.file_costs(quick=quick):
@@ -176,7 +177,7 @@ def _bench_files(out: Path, console: Console, *, quick: bool) -> None:
 
 
 def _bench_workers(out: Path, console: Console, workers: tuple[int, ...], *, quick: bool) -> None:
-    prepare(out)
+    prepare(out / copying.NAME)
     console.say(copying.HEADER)
     found = []
     for one in copying.comparisons(workers, quick=quick):

@@ -26,6 +26,7 @@ from pydantic_core import to_json
 
 from domesim.errors import InputError
 from domesim.frames import write_whole
+from domesim.host.writing import make_own
 from domesim.pathtrace.llvm import load_mitsuba
 
 
@@ -321,7 +322,7 @@ class Work:
         value = measure()
         done = _Step(time.perf_counter() - begin, value)
         if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_own(path.parent)
             # JSON has no infinities, but Pydantic reads and writes them
             write_whole(path, to_json(done, inf_nan_mode="constants"))
         self.seconds += done.seconds

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import final
 
 from domesim.errors import InputError
-from domesim.host.console import Console, prepare
+from domesim.host.console import Console
+from domesim.host.writing import prepare_folder
 from validation.cli import Listener
 from validation.readme import quoted
 from validation.report import Outcome, validate
@@ -49,7 +50,7 @@ def main(names: list[str]) -> bool:
     console = Console()
     names = names or old(Results.read(PUBLISHED))
     console.say(f"To run: {', '.join(names) or 'nothing is older than its code'}")
-    prepare(OUT)
+    prepare_folder(OUT)
     with console.progress("renewing", len(names)) as start:
         run = validate(OUT, Publisher(Listener(console, start)), names=names)
     console.say(f"Open {(OUT / 'report.html').resolve()}. Then: make readme")

@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import platform
-import shutil
 import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +23,7 @@ from jinja2 import Environment, StrictUndefined
 from domesim.errors import InputError
 from domesim.frames import write_whole
 from domesim.host.cores import cores
+from domesim.host.writing import is_own, remove_own, require_own
 from domesim.pathtrace.llvm import told
 from domesim.pathtrace.tracer import all_or_nothing
 from validation.experiment import Experiment, Finding, Missing, Work, load_experiment
@@ -182,13 +182,17 @@ def validate(
     code = {name: digest(name) for name in names}
     started = datetime.now(UTC).isoformat(timespec="seconds")
     run = Run(quick, seed, started, len(names), _machine(), _versions())
+    stores = {name: _store(out / STEPS / name, run, code[name]) for name in names}
+    for store in stores.values():
+        require_own(store)
     for name in names:
         listener.starts(name)
         if digest(name) != code[name]:
             raise InputError("the program was changed while it ran; start again")
-        store = _store(out / STEPS / name, run, code[name])
+        store = stores[name]
+        _remove_others(store)
         if fresh:
-            shutil.rmtree(store, ignore_errors=True)
+            remove_own(store)
         heard = None if fresh else out / STEPS / HEARD
         work = Work(quick=quick, seed=seed, store=store, note=listener.note, heard=heard)
         outcome = _outcome(experiments[name], work, run.machine, code[name])
@@ -230,12 +234,17 @@ def duration(seconds: float) -> str:
 
 
 def _store(folder: Path, run: Run, code: str) -> Path:
-    """Folder of an experiment's steps; those of other code are removed."""
+    """Folder of an experiment's steps: of this code, machine and packages."""
     origin = hashlib.sha256(repr((code, run.machine, run.versions)).encode()).hexdigest()[:16]
-    for other in folder.glob("*"):
-        if not other.name.startswith(origin):
-            shutil.rmtree(other, ignore_errors=True)
     return folder / f"{origin}-{'quick' if run.quick else 'full'}-{run.seed}"
+
+
+def _remove_others(store: Path) -> None:
+    """Remove an experiment's steps of other code."""
+    origin, _, _ = store.name.partition("-")
+    for other in store.parent.glob("*"):
+        if not other.name.startswith(origin) and is_own(other):
+            remove_own(other)
 
 
 def _outcome(experiment: Experiment, work: Work, machine: Mapping[str, str], code: str) -> Outcome:

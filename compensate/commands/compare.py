@@ -16,6 +16,7 @@ from compensate.page.comparison import Comparison, compare_methods, shown_method
 from compensate.pose import Eye
 from compensate.shows.compensating import line_of
 from domesim.commands.options import (
+    Overwrite,
     Place,
     SceneName,
     Telling,
@@ -28,7 +29,7 @@ from domesim.commands.shows import Masters
 from domesim.errors import InputError
 from domesim.frames import Master, read_master, write_master
 from domesim.host.console import Console, about
-from domesim.host.console import prepare as prepare_folder
+from domesim.host.writing import prepare
 from domesim.pathtrace.llvm import lacking
 from domesim.scene import DomeScene, Scene
 from domesim.scene.choice import SceneChoice
@@ -46,6 +47,7 @@ def compare(
     size: Annotated[
         int, typer.Option(help="Largest side of the pictures on the page, pixels.", min=16)
     ] = 1024,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a page that compares the master with what is seen, uncompensated and compensated."""
     console = telling.console()
@@ -60,8 +62,8 @@ def compare(
         raise InputError(f"{out}: a page is an .html file; give it such a name")
     recipe = aiming.recipe(choice)
     solver, eye = recipe.solver(scene, console.note), recipe.weighting(scene)
-    prepare_folder(out.parent)
     (moment,) = show.moments
+    prepare(out, inputs=[*place.files(), *moment], overwrite=overwrite)
     with about(moment[0]):
         frame = show.read(moment, repair=masters.repair)
         console.say(f"{moment[0].name}: {frame.described()}")
@@ -87,13 +89,14 @@ def demo(
     with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
         frame = read_master([path])
     console.say(f"Master: {frame.described()}", f"Theatre: {theatre.name}. {theatre.description}")
-    prepare_folder(out)
+    page = out / "compare.html"
+    names = ("project", *(f"seen-{method}" for method in shown_methods(theatre)))
+    prepare(page, *(out / f"{name}.exr" for name in names), inputs=[scene, transport])
     comparison = _compared(frame, theatre, console, None, None)
     files = []
     for name, written in comparison.frames():
         write_master(written, [out / f"{name}.exr"])
         files.append(str(out / f"{name}.exr"))
-    page = out / "compare.html"
     comparison.write_page(page, size=1024, command=_command_line())
     if missing := lacking():
         console.say(missing)

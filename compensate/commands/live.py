@@ -27,11 +27,12 @@ from compensate.live.process import (
     widen,
 )
 from compensate.live.y4m import FRAME, LONGEST, Y4M, header_of
-from domesim.commands.options import Place, Quiet, grouped
+from domesim.commands.options import Overwrite, Place, Quiet, grouped
 from domesim.commands.shows import TPDF
 from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
 from domesim.host.console import Console
+from domesim.host.writing import prepare, write_whole
 from domesim.scene import Scene
 
 Size = Annotated[
@@ -180,6 +181,7 @@ def shader(
     packing: Packed = None,
     encoding: Encoded = None,
     lift: Lift = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a user shader for mpv and FFmpeg's libplacebo that compensates a video as it plays."""
@@ -190,12 +192,8 @@ def shader(
     aim = Aim() if lift is None else Aim(lift=lift)
     rows, cols, beside = _views(theatre, width, height, packing)
     colour = encoding_named(encoding or "bt709")
-    text = shader_of(theatre, rows, cols, colour, beside=beside, aim=aim)
-    if not out.parent.is_dir():
-        raise InputError(f"{out}: there is no folder {out.parent}; make it first")
-    partial = out.with_name(f".{out.name}.part")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(out)
+    prepare(out, inputs=place.files(), overwrite=overwrite)
+    write_whole(out, shader_of(theatre, rows, cols, colour, beside=beside, aim=aim).encode())
     Console(quiet=quiet).say(f"mpv --glsl-shader={out} VIDEO")
 
 

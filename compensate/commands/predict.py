@@ -8,7 +8,7 @@ from typing import Annotated, Any, final
 import typer
 
 from compensate.prediction import Combination, Prediction
-from compensate.shows.predicting import MAPS, Predicting, require_free, summary_of, worst
+from compensate.shows.predicting import MAPS, Predicting, summary_of, worst
 from compensate.vision.glare import StrayLight
 from compensate.vision.tvi import MesopicBlend
 from domesim.commands.options import Place, Telling, grouped
@@ -102,7 +102,6 @@ def predict(place: Place, masters: Masters, seeing: Seeing, doing: Doing, tellin
     choice, scene = place.load(console)
     require_one_seat(scene, place.seat, "pollution is predicted for one seat")
     show = masters.find(doing.frames)
-    require_free(show, doing.out, scene.views)
 
     def summary(done: Done) -> dict[str, Any]:
         frames = worst(done)

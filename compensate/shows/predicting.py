@@ -7,7 +7,7 @@ four pictures of the paper's Fig. 8, to look at.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, final
@@ -25,20 +25,18 @@ from compensate.prediction import (
     regions,
     triage,
 )
-from domesim.errors import InputError
 from domesim.frames import ColourTag
 from domesim.frames.formats.exr import state_compression
 from domesim.frames.formats.png import colour_chunks, with_colour_chunks
-from domesim.frames.whole import write_together
 from domesim.frames.writing import bare_specification, encode
+from domesim.host.writing import write_together
 from domesim.inspection.magnitudes import SOURCES, Faintest
 from domesim.light.blocks import light_means
 from domesim.observation.stereo import VIEWS
 from domesim.scene.choice import SceneChoice
 from domesim.shows.run import Done
-from domesim.shows.show import Show
 from domesim.shows.small import thinned
-from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
+from domesim.shows.work import Column, Files, Judged, Note, Recipe, Work, Write, Writing
 
 MAPS = ".maps.exr"
 """What the EXR's name ends in: it must not replace a frame that another command wrote there."""
@@ -114,6 +112,11 @@ class Predicting(Recipe):
         values["threshold"] = self.prediction.least
         return {"command": "predict", **self.scene.settings(), **values}
 
+    def beside(self, output: Files) -> Sequence[Path]:
+        """See `Recipe`."""
+        places = _places_of(output, self.scene.load().views)
+        return [path for place in places for path in place.pictures]
+
     small = "The master, and the prediction: white is what subtraction leaves, grey it removes"
 
     def options(self, writing: Writing) -> dict[str, str]:
@@ -176,25 +179,6 @@ def _places_of(outputs: tuple[Path, ...], views: int) -> list[_Place]:
     if len(outputs) < views:
         return [_Place(outputs[0], {f"{each}.": k for k, each in enumerate(VIEWS)})]
     return [_Place(output, {"": k}) for k, output in enumerate(outputs)]
-
-
-def require_free(show: Show, folder: Path, views: int) -> None:
-    """See that no picture goes over an input.
-
-    Raises
-    ------
-    InputError
-        If one would, or two results to one place.
-    """
-    sources = {file.resolve() for moment in show.moments for file in moment}
-    for outputs in show.outputs(folder, MAPS):
-        for place in _places_of(outputs, views):
-            for path in place.pictures:
-                if path.resolve() in sources:
-                    raise InputError(
-                        f"{path}: wanted a place for the result, got an input. Choose another "
-                        f"folder."
-                    )
 
 
 # What is written.

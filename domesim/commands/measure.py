@@ -19,11 +19,11 @@ import typer
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.commands.measure_patterns import patterns
-from domesim.commands.options import Json, Quiet, finish
+from domesim.commands.options import Json, Overwrite, Quiet, finish
 from domesim.errors import InputError
-from domesim.frames.whole import write_whole
-from domesim.host.console import Console, about, complain, prepare_file
+from domesim.host.console import Console, about, complain
 from domesim.host.numbers import decimal
+from domesim.host.writing import prepare, write_whole
 from domesim.light.transfer import Gamma
 from domesim.observation.projector import NAMES, chromaticities
 from domesim.observation.stereo import VIEWS
@@ -116,6 +116,7 @@ def crosstalk(
             show_default=False,
         ),
     ] = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -138,10 +139,12 @@ def crosstalk(
             )
         if dome is not None:
             raise InputError(f"--dome {dome} is for a meter's readings, got photographs")
-        _photographed(readings, out, room, console, allow_negative=allow_negative)
+        _photographed(
+            readings, out, room, console, allow_negative=allow_negative, overwrite=overwrite
+        )
         return
     pair = measured_pair(read_readings(readings, black=taken), allow_negative=allow_negative)
-    prepare_file(out, instead_of=readings)
+    prepare(out, inputs=[readings, dome], overwrite=overwrite)
     if dome is not None:
         if len(room.assumed) < _OF_ROOMS:
             raise InputError(
@@ -187,6 +190,7 @@ def grey_to_grey(
     height: Height = None,
     distance: Distance = None,
     adaptation: Adaptation = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -207,7 +211,7 @@ def grey_to_grey(
                 f"one; measure these too"
             )
     left, right = (tables[eye] for eye in EYES)
-    prepare_file(out, instead_of=readings)
+    prepare(out, inputs=[readings], overwrite=overwrite)
     levels, extra = in_light(left, right)
     with about(readings):
         GreyToGrey(1, 1, levels, extra[:, None])  # refuses what no eye can have seen
@@ -281,7 +285,6 @@ def _in_dome(pair: MeasuredPair, dome: str, readings: Path, out: Path, console: 
     scene = load_dome(dome)
     if scene.stereo is None:
         raise InputError(f"--dome {dome}: wanted a 3D dome, this one has no [stereo]")
-    prepare_file(out, instead_of=Path(dome))
     content = scene_content(dome)
     measured = pair.common_matrices
     direct = direct_crosstalk(measured, *scene.reflected_by_views(_GRID))
@@ -321,7 +324,13 @@ def _percent(matrix: NDArray[np.float64]) -> str:
 
 
 def _photographed(
-    listed: Path, out: Path, room: _Room, console: Console, *, allow_negative: bool
+    listed: Path,
+    out: Path,
+    room: _Room,
+    console: Console,
+    *,
+    allow_negative: bool,
+    overwrite: bool,
 ) -> None:
     """Crosstalk of photographs: a scene file, and the map beside it."""
     from domesim.measure.crosstalk_photographs import crosstalk_maps  # noqa: PLC0415
@@ -329,13 +338,12 @@ def _photographed(
     from domesim.scene.crosstalk_maps import CrosstalkMaps  # noqa: PLC0415
     from domesim.scene.stereo import MAP_CELLS, SWEET_SPOT  # noqa: PLC0415
 
+    stored = out.with_suffix(".npz")
+    prepare(out, stored, inputs=[listed], overwrite=overwrite)
     photographs = read_photographs(listed)
     colours = _primaries(photographs.primaries or COLOURS)
     aspect = room.width / room.height
     maps = crosstalk_maps(photographs, MAP_CELLS, aspect, allow_negative=allow_negative)
-    stored = out.with_suffix(".npz")
-    for path in (out, stored):
-        prepare_file(path, instead_of=listed)
     text = _PHOTOGRAPHED.format(
         name=_quoted(out.stem),
         description=_quoted(f"A stereo system as photographed: {listed.name}. Map: {stored.name}."),
@@ -436,6 +444,7 @@ def dome(
             "viewing are used.",
         ),
     ] = False,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -458,12 +467,11 @@ def dome(
         for option, value in (("--hold", hold), ("--residual", residual)):
             if value:
                 raise InputError(f"{option} is of albedos; leave it out, or --without-geometry")
-        _dome_without_geometry(survey, out, console)
+        _dome_without_geometry(survey, out, console, overwrite=overwrite)
         return
     task = read_survey(survey)
-    for path in (out, residual):
-        if path is not None:
-            prepare_file(path, instead_of=survey)
+    targets = [out] if residual is None else [out, residual]
+    prepare(*targets, inputs=[survey, task.scene.file], overwrite=overwrite)
     with about(survey):
         cells, fit = surveyed(task, known)
     for line in lines_of(task, fit):
@@ -488,7 +496,7 @@ def dome(
     finish(console, {"output": str(out), **figures}, [])
 
 
-def _dome_without_geometry(survey: Path, out: Path, console: Console) -> None:
+def _dome_without_geometry(survey: Path, out: Path, console: Console, *, overwrite: bool) -> None:
     from domesim.measure.dome.file import read_survey  # noqa: PLC0415
     from domesim.measure.dome.without_geometry import (  # noqa: PLC0415
         figures_of,
@@ -500,8 +508,7 @@ def _dome_without_geometry(survey: Path, out: Path, console: Console) -> None:
 
     task = read_survey(survey)
     transport = out.with_suffix(".npz")
-    for path in (out, transport):
-        prepare_file(path, instead_of=survey)
+    prepare(out, transport, inputs=[survey, task.scene.file], overwrite=overwrite)
     with about(survey):
         fit = surveyed_alone(task)
     for line in lines_of(task, fit):

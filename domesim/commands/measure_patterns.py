@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -18,11 +19,13 @@ from domesim.frames.encodings import encoding_named
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES
 from domesim.frames.frame import Header
-from domesim.host.console import Console, prepare
+from domesim.host.console import Console
+from domesim.host.writing import prepare
 from domesim.measure.patterns import Codes, Pattern
 from domesim.measure.patterns.dome import dome_patterns
+from domesim.measure.patterns.listing import NAME as LIST
 from domesim.measure.patterns.listing import Listed, PatternList
-from domesim.measure.patterns.page import page, tables
+from domesim.measure.patterns.page import GREYS, READINGS, page, tables
 from domesim.measure.patterns.stereo import stereo_patterns
 from domesim.readings.meter import EYES
 from domesim.room.dome import Dome
@@ -85,16 +88,28 @@ def patterns(
     shape = Dome(1.0, np.pi / 2) if scene is None else load_dome(scene).dome
     made = dome_patterns(shape, codes, levels) if dome else stereo_patterns(codes, levels)
     folders = (out,) if dome else tuple(out / eye for eye in EYES)
-    for folder in folders:
-        prepare(folder)
+    files = {
+        pattern.name: [folder / f"{number:04d}_{pattern.name}{suffix}" for folder in folders]
+        for number, pattern in enumerate(made, 1)
+    }
+    others = (LIST, PAGE, READINGS) if dome else (LIST, PAGE, READINGS, GREYS)
+    prepare(*chain(*files.values()), *(out / name for name in others), inputs=[scene])
     areas = shape.screen_areas(rows, cols) if dome else np.ones((rows, cols))
     listed = []
     with console.progress("drawing", len(made)) as start:
         for number, pattern in enumerate(made, 1):
             start(pattern.name)
-            files = [folder / f"{number:04d}_{pattern.name}{suffix}" for folder in folders]
             listed.append(
-                _written(number, pattern, files, out, areas, codes, colour, shape if dome else None)
+                _written(
+                    number,
+                    pattern,
+                    files[pattern.name],
+                    out,
+                    areas,
+                    codes,
+                    colour,
+                    shape if dome else None,
+                )
             )
     encoded = {"transfer": colour.transfer, "primaries": colour.primaries}
     facts = PatternList(

@@ -48,6 +48,13 @@ SeatName = Annotated[
         show_default=False,
     ),
 ]
+Overwrite = Annotated[
+    bool,
+    typer.Option(
+        "--overwrite",
+        help="Replace files that domesim did not write, or that were changed since.",
+    ),
+]
 Repair = Annotated[
     bool,
     typer.Option(help="Replace NaN and negative samples by black, infinite ones by the largest."),
@@ -124,6 +131,10 @@ class Place:
         choice = SceneChoice(self.scene, self.transport, self.seat)
         scene = scene_of(choice, console)
         return choice.settled(scene), scene
+
+    def files(self) -> tuple[str | Path | None, ...]:
+        """What it reads, for `prepare`."""
+        return self.scene, self.transport
 
     def about(self, scene: Scene) -> dict[str, Any]:
         """What a command's figures say of its scene, and of the seat that was asked for."""

@@ -16,11 +16,12 @@ import typer
 from numpy.typing import NDArray
 
 from domesim.commands import INTERRUPTED
-from domesim.commands.options import Json, Quiet, Repair, finish
+from domesim.commands.options import Json, Overwrite, Quiet, Repair, finish
 from domesim.errors import InputError
 from domesim.frames import read_master
-from domesim.host.console import Console, about, prepare_file
+from domesim.host.console import Console, about
 from domesim.host.numbers import decimal, percent
+from domesim.host.writing import prepare
 from domesim.inspection.coverage import require_covered
 from domesim.observation.stereo import VIEWS
 from domesim.scene import CinemaScene, DomeScene, StereoScene, load_dome, load_scene
@@ -88,6 +89,7 @@ def render(
     seed: Seed = 0,
     per_bounce: PerBounce = False,
     repair: Repair = False,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -106,9 +108,8 @@ def render(
         raise InputError(f"--out {out}: the view {view!r} is written as {suffix}, name it so")
     outs = _outputs(theatre, view, out)
     masters = _masters(theatre, master)
-    for written in {path.with_suffix(end) for path in outs for end in (suffix, ".png")}:
-        for path in masters:
-            prepare_file(written, instead_of=path)
+    written = dict.fromkeys(path.with_suffix(end) for path in outs for end in (path.suffix, ".png"))
+    prepare(*written, inputs=[scene, *masters], overwrite=overwrite)
     pictures = [
         _picture(theatre.one_eye, path, size if view == "domemaster" else None, repair, console)
         for path in dict.fromkeys(masters)
@@ -222,6 +223,7 @@ def tabulate(
     check: Annotated[
         bool, typer.Option(help="Domes: compare with the radiosity model where it applies.")
     ] = True,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -239,7 +241,7 @@ def tabulate(
     _require_seed(seed)
     if isinstance(theatre, StereoScene):
         _require_no_dome_options(theatre, error, walks, degree, check=check)
-    prepare_file(out)
+    prepare(out, inputs=[scene], overwrite=overwrite)
     from domesim.pathtrace.llvm import told as traced_by  # noqa: PLC0415
 
     if isinstance(theatre, StereoScene):

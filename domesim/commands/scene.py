@@ -7,14 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
-from domesim.commands.options import Json, Quiet
+from domesim.commands.options import Json, Overwrite, Quiet
 from domesim.commands.scene_exchange import export_projectors, import_projectors
 from domesim.commands.scene_new import new
 from domesim.commands.scene_show import show
 from domesim.errors import InputError
-from domesim.frames.whole import write_whole
-from domesim.host.console import Console, prepare_file
+from domesim.host.console import Console
 from domesim.host.numbers import decimal, ratio
+from domesim.host.writing import prepare, write_whole
 from domesim.inspection import lightmaps
 from domesim.inspection.contrast import contrast
 from domesim.inspection.coverage import Coverage, coverage, require_covered
@@ -56,6 +56,7 @@ def check(
             show_default=False,
         ),
     ] = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -77,7 +78,7 @@ def check(
     if out is not None:
         if out.suffix.lower() != ".png":
             raise InputError(f"--out {out}: the picture is a .png, name it so")
-        prepare_file(out)
+        prepare(out, inputs=[scene], overwrite=overwrite)
     lit = coverage(theatre.theatre, lightmaps.SIZE)
     light = photometry(theatre.one_eye, lightmaps.SIZE) if lit.whole else None
     figures |= _dome_figures(theatre, lit, light, console)

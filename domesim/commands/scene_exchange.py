@@ -13,10 +13,10 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from domesim.commands.options import Json, Quiet
+from domesim.commands.options import Json, Overwrite, Quiet
 from domesim.errors import InputError
-from domesim.frames.whole import write_together, write_whole
-from domesim.host.console import Console, prepare_file
+from domesim.host.console import Console
+from domesim.host.writing import prepare, write_together, write_whole
 from domesim.room.masks import written_mask
 from domesim.room.theatre import Lens
 from domesim.scene import load_dome
@@ -48,6 +48,7 @@ def import_projectors(
             help="A dome's scene that all else is taken from: its screen, white, seats, ...",
         ),
     ] = "dome_hemisphere",
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -55,7 +56,6 @@ def import_projectors(
     console = Console(quiet=quiet, json=json)
     if out.suffix.lower() != ".toml":
         raise InputError(f"--out {out}: a scene is a .toml file, name it so")
-    prepare_file(out, instead_of=file)
     base = load_dome(like)
     content, regions = scene_content(like), read_mpcdi(file)
     centre, radius = _screen(regions, file, console)
@@ -73,6 +73,7 @@ def import_projectors(
         _unit(lens, f"{out.stem}.{number}.mask.png", radius)
         for number, lens in enumerate(lenses, 1)
     ]
+    prepare(out, *map(out.with_name, masks), inputs=[file, like], overwrite=overwrite)
     sources = {**content.get("sources", {}), "projector.units": f"MPCDI file {file.name}"}
     if regions[0].points is not None:
         sources["dome.radius_m"] = f"fitted to where pixels land, of {file.name}"
@@ -120,6 +121,7 @@ def export_projectors(
             show_default=False,
         ),
     ] = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -129,7 +131,7 @@ def export_projectors(
     if size is not None and (chosen is None or max(int(chosen[1]), int(chosen[2])) > 16384):
         raise InputError(f"--size {size!r}: name columns and rows up to 16384, such as 1920x1200")
     theatre = load_dome(scene)
-    prepare_file(out)
+    prepare(out, inputs=[scene], overwrite=overwrite)
     pixels = None if chosen is None else (int(chosen[1]), int(chosen[2]))
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
     try:

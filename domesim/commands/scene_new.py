@@ -13,8 +13,8 @@ import typer
 
 from domesim.commands.options import Json, Quiet
 from domesim.errors import InputError
-from domesim.frames.whole import write_whole
-from domesim.host.console import Console, prepare_file
+from domesim.host.console import Console
+from domesim.host.writing import prepare, write_whole
 from domesim.room.layouts import LAYOUTS
 from domesim.room.theatre import Lens
 from domesim.scene import DomeScene
@@ -142,7 +142,7 @@ def new(
         wish = _asked(console, kind)
     else:
         wish = _wish(kind, chosen)
-    prepare_file(file)
+    prepare(file)
     text = _text(wish, file.stem)
     scene = scene_of_text(text, str(file), file.parent)
     write_whole(file, text.encode())

@@ -13,11 +13,11 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from domesim.commands.options import Json, Quiet, TransportFile
+from domesim.commands.options import Json, Overwrite, Quiet, TransportFile
 from domesim.errors import InputError
-from domesim.frames.whole import write_whole
-from domesim.host.console import Console, prepare_file
+from domesim.host.console import Console
 from domesim.host.numbers import decimal
+from domesim.host.writing import prepare, write_whole
 from domesim.inspection import lightmaps
 from domesim.inspection.contrast import contrast
 from domesim.inspection.coverage import coverage, require_covered
@@ -62,6 +62,7 @@ def show(
             "--cutaway/--no-cutaway", help="Domes: render the theatre cut open (about a minute)."
         ),
     ] = True,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -70,7 +71,7 @@ def show(
     if out.suffix.lower() != ".html":
         raise InputError(f"--out {out}: the page is a .html, name it so")
     theatre = SceneChoice(scene, transport).load()
-    prepare_file(out)
+    prepare(out, inputs=[scene, transport], overwrite=overwrite)
     if isinstance(theatre, DomeScene):
         require_covered(theatre, scene)
         content, figures = _dome(theatre.one_eye, console, cutaway=cutaway)

@@ -19,8 +19,8 @@ from domesim.frames.frame import Frame, Pixels
 from domesim.frames.integrity import LARGEST_SIDE
 from domesim.frames.reading import read_frame
 from domesim.frames.views import Master, Packing, read_master, write_master
-from domesim.frames.whole import write_whole
 from domesim.frames.writing import write_frame
+from domesim.host.writing import write_whole
 
 __all__ = [
     "LARGEST_SIDE",

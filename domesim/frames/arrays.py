@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from domesim.errors import InputError
-from domesim.frames.whole import write_whole
 from domesim.host.files import size_of_plain
+from domesim.host.writing import write_whole
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:

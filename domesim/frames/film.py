@@ -7,9 +7,7 @@ it from 10 bits of Y, C_B, C_R in limited range.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
@@ -26,8 +24,8 @@ from domesim.frames.messages import one_line
 from domesim.frames.sound import Sound
 from domesim.frames.timing import Timing
 from domesim.frames.video import frame_paths, pyav
-from domesim.frames.whole import temporary_of
 from domesim.frames.yuv import limited_codes
+from domesim.host.writing import written_to
 
 _RGB_FORMATS = {8: "bgr0", 10: "gbrp10le", 12: "gbrp12le", 16: "gbrp16le"}
 _PRORES_BITS = 10
@@ -119,25 +117,20 @@ def write_film(
         If PyAV is missing, frames differ in size or depth, or the file cannot be written.
     """
     av = pyav(path)
-    temporary = temporary_of(path)
-    try:
-        lacking = _encode(temporary, path, frames, colour, timing, dithered=dithered, sound=sound)
-        if len(frame_paths(temporary)) != count:
-            raise InputError(f"{path}: wanted to write {count} frames, got fewer. Try again.")
-        with temporary.open("rb") as file:
-            os.fsync(file.fileno())
-        temporary.replace(path)
-        return lacking
-    except BaseException as error:
-        with suppress(OSError):
-            temporary.unlink()
-        if isinstance(error, OSError | av.FFmpegError):
+    with written_to(path) as temporary:
+        try:
+            lacking = _encode(
+                temporary, path, frames, colour, timing, dithered=dithered, sound=sound
+            )
+        except (OSError, av.FFmpegError) as error:
             problem = reason(error) if isinstance(error, OSError) else one_line(str(error))
             raise InputError(
                 f"{path}: wanted to write it, got '{problem}'. Free some space, or choose another "
                 f"folder; frames that are done stay"
             ) from error
-        raise
+        if len(frame_paths(temporary)) != count:
+            raise InputError(f"{path}: wanted to write {count} frames, got fewer. Try again.")
+    return lacking
 
 
 def _encode(

@@ -43,8 +43,8 @@ from domesim.frames.stereo_exr import (
     encoded_stereo_exr,
     read_stereo_exr,
 )
-from domesim.frames.whole import write_together
 from domesim.frames.writing import encoded, target_of
+from domesim.host.writing import write_together
 
 Packing: TypeAlias = Literal[
     "single", "files", "side-by-side", "top-bottom", "multi-view", "multi-part", "mpo"

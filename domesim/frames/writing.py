@@ -31,7 +31,7 @@ from domesim.frames.frame import Frame, Pixels
 from domesim.frames.integrity import LARGEST_SIDE
 from domesim.frames.messages import problem_of
 from domesim.frames.orientation import UPRIGHT, turned_back
-from domesim.frames.whole import write_whole
+from domesim.host.writing import write_whole
 from domesim.light.strips import converted
 
 

@@ -6,7 +6,6 @@ import errno
 import json
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -140,66 +139,6 @@ def about(path: Path) -> Iterator[None]:
         if path.name in str(error):
             raise
         raise type(error)(f"{path}: {error}") from error
-
-
-def prepare(folder: Path) -> None:
-    """Make `folder`, and see that files can be made in it, before hours of work on them.
-
-    Raises
-    ------
-    InputError
-        If it cannot be made or written to.
-    """
-    try:
-        str(folder).encode()
-    except UnicodeEncodeError:  # OpenImageIO could write there, but not read
-        raise InputError(f"{folder}: wanted a folder named in UTF-8. Choose another.") from None
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise InputError(
-            f"{folder}: wanted a folder for the results, got '{reason(error)}'. "
-            "Choose one that can be made and written to."
-        ) from error
-
-
-def prepare_file(path: Path, *, instead_of: Path | None = None) -> None:
-    """See that the file `path` can be made, its folder, too, before hours of work on it.
-
-    Parameters
-    ----------
-    path
-        The file; one that is there already will be replaced.
-    instead_of
-        A file that must not be.
-
-    Raises
-    ------
-    InputError
-        If it cannot be made, or would replace `instead_of`.
-    """
-    prepare(path.parent)
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        raise InputError(f"{path}: wanted a file named in UTF-8. Choose another name.") from None
-    try:
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        # A little longer, as the names that unfinished files have
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", suffix=".exr"):
-            pass
-    except OSError as error:
-        raise InputError(
-            f"{path}: wanted a file for the results, got '{reason(error)}'. Choose another name."
-        ) from error
-    # A link to the input is the input, too.
-    if instead_of is not None and os.path.realpath(path) == os.path.realpath(instead_of):
-        raise InputError(
-            f"{path}: wanted a place for the result, got the input itself. Choose another name."
-        )
 
 
 def duration(seconds: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import stat
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -10,6 +11,9 @@ from domesim.errors import InputError
 
 LARGEST = 64 << 20
 """Bytes of a text: a thousand times what tables of readings take."""
+
+ESCAPES = {"\\": "\\\\", "\n": "\\n", "\r": "\\r"}
+"""What stands for letters of names in lines of ``sha256sum``."""
 
 KEPT_OPEN = ExitStack()
 """What closes the files that stay open between uses; a command closes it when it ends."""
@@ -48,3 +52,13 @@ def read_plain(path: Path, largest: int = LARGEST) -> bytes:
     """
     size_of_plain(path, largest)
     return path.read_bytes()
+
+
+def written_sums(sums: Mapping[str, str]) -> bytes:
+    """A listing of these sums by name, as ``sha256sum`` writes it and checks it (``-c``)."""
+    lines = []
+    for name, digest in sums.items():
+        escaped = "".join(ESCAPES.get(letter, letter) for letter in name)
+        mark = "" if escaped == name else "\\"
+        lines.append(f"{mark}{digest}  {escaped}\n")
+    return "".join(lines).encode("utf-8", "surrogateescape")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.frames.writing import writer_of
+from domesim.host.writing import written_to
 
 if TYPE_CHECKING:
     from domesim.pathtrace.observation import Observed
@@ -77,21 +78,14 @@ def write_layers(
             spec.attribute(key, str(value))  # EXR has no longer whole numbers
         else:
             spec.attribute(key, value)
-    unfinished = path.with_name(f".{path.stem}.unfinished.exr")
-    try:
-        with writer_of(str(unfinished)) as output:
-            written = (
-                output.open(str(unfinished), spec)
-                and all(_write_rows(output, layers, first) for first in range(0, rows, _STRIP))
-                and output.close()
-            )
+    with written_to(path) as unfinished, writer_of(str(unfinished)) as output:
+        written = (
+            output.open(str(unfinished), spec)
+            and all(_write_rows(output, layers, first) for first in range(0, rows, _STRIP))
+            and output.close()
+        )
         if not written:
             raise InputError(f"{path}: cannot be written ({output.geterror() or 'disk full?'})")
-        unfinished.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def _write_rows(output: Any, layers: Mapping[str, NDArray[Any]], first: int) -> bool:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from itertools import zip_longest
 from typing import Any
 
 from domesim.shows.work import Failed, Finished, Order, Steps, Work
 
 
 def alone(
-    orders: Sequence[Order],
+    orders: Iterable[Order],
     work: Work[Any, Any],
     begin: Callable[[Order], None],
     end: Callable[[Order, Finished | Failed], None],
@@ -21,7 +20,7 @@ def alone(
     Parameters
     ----------
     orders
-        The frames: one at least.
+        The frames; each is asked for when there is room for it.
     work
         What their recipe asks for.
     begin, end
@@ -36,19 +35,22 @@ def alone(
         return isinstance(outcome, Failed) and outcome.hopeless
 
     try:
-        ahead = reader.submit(steps.read, orders[0])
         behind: Future[bool] | None = None
-        for order, following in zip_longest(orders, orders[1:]):
+        waiting = iter(orders)
+        order = next(waiting, None)
+        ahead = None if order is None else reader.submit(steps.read, order)
+        while order is not None and ahead is not None:
             begin(order)
             read = ahead.result()
-            if following is not None:
-                ahead = reader.submit(steps.read, following)
+            following = next(waiting, None)
+            ahead = None if following is None else reader.submit(steps.read, following)
             solved = steps.solve(order, read)
             hopeless = behind is not None and behind.result()
             behind = writer.submit(finish, order, solved)
             del read, solved
             if hopeless:
                 break
+            order = following
         if behind is not None:
             behind.result()
     finally:

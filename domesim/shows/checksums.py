@@ -9,16 +9,15 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache, lru_cache
 from pathlib import Path
 
 from domesim.errors import InputError, reason
 from domesim.frames.video import file_of
-from domesim.host.files import read_plain
+from domesim.host.files import ESCAPES, read_plain
 
 _LINE = re.compile(r"(\\?)([0-9a-fA-F]{64}) [ *](.+)", re.DOTALL)
-_ESCAPES = {"\\": "\\\\", "\n": "\\n", "\r": "\\r"}
 
 
 def sha256(path: Path) -> str:
@@ -55,16 +54,6 @@ def sum_of(frame: Path) -> str:
 @lru_cache(maxsize=4)
 def _known_sum(file: Path, size: int, changed: int) -> str:
     return sha256(file)
-
-
-def written_sums(sums: Mapping[str, str]) -> bytes:
-    """A listing of these sums by name, as ``sha256sum`` writes it and checks it (``-c``)."""
-    lines = []
-    for name, digest in sums.items():
-        escaped = "".join(_ESCAPES.get(letter, letter) for letter in name)
-        mark = "" if escaped == name else "\\"
-        lines.append(f"{mark}{digest}  {escaped}\n")
-    return "".join(lines).encode("utf-8", "surrogateescape")
 
 
 def listed_sums(listing: Path, files: Sequence[Path]) -> list[str]:
@@ -138,5 +127,5 @@ def _lines(listing: Path) -> list[str]:
 
 
 def _unescaped(name: str) -> str:
-    known = {escape: letter for letter, escape in _ESCAPES.items()}
+    known = {escape: letter for letter, escape in ESCAPES.items()}
     return re.sub(r"\\.", lambda found: known.get(found[0], found[0]), name)

@@ -13,18 +13,18 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from typing import Any, final
 
 from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
 from domesim.frames.messages import one_line
-from domesim.frames.video import file_of, frame_paths, pyav
-from domesim.frames.whole import temporary_of
+from domesim.frames.video import frame_paths, pyav
 from domesim.host.console import Console
+from domesim.host.writing import written_to
 from domesim.shows.film import (
     Films,
     films_of,
@@ -34,6 +34,7 @@ from domesim.shows.film import (
     timing_asked,
 )
 from domesim.shows.job import Job
+from domesim.shows.sequences import refuse_inputs
 from domesim.shows.show import Show
 from domesim.shows.work import Order, Writing
 
@@ -90,8 +91,7 @@ class Cinema:
         if is_made(self.path, job, made_of):
             console.say(f"{self.path} (made before)")
             return
-        temporary = temporary_of(self.path)
-        try:
+        with written_to(self.path) as temporary:
             with console.progress("wrapping", 1) as start:
                 start(self.path.name)
                 eyes = self._wrapped(orders, temporary)
@@ -101,10 +101,6 @@ class Cinema:
                     f"{self.path}: wanted {len(orders) * eyes} pictures, got {len(paths)} by "
                     f"{WRAPPER}. Try again."
                 )
-            temporary.replace(self.path)
-        finally:
-            with suppress(OSError):
-                temporary.unlink()
         note_made(self.path, job, made_of)
         views = "left and right" if eyes == 2 else "2D"
         console.say(f"-> {self.path} (24 frames a second, {views}, without sound)")
@@ -170,10 +166,7 @@ def becoming(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films
     if len(show.moments[0]) == 2:  # of both
         path = path.with_stem(path.stem.removesuffix(".left").removesuffix("_left") or path.stem)
     pyav(path)
-    if path.resolve() in {file_of(each).resolve() for moment in show.moments for each in moment}:
-        raise InputError(
-            f"{path}: wanted a place for the result, got the input itself. Choose another folder."
-        )
+    refuse_inputs([path], chain(*show.moments))
     return frames, Cinema(path)
 
 

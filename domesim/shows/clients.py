@@ -4,7 +4,8 @@ All of them share a lock (``flock``) for as long as they work. Who changes the s
 alone. The operating system keeps it and lets go of it when the process ends, however it ends. NFS
 keeps it on its server, and lets go when a machine has been silent for a while (90 s by default).
 
-For a person, each leaves a small file that says who it is while it works.
+Each leaves a small file that says who it is, for a person, and that beats while it works: its time
+changes, for commands that wait for its frames (`claims`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import json
 import os
 import secrets
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -25,10 +27,14 @@ from typing import final
 import psutil
 
 from domesim.errors import InputError
-from domesim.frames.whole import write_whole
+from domesim.host.writing import write_whole
 
 _PATIENCE = 30.0  # s: another command looks at the settings and writes them in milliseconds
 _GLANCE = 0.02  # s
+BEAT = 15.0
+"""Seconds from beat to beat."""
+LEASE = 90.0
+"""Seconds without a beat after which a command counts as gone."""
 _UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
@@ -46,13 +52,17 @@ class Clients:
 
     def __init__(self, folder: Path, lock: int) -> None:
         self._folder, self._lock = folder, lock
-        self._own = folder / f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}.json"
+        self.name = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(8)}.json"
+        self._own = folder / self.name
+        self._left = threading.Event()
+        self._heard: dict[str, tuple[int, float]] = {}
 
     def enter_alone(self) -> bool:
         """Takes the lock alone, if it is free."""
-        if not self._take(fcntl.LOCK_EX):
+        taken = self._take(fcntl.LOCK_EX)
+        if taken is False:
             return False
-        for left in self._folder.glob("*.json"):  # of commands that were killed
+        for left in self._folder.glob("*.json") if taken else ():  # of commands that were killed
             left.unlink(missing_ok=True)
         return True
 
@@ -65,7 +75,7 @@ class Clients:
             If another one has it alone for long.
         """
         sure = time.monotonic() + _PATIENCE
-        while not self._take(fcntl.LOCK_SH):
+        while self._take(fcntl.LOCK_SH) is False:
             if time.monotonic() >= sure:
                 raise InputError(
                     f"{self._folder}: wanted to look at the job's settings, got no answer from "
@@ -75,6 +85,35 @@ class Clients:
         now = datetime.now().astimezone().isoformat(" ", "seconds")
         who = {"host": socket.gethostname(), "pid": os.getpid(), "since": now}
         write_whole(self._own, json.dumps(who).encode())
+        threading.Thread(target=self._beat, name="domesim-beat", daemon=True).start()
+
+    def _beat(self) -> None:
+        while not self._left.wait(BEAT):
+            with suppress(OSError):
+                os.utime(self._own)
+
+    def works(self, name: str) -> bool:
+        """Whether the command of that file is there, as far as can be known.
+
+        One that is no process of this machine any more is not, nor one that has not beaten for as
+        long as the lease; a command that is only just heard of is.
+        """
+        now = time.monotonic()
+        try:
+            with (self._folder / name).open("rb") as file:  # NFS looks anew when it opens
+                beat = os.fstat(file.fileno()).st_mtime_ns
+                who = json.load(file)
+            if who["host"] == socket.gethostname() and not psutil.pid_exists(who["pid"]):
+                return False
+        except FileNotFoundError:
+            return False
+        except (OSError, ValueError, LookupError, TypeError):  # half written: it is not heard of
+            beat = 0
+        before, since = self._heard.get(name, (None, now))
+        if beat != before:
+            since = now
+        self._heard[name] = (beat, since)
+        return now - since < LEASE
 
     def others(self) -> str:
         """Names the other commands in the folder, for a person; "" if they are unknown."""
@@ -88,11 +127,13 @@ class Clients:
 
     def leave(self) -> None:
         """Releases the lock."""
+        self._left.set()
         with suppress(OSError):
             self._own.unlink(missing_ok=True)
         os.close(self._lock)
 
-    def _take(self, how: int) -> bool:
+    def _take(self, how: int) -> bool | None:
+        """Whether the lock was free; None where there are none."""
         try:
             fcntl.flock(self._lock, how | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -100,7 +141,7 @@ class Clients:
         except OSError as error:
             if error.errno not in _UNSUPPORTED:
                 raise
-            # Without locks a second command is told of the first by the settings alone.
+            return None  # a second command is told of the first by the settings alone
         return True
 
 

@@ -50,6 +50,7 @@ def in_cluster(
     end: Callable[[Order, Finished | Failed], None],
     tell: Callable[[str], None],
     task: Callable[[Order], Finished | Failed] | None = None,
+    take: Callable[[Order], bool] = lambda order: True,
 ) -> None:
     """Does all frames, in any order; begins none after one that fails for all.
 
@@ -65,6 +66,8 @@ def in_cluster(
         Called with what a person should hear of the workers.
     task
         What a worker does with an order; `do` by default.
+    take
+        Called before a frame is handed out: whether it is to be done.
 
     Raises
     ------
@@ -75,7 +78,7 @@ def in_cluster(
     """
     with client_of(crew, tell) as client:
         hall = _Hall(client, crew, tell)
-        desk = _Desk(orders, client, crew, task or partial(do, limit=crew.limit))
+        desk = _Desk(orders, client, crew, task or partial(do, limit=crew.limit), take)
         interrupted = False
         asked = threading.Event()
 
@@ -106,7 +109,10 @@ def _serve(
     """Hands out frames to free workers, and waits a little for one to end."""
     try:
         while desk.waiting and len(desk.running) < hall.places():
-            begin(desk.hand_out())
+            order = desk.next_taken()
+            if order is not None:
+                begin(order)
+                desk.hand_out(order)
         ended = desk.hear()
         if ended is None:
             hall.require_scheduler()
@@ -191,10 +197,11 @@ class _Desk:
         client: Client,
         crew: Crew,
         task: Callable[[Order], Finished | Failed],
+        take: Callable[[Order], bool],
     ) -> None:
         self.waiting = list(reversed(orders))
         self.running: dict[str, _Given] = {}
-        self._client, self._crew, self._task = client, crew, task
+        self._client, self._crew, self._task, self._take = client, crew, task, take
         self._ended: SimpleQueue[str] = SimpleQueue()
         self._cancelled: Counter[Order] = Counter()
 
@@ -202,14 +209,20 @@ class _Desk:
         """Let `hear` come back at once."""
         self._ended.put("")
 
-    def hand_out(self) -> Order:
-        """Hands out the next frame."""
-        order = self.waiting.pop()
+    def next_taken(self) -> Order | None:
+        """Returns the next frame that is to be done, which does not wait any more."""
+        while self.waiting:
+            order = self.waiting.pop()
+            if self._take(order):
+                return order
+        return None
+
+    def hand_out(self, order: Order) -> None:
+        """Hands out a frame."""
         needed = dict(self._crew.resources) or None
         future = self._client.submit(self._task, order, pure=False, resources=needed)
         self.running[future.key] = _Given(order, future, time.monotonic())
         self._listen_to(future)
-        return order
 
     def _listen_to(self, future: Future) -> None:
         future.add_done_callback(lambda future: self._ended.put(future.key))

@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from typing import Any, final
 
@@ -22,11 +23,12 @@ from domesim.frames import ColourTag, Frame, read_frame
 from domesim.frames.colour import is_sayable
 from domesim.frames.film import FILMS, FilmFormat, write_film
 from domesim.frames.timing import RATES, Timing, exact_rate, timing_of
-from domesim.frames.video import file_of, pyav, video_of
+from domesim.frames.video import pyav, video_of
 from domesim.host.console import Console
 from domesim.shows.checksums import sha256
 from domesim.shows.job import Job
 from domesim.shows.sealed import read_sealed, write_sealed
+from domesim.shows.sequences import refuse_inputs
 from domesim.shows.show import Show
 from domesim.shows.work import Files, Order, Writing
 
@@ -208,14 +210,8 @@ def films_of(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films
             path.with_stem(f"{path.stem}_{side}")
             for path, side in zip(paths, ("left", "right"), strict=True)
         )
-    taken = {file_of(source).resolve() for moment in show.moments for source in moment}
-    for path in paths:
-        pyav(path)
-        if path.resolve() in taken:
-            raise InputError(
-                f"{path}: wanted a place for the result, got the input itself. Choose another "
-                f"folder."
-            )
+    pyav(paths[0])
+    refuse_inputs(paths, chain(*show.moments))
     timing = timing_asked(show, writing.fps)
     sounds = tuple(video_of(first) for first in show.moments[0])
     return frames, Films(paths, film, timing, writing.dither, sounds)
@@ -237,19 +233,20 @@ def timing_asked(show: Show, fps: float | None) -> Timing:
     return Timing(exact_rate(fps))
 
 
-def _record_of(path: Path, job: Job) -> Path:
-    return job.folder / f"{path.name}.film"
+def record_of(path: Path) -> str:
+    """Name of a video's record, in the job's folder."""
+    return f"{path.name}.film"
 
 
 def note_made(path: Path, job: Job, made_of: str) -> None:
     """Keep what a video was made of, and its digest, for `is_made`."""
-    write_sealed(_record_of(path, job), {"made_of": made_of, "sha256": sha256(path)})
+    write_sealed(job.folder / record_of(path), {"made_of": made_of, "sha256": sha256(path)})
 
 
 def is_made(path: Path, job: Job, made_of: str) -> bool:
     """Whether a video is there, of these frames, and as it was written."""
     try:
-        kept = read_sealed(_record_of(path, job))
+        kept = read_sealed(job.folder / record_of(path))
         return bool(kept["made_of"] == made_of and kept["sha256"] == sha256(path))
     except (OSError, ValueError, KeyError):
         return False

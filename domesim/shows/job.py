@@ -17,9 +17,9 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -27,13 +27,27 @@ from typing import Any, final
 
 from domesim.errors import InputError, reason
 from domesim.frames.video import file_of, video_of
-from domesim.frames.whole import write_whole
+from domesim.host.files import read_plain
+from domesim.host.writing import (
+    is_listed,
+    is_own,
+    make_own,
+    mark_own,
+    refuse,
+    require_own,
+    write_whole,
+)
 from domesim.shows.checksums import sha256
+from domesim.shows.claims import FOLDER as CLAIMS
+from domesim.shows.claims import Claims
 from domesim.shows.clients import Clients, clients_of
 from domesim.shows.sealed import read_sealed, write_sealed
 
 FOLDER = "job"
 """Name of the folder, beside the results."""
+
+SUMS = "SHA256SUMS"
+"""Name of the list of all results, in that folder."""
 
 _SETTINGS = "settings.json"
 
@@ -87,12 +101,19 @@ class Job:
         Take results that were made with other settings.
     program
         What its frames are done with, as of `program_of`.
+    claims
+        Which frames this command does; None where nobody else can.
     """
 
     folder: Path
     settings: str
     mixed: bool = False
     program: str | None = None
+    claims: Claims | None = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the claims, which are the command's: workers are told what to do."""
+        return {**vars(self), "claims": None}
 
     def kept(
         self, moment: Sequence[Path], output: Sequence[Path], sums: Sequence[str] = ()
@@ -263,9 +284,11 @@ def open_job(
     job = Job(out / FOLDER, digest, mixed, settings.get("domesim"))
     with ExitStack() as stack:
         try:
-            job.settings_file(digest).parent.mkdir(parents=True, exist_ok=True)
+            _make_folder(job.folder)
+            job.settings_file(digest).parent.mkdir(exist_ok=True)
             clients = stack.enter_context(clients_of(job.folder))
             there = _settle(job, text, clients, change=mixed or anew)
+            job = replace(job, claims=Claims(job.folder, clients))
         except OSError as error:
             raise InputError(
                 f"{job.folder}: wanted a folder for the job's records, got '{reason(error)}'. "
@@ -275,6 +298,63 @@ def open_job(
             others = clients.others()
             raise InputError(_refusal(out, job, there, settings, others, change=mixed or anew))
         yield job
+
+
+def require_own_results(out: Path, files: Mapping[Path, str]) -> None:
+    """Refuse a folder in which a job would replace somebody else's files.
+
+    Parameters
+    ----------
+    out
+        The folder.
+    files
+        All files that the job will write beside its own folder -> the name that its record has.
+
+    Raises
+    ------
+    InputError
+        If such a file is there and no record, claim or sum is of it, or the job's folder is
+        somebody else's.
+    """
+    folder = out / FOLDER
+    if not _is_of_before(folder):
+        require_own(folder)
+    there = {place: _names_in(place) for place in {path.parent for path in files}}
+    known = _names_in(folder) | {f"{name}.json" for name in _names_in(folder / CLAIMS)}
+    others = [p for p, record in files.items() if p.name in there[p.parent] and record not in known]
+    refuse([path for path in others if not _is_summed(path, folder)])
+
+
+def _is_summed(path: Path, folder: Path) -> bool:
+    """Whether a result whose record is lost is as the job's sums have it."""
+    with suppress(OSError, InputError):
+        lines = frozenset(read_plain(folder / SUMS).splitlines(keepends=True))
+        return is_listed(path, lines, os.path.relpath(path, folder))
+    return False
+
+
+def _names_in(folder: Path) -> set[str]:
+    with suppress(OSError):
+        return set(os.listdir(folder))  # noqa: PTH208 - a hundred thousand
+    return set()
+
+
+def _make_folder(folder: Path) -> None:
+    """Make the job's own folder, or mark that of an earlier version."""
+    if _is_of_before(folder):
+        with suppress(FileExistsError):
+            mark_own(folder)
+    make_own(folder)
+
+
+def _is_of_before(folder: Path) -> bool:
+    """Whether an earlier version made a job's folder, which had no mark: by its settings."""
+    if is_own(folder):
+        return False
+    with suppress(InputError, OSError):
+        digest = hashlib.sha256(read_plain(folder / _SETTINGS)).hexdigest()
+        return (folder / "settings" / f"{digest}.json").is_file()
+    return False
 
 
 def _settle(job: Job, text: str, clients: Clients, *, change: bool) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
+from itertools import chain
 from math import inf
 from pathlib import Path
 from typing import Any, final
@@ -20,16 +21,17 @@ from domesim.errors import InputError
 from domesim.frames.messages import joined
 from domesim.frames.reading import size_of
 from domesim.frames.video import video_of
-from domesim.frames.whole import sweep
-from domesim.host.console import Console, complain, prepare, sized
+from domesim.host.console import Console, complain, sized
 from domesim.host.cores import cores
 from domesim.host.memory import limit_of_group
+from domesim.host.writing import note_written, prepare, prepare_folder
 from domesim.shows.alone import alone
 from domesim.shows.cinema import Cinema, becoming, dcp_hint
 from domesim.shows.crew import Crew
-from domesim.shows.film import Films
-from domesim.shows.job import Job, Record, open_job
+from domesim.shows.film import Films, record_of
+from domesim.shows.job import Job, Record, open_job, require_own_results
 from domesim.shows.report import Report, page_name, unlike
+from domesim.shows.sequences import refuse_inputs
 from domesim.shows.show import Show
 from domesim.shows.work import (
     Failed,
@@ -50,6 +52,7 @@ FRAME_TIMEOUT = 3600.0
 _PAGES, _FRAMES_A_PAGE = 3, 40
 """Pages that are written, at most, if nobody says how many; a page takes as long as 4 frames."""
 
+_LOOK = 0.5  # s: how often to look for frames that others do
 _SPARE = 0.8  # of the memory that is free: what workers may need together
 
 
@@ -172,13 +175,25 @@ def each_frame(
         show, folder = replace(show, moments=here), folder.absolute()
     writing, films = becoming(show, folder, writing or Writing())
     outputs = show.outputs(folder, writing.suffix)
-    for place in {path.parent for output in outputs for path in output} | {folder}:
-        prepare(place)
+    beside = [tuple(recipe.beside(output)) for output in outputs]
+    refuse_inputs(chain(*beside), chain(*show.moments))
+    if show.numbered:
+        made = zip(outputs, beside, strict=True)
+        files = {path: f"{o[0].name}.json" for o, more in made for path in (*o, *more)}
+        files |= {path: record_of(path) for path in (() if films is None else films.paths)}
+        require_own_results(folder, files)
+        for place in {path.parent for path in files} | {folder}:
+            prepare_folder(place)
+    else:
+        prepare(*outputs[0], *beside[0], inputs=show.moments[0])
     _tell_size(show, recipe, console)
     crew = crew_of(running, recipe, show)
     with _job(show, folder, outputs, recipe, writing, running) as job:
         orders = orders_of(show, outputs, recipe, writing, job)
-        return _each(orders, job, crew, running, console, what, films)
+        done = _each(orders, job, crew, running, console, what, films)
+    if not show.numbered and done.frames:
+        note_written(*outputs[0], *beside[0])  # by a worker, perhaps
+    return done
 
 
 def _each(
@@ -200,12 +215,13 @@ def _each(
         # To read all results of a long show takes hours, for which no worker should wait
         if recorded and fresh:
             console.say(f"{len(recorded)} of {len(orders)} have a record; they are checked last")
-        _do(fresh, crew, telling, console, what)
+        shared = _Shared(job, telling)
+        _do(fresh, crew, shared, console, what)
         if job is not None and recorded and telling.has_all(fresh):
             if running.scheduler is None:
                 with console.progress("checking", len(recorded)) as start:
                     recorded = _changed(recorded, start, telling.end)
-            _do(recorded, crew, telling, console, what)
+            _do(recorded, crew, shared, console, what)
     except BaseException:
         if job is not None:
             telling.interrupted(job, running)
@@ -251,8 +267,7 @@ def _job(
         return
     settings = _settings(show, folder, outputs[0], recipe, writing)
     with open_job(folder, settings, mixed=running.mixed, anew=running.anew) as job:
-        for place in {path.parent for output in outputs for path in output} | {job.folder}:
-            sweep(place)
+        prepare_folder(job.folder)
         for output in outputs if running.anew else ():
             job.forget(output)
         if any(video_of(path) for path in show.moments[0]):
@@ -270,12 +285,61 @@ def _by_record(orders: list[Order], job: Job | None) -> tuple[list[Order], list[
 
 
 def _do(
-    orders: list[Order], crew: Crew | None, telling: _Telling, console: Console, what: str
+    orders: list[Order], crew: Crew | None, shared: _Shared, console: Console, what: str
 ) -> None:
-    """Does the frames, beside a progress bar."""
-    if orders:
+    """Does the frames, beside a progress bar, and then those that other commands leave."""
+    while orders:
         with console.progress(what, len(orders)) as start:
-            do_all(orders, crew, start, telling.end, console)
+            do_all(orders, crew, start, shared.end, console, shared.take)
+        orders = shared.left(console)
+
+
+@final
+class _Shared:
+    """Divides a job's frames with other commands that work in its folder."""
+
+    def __init__(self, job: Job | None, telling: _Telling) -> None:
+        self._claims = None if job is None else job.claims
+        self._telling = telling
+        self._elsewhere: list[Order] = []
+
+    def take(self, order: Order) -> bool:
+        """Whether this command does a frame; if not, another one has it or has just done it."""
+        if self._claims is None:
+            return True
+        if not self._claims.take(order.output[0].name):
+            self._elsewhere.append(order)
+            return False
+        return True
+
+    def end(self, order: Order, outcome: Finished | Failed) -> None:
+        """Takes the outcome of a frame, which is then free."""
+        self._telling.end(order, outcome)
+        if self._claims is not None:
+            self._claims.give_back(order.output[0].name)
+
+    def left(self, console: Console) -> list[Order]:
+        """Waits for frames that other commands do; returns those that they left."""
+        waiting, self._elsewhere = self._elsewhere, []
+        if waiting:
+            console.say(f"{len(waiting)} frames are under way elsewhere; waiting for them")
+        while waiting:
+            time.sleep(_LOOK)
+            others, taken = [], []
+            for order in waiting:
+                if not self.take(order):
+                    continue
+                record = None if order.job is None else order.job.record(order.output)
+                if record is None:
+                    taken.append(order)
+                else:
+                    self.end(order, finished_before(record))
+            others, self._elsewhere = self._elsewhere, []
+            if taken:
+                self._elsewhere = others
+                return taken
+            waiting = others
+        return []
 
 
 def _changed(
@@ -359,6 +423,7 @@ def do_all(
     start: Callable[[str], None],
     end: Callable[[Order, Finished | Failed], None],
     console: Console,
+    take: Callable[[Order], bool] = lambda order: True,
 ) -> None:
     """Do each order, in this process if there is no crew.
 
@@ -370,6 +435,8 @@ def do_all(
         Called with the name of each that is begun, and as each is done.
     console
         Where messages about the crew go.
+    take
+        Called before each is begun: whether it is to be done.
 
     Raises
     ------
@@ -383,12 +450,12 @@ def do_all(
     if not orders:
         return
     if crew is None:
-        alone(orders, orders[0].recipe.work(console.note), begin, end)
+        alone(filter(take, orders), orders[0].recipe.work(console.note), begin, end)
         return
     from domesim.shows.cluster import in_cluster  # noqa: PLC0415 - for workers only
 
     console.say(_crew_in_words(crew))
-    in_cluster(orders, crew, begin, end, console.say)
+    in_cluster(orders, crew, begin, end, console.say, take=take)
 
 
 def crew_of(running: Running, recipe: Recipe, show: Show) -> Crew | None:

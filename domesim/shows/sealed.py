@@ -11,7 +11,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from domesim.frames.whole import write_whole
+from domesim.host.writing import write_whole
 
 SEAL = "checksum"
 """The checksum's name in the file."""

@@ -147,7 +147,7 @@ def output_paths(
         If one is one of the `sources`.
     """
     paths = tuple(folder / _output_name(source, suffix) for source in sources)
-    _refuse_inputs(paths, sources)
+    refuse_inputs(paths, sources)
     return paths
 
 
@@ -180,7 +180,7 @@ def output_pairs(
     results = tuple(
         (places[0] / left, places[1] / right) for left, right in zip(lefts, rights, strict=True)
     )
-    _refuse_inputs(chain(*results), chain(*pairs))
+    refuse_inputs(chain(*results), chain(*pairs))
     return results
 
 
@@ -190,16 +190,32 @@ def _output_name(source: Path, suffix: str | None) -> str:
     return source.name if suffix is None else source.with_suffix(suffix).name
 
 
-def _refuse_inputs(results: Iterable[Path], sources: Iterable[Path]) -> None:
-    place = cache(Path.resolve)  # of folders, which are few
+def refuse_inputs(results: Iterable[Path], sources: Iterable[Path]) -> None:
+    """Refuse results that would go over a source, by whatever way its folder is reached.
 
-    def resolved(path: Path) -> Path:
+    Raises
+    ------
+    InputError
+        If one would.
+    """
+
+    @cache  # folders are few
+    def identity(folder: Path) -> object:
+        folder = folder.resolve()
+        try:
+            found = folder.stat()
+        except OSError:  # it is not there yet
+            return folder
+        return found.st_dev, found.st_ino
+
+    def place(path: Path) -> tuple[object, str]:
         # A link to the source is the source, too.
-        return path.resolve() if path.is_symlink() else place(path.parent) / path.name
+        path = path.resolve() if path.is_symlink() else path
+        return identity(path.parent), path.name
 
-    taken = {resolved(file_of(source)) for source in sources}
+    taken = {place(file_of(source)) for source in sources}
     for path in results:
-        if resolved(path) in taken:
+        if place(path) in taken:
             raise InputError(
                 f"{path}: wanted a place for the result, got the input itself. "
                 "Choose another folder."

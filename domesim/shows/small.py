@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from domesim.frames.colour import ColourTag
 from domesim.frames.formats.png import colour_chunks, with_colour_chunks
-from domesim.frames.whole import write_whole
 from domesim.frames.writing import bare_specification, encode
+from domesim.host.writing import write_whole
 from domesim.light import Light
 from domesim.light.blocks import light_means
 from domesim.light.transfer import SRGB

@@ -171,6 +171,10 @@ class Recipe(ABC):
         """Resources of a worker besides cores, by Dask's names: ``{"GPU": 1}``."""
         return {}
 
+    def beside(self, output: Files) -> Sequence[Path]:
+        """All other files that are written for the frame whose result is `output`."""
+        return ()
+
     small = ""
     """What the small pictures of a report are, in words; "" without any."""
 

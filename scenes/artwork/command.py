@@ -11,7 +11,8 @@ import typer
 
 from domesim.commands.options import Json, OutFolder, Quiet, finish
 from domesim.errors import InputError
-from domesim.host.console import Console, prepare
+from domesim.host.console import Console
+from domesim.host.writing import prepare
 from domesim.shows.sequences import parse_frames
 
 if TYPE_CHECKING:
@@ -73,7 +74,12 @@ def master(
         raise InputError(f"--fps must be above 0, got {fps:g}")
     settings = Settings(size=size, samples=samples, orrery=Orrery(seed=seed, loop=loop))
     looks = views(kind, interaxial=interaxial, convergence=convergence)
-    prepare(out)
+    targets = {
+        (number, name): out / f"orrery{name}.{number:04d}.exr"
+        for number in numbers
+        for name in looks
+    }
+    prepare(*targets.values())
     done: list[dict[str, Any]] = []
     with console.progress("rendering", len(numbers) + 1) as start:
         start("the hall")
@@ -83,7 +89,7 @@ def master(
             began, moment = clock.monotonic(), (number - 1) / fps
             files = []
             for name, picture in studio.frame(moment).items():
-                path = out / f"orrery{name}.{number:04d}.exr"
+                path = targets[number, name]
                 _write(picture, path, looks[name], settings)
                 files.append(str(path))
             took = clock.monotonic() - began

@@ -14,7 +14,7 @@ from compensate.methods import methods_of
 from domesim.commands.options import SceneName, Telling, TransportFile, grouped, scene_of
 from domesim.errors import InputError
 from domesim.frames import Master, write_whole
-from domesim.host.console import prepare
+from domesim.host.writing import prepare, prepare_folder
 from domesim.scene import Scene
 from domesim.scene.choice import SceneChoice
 from domesim.shows.show import PACKINGS, find_show
@@ -201,7 +201,6 @@ def new(
     console = telling.console()
     theatre = scene_of(SceneChoice(scene, transport), console)
     settings, readers = asking.settings(theatre), masters.readers()
-    prepare(out)
     with console.progress("making", len(readers)) as start:
         study = make(out, readers, theatre, settings, start)
     trials = len(study.viewers[0])
@@ -242,7 +241,7 @@ def play(
     """
     console = telling.console()
     study = read_study(folder)
-    prepare(folder)
+    prepare_folder(folder)
     with server(folder, study, port) as running:
         console.say(f"Open http://127.0.0.1:{running.server_address[1]}/ (Ctrl-C ends it)")
         running.serve_forever()
@@ -319,11 +318,12 @@ def analyse(
     """
     console = telling.console()
     study = read_study(folder)
+    page = folder / "results.html"
+    prepare(page)
     try:
         found = analyse_study(study, read_answers(folder, study))
     except Missing as missing:
         raise InputError(f"study analyse {missing}") from None
-    page = folder / "results.html"
     write_whole(page, found.page().encode())
     console.say(*found.lines(), f"Open {page.resolve()}")
     console.figures({**found.figures(), "page": str(page)})

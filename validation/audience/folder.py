@@ -30,6 +30,7 @@ import numpy as np
 
 from domesim.errors import InputError
 from domesim.frames import Master, write_master, write_whole
+from domesim.host.writing import make_own, prepare, remove_own, require_own, temporary_of
 from domesim.light import Light
 from domesim.scene import Scene
 from domesim.shows.checksums import sha256
@@ -38,6 +39,7 @@ from validation.audience.files import ANSWERS, STUDY, Study
 from validation.audience.stimuli import brightest, pictures, write_picture
 
 PICTURES, SERVER = "pictures", "server"
+PAGES = ("index.html", "print.html", "preregistration.md")
 QUESTIONS = {
     True: "Which one is more comfortable to look at?",
     False: "Which one looks better?",
@@ -93,7 +95,7 @@ def make(
     Parameters
     ----------
     folder
-        It exists; an older study in it without answers is replaced.
+        It is made; an older study in it without answers is replaced, once the new one is whole.
     masters
         Name -> reads the master.
     scene, settings
@@ -104,8 +106,8 @@ def make(
     Raises
     ------
     InputError
-        If the folder has answers of viewers, a master does not fit the scene, or a setting is
-        impossible.
+        If the folder has answers of viewers or somebody's files, a master does not fit the scene,
+        or a setting is impossible.
     """
     _require(folder, settings)
     plans = tuple(
@@ -118,12 +120,39 @@ def make(
         )
         for k in range(1, max(settings.viewers, settings.sittings) + 1)
     )
-    # A study that was stopped on the way has none
-    (folder / STUDY).unlink(missing_ok=True)
+    prepare(folder / STUDY, *(folder / name for name in PAGES))
     for part in (PICTURES, SERVER):
-        shutil.rmtree(folder / part, ignore_errors=True)
-    (folder / PICTURES).mkdir(parents=True)
-    (folder / ANSWERS).mkdir(exist_ok=True)
+        require_own(folder / part)
+    making = temporary_of(folder / "study")
+    make_own(making)
+    try:
+        study = _made(making, masters, scene, settings, plans, progress)
+        # A study that was stopped on the way has none
+        (folder / STUDY).unlink(missing_ok=True)
+        for part in (PICTURES, SERVER):
+            remove_own(folder / part)
+            if (making / part).is_dir():
+                (making / part).rename(folder / part)
+        (folder / ANSWERS).mkdir(exist_ok=True)
+        _write_pages(folder, study, settings.sittings)
+        write_whole(folder / STUDY, study.model_dump_json(indent=1).encode())
+    finally:
+        remove_own(making)
+    return study
+
+
+def _made(
+    folder: Path,
+    masters: dict[str, Callable[[], Master]],
+    scene: Scene,
+    settings: Settings,
+    plans: tuple[tuple[Trial, ...], ...],
+    progress: Callable[[str], None],
+) -> Study:
+    """Write pictures, and frames for a server, into a new folder."""
+    make_own(folder / PICTURES)
+    if settings.sittings:
+        make_own(folder / SERVER)
     named = _names(list(masters), settings)
     sums = {}
     white = 1.0
@@ -159,8 +188,6 @@ def make(
     )
     for number in range(1, settings.sittings + 1):
         _write_sitting(folder / SERVER, study, number)
-    _write_pages(folder, study, settings.sittings)
-    write_whole(folder / STUDY, study.model_dump_json(indent=1).encode())
     return study
 
 
@@ -276,12 +303,8 @@ def _write_pages(folder: Path, study: Study, sittings: int) -> None:
         "script": Markup(template("play.js")),
         "data": Markup(_data(study)),
     }
-    sources: dict[str, dict[str, Any]] = {
-        "index.html": play,
-        "print.html": {},
-        "preregistration.md": {"masters": study.masters},
-    }
-    for name, more in sources.items():
+    sources: tuple[dict[str, Any], ...] = (play, {}, {"masters": study.masters})
+    for name, more in zip(PAGES, sources, strict=True):
         source = pages.get_template(f"{name.replace('index', 'play')}.j2")
         write_whole(folder / name, source.render({**facts, **more}).encode())
 

@@ -25,6 +25,9 @@ from domesim.host.cores import cores
 from testing.masters import night, write_exr
 from validation.benchmarks.commands import run_command
 
+NAME = "workers.json"
+"""Name of the file of figures."""
+
 SCENE = "dome_imax"
 SIDE, QUICK_SIDE = 4096, 512
 """Pixels of a frame's side."""
@@ -104,7 +107,7 @@ def comparisons(workers: Sequence[int], *, quick: bool = False) -> Iterator[Comp
 
 def write(folder: Path, found: Sequence[Compared]) -> Path:
     """Write them into a folder; the path of the file."""
-    path = folder / "workers.json"
+    path = folder / NAME
     told: dict[str, Any] = {"cores": cores(), "shows": [each.figures() for each in found]}
     path.write_text(json.dumps(told, indent=1))
     return path

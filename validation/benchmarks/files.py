@@ -33,6 +33,9 @@ from testing.masters import night, write_exr
 from validation.benchmarks.commands import Job, run_command
 from validation.data import from_data, present
 
+NAME = "files.json"
+"""Name of the file of figures."""
+
 T = TypeVar("T")
 
 DOME, PAIR = "dome_imax", "stereo_polarised_paper"
@@ -122,7 +125,7 @@ def fft_pair(rows: int, cols: int) -> float:
 
 def write(folder: Path, found: Sequence[FileCost]) -> Path:
     """Write them into a folder; the path of the file."""
-    path = folder / "files.json"
+    path = folder / NAME
     told = [{**asdict(each), "pairs": each.pairs} for each in found]
     path.write_text(json.dumps({"cores": cores(), "costs": told}, indent=1))
     return path

@@ -12,6 +12,9 @@ from typing import Any
 from domesim.frames import write_whole
 from validation.benchmarks.measuring import GAPS, Cost
 
+NAME = "bench.json"
+"""Name of the file of figures."""
+
 HEADER = (
     f"{'problem':<14}{'size':>5} {'solver':<37}"
     + "".join(f"{gap:>7.0e}" for gap in GAPS)
@@ -56,7 +59,7 @@ def write_figures(out: Path, costs: Sequence[Cost], machine: Mapping[str, Any]) 
         What it was measured on, and how.
     """
     figures = {**machine, "costs": [_finite(asdict(cost)) for cost in costs]}
-    write_whole(out / "bench.json", json.dumps(figures, indent=1, allow_nan=False).encode())
+    write_whole(out / NAME, json.dumps(figures, indent=1, allow_nan=False).encode())
     return figures
 
 

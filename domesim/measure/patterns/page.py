@@ -19,6 +19,9 @@ from domesim.measure.patterns import Pattern
 from domesim.measure.patterns.listing import Listed, PatternList
 from domesim.readings.meter import EYES
 
+READINGS, GREYS = "readings.csv", "grey-to-grey.csv"
+"""Names of tables."""
+
 THUMBNAIL = 160
 """Width, pixels."""
 
@@ -76,7 +79,7 @@ def page(patterns: Sequence[Pattern], listed: PatternList) -> str:
 def tables(listed: PatternList) -> Mapping[str, str]:
     """Files' names -> CSV tables for a meter's readings, without the readings."""
     if listed.display == "dome":
-        return {"readings.csv": _csv(_COLUMNS, map(_reading, _read(listed)))}
+        return {READINGS: _csv(_COLUMNS, map(_reading, _read(listed)))}
     through = [
         {**_reading(each), "projector": projector, "filter": eye}
         for eye in EYES
@@ -96,8 +99,8 @@ def tables(listed: PatternList) -> Mapping[str, str]:
         for each in _greys(listed)
     ]
     return {
-        "readings.csv": _csv(("projector", "filter", *_COLUMNS), through),
-        "grey-to-grey.csv": _csv(("filter", "own_level", "other_level", "Y", "note"), greys),
+        READINGS: _csv(("projector", "filter", *_COLUMNS), through),
+        GREYS: _csv(("filter", "own_level", "other_level", "Y", "note"), greys),
     }
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.frames.writing import writer_of
+from domesim.host.writing import written_to
 from scenes.artwork.night.picture import Night, render
 
 BT709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -49,7 +50,6 @@ def write(path: Path, picture: NDArray[np.float32], night: Night) -> None:
     InputError
         If the file cannot be written.
     """
-    unfinished = path.with_name(f".{path.stem}.unfinished.exr")
     if path.suffix != ".exr":
         raise InputError(f"{path}: the picture is written as EXR, so its name must end in .exr")
     rows, cols, _ = picture.shape
@@ -59,15 +59,11 @@ def write(path: Path, picture: NDArray[np.float32], night: Night) -> None:
     spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), BT709)
     made_with = f"scenes.artwork.night, seed {night.seed}, {night.samples} samples"
     spec.attribute("ImageDescription", f"Equidistant domemaster, 180 degrees; {made_with}")
-    try:
-        with writer_of(str(unfinished)) as output:
-            opened = output.open(str(unfinished), spec)
-            written = opened and output.write_image(rounded(picture)) and output.close()
+    with written_to(path) as unfinished, writer_of(str(unfinished)) as output:
+        opened = output.open(str(unfinished), spec)
+        written = opened and output.write_image(rounded(picture)) and output.close()
         if not written:
             raise InputError(f"{path}: cannot be written ({output.geterror()})")
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def rounded(picture: NDArray[np.float32], bits: int = 8) -> NDArray[np.float32]:

@@ -29,8 +29,8 @@ from pyarrow import parquet
 
 from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, write_frame
-from domesim.frames.whole import temporary_of
 from domesim.host.console import Console
+from domesim.host.writing import make_own, temporary_of
 from domesim.shows import cluster, crew, job, report
 from domesim.shows.estimate import estimate
 from domesim.shows.job import FOLDER, open_job
@@ -96,7 +96,7 @@ def test_what_was_half_written_is_removed(tmp_path: Path, recipe: Harmful) -> No
     make_show(tmp_path / "in", 2)
     copied(tmp_path, recipe, 0)
     names = ("out/in.0002.exr", "out/job/in.0002.exr.json")
-    ask = "import sys; from domesim.frames.whole import *; print(temporary_of(Path(sys.argv[1])))"
+    ask = "import sys; from domesim.host.writing import *; print(temporary_of(Path(sys.argv[1])))"
     left = [
         Path(subprocess.check_output([sys.executable, "-c", ask, tmp_path / name], text=True)[:-1])
         for name in names
@@ -347,7 +347,7 @@ def test_a_single_file_is_no_job(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 1)
     show = find_show(str(tmp_path / "in/in.0001.exr"))
     done = each_frame(show, tmp_path / "out", recipe, Console(quiet=True), what="copying")
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["in.0001.exr"]
+    assert [path.name for path in (tmp_path / "out").glob("[!.]*")] == ["in.0001.exr"]
     assert done.report is None
 
 
@@ -450,7 +450,7 @@ def test_a_file_system_that_turns_read_only_is_told_once(
             raise OSError(errno.EROFS, os.strerror(errno.EROFS))
         original(handle)
 
-    monkeypatch.setattr("domesim.frames.whole.os.fsync", fsync)
+    monkeypatch.setattr("domesim.host.writing.os.fsync", fsync)
     done = copied(tmp_path, recipe, 0)
     assert 1 <= len(done.frames) <= 3
     assert len(recipe.begun()) < 8
@@ -463,7 +463,8 @@ def test_a_file_system_that_turns_read_only_is_told_once(
 
 def test_a_table_that_cannot_be_written_is_a_failure(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 2)
-    (tmp_path / "out/job/frames.csv").mkdir(parents=True)
+    make_own(tmp_path / "out/job")
+    (tmp_path / "out/job/frames.csv").mkdir()
     done = copied(tmp_path, recipe, 0)
     assert len(done.frames) == 2
     (reason,) = done.failed

@@ -19,8 +19,9 @@ from videos import KINDS, write_numbered
 
 from domesim.errors import InputError
 from domesim.frames import read_frame
+from domesim.host.files import written_sums
 from domesim.shows import checksums
-from domesim.shows.checksums import listed_sums, written_sums
+from domesim.shows.checksums import listed_sums
 from domesim.shows.show import Show, find_show
 
 ODD = ("plain.png", "a name.png", "back\\slash.png", "new\nline.png", "\r.png", "caf\udce9.png")

@@ -1,0 +1,484 @@
+"""The one way to write: files come whole or not at all, and nobody else's are replaced or removed.
+
+A command says what it will write before its work begins (`prepare`). Each folder has a list
+``.domesim`` of what the program wrote there for people, in lines of ``sha256sum``. A file is the
+program's own if it is listed and as it was written; any other is somebody's, and so is a folder
+without a mark of the program (`make_own`). A job's frames are known by their records instead
+(`domesim.shows.job`).
+
+A file is written under a name that nobody can foresee, beside its place, and then renamed. It was
+made with ``O_EXCL``, so that no link is followed.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import re
+import secrets
+import shutil
+import socket
+import stat
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from typing import BinaryIO, TypeAlias
+
+import psutil
+
+from domesim.errors import InputError, NoPlaceError, reason
+from domesim.host.files import KEPT_OPEN, written_sums
+
+LIST = ".domesim"
+"""Name of a folder's list of what the program wrote there; or of the mark of its own folder."""
+
+_HEAD = b"# What domesim wrote here, as it was written. It replaces these files, and no others.\n"
+_OWN = b"# domesim made this folder. It removes it when it makes it anew.\n"
+_LONGEST = 1 << 26  # bytes of a list
+
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_OF_ONE = (errno.EISDIR, errno.ENAMETOOLONG, errno.EEXIST)
+_NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EXDEV, errno.EMLINK)
+_TEMPORARY = re.compile(r"\.tmp-([0-9a-f]{4})-([0-9]+)-[0-9a-f]{16}(?:\.[^.]*)?$")
+
+_State: TypeAlias = tuple[int, int, int, int]
+_prepared: dict[Path, _State | None] = {}
+"""What this command said it would write -> what was there when it last looked."""
+
+
+# Before the work.
+
+
+def prepare(
+    *targets: Path,
+    inputs: Iterable[str | Path | None] = (),
+    overwrite: bool | None = None,
+) -> None:
+    """See that all files that a command will write can be made, and that no other is lost.
+
+    Parameters
+    ----------
+    targets
+        The files. Folders that they lie in are made.
+    inputs
+        What the command reads, which is never replaced; names of no file do not matter.
+    overwrite
+        Replace files that are not the program's own. None for a command that has no such option.
+
+    Raises
+    ------
+    InputError
+        If a target cannot be made, is one of the `inputs`, or is not the program's to replace.
+    """
+    there = {path: state for path in targets if (state := _state(path)) is not None}
+    read = {found: each for each in inputs if each and (found := _followed(Path(each)))}
+    for path in there:
+        if path.is_dir():
+            raise InputError(
+                f"{path}: wanted a file for the results, got a folder. Choose another name."
+            )
+        if (at := _followed(path)) in read:
+            raise InputError(
+                f"{path}: wanted a place for the result, got the input {read[at]} itself. "
+                "Choose another name."
+            )
+    folders = dict.fromkeys(path.parent for path in targets)
+    lists = {folder: _listed(folder) for folder in folders}
+    if not overwrite:
+        refuse(
+            [path for path in there if not is_listed(path, lists[path.parent])],
+            "Choose another folder" if overwrite is None else "Choose another name, or --overwrite",
+        )
+    for folder in folders:
+        own = [path for path in targets if path.parent == folder]
+        prepare_folder(folder, max(own, key=lambda path: len(os.fsencode(path.name))))
+    if not _prepared:
+        KEPT_OPEN.callback(_prepared.clear)
+    _prepared.update((path.absolute(), there.get(path)) for path in targets)
+
+
+def prepare_folder(folder: Path, target: Path | None = None) -> None:
+    """Make `folder`, and see that files can be made in it, before hours of work on them.
+
+    Parameters
+    ----------
+    folder
+        The folder. What killed commands left half-written there is removed.
+    target
+        A file that will be written there, if its name is known.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made or written to.
+    """
+    named = folder if target is None else target
+    kind = "folder" if target is None else "file"
+    try:
+        str(named).encode()
+    except UnicodeEncodeError:  # OpenImageIO could write there, but not read
+        raise InputError(f"{named}: wanted a {kind} named in UTF-8. Choose another.") from None
+    made = temporary_of(folder / "results" if target is None else target)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.close(_new(made))
+        made.unlink()
+    except OSError as error:
+        raise InputError(
+            f"{named}: wanted a {kind} for the results, got '{reason(error)}'. Choose one that can "
+            "be made and written to."
+        ) from error
+    sweep(folder)
+
+
+def refuse(others: Sequence[Path], way: str = "Choose another folder") -> None:
+    """Refuse to replace somebody else's files, if there are any; `way` is what to do instead.
+
+    Raises
+    ------
+    InputError
+        If there are.
+    """
+    if others:
+        more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+        raise InputError(
+            f"{others[0]}{more}: wanted a free place for the result, got a file that domesim did "
+            f"not write, or that was changed since. {way}."
+        )
+
+
+def is_listed(path: Path, lines: frozenset[bytes], name: str | None = None) -> bool:
+    """Whether a file is as a line of ``sha256sum`` has it, under its `name` there."""
+    if not lines or path.is_symlink() or not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            digest = _sha256(file)
+    except OSError:
+        return False
+    return written_sums({name or path.name: digest}) in lines
+
+
+# Files.
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Put `content` at `path`: under a temporary name beside it, then renamed.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    write_together([(path, content)])
+
+
+def write_together(contents: Sequence[tuple[Path, bytes]]) -> None:
+    """Put each content at its path: all under temporary names first, then renamed.
+
+    A full disk or an interruption thus leaves all the old files or, from the first renaming on,
+    which takes no space and next to no time, some new ones beside old ones; never half a file.
+
+    Raises
+    ------
+    InputError
+        If one of them cannot be written: `NoPlaceError` if others could not be, either.
+    """
+    temporaries: list[Path] = []
+    with _tidied(temporaries):
+        for path, content in contents:
+            try:
+                temporaries.append(temporary_of(path))
+                with os.fdopen(_new(temporaries[-1]), "wb") as file:
+                    file.write(content)
+                    file.flush()
+                    os.fsync(file.fileno())
+            except OSError as error:
+                raise _unwritten(path, error) from error
+        digests = [
+            hashlib.sha256(content).hexdigest() if _is_prepared(path) else None
+            for path, content in contents
+        ]
+        _put([path for path, _ in contents], temporaries, digests)
+
+
+@contextmanager
+def written_to(path: Path) -> Iterator[Path]:
+    """A file that an encoder writes by its name; it gets the name `path` if all goes well.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    temporary = temporary_of(path)
+    with _tidied([temporary]):
+        try:
+            os.close(_new(temporary))
+            yield temporary
+            with temporary.open("rb") as file:
+                os.fsync(file.fileno())
+                digest = _sha256(file) if _is_prepared(path) else None
+        except OSError as error:
+            raise _unwritten(path, error) from error
+        _put([path], [temporary], [digest])
+
+
+def note_written(*paths: Path) -> None:
+    """List files as the program's own that another process of it has written.
+
+    Raises
+    ------
+    InputError
+        If one cannot be read, or listed.
+    """
+    for path in paths:
+        try:
+            with path.open("rb") as file:
+                _note(path, _sha256(file))
+        except OSError as error:
+            raise _unwritten(path, error) from error
+
+
+def temporary_of(path: Path) -> Path:
+    """A name beside `path` that no other process has, on any machine, while it is written."""
+    mark = f"{_machine()}-{os.getpid()}-{secrets.token_hex(8)}"
+    return path.with_name(f".{path.stem}.tmp-{mark}{path.suffix}")
+
+
+def sweep(folder: Path) -> None:
+    """Remove what processes of this machine that are gone left half-written in `folder`."""
+    for path in folder.glob(".*.tmp-*"):
+        match = _TEMPORARY.search(path.name)
+        if match and match[1] == _machine() and not psutil.pid_exists(int(match[2])):
+            with suppress(OSError, InputError):
+                if path.is_dir():
+                    remove_own(path)
+                else:
+                    path.unlink()
+
+
+# Folders.
+
+
+def make_own(folder: Path) -> None:
+    """Make a folder that is the program's own with all that is in it, if it is not there.
+
+    Raises
+    ------
+    InputError
+        If somebody else's is there.
+    OSError
+        If it cannot be made.
+    """
+    with suppress(FileExistsError):
+        folder.mkdir(parents=True)
+    require_own(folder)
+    with suppress(FileExistsError):
+        mark_own(folder)
+
+
+def mark_own(folder: Path) -> None:
+    """Mark a folder as the program's own.
+
+    Raises
+    ------
+    OSError
+        If it cannot be marked, or is.
+    """
+    with os.fdopen(_new(folder / LIST), "wb") as file:
+        file.write(_OWN)
+
+
+def require_own(folder: Path) -> None:
+    """Refuse a folder that is there and is somebody else's; an empty one is nobody's.
+
+    Raises
+    ------
+    InputError
+        If it is.
+    OSError
+        If it cannot be looked at.
+    """
+    empty = folder.is_dir() and not folder.is_symlink() and not any(folder.iterdir())
+    if not (is_own(folder) or empty or _state(folder) is None):
+        raise InputError(
+            f"{folder}: wanted a folder of domesim's own, got one that it did not make. Rename it, "
+            "or choose another --out"
+        )
+
+
+def is_own(folder: Path) -> bool:
+    """Whether the program made a folder."""
+    return not folder.is_symlink() and _content_of(folder / LIST) == _OWN
+
+
+def remove_own(folder: Path) -> None:
+    """Remove a folder that the program made, if it is there, with all that is in it.
+
+    Raises
+    ------
+    InputError
+        If somebody else's is there.
+    OSError
+        If it cannot be removed.
+    """
+    require_own(folder)
+    if _state(folder) is None:
+        return
+    gone = temporary_of(folder)
+    folder.rename(gone)  # the mark goes with it: what is half removed is swept later
+    for each in gone.iterdir():
+        if each.name == LIST:
+            continue
+        if each.is_dir() and not each.is_symlink():
+            shutil.rmtree(each)
+        else:
+            each.unlink()
+    shutil.rmtree(gone)
+
+
+# How.
+
+
+def _new(path: Path) -> int:
+    """Descriptor of a file that nobody had."""
+    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+
+
+def _state(path: Path) -> _State | None:
+    """What tells the file at `path` from another there, or as it was; None for none."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def _followed(path: Path) -> tuple[int, int] | None:
+    """Device and inode of the file that a name leads to; None for none."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _content_of(path: Path) -> bytes | None:
+    """What a small regular file holds; None if there is none."""
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return None
+    with os.fdopen(handle, "rb") as file:
+        status = os.fstat(handle)
+        if not stat.S_ISREG(status.st_mode) or status.st_size > _LONGEST:
+            return None
+        return file.read()
+
+
+def _listed(folder: Path) -> frozenset[bytes]:
+    """Lines of a folder's list."""
+    place = folder / LIST
+    content = _content_of(place)
+    if content is None and _state(place) is None:
+        return frozenset()
+    if content is None or not content.startswith(_HEAD):
+        raise InputError(
+            f"{place}: wanted the list of what domesim wrote there, got something else. Rename it, "
+            "or choose another folder."
+        )
+    return frozenset(content.splitlines(keepends=True))
+
+
+def _is_prepared(path: Path) -> bool:
+    return path.absolute() in _prepared
+
+
+def _sha256(file: BinaryIO) -> str:
+    return hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
+
+
+def _note(path: Path, digest: str) -> None:
+    """Add a line to the list of a file's folder: in one step, for others may add theirs."""
+    place, line = path.parent / LIST, written_sums({path.name: digest})
+    with suppress(FileExistsError), os.fdopen(_new(place), "wb") as file:
+        file.write(_HEAD + line)
+        return
+    if line in _listed(path.parent):
+        return
+    with os.fdopen(os.open(place, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW), "wb") as file:
+        file.write(line)
+
+
+def _put(paths: Sequence[Path], temporaries: Sequence[Path], digests: Sequence[str | None]) -> None:
+    """Give written files their names; those with a digest are listed."""
+    path = paths[0]
+    try:
+        for path in paths:
+            # Found by the renaming itself, it would come after others' renaming.
+            if path.is_dir() and not path.is_symlink():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        for path, digest in zip(paths, digests, strict=True):
+            if digest is not None:
+                _note(path, digest)
+        for path, temporary in zip(paths, temporaries, strict=True):
+            _rename(temporary, path)
+    except OSError as error:
+        raise _unwritten(path, error) from error
+
+
+def _rename(temporary: Path, path: Path) -> None:
+    """Give a written file its name, unless somebody took it while the command worked."""
+    said = path.absolute()
+    if said not in _prepared:
+        temporary.replace(path)
+        return
+    before = _prepared[said]
+    try:
+        if before is None or _state(path) is None:
+            os.link(temporary, path)
+        elif _state(path) == before:
+            temporary.replace(path)
+        else:
+            raise FileExistsError(errno.EEXIST, "somebody else's file came there meanwhile")
+    except OSError as error:
+        if error.errno not in _NO_LINKS or _state(path) is not None:
+            raise
+        temporary.replace(path)
+    _prepared[said] = _state(path)
+
+
+@contextmanager
+def _tidied(temporaries: list[Path]) -> Iterator[None]:
+    """Leave no temporary file behind, however this ends."""
+    try:
+        yield
+    finally:
+        for temporary in temporaries:
+            with suppress(OSError):
+                temporary.unlink()
+
+
+def _unwritten(path: Path, error: OSError) -> InputError:
+    """What to say of a file that could not be written."""
+    ways = {
+        **dict.fromkeys(_FULL, "Free some space, or write elsewhere"),
+        errno.ENOENT: "Create the folder first",
+        errno.EISDIR: "Name a file",
+        errno.EEXIST: "Choose another name",
+    }
+    way = ways.get(error.errno or 0, "Choose a folder that can be written to")
+    kind = InputError if error.errno in _OF_ONE else NoPlaceError
+    return kind(f"{path}: wanted to write it, got '{reason(error)}'. {way}.")
+
+
+@cache
+def _machine() -> str:
+    """Returns a mark of this machine, and of the processes that this one can see there."""
+    seen = Path()
+    with suppress(OSError):
+        seen = Path("/proc/self/ns/pid").readlink()
+    return hashlib.sha256(f"{socket.gethostname()} {seen}".encode()).hexdigest()[:4]
