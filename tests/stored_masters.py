@@ -9,12 +9,14 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 from image_files import save
 
+from domesim.host.writing import LIST
+
 SIDE = 32
 
 
 def written(folder: Path) -> list[str]:
-    """All that is in `folder`, hidden files too, but for a job's records."""
-    found = (path.relative_to(folder) for path in folder.rglob("*"))
+    """All that is in `folder`, hidden files too, but for a job's records and lists of files."""
+    found = (path.relative_to(folder) for path in folder.rglob("*") if path.name != LIST)
     return sorted(str(path) for path in found if path.parts[0] != "job")
 
 

@@ -41,6 +41,7 @@ from compensate.page.packing import (
 from compensate.vision.differences import EXPONENT, JOD, STILL, in_thresholds
 from domesim.errors import InputError
 from domesim.frames import write_whole
+from domesim.host.pages import hash_of_script
 from domesim.light.rounding import ROUNDING
 from domesim.room.theatre import Theatre
 
@@ -161,6 +162,7 @@ def write_page(
     ]
     small_mask = pictures[0][1]
     maps = _maps(views, small_mask)
+    scripts = [f"\n{_resource(name)}\n" for name in SCRIPTS]
     html = _environment().from_string(_resource("compare.html.j2"))
 
     def rendered(packed: Packed) -> bytes:
@@ -189,7 +191,8 @@ def write_page(
             figures=figures,
             facts=facts,
             style=_resource("compare.css"),
-            scripts=[_resource(name) for name in SCRIPTS],
+            scripts=scripts,
+            hashes=[hash_of_script(script) for script in scripts],
             payloads=packed.payloads,
             maps=maps.payloads,
             mask_payload=deflated(np.packbits(small_mask).tobytes()),

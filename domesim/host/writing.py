@@ -20,7 +20,7 @@ import secrets
 import shutil
 import socket
 import stat
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -85,7 +85,7 @@ def prepare(
                 "Choose another name."
             )
     folders = dict.fromkeys(path.parent for path in targets)
-    lists = {folder: _listed(folder) for folder in folders}
+    lists = {folder: listed(folder) for folder in folders}
     if not overwrite:
         refuse(
             [path for path in there if not is_listed(path, lists[path.parent])],
@@ -161,6 +161,26 @@ def is_listed(path: Path, lines: frozenset[bytes], name: str | None = None) -> b
     return written_sums({name or path.name: digest}) in lines
 
 
+def listed(folder: Path) -> frozenset[bytes]:
+    """Lines of a folder's list of what the program wrote there, as of ``sha256sum``.
+
+    Raises
+    ------
+    InputError
+        If something else is in its place.
+    """
+    place = folder / LIST
+    content = _content_of(place)
+    if content is None and _state(place) is None:
+        return frozenset()
+    if content is None or not content.startswith(_HEAD):
+        raise InputError(
+            f"{place}: wanted the list of what domesim wrote there, got something else. Rename it, "
+            "or choose another folder."
+        )
+    return frozenset(content.splitlines(keepends=True))
+
+
 # Files.
 
 
@@ -226,18 +246,17 @@ def written_to(path: Path) -> Iterator[Path]:
         _put([path], [temporary], [digest])
 
 
-def note_written(*paths: Path) -> None:
-    """List files as the program's own that another process of it has written.
+def note_written(sums: Mapping[Path, str]) -> None:
+    """List files that are the program's own, whoever wrote them, with their SHA-256.
 
     Raises
     ------
     InputError
-        If one cannot be read, or listed.
+        If one cannot be listed.
     """
-    for path in paths:
+    for path, digest in sums.items():
         try:
-            with path.open("rb") as file:
-                _note(path, _sha256(file))
+            _note(path, digest)
         except OSError as error:
             raise _unwritten(path, error) from error
 
@@ -379,20 +398,6 @@ def _content_of(path: Path) -> bytes | None:
         return file.read()
 
 
-def _listed(folder: Path) -> frozenset[bytes]:
-    """Lines of a folder's list."""
-    place = folder / LIST
-    content = _content_of(place)
-    if content is None and _state(place) is None:
-        return frozenset()
-    if content is None or not content.startswith(_HEAD):
-        raise InputError(
-            f"{place}: wanted the list of what domesim wrote there, got something else. Rename it, "
-            "or choose another folder."
-        )
-    return frozenset(content.splitlines(keepends=True))
-
-
 def _is_prepared(path: Path) -> bool:
     return path.absolute() in _prepared
 
@@ -407,9 +412,10 @@ def _note(path: Path, digest: str) -> None:
     with suppress(FileExistsError), os.fdopen(_new(place), "wb") as file:
         file.write(_HEAD + line)
         return
-    if line in _listed(path.parent):
-        return
-    with os.fdopen(os.open(place, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW), "wb") as file:
+    handle = os.open(place, os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK)
+    with os.fdopen(handle, "rb+", buffering=0) as file:
+        if not file.read(len(_HEAD)) == _HEAD:
+            raise FileExistsError(errno.EEXIST, f"another {LIST} in its folder")
         file.write(line)
 
 

@@ -25,6 +25,7 @@ from domesim.frames.film import FILMS, FilmFormat, write_film
 from domesim.frames.timing import RATES, Timing, exact_rate, timing_of
 from domesim.frames.video import pyav, video_of
 from domesim.host.console import Console
+from domesim.host.writing import note_written
 from domesim.shows.checksums import sha256
 from domesim.shows.job import Job
 from domesim.shows.sealed import read_sealed, write_sealed
@@ -240,7 +241,9 @@ def record_of(path: Path) -> str:
 
 def note_made(path: Path, job: Job, made_of: str) -> None:
     """Keep what a video was made of, and its digest, for `is_made`."""
-    write_sealed(job.folder / record_of(path), {"made_of": made_of, "sha256": sha256(path)})
+    digest = sha256(path)
+    note_written({path: digest})
+    write_sealed(job.folder / record_of(path), {"made_of": made_of, "sha256": digest})
 
 
 def is_made(path: Path, job: Job, made_of: str) -> bool:

@@ -31,8 +31,10 @@ from domesim.host.files import read_plain
 from domesim.host.writing import (
     is_listed,
     is_own,
+    listed,
     make_own,
     mark_own,
+    note_written,
     refuse,
     require_own,
     write_whole,
@@ -45,9 +47,6 @@ from domesim.shows.sealed import read_sealed, write_sealed
 
 FOLDER = "job"
 """Name of the folder, beside the results."""
-
-SUMS = "SHA256SUMS"
-"""Name of the list of all results, in that folder."""
 
 _SETTINGS = "settings.json"
 
@@ -224,7 +223,9 @@ class Job:
         InputError
             If it cannot be written.
         """
-        results = {self._name(path): sha256(path) for path in (*output, *beside)}
+        sums = {path: sha256(path) for path in (*output, *beside)}
+        note_written(sums)
+        results = {self._name(path): digest for path, digest in sums.items()}
         whole = {
             **asdict(record),
             "results": results,
@@ -313,8 +314,8 @@ def require_own_results(out: Path, files: Mapping[Path, str]) -> None:
     Raises
     ------
     InputError
-        If such a file is there and no record, claim or sum is of it, or the job's folder is
-        somebody else's.
+        If such a file is there without a record, a claim or a line in its folder's list, or the
+        job's folder is somebody else's.
     """
     folder = out / FOLDER
     if not _is_of_before(folder):
@@ -322,15 +323,8 @@ def require_own_results(out: Path, files: Mapping[Path, str]) -> None:
     there = {place: _names_in(place) for place in {path.parent for path in files}}
     known = _names_in(folder) | {f"{name}.json" for name in _names_in(folder / CLAIMS)}
     others = [p for p, record in files.items() if p.name in there[p.parent] and record not in known]
-    refuse([path for path in others if not _is_summed(path, folder)])
-
-
-def _is_summed(path: Path, folder: Path) -> bool:
-    """Whether a result whose record is lost is as the job's sums have it."""
-    with suppress(OSError, InputError):
-        lines = frozenset(read_plain(folder / SUMS).splitlines(keepends=True))
-        return is_listed(path, lines, os.path.relpath(path, folder))
-    return False
+    lists = {place: listed(place) for place in there}
+    refuse([path for path in others if not is_listed(path, lists[path.parent])])
 
 
 def _names_in(folder: Path) -> set[str]:

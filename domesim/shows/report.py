@@ -31,7 +31,7 @@ from domesim.host.console import duration
 from domesim.host.files import written_sums
 from domesim.host.writing import write_whole
 from domesim.light.ties import ascending
-from domesim.shows.job import SUMS, Job, versions
+from domesim.shows.job import Job, versions
 from domesim.shows.sealed import read_sealed
 from domesim.shows.small import small_of
 from domesim.shows.work import Column, Failed, Finished, Judged, Order
@@ -149,7 +149,7 @@ class Report:
         rows, sums = self._rows()
         try:
             write_tables(self._job.folder / f"frames{self._mark}", list(rows.values()))
-            write_whole(self._job.folder / f"{SUMS}{self._mark}", written_sums(sums))
+            write_whole(self._job.folder / f"SHA256SUMS{self._mark}", written_sums(sums))
         finally:
             self._write(state, rows)
 

@@ -26,6 +26,7 @@ from domesim.host.cores import cores
 from domesim.host.memory import limit_of_group
 from domesim.host.writing import note_written, prepare, prepare_folder
 from domesim.shows.alone import alone
+from domesim.shows.checksums import sha256
 from domesim.shows.cinema import Cinema, becoming, dcp_hint
 from domesim.shows.crew import Crew
 from domesim.shows.film import Films, record_of
@@ -192,7 +193,8 @@ def each_frame(
         orders = orders_of(show, outputs, recipe, writing, job)
         done = _each(orders, job, crew, running, console, what, films)
     if not show.numbered and done.frames:
-        note_written(*outputs[0], *beside[0])  # by a worker, perhaps
+        # By a worker, perhaps
+        note_written({path: sha256(path) for path in (*outputs[0], *beside[0])})
     return done
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import threading
 import time
 import urllib.error
@@ -228,3 +229,52 @@ def test_answers_are_never_lost_to_others(folder, address):
             urllib.request.urlopen(address + path)
         refused.value.close()
         assert refused.value.code == 404
+
+
+def spoken(address, *lines):
+    """What the server says to the lines of a request."""
+    host, port = address.removeprefix("http://").rstrip("/").split(":")
+    with socket.create_connection((host, int(port)), timeout=20) as line:
+        line.sendall("\r\n".join([*lines, "Connection: close", "", ""]).encode())
+        reply = b""
+        while more := line.recv(4096):
+            reply += more
+    return reply.decode()
+
+
+def test_another_sites_page_can_neither_read_nor_write(folder, address):
+    """Its own name may lead to this machine (DNS rebinding): the browser then says that name."""
+    own = address.removeprefix("http://").rstrip("/")
+    assert spoken(address, "GET / HTTP/1.1", f"Host: {own}").startswith("HTTP/1.0 200")
+    port = own.partition(":")[2]
+    local = spoken(address, "GET / HTTP/1.1", f"Host: localhost:{port}")
+    assert local.startswith("HTTP/1.0 200")
+    for host in (f"rebound.example:{port}", "127.0.0.1", f"{own}.example", ""):
+        said = spoken(address, "GET /answers/1 HTTP/1.1", f"Host: {host}")
+        assert said.startswith("HTTP/1.0 400"), host
+    said = spoken(address, "GET / HTTP/1.1", f"Host: {own}", "Host: rebound.example")
+    assert said.startswith("HTTP/1.0 400")
+    said = spoken(address, "GET / HTTP/1.1", f"Host: {own}", "Origin: http://rebound.example")
+    assert said.startswith("HTTP/1.0 400")
+
+
+@pytest.mark.parametrize("length", ["abc", "-1", "1e3", "٣", "9" * 30, "", "+5", "2, 2"])
+def test_a_length_that_is_none_is_refused(folder, address, capfd, length):
+    own = address.removeprefix("http://").rstrip("/")
+    post = ("POST /answers/1 HTTP/1.1", f"Host: {own}", f"Content-Length: {length}")
+    assert spoken(address, *post).startswith("HTTP/1.0 400")
+    assert capfd.readouterr().err == ""
+
+
+def test_only_the_pages_own_script_runs(browser, folder, address):
+    """A script that somebody put into a page, by a name or a question, does not run."""
+    page = browser.new_page()
+    for where in (address, (folder / "index.html").as_uri()):
+        page.goto(where)
+        assert page.evaluate("typeof STUDY") == "object"
+        page.evaluate(
+            "{const more = document.createElement('script'); more.textContent = 'injected = 1';"
+            "document.body.append(more);}"
+        )
+        assert page.evaluate("typeof injected") == "undefined"
+    page.close()

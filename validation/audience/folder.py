@@ -30,6 +30,7 @@ import numpy as np
 
 from domesim.errors import InputError
 from domesim.frames import Master, write_master, write_whole
+from domesim.host.pages import hash_of_script
 from domesim.host.writing import make_own, prepare, remove_own, require_own, temporary_of
 from domesim.light import Light
 from domesim.scene import Scene
@@ -297,11 +298,12 @@ def _write_pages(folder: Path, study: Study, sittings: int) -> None:
     from markupsafe import Markup  # noqa: PLC0415 - comes with Jinja
 
     pages = environment()
+    script = f"\nconst STUDY = {_data(study)};\n{template('play.js')}\n"
     play = {
         "masters": len(study.masters),
         "style": Markup(template("play.css")),
-        "script": Markup(template("play.js")),
-        "data": Markup(_data(study)),
+        "script": Markup(script),
+        "script_hash": Markup(hash_of_script(script)),
     }
     sources: tuple[dict[str, Any], ...] = (play, {}, {"masters": study.masters})
     for name, more in zip(PAGES, sources, strict=True):

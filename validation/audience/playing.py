@@ -20,9 +20,12 @@ from domesim.errors import InputError, reason
 from domesim.frames import write_whole
 from validation.audience.files import ANSWERS, Answers, Study, require_of
 
+NAMES = ("127.0.0.1", "localhost")
+"""Names of this machine in the page's address."""
 _LARGEST = 1 << 20
 """Bytes of a viewer's answers."""
 _PICTURE = re.compile(r"/pictures/[A-Za-z0-9_.-]+\.png")
+_LENGTH = re.compile(r"[0-9]{1,9}", re.ASCII)
 _VIEWER = re.compile(r"/answers/([0-9]{1,4})")
 
 
@@ -63,6 +66,31 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     folder: Path
     study: Study
 
+    def parse_request(self) -> bool:
+        """Refuses what another site's page asks in the same browser.
+
+        Such a page may have a name of its own that leads to this machine: its Host is another one.
+        """
+        if not super().parse_request():
+            return False
+        port = self.connection.getsockname()[1]
+        hosts = {f"{name}:{port}" for name in NAMES}
+        said = self.headers.get_all("Host", [])
+        origins = self.headers.get_all("Origin", [])
+        own = {f"http://{each}" for each in hosts}
+        if len(said) == 1 and said[0].lower() in hosts and set(origins) <= own:
+            return True
+        self._say(HTTPStatus.BAD_REQUEST)
+        return False
+
+    def end_headers(self) -> None:
+        """Adds what holds for all that is sent: it is for this page alone."""
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Content-Security-Policy", "frame-ancestors 'none'")
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        super().end_headers()
+
     def do_GET(self) -> None:
         """Give the page, a picture, or a viewer's answers so far."""
         asked = self.path.partition("?")[0]
@@ -82,10 +110,10 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         """Keep a viewer's answers."""
         match = _VIEWER.fullmatch(self.path)
-        size = int(self.headers.get("Content-Length") or 0)
-        # Another page in the same browser may not write here
-        own = self.headers.get("Origin") in (None, f"http://{self.headers.get('Host')}")
-        if match is None or not 0 < size <= _LARGEST or not own:
+        length = self.headers.get("Content-Length", "")
+        size = int(length) if _LENGTH.fullmatch(length) else 0
+        if match is None or not 0 < size <= _LARGEST:
+            self.close_connection = True  # what follows is not read
             self._say(HTTPStatus.BAD_REQUEST)
             return
         try:
@@ -118,7 +146,6 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
-        self.send_header("Cache-Control", "no-store")
         self.end_headers()
         self.wfile.write(content)
 

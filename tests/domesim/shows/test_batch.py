@@ -30,7 +30,7 @@ from pyarrow import parquet
 from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, write_frame
 from domesim.host.console import Console
-from domesim.host.writing import make_own, temporary_of
+from domesim.host.writing import LIST, make_own, temporary_of
 from domesim.shows import cluster, crew, job, report
 from domesim.shows.estimate import estimate
 from domesim.shows.job import FOLDER, open_job
@@ -57,7 +57,7 @@ def is_whole(folder: Path, count: int) -> bool:
     """Whether all results are there, are right, and nothing else is."""
     names = [f"in.{number:04d}.exr" for number in range(1, count + 1)]
     out = folder / "out"
-    found = sorted(path.name for path in out.iterdir() if path.name != FOLDER)
+    found = sorted(path.name for path in out.iterdir() if path.name not in (FOLDER, LIST))
     return found == names and all(
         np.array_equal(read_frame(out / name).pixels, read_frame(folder / "in" / name).pixels)
         for name in names
@@ -412,7 +412,7 @@ def test_a_full_disk_leaves_what_is_whole(
             read_frame(tmp_path / "out" / name).pixels,
             read_frame(tmp_path / "in" / name).pixels,
         )
-    assert not list((tmp_path / "out").glob(".*"))
+    assert not list((tmp_path / "out").glob(".*.tmp-*"))
     again = copied(tmp_path, recipe, workers)
     # Those that have a record are not called lost
     left_again = 9 - len(done.frames) - (len(again.failed) - 1)
