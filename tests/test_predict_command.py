@@ -328,7 +328,10 @@ def test_neither_inputs_nor_frames_are_replaced(run: Run, tmp_path: Path) -> Non
     left = store(folder / "a.png", view(12), "uint8")
     store(maps, view(60))
     store(picture, view(60), "uint8")
-    for right, words in ((maps, ("input itself",)), (picture, ("got an input", "another folder"))):
+    for right, words in (
+        (maps, ("input itself",)),
+        (picture, ("got the input itself", "another folder")),
+    ):
         before = right.read_bytes()
         arguments = ("--left", left, "--right", right, "--scene", STEREO, "--out", folder)
         run("predict", *arguments).is_refused(right.name, *words)

@@ -10,13 +10,13 @@ from __future__ import annotations
 import hashlib
 import os
 import resource
-import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -146,7 +146,6 @@ def try_all(folder: Path) -> list[tuple[str, ...]]:
             (show.folder / "log").unlink()
             rows.append((show.name, fault.name, *_tried(show, fault, out, wanted)))
             print(" | ".join(rows[-1]), flush=True)
-            shutil.rmtree(out)
     return rows
 
 
@@ -167,7 +166,8 @@ def _tried(show: Show, fault: Fault, out: Path, wanted: dict[str, str]) -> tuple
             return f"exit {code}", "NOT MENDED", "-"
         refused = "damaged, or was edited" in (show.folder / "log").read_text()
         more = (*fault.more, "--anew") if refused else fault.more
-        shutil.rmtree(out / "job/frames.csv", ignore_errors=True)
+        with suppress(OSError):  # the folder that `_block` put there
+            (out / "job/frames.csv").rmdir()
         code = _ended(show.start(out, *more))
         again += 1
     took = time.monotonic() - began
@@ -264,8 +264,8 @@ def _flip(path: Path) -> None:
 
 
 def _remove(folder: Path) -> None:
-    """Removes a folder in one step, although somebody writes there."""
-    shutil.rmtree(folder.rename(folder.with_name(f"{folder.name}.gone")))
+    """Takes a folder away in one step, although somebody writes there."""
+    folder.rename(folder.with_name(f"{folder.name}.gone"))
 
 
 def _block(run: subprocess.Popen[str], out: Path) -> None:

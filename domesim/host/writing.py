@@ -73,16 +73,15 @@ def prepare(
         If a target cannot be made, is one of the `inputs`, or is not the program's to replace.
     """
     there = {path: state for path in targets if (state := _state(path)) is not None}
-    read = {found: each for each in inputs if each and (found := _followed(Path(each)))}
+    read = {found for each in inputs if each and (found := _followed(Path(each)))}
     for path in there:
         if path.is_dir():
             raise InputError(
-                f"{path}: wanted a file for the results, got a folder. Choose another name."
+                f"{path}: wanted a file for the results, got 'is a directory'. Choose another name."
             )
-        if (at := _followed(path)) in read:
+        if _followed(path) in read:
             raise InputError(
-                f"{path}: wanted a place for the result, got the input {read[at]} itself. "
-                "Choose another name."
+                f"{path}: wanted a place for the result, got the input itself. Choose another name."
             )
     folders = dict.fromkeys(path.parent for path in targets)
     lists = {folder: listed(folder) for folder in folders}
@@ -92,45 +91,57 @@ def prepare(
             "Choose another folder" if overwrite is None else "Choose another name, or --overwrite",
         )
     for folder in folders:
-        own = [path for path in targets if path.parent == folder]
-        prepare_folder(folder, max(own, key=lambda path: len(os.fsencode(path.name))))
+        prepare_folder(folder)
+    for path in targets:
+        _require_name(path)
     if not _prepared:
         KEPT_OPEN.callback(_prepared.clear)
     _prepared.update((path.absolute(), there.get(path)) for path in targets)
 
 
-def prepare_folder(folder: Path, target: Path | None = None) -> None:
+def prepare_folder(folder: Path) -> None:
     """Make `folder`, and see that files can be made in it, before hours of work on them.
 
-    Parameters
-    ----------
-    folder
-        The folder. What killed commands left half-written there is removed.
-    target
-        A file that will be written there, if its name is known.
+    What killed commands left half-written there is removed.
 
     Raises
     ------
     InputError
         If it cannot be made or written to.
     """
-    named = folder if target is None else target
-    kind = "folder" if target is None else "file"
     try:
-        str(named).encode()
+        str(folder).encode()
     except UnicodeEncodeError:  # OpenImageIO could write there, but not read
-        raise InputError(f"{named}: wanted a {kind} named in UTF-8. Choose another.") from None
-    made = temporary_of(folder / "results" if target is None else target)
+        raise InputError(f"{folder}: wanted a folder named in UTF-8. Choose another.") from None
+    made = temporary_of(folder / "results")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         os.close(_new(made))
         made.unlink()
     except OSError as error:
         raise InputError(
-            f"{named}: wanted a {kind} for the results, got '{reason(error)}'. Choose one that can "
-            "be made and written to."
+            f"{folder}: wanted a folder for the results, got '{reason(error)}'. "
+            "Choose one that can be made and written to."
         ) from error
     sweep(folder)
+
+
+def _require_name(path: Path) -> None:
+    """See that a file can have that name, and an unfinished one its longer name."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise InputError(
+            f"{path}: wanted a file named in UTF-8. Choose another name. Rename the master."
+        ) from None
+    try:
+        temporary_of(path).lstat()
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        raise InputError(
+            f"{path}: wanted a file for the results, got '{reason(error)}'. Choose another name."
+        ) from error
 
 
 def refuse(others: Sequence[Path], way: str = "Choose another folder") -> None:
@@ -391,10 +402,11 @@ def _content_of(path: Path) -> bytes | None:
         handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
         return None
+    status = os.fstat(handle)
+    if not stat.S_ISREG(status.st_mode) or status.st_size > _LONGEST:
+        os.close(handle)
+        return None
     with os.fdopen(handle, "rb") as file:
-        status = os.fstat(handle)
-        if not stat.S_ISREG(status.st_mode) or status.st_size > _LONGEST:
-            return None
         return file.read()
 
 
@@ -442,16 +454,16 @@ def _rename(temporary: Path, path: Path) -> None:
     if said not in _prepared:
         temporary.replace(path)
         return
-    before = _prepared[said]
+    before, now = _prepared[said], _state(path)
+    if now not in (None, before):
+        raise FileExistsError(errno.EEXIST, "somebody else's file came there meanwhile")
     try:
-        if before is None or _state(path) is None:
+        if now is None:
             os.link(temporary, path)
-        elif _state(path) == before:
-            temporary.replace(path)
         else:
-            raise FileExistsError(errno.EEXIST, "somebody else's file came there meanwhile")
+            temporary.replace(path)
     except OSError as error:
-        if error.errno not in _NO_LINKS or _state(path) is not None:
+        if error.errno not in _NO_LINKS:
             raise
         temporary.replace(path)
     _prepared[said] = _state(path)

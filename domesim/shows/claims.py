@@ -16,7 +16,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import final
 
-from domesim.host.writing import make_own
 from domesim.shows.clients import Clients
 
 FOLDER = "claims"
@@ -37,7 +36,7 @@ class Claims:
 
     def __init__(self, job: Path, clients: Clients) -> None:
         self._folder, self._clients = job / FOLDER, clients
-        make_own(self._folder)
+        self._folder.mkdir(exist_ok=True)
 
     def take(self, frame: str) -> bool:
         """Claims a frame by the name of its result, unless another command has it."""

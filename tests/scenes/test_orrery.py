@@ -238,7 +238,7 @@ def test_command_writes_numbered_frames(
 ) -> None:
     assert run("--out", tmp_path, "--frames", "3-5x2", *SMALL, "--json") == 0
     names = ["orrery.0003.exr", "orrery.0005.exr"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    assert sorted(path.name for path in tmp_path.glob("[!.]*")) == names
     figures = json.loads(capfd.readouterr().out)
     assert [Path(file).name for frame in figures["frames"] for file in frame["files"]] == names
     assert figures["frames"][1]["time_s"] == pytest.approx(4 / 24)
@@ -256,7 +256,7 @@ def test_command_writes_numbered_frames(
 def test_command_writes_left_and_right(run: Run, tmp_path: Path, kind: str, rows: int) -> None:
     assert run("--out", tmp_path, "--kind", kind, *SMALL, "--interaxial", 0.5, "--quiet") == 0
     names = ["orrery_L.0001.exr", "orrery_R.0001.exr"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    assert sorted(path.name for path in tmp_path.glob("[!.]*")) == names
     left, right = (read_frame(tmp_path / name).pixels for name in names)
     assert left.shape == right.shape == (rows, 32, 3)
     assert np.abs(left - right).max() > 0.05

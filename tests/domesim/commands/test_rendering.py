@@ -218,7 +218,7 @@ def test_a_preview_lies_beside_it(folder: Path) -> None:
     out = folder / "preview" / "seen.exr"
     outcome = domesim("render", "dome_hemisphere", "--master", folder / "grey.exr", "--out", out)
     assert (outcome.code, outcome.err) == (0, "")
-    assert sorted(path.name for path in out.parent.iterdir()) == ["seen.exr", "seen.png"]
+    assert sorted(path.name for path in out.parent.glob("[!.]*")) == ["seen.exr", "seen.png"]
     for path in (out, out.with_suffix(".png")):
         assert f"  -> {path}" in outcome.out.splitlines()
     preview = read_frame(out.with_suffix(".png"))
@@ -336,7 +336,7 @@ def test_the_theatre_from_outside(folder: Path) -> None:
     assert figures == {
         "scene": "a furnished room", "view": "cutaway", "output": str(out), "failed": [],
     }  # fmt: skip
-    assert list(out.parent.iterdir()) == [out]
+    assert list(out.parent.glob("[!.]*")) == [out]
     pixels = read_frame(out).pixels
     assert pixels.shape == (24, 36, 3)
     assert pixels.std() > 0.05

@@ -217,7 +217,7 @@ def test_what_a_folder_of_a_dome_has(run, tmp_path):
     assert listed.dome == {"half_angle_deg": pytest.approx(90), "tilt_deg": pytest.approx(15)}
     assert [each.number for each in listed.patterns] == [*range(1, len(listed.patterns) + 1)]
     assert len({each.name for each in listed.patterns}) == len(listed.patterns)
-    files = {path.name for path in tmp_path.iterdir()}
+    files = {path.name for path in tmp_path.glob("[!.]*")}
     assert {file for each in listed.patterns for file in each.files} < files
     assert files - {file for each in listed.patterns for file in each.files} == {
         "how-to.html", "patterns.json", "readings.csv",
