@@ -16,7 +16,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import to_json
 
-from domesim.frames.whole import write_whole
+from domesim.host.writing import write_whole
 from domesim.light import Light
 from domesim.observation import projector
 from domesim.scene import Scene
