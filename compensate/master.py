@@ -24,11 +24,12 @@ from compensate.pose import Eye, Posed, Stage, require_within_range
 from compensate.solve import solved
 from compensate.solver.fitting import fitting
 from compensate.solver.result import Result
+from compensate.subtract import reflecting
 from compensate.weighting import PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Light, as_sent, on_host, require_light
-from domesim.observation.base import AdjointObservation
+from domesim.observation.base import AdjointObservation, Observation
 from domesim.scene import Scene
 from domesim.scene.loading import as_scene
 from domesim.scene.screening import encoded
@@ -75,8 +76,9 @@ def compensate(
         weighting of one's own, such as `compensate.own.LinearWeighting`.
     observation
         What is seen, if not by the scene's own: such as
-        `domesim.observation.linear.LinearObservation`. The weighting is the paper's then, unless it
-        is an `Aim`; by default the solver is that of `compensate.solver.fitting`.
+        `domesim.observation.linear.LinearObservation`. Of a `LowRankObservation` the default is the
+        aim, as of a scene's own; of others the paper's weighting, by a solver of
+        `compensate.solver.fitting`, unless `weighting` is an `Aim`.
 
     Returns
     -------
@@ -104,8 +106,7 @@ def compensate(
             observation=observation,
         )  # fmt: skip
         return replace(result, light=as_sent(result.light, desired))
-    own = observation is not None and not isinstance(weighting, Aim)
-    if own or isinstance(weighting, Weighting):
+    if _poses_its_own(observation, weighting, method):
         screen = scene.screen(*desired.shape[1:3])
         require_within_range(desired, screen)
         assert not isinstance(weighting, Aim)
@@ -123,6 +124,17 @@ def compensate(
         return result
     on = posed.screen[None, :, :, None]
     return replace(result, light=np.where(on, result.light, desired))
+
+
+def _poses_its_own(
+    observation: Observation | None, weighting: Eye | Weighting | None, method: str
+) -> bool:
+    """Whether the problem is one of the user's own, and not a scene's with another observation."""
+    if isinstance(weighting, Weighting):
+        return True
+    if observation is None or isinstance(weighting, Aim) or method != "perceptual":
+        return False
+    return weighting is not None or reflecting(observation) is None
 
 
 def solve_frame(

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import mitsuba
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "docs" / "examples"
@@ -15,6 +16,7 @@ SAYS = {
     "compare_solvers": r"ADMM +\S+ +\d+ +\S+  \d\.\de-",
     "own_observation": r"^Accelerated, as .* got LinearObservation\n(.|\n)*requested accuracy",
     "own_weighting": r"^Accelerated, as .* got LinearWeighting\n(.|\n)*requested accuracy",
+    "two_albedos": r"^Computed directly: the master, lifted(.|\n)*^old half: 0\.0\d+ of white",
     "paper_table1": r"48 GPCG, frozen pollution",
     "which_setting": r"^night .*\n(.|\n)*^space ",
 }
@@ -28,7 +30,10 @@ def _unseen(monkeypatch):
         plt.gcf().canvas.draw()
 
     monkeypatch.setattr(plt, "show", draw)
+    before = mitsuba.variant()
     yield
+    if before is not None:
+        mitsuba.set_variant(before)
     assert plt.get_fignums()
     plt.close("all")
 
@@ -38,6 +43,15 @@ def test_an_example(path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", [str(path), "48"])
     runpy.run_path(str(path), run_name="__main__")
     assert re.search(SAYS[path.stem], capsys.readouterr().out, re.MULTILINE)
+
+
+def test_mitsuba_finds_what_two_albedos_add(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["", "192"])
+    runpy.run_path(str(FOLDER / "two_albedos.py"))
+    said = re.findall(r"half: (\S+) of white, traced (\S+)", capsys.readouterr().out)
+    assert len(said) == 2
+    for found, traced in said:
+        assert float(found) == pytest.approx(float(traced), rel=0.02)
 
 
 def test_errors_fall_where_they_count(monkeypatch):
