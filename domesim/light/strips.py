@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.host.cores import cores
-from domesim.host.memory import KEPT
 
 T = TypeVar("T")
 
@@ -64,11 +63,6 @@ def in_strips(work: Callable[[int, slice], T], shape: tuple[int, ...]) -> list[T
     if errors:
         raise errors[min(errors)]
     return [results[k] for k in range(len(places))]
-
-
-def is_large(plane: object) -> bool:
-    """Whether an array is larger than `KEPT`: memory then counts for more than time."""
-    return isinstance(plane, np.ndarray) and plane.nbytes > KEPT
 
 
 def all_within(values: NDArray[Any], least: float, most: float) -> bool:

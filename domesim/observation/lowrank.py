@@ -63,7 +63,9 @@ class LowRank:
                 return xp.asarray(array, dtype=dtype, device=light.device)
             # What is repeated is kept once
             once = tuple(slice(0, None if step else 1) for step in array.strides)
-            kept = np.require(array[once], requirements="W")  # PyTorch has no read-only arrays
+            kept = array[once]
+            if xp is not np:
+                kept = np.require(kept, requirements="W")  # PyTorch has no read-only arrays
             return xp.broadcast_to(xp.asarray(kept, dtype=dtype, device=light.device), array.shape)
 
         return LowRank(

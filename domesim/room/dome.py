@@ -25,7 +25,7 @@ import scipy
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.light.strips import in_strips, is_large
+from domesim.light.strips import in_strips
 
 Angles: TypeAlias = NDArray[np.floating[Any]]
 
@@ -410,10 +410,14 @@ class Dome:
         return np.asarray(self.radius**2 * cosine / distance**2)
 
 
+_LARGE = 1 << 23
+"""Pixels of pictures for which memory counts for more than the last digits."""
+
+
 @lru_cache(maxsize=1)
 def _kept_areas(dome: Dome, rows: int, cols: int) -> NDArray[np.floating]:
     areas: NDArray[np.floating] = dome.screen_areas(rows, cols)
-    if is_large(areas):
+    if areas.size > _LARGE:
         areas = areas.astype(np.float32)
     areas.flags.writeable = False
     return areas
