@@ -16,6 +16,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.aim.dome import Planes
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy, ghost_contour
 from compensate.overview import Overview, Seen
@@ -267,8 +268,11 @@ class Appraisal:
         judge = self.posed.setting.judge
         return self._in_differences(judge.energy(residual), judge)
 
-    def loss(self, light: Light) -> float:
-        """Returns how much worse light looks than the master, JOD; the mean of all seats."""
+    def loss(self, light: Light | Planes) -> float:
+        """Returns how much worse light looks than the master, JOD; the mean of all seats.
+
+        Light is as for `Overview.of`.
+        """
         return _mean(self._losses(self._overview.of(light).small))
 
     def look(self, light: Light, *, plain: bool = True) -> Look:

@@ -77,6 +77,7 @@ class Overview:
         """
         observation = self._observation
         if not isinstance(observation, LowRankObservation):
+            assert not callable(light)  # as of a dome of one view alone
             return Seen(averaged(observation.observe(light), self._screen), None, None)
         planes = light if callable(light) else partial(planes_of, light)
         sums, collected = self._summed(planes)

@@ -28,7 +28,7 @@ from domesim.frames import Master
 from domesim.host.numbers import decimal, percent
 from domesim.scene import Scene, StereoScene
 from domesim.scene.choice import SceneChoice
-from domesim.scene.screening import decoded
+from domesim.scene.screening import decoded, decoder
 from domesim.shows.small import thinned
 from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
 
@@ -308,10 +308,10 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     if exact:
         return {**asdict(found), "loss_stored": None, "steps": 0.0}, line_of(found)
     stored = write.stored()
-    bits, suffix, stored_light = stored.bits, stored.path.suffix, decoded(stored, posed.scene)
+    bits, suffix = stored.bits, stored.path.suffix
+    by_strips = posed.floor is not None
+    lost = appraisal.loss((decoder if by_strips else decoded)(stored, posed.scene))
     del stored
-    lost = appraisal.loss(stored_light)
-    del stored_light
     line = line_of(found)
     weights = posed.scene.projector.luminance_weights
     coarse = 0.0

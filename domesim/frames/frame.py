@@ -20,6 +20,12 @@ Pixels: TypeAlias = NDArray[np.float32]
 """(row, col, 3) float32: R, G, B code values; 1.0 is the largest code of an integer format."""
 
 
+def as_codes(pixels: ArrayLike) -> Pixels:
+    """Pixels as float32; halves stay half."""
+    found = np.asarray(pixels)
+    return found if found.dtype == np.float16 else found.astype(np.float32, copy=False)
+
+
 @dataclass(frozen=True)
 class Header:
     """What a file holds besides R, G, B; plain Python, so that a frame can be pickled."""
@@ -56,7 +62,7 @@ class Frame:
     pixels
         (row, col, 3) float32, R, G, B code values of the picture as it is shown: upright, and over
         black if it has an alpha. Integer formats are scaled so that 1.0 is the largest code;
-        floating formats are as stored.
+        floating formats are as stored. In frames of shows, halves may stay half (`read_master`).
     path
         Where it was read.
     colour
@@ -85,7 +91,7 @@ class Frame:
         InputError
             If `pixels` has not this frame's shape.
         """
-        new = np.asarray(pixels, dtype=np.float32)
+        new = as_codes(pixels)
         if new.shape != self.pixels.shape:
             raise InputError(f"Frame.with_pixels takes {self.pixels.shape}, got {new.shape}")
         return replace(self, pixels=new)

@@ -21,6 +21,7 @@ from domesim.frames.depths import FLOATING, INTEGER, code_span
 from domesim.frames.formats import FORMATS, LABELS
 from domesim.frames.formats.base import Format, Window, camera_raw
 from domesim.frames.frame import Frame, Header, Pixels
+from domesim.frames.halves import are_sound
 from domesim.frames.integrity import (
     SQUARE,
     DamagedError,
@@ -73,26 +74,22 @@ def read_image(
     repair: bool,
     grey: bool = False,
     signed: bool = False,
+    halves: bool = False,
     colour: ColourTag | None = None,
 ) -> Frame:
     """`read_frame`; with `grey`, an EXR whose only picture is a channel Y is R = G = B = Y.
 
     With `signed`, negative samples are no damage: a camera's black level is subtracted from noise.
+    With `halves`, what is stored as half stays half, in half the memory.
     """
     with enough_memory(path):
-        return _read_image(path, repair=repair, grey=grey, signed=signed, colour=colour)
-
-
-def _read_image(
-    path: Path, *, repair: bool, grey: bool, signed: bool, colour: ColourTag | None
-) -> Frame:
-    if video_of(path) is not None:
-        return read_video_frame(path, colour=colour)
-    with opened(path) as (reader, form):
-        layout = layout_of(path, reader, form, grey=grey, colour=colour)
-        samples = read_channels(path, reader, layout)
-        refuse_several_images(path, reader)
-    return frame_of(path, layout, samples, repair=repair, signed=signed)
+        if video_of(path) is not None:
+            return read_video_frame(path, colour=colour)
+        with opened(path) as (reader, form):
+            layout = layout_of(path, reader, form, grey=grey, colour=colour)
+            samples = read_channels(path, reader, layout)
+            refuse_several_images(path, reader)
+        return frame_of(path, layout, samples, repair=repair, signed=signed, halves=halves)
 
 
 def size_of(path: Path) -> tuple[int, int]:
@@ -553,15 +550,24 @@ def refuse_several_images(path: Path, reader: Any) -> None:
 
 
 def frame_of(
-    path: Path, layout: Layout, samples: Samples, *, repair: bool, signed: bool = False
+    path: Path,
+    layout: Layout,
+    samples: Samples,
+    *,
+    repair: bool,
+    signed: bool = False,
+    halves: bool = False,
 ) -> Frame:
-    """What was read, as a frame; `repair` and `signed` as for `read_image`."""
+    """What was read, as a frame; `repair`, `signed` and `halves` as for `read_image`."""
     rgb, extra = samples
     header = layout.header
     zero_padded = layout.format.is_padded(path, rgb, layout.bits, layout.colour)
     bits = 12 if zero_padded else layout.bits
-    pixels, repaired = layout.format.exposed(_code_values(rgb, bits, legal=header.legal)), 0
-    if layout.floating:
+    pixels, repaired = rgb, 0
+    kept = halves and rgb.dtype == np.float16 and are_sound(rgb) and not header.straight
+    if not kept:
+        pixels = layout.format.exposed(_code_values(rgb, bits, legal=header.legal))
+    if layout.floating and not kept:
         grey = len(set(header.rgb)) == 1
         pixels, repaired = _without_impossible_samples(
             path, pixels[..., : 1 if grey else 3], layout, repair=repair, signed=signed

@@ -27,7 +27,7 @@ from domesim.frames.dithering import seed_of
 from domesim.frames.eyes import Eyes
 from domesim.frames.formats import SUFFIXES, jpeg
 from domesim.frames.formats.exr import EXR
-from domesim.frames.frame import Frame
+from domesim.frames.frame import Frame, as_codes
 from domesim.frames.integrity import enough_memory
 from domesim.frames.mistaken import (
     refuse_mistaken_pair,
@@ -143,7 +143,7 @@ class Master:
     @property
     def pixels(self) -> NDArray[np.float32]:
         """(view, row, col, 3) float32: a copy of the frames' code values."""
-        return np.stack([frame.pixels for frame in self.frames])
+        return np.stack([frame.pixels for frame in self.frames], dtype=np.float32)
 
     def with_pixels(self, pixels: ArrayLike) -> Master:
         """The same files with other R, G, B.
@@ -158,7 +158,7 @@ class Master:
         InputError
             If `pixels` has not this master's shape.
         """
-        new = np.asarray(pixels, dtype=np.float32)
+        new = as_codes(pixels)
         wanted = (len(self.frames), *self.frames[0].pixels.shape)
         if new.shape != wanted:
             raise InputError(f"Master.with_pixels takes {wanted}, got {new.shape}")
@@ -218,6 +218,7 @@ def read_master(
     packing: str | None = None,
     repair: bool = False,
     allow_identical: bool = False,
+    halves: bool = False,
     colour: ColourTag | None = None,
 ) -> Master:
     """Read one moment of a show.
@@ -240,6 +241,9 @@ def read_master(
     allow_identical
         Take left and right that are the same image, even the same file: a flat shot in a stereo
         show. Of one plain colour, such as black, they may always be.
+    halves
+        Leave the pixels of plain half EXRs half, which takes half the memory; else they are
+        float32.
     colour
         As for `read_frame`.
 
@@ -264,9 +268,11 @@ def read_master(
         raise InputError(f"read_master takes packing {', '.join(_PACKINGS)}, got '{packing}'")
     if len(files) == 2:
         refuse_packing(files, packing, "files")
-        master = _read_pair(*files, repair=repair, allow_identical=allow_identical, colour=colour)
+        if not allow_identical:
+            refuse_one_file(*files)
+        master = _read_pair(*files, repair=repair, halves=halves, colour=colour)
     else:
-        master = _read_file(files[0], packing, repair=repair, colour=colour)
+        master = _read_file(files[0], packing, repair=repair, halves=halves, colour=colour)
         refuse_packing(files, packing, master.packing)
     if len(master.frames) == 2:
         refuse_mistaken_pair(master.frames, allow_identical=allow_identical)
@@ -406,12 +412,10 @@ def made_for(
 
 
 def _read_pair(
-    left: Path, right: Path, *, repair: bool, allow_identical: bool, colour: ColourTag | None
+    left: Path, right: Path, *, repair: bool, halves: bool, colour: ColourTag | None
 ) -> Master:
-    if not allow_identical:
-        refuse_one_file(left, right)
     with ThreadPoolExecutor(2) as eyes:
-        read = partial(read_image, repair=repair, grey=True, colour=colour)
+        read = partial(read_image, repair=repair, grey=True, halves=halves, colour=colour)
         frames = tuple(eyes.map(read, (left, right)))
     for frame, side in zip(frames, ("left", "right"), strict=True):
         refuse_other_view(frame, side)
@@ -419,7 +423,7 @@ def _read_pair(
 
 
 def _read_file(
-    path: Path, packing: Packing | None, *, repair: bool, colour: ColourTag | None
+    path: Path, packing: Packing | None, *, repair: bool, halves: bool, colour: ColourTag | None
 ) -> Master:
     with enough_memory(path):
         stereo = read_stereo_exr(path, repair=repair, colour=colour)
@@ -430,7 +434,7 @@ def _read_file(
         pair = _read_mpo(path, colour, taken=packing == "mpo")
     if pair is not None:
         return Master(pair, "mpo")
-    frame = read_image(path, repair=repair, grey=packing in _AXES, colour=colour)
+    frame = read_image(path, repair=repair, grey=packing in _AXES, halves=halves, colour=colour)
     eyes = frame.header.eyes
     refuse_stated_packing(path, packing, eyes)
     if packing is not None and packing in _AXES:

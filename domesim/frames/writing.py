@@ -28,6 +28,7 @@ from domesim.frames.dithering import Seed, dither, seed_of
 from domesim.frames.formats import FORMATS, SUFFIXES
 from domesim.frames.formats.base import Format, Target
 from domesim.frames.frame import Frame, Pixels
+from domesim.frames.halves import are_sound
 from domesim.frames.integrity import LARGEST_SIDE
 from domesim.frames.messages import problem_of
 from domesim.frames.orientation import UPRIGHT, turned_back
@@ -213,6 +214,10 @@ def _encoded_rgb(pixels: Pixels, target: Target, seed: Seed | None) -> NDArray[A
             f"write_frame takes (row, col, 3) with sides of 1 to {LARGEST_SIDE} px, "
             f"got {pixels.shape}"
         )
+    if pixels.dtype == np.float16:
+        if target.floating and target.bits == 16 and are_sound(np.asarray(pixels)):
+            return pixels
+        pixels = converted(pixels, np.dtype(np.float32))
     low, high = float(pixels.min()), float(pixels.max())
     least, largest = code_range(target.bits, floating=target.floating)
     if not (least <= low and high <= largest):

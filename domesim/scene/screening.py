@@ -5,11 +5,14 @@ Off the screen (outside a domemaster's circle) a master's code values are never 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.frames import Master
+from domesim.frames.frame import Pixels
 from domesim.light import Light, transfer
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.projector import require_primaries
@@ -42,21 +45,14 @@ def decoded(master: Master, scene: Scene) -> Light:
         If it has other views than the scene, its transfer function or primaries are not known, or
         it is brighter than `BRIGHTEST`.
     """
-    _require_views(master, scene)
-    _require_whole_views(master, scene)
-    require_primaries(master.colour.primaries)
-    curve = transfer.named(master.colour.transfer, white=scene.projector.white)
+    light_of = decoder(master, scene)
     rows, cols, primaries = master.frames[0].pixels.shape
     planes = np.empty((len(master.frames), primaries, rows, cols), np.float32)
     light = np.moveaxis(planes, 1, -1)
 
     def decode(view: int, rows: slice) -> float:
-        codes = master.frames[view].pixels[rows]
-        # NumPy keeps such settings for each thread.
-        with np.errstate(over="ignore", invalid="ignore"):
-            part = scene.projector.decode(codes, curve, master.colour.primaries)
-            for p in range(primaries):
-                planes[view, p, rows] = part[..., p]
+        for p, plane in enumerate(light_of(view, rows)):
+            planes[view, p, rows] = plane
         return float(planes[view, :, rows].max())
 
     brightest = np.max(in_strips(decode, light.shape))
@@ -66,6 +62,39 @@ def decoded(master: Master, scene: Scene) -> Light:
             f"{brightest:g}. Render it again, or clamp it (oiiotool IN --clamp:max=100 -o OUT)."
         )
     return light
+
+
+def decoder(master: Master, scene: Scene) -> Callable[[int, slice], Sequence[NDArray[np.floating]]]:
+    """Light of a master, strip by strip.
+
+    Parameters
+    ----------
+    master, scene
+        As for `decoded`.
+
+    Returns
+    -------
+    light_of
+        A view and rows -> (row, col) float32 of each primary, as `decoded` has it.
+
+    Raises
+    ------
+    InputError
+        As for `decoded`, but for what is too bright.
+    """
+    _require_views(master, scene)
+    _require_whole_views(master, scene)
+    require_primaries(master.colour.primaries)
+    curve = transfer.named(master.colour.transfer, white=scene.projector.white)
+
+    def light_of(view: int, rows: slice) -> Sequence[NDArray[np.floating]]:
+        codes = np.asarray(master.frames[view].pixels[rows], np.float32)
+        # NumPy keeps such settings for each thread.
+        with np.errstate(over="ignore", invalid="ignore"):
+            light = scene.projector.decode(codes, curve, master.colour.primaries)
+        return [light[..., p] for p in range(light.shape[-1])]
+
+    return light_of
 
 
 def _require_views(master: Master, scene: Scene) -> None:
@@ -140,20 +169,25 @@ def encoded(
     read = transfer.named(old.transfer, white=projector.white)
     curve = transfer.named(new.transfer, white=projector.white)
     least, largest = 0.0, master.code_range[1]
-    pixels = np.empty(light.shape, np.float32)
+    of_halves = largest == float(np.finfo(np.float16).max)
+    pixels = np.empty(light.shape, np.float16 if of_halves else np.float32)
+
+    def put(view: int, rows: slice, codes: Pixels, where: NDArray[np.bool_] | bool) -> None:
+        for p in range(pixels.shape[-1]):  # NumPy is slow along an axis of three
+            np.copyto(pixels[view, rows, :, p], codes[..., p], where=where)
 
     def encode(view: int, rows: slice) -> int:
         codes = projector.encode(light[view, rows], curve, new.primaries)
         on = screen[rows]
-        np.clip(codes, least, largest, out=pixels[view, rows])
+        put(view, rows, np.clip(codes, least, largest), True)
         if not on.all():
             around = master.frames[view].pixels[rows]
             if not new.means_the_same_as(old):
-                shown = projector.decode(around, read, old.primaries)
+                shown = projector.decode(np.asarray(around, np.float32), read, old.primaries)
                 around = projector.encode(shown, curve, new.primaries)
-            around = np.clip(around, least, largest)
-            for p in range(pixels.shape[-1]):  # NumPy is slow along an axis of three
-                np.copyto(pixels[view, rows, :, p], around[..., p], where=~on)
+            if around.dtype != pixels.dtype or not of_halves:  # halves are within their range
+                around = np.clip(around, least, largest)
+            put(view, rows, around, ~on)
         # Half a code of 16 bit: rounding, not clipping
         return _beyond(codes, on, (least, largest), 0.5 / 65535)
 

@@ -97,6 +97,7 @@ class Show:
             packing=self.packing,
             repair=repair,
             allow_identical=self.allow_identical,
+            halves=True,
             colour=self.colour,
         )
 

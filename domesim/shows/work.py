@@ -481,7 +481,12 @@ class _Writer:
         packing = None if result.packing in ("single", "files") else result.packing
         try:
             self._stored = read_master(
-                output, packing=packing, repair=True, allow_identical=True, colour=result.colour
+                output,
+                packing=packing,
+                repair=True,
+                allow_identical=True,
+                halves=True,
+                colour=result.colour,
             )
             self.unsaid = unsaid(self._stored.frames[0])
         except InputError:

@@ -1,0 +1,71 @@
+"""Halves that stay half: the same picture, in half the memory."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from domesim.frames import (
+    ColourTag,
+    Frame,
+    read_frame,
+    read_master,
+    write_frame,
+    write_master,
+)
+from domesim.frames.halves import are_sound
+from domesim.frames.views import made_for
+from domesim.scene import load_scene
+from domesim.scene.screening import decoded, encoded
+
+LINEAR = ColourTag("linear", "BT.709", "made so")
+PIXELS = np.random.default_rng(3).uniform(0, 2, (24, 24, 3)).astype(np.float16)
+
+
+def stored(path: Path, pixels: np.ndarray, bits: int = 16) -> Path:
+    write_frame(Frame(pixels.astype(np.float32), path, LINEAR, bits, floating=True), path)
+    return path
+
+
+@pytest.mark.parametrize(("bits", "kept"), [(16, np.float16), (32, np.float32)])
+def test_only_halves_stay_half_and_only_where_asked(
+    tmp_path: Path, bits: int, kept: type[np.floating]
+) -> None:
+    path = stored(tmp_path / "a.exr", PIXELS, bits)
+    assert read_frame(path).pixels.dtype == np.float32
+    assert read_master([path]).frames[0].pixels.dtype == np.float32
+    (frame,) = read_master([path], halves=True).frames
+    assert frame.pixels.dtype == kept
+    np.testing.assert_array_equal(frame.pixels, PIXELS)
+    assert read_master([path], halves=True).pixels.dtype == np.float32
+
+
+@pytest.mark.parametrize("bad", [-0.5, np.nan, np.inf, -np.inf, -0.0])
+def test_impossible_halves_are_found_by_their_bits(bad: float) -> None:
+    halves = PIXELS.copy()
+    assert are_sound(halves)
+    halves[5, 7, 1] = bad
+    assert not are_sound(halves)
+
+
+@pytest.mark.parametrize(
+    ("name", "colour"),
+    [("x.exr", None), ("x.png", ColourTag("srgb", "BT.709", "made so"))],
+    ids=["half", "PNG"],
+)
+def test_a_screen_is_encoded_of_halves_as_of_floats(
+    tmp_path: Path, name: str, colour: ColourTag | None
+) -> None:
+    """Off the screen, too, where a master may be brighter than the format that it becomes."""
+    path, out = stored(tmp_path / "a.exr", PIXELS), tmp_path / name
+    scene = load_scene("dome_imax")
+    screen = scene.screen(*PIXELS.shape[:2])
+    found = []
+    for halves in (False, True):
+        master = made_for(read_master([path], halves=halves), [out], None, colour)
+        result, _ = encoded(master, decoded(master, scene) / 4, scene, screen)
+        write_master(result, [out])
+        found.append(out.read_bytes())
+        if colour is None:
+            np.testing.assert_array_equal(result.frames[0].pixels[~screen], PIXELS[~screen])
+    assert found[0] == found[1]
