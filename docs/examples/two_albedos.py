@@ -15,10 +15,12 @@ That is an observation of rank one. Mitsuba traces the same dome at the end.
 """
 
 import sys
+from typing import Any
 
 import matplotlib.pyplot as plt
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from compensate import compensate
 from domesim import load_scene
@@ -72,13 +74,13 @@ window = (u > 0.4) & (u < 0.6) & (v > 0.2) & (v < 0.4)
 albedo = np.where((u > 0.25) & (u < 0.75), 0.3, 0.6)
 
 
-def on_sphere(values):
+def on_sphere(values: NDArray[Any]) -> dict[str, Any]:
     """A texture of (v, u)."""
     picture = mi.TensorXf(np.repeat(values.astype(np.float32)[..., None], 3, axis=-1))
     return {"type": "bitmap", "data": picture, "raw": True, "filter_type": "nearest"}
 
 
-def painted():
+def painted() -> dict[str, Any]:
     """The dome, lit where the window is."""
     paint = {"type": "diffuse", "reflectance": on_sphere(albedo)}
     return {
