@@ -17,6 +17,7 @@ from compensate.report_card import (
     viewer_crosstalk,
     ways,
 )
+from compensate.ruler import PEOPLE_SAY
 from domesim.commands.options import SeatName, Telling, TransportFile, grouped
 from domesim.commands.render import SceneArgument
 from domesim.commands.shows import Masters, require_one_seat
@@ -119,6 +120,7 @@ def _of_pair(scene: StereoScene, masters: Masters, console: Console) -> dict[str
             f"{each.one_eye:.2f} JOD with one; contrast off by {each.contrast:.2f} thresholds; "
             f"rivalry on {each.rivalry:.1%} of the picture"
         )
+    console.say(f"  {PEOPLE_SAY}")
     return {
         "clipped": clipped,
         "disparity": dict(depth),

@@ -16,7 +16,7 @@ from compensate.methods import Solver, methods_of
 from compensate.page.page import Figure, View, write_page
 from compensate.plain import PlainFigures
 from compensate.pose import Eye, Posed, Stage
-from compensate.ruler import NO_DIFFERENCE
+from compensate.ruler import NO_DIFFERENCE, PEOPLE_SAY
 from domesim.frames import Master
 from domesim.host.numbers import decimal, percent
 from domesim.inspection.magnitudes import SOURCES, Faintest
@@ -165,9 +165,9 @@ class Comparison:
                 "Quality lost",
                 "JOD",
                 {names[m]: f"{o.figures.loss_after:.2f}" for m, o in self.outcomes.items()},
-                "How much worse it looks than the master, by ColorVideoVDP: of two pictures 1 JOD "
-                f"apart, 75 of 100 people prefer the better. Below {NO_DIFFERENCE:g} JOD there is "
-                "no difference. It cannot see how grey black is, nor the figures below.",
+                f"How much worse it looks than the master, by ColorVideoVDP. {PEOPLE_SAY} Below "
+                f"{NO_DIFFERENCE:g} JOD there is no difference. It cannot see how grey black is, "
+                "nor the figures below.",
             ),
             *self._plain(names),
             *self._sky(names),

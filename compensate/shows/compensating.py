@@ -16,7 +16,7 @@ from compensate.fourier import transforms
 from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
-from compensate.ruler import NO_DIFFERENCE, compared
+from compensate.ruler import NO_DIFFERENCE, agreeing, compared
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.result import Status
 from compensate.steps import COARSE, are_fine, visible_steps
@@ -330,6 +330,13 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     return {**asdict(found), "loss_stored": lost, "steps": coarse}, line
 
 
+def _people(f: Figures) -> str:
+    """How often people order it and the untouched as the figures do, if these differ."""
+    if f.loss_before is None or abs(f.loss_after - f.loss_before) < NO_DIFFERENCE:
+        return ""
+    return f"; it and the untouched: {agreeing(f.loss_after, f.loss_before)}"
+
+
 def _plain(f: Figures) -> list[str]:
     """What ColorVideoVDP cannot see, for a person."""
     lines = {
@@ -365,7 +372,7 @@ def line_of(f: Figures) -> str:
     else:
         parts += [
             f"quality lost: {f.loss_after:.2f} JOD; untouched {f.loss_before:.2f}, subtracted "
-            f"{f.loss_subtractive:.2f}",
+            f"{f.loss_subtractive:.2f}" + _people(f),
             f"too dark for exact subtraction: {f.clipped:.1%} of the screen",
         ]
     if f.loss_by_seat:

@@ -14,6 +14,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     ),
     "Worth: what the default gains": (
         "quality",
+        "people",
         "two_eyes",
         "wrong_model",
         "flicker",
