@@ -106,7 +106,7 @@ def compensate(
             observation=observation,
         )  # fmt: skip
         return replace(result, light=as_sent(result.light, desired))
-    if _poses_its_own(observation, weighting, method):
+    if isinstance(weighting, Weighting) or _is_general(observation, weighting, method):
         screen = scene.screen(*desired.shape[1:3])
         require_within_range(desired, screen)
         assert not isinstance(weighting, Aim)
@@ -126,15 +126,11 @@ def compensate(
     return replace(result, light=np.where(on, result.light, desired))
 
 
-def _poses_its_own(
-    observation: Observation | None, weighting: Eye | Weighting | None, method: str
-) -> bool:
-    """Whether the problem is one of the user's own, and not a scene's with another observation."""
-    if isinstance(weighting, Weighting):
-        return True
-    if observation is None or isinstance(weighting, Aim) or method != "perceptual":
+def _is_general(observation: Observation | None, eye: Eye | None, method: str) -> bool:
+    """Whether an observation of the user's own needs a solver that knows nothing of it."""
+    if observation is None or isinstance(eye, Aim) or method != "perceptual":
         return False
-    return weighting is not None or reflecting(observation) is None
+    return eye is not None or reflecting(observation) is None
 
 
 def solve_frame(
