@@ -18,7 +18,8 @@ Expected
     judge of structure; it has the best mean rank of all methods, and is last by any judge in at
     most one input of eight. By ColorVideoVDP it is 0.12 JOD over the better of nothing and
     subtraction in the mean, and in no case more than 0.02 JOD below. Pairs: in the mean it is no
-    worse than nothing by any judge, nor than subtraction by those of JOD; at most one case of
+    worse than nothing by any judge, nor than subtraction by those of JOD (0.02 JOD are no
+    difference); at most one case of
     twelve is more than 0.02 JOD below the better; pure black gets at most a third of the light that
     the default before these laws gave it, and lit things keep 0.97 of theirs. What subtraction
     shows exactly, where the base is not lifted, keeps 0.98 to 1.05 of its light in the median and

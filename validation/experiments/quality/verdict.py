@@ -174,9 +174,10 @@ def _of_domes(cells: Cells) -> Iterator[Check]:
 
 def _of_pairs(cells: Cells) -> Iterator[Check]:
     for judge in panel.PANEL:
-        for other in _PLAIN if judge.name in (JUDGE, OTHER) else (NOTHING,):
+        in_jod = judge.name in (JUDGE, OTHER)
+        for other in _PLAIN if in_jod else (NOTHING,):
             what = f"pairs: {judge.name}, the default over {other}, mean"
-            yield at_least(what, better(cells, judge, other), 0.0)
+            yield at_least(what, better(cells, judge, other), -SHORT if in_jod else 0.0)
     below = f"more than {SHORT:g} JOD below the better of nothing and subtraction"
     yield at_most(
         f"pairs: share of cases {below}",
