@@ -107,4 +107,6 @@ class Frame:
         kind = f"{self.bits} bit float" if self.floating else f"{self.bits} bit"
         name = self.header.format or "frame"
         meaning = f"{self.colour.named} ({self.colour.source})"
+        if self.colour.primaries == "P3-DCI":
+            meaning += ", its white kept (p3-d65 would make it the projector's)"
         return "; ".join([f"{cols} x {rows} {name}, {kind}, {meaning}", *self.header.notes])

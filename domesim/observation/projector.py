@@ -30,6 +30,9 @@ Pixels = NDArray[np.floating]
 PRIMARIES = tuple(CHROMATICITIES)
 """Names of primaries that need no look-up."""
 
+CINEMA = ("P3-DCI", "XYZ")
+"""Primaries of files whose white is a colour as any other, shown as it is (RP 431-2)."""
+
 NAMES = (
     f"one of {', '.join(name for name in PRIMARIES if name != 'XYZ')}, or of the RGB colour spaces "
     "of colour-science, such as 'Adobe RGB (1998)'"
@@ -109,7 +112,7 @@ class Projector:
         light
             (view, row, col, primary), 1.0 = projector white.
         """
-        return _convert(transfer.decode(pixels), primaries, self._space)
+        return _convert(transfer.decode(pixels), primaries, self._space, kept=primaries in CINEMA)
 
     def encode(self, light: Light, transfer: Transfer, primaries: str) -> Pixels:
         """Code values that stand for light: the inverse of `decode`.
@@ -126,7 +129,7 @@ class Projector:
         pixels
             (view, row, col, RGB) code values.
         """
-        return transfer.encode(_convert(light, self._space, primaries))
+        return transfer.encode(_convert(light, self._space, primaries, kept=primaries in CINEMA))
 
     def to_display(self, light: Light) -> Pixels:
         """(view, row, col, RGB) light in BT.709 primaries, for showing on a computer screen."""
@@ -217,14 +220,18 @@ def chromaticities(name: str) -> tuple[float, ...] | None:
     return tuple(np.column_stack([x, y]).ravel().tolist()) if np.all(y != 0) else None
 
 
-def _convert(rgb: Pixels, source: str | Matrix, target: str | Matrix) -> Pixels:
+def _convert(
+    rgb: Pixels, source: str | Matrix, target: str | Matrix, *, kept: bool = False
+) -> Pixels:
     if source == target:
         return rgb
-    return rgb @ conversion(source, target).T.astype(rgb.dtype)
+    return rgb @ conversion(source, target, kept=kept).T.astype(rgb.dtype)
 
 
 @cache
-def conversion(source: str | Matrix, target: str | Matrix) -> NDArray[np.float64]:
+def conversion(
+    source: str | Matrix, target: str | Matrix, *, kept: bool = False
+) -> NDArray[np.float64]:
     """Matrix from linear RGB in `source` primaries to `target` primaries.
 
     White goes to white (Bradford adaptation), except from and to XYZ, which is colorimetric with
@@ -234,6 +241,8 @@ def conversion(source: str | Matrix, target: str | Matrix) -> NDArray[np.float64
     ----------
     source, target
         Names of primaries, or measured ones (see `relative_primaries`).
+    kept
+        Whether white, too, keeps its chromaticity.
 
     Returns
     -------
@@ -249,7 +258,7 @@ def conversion(source: str | Matrix, target: str | Matrix) -> NDArray[np.float64
         if isinstance(space, str):
             require_primaries(space)
     to_xyz, from_target = _to_xyz(source), np.linalg.inv(_to_xyz(target))
-    if "XYZ" in (source, target):
+    if kept or "XYZ" in (source, target):
         return np.asarray(from_target @ to_xyz)
     whites = [_BRADFORD @ matrix.sum(axis=1) for matrix in (to_xyz, _to_xyz(target))]
     adapted = np.linalg.inv(_BRADFORD) @ np.diag(whites[1] / whites[0]) @ _BRADFORD
