@@ -14,6 +14,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames import yuv
 
@@ -106,20 +107,20 @@ def header_of(line: bytes) -> Y4M:
     fields = {word[:1]: word[1:] for word in words[1:] if word}
     if not line.startswith(MAGIC) or not (fields.get("W", "") + fields.get("H", "")).isdecimal():
         raise InputError(
-            f"standard input: wanted a Y4M stream, got {line[:24]!r}; write one (ffmpeg -f "
-            f"yuv4mpegpipe), or give --size for raw frames"
+            f"standard input: wanted a Y4M stream, got {line[:24]!r}; write one "
+            f"({ADVICE['Y4M'].given()}), or give --size for raw frames"
         )
     if fields.get("I", "p") not in ("p", "?", ""):
         raise InputError(
             f"standard input: wanted whole frames, got interlaced ones (I{fields['I']}); "
-            f"deinterlace them first (ffmpeg -vf bwdif)"
+            f"deinterlace them first ({ADVICE['whole frames'].given()})"
         )
     sampling = _SAMPLING.fullmatch(fields.get("C", "420jpeg"))
     if sampling is None or any(word == "XCOLORRANGE=FULL" for word in words):
         what = "full range" if sampling else f"C{fields['C']}"
         raise InputError(
             f"standard input: wanted a Y4M stream of 4:2:0, 4:2:2 or 4:4:4 in limited range, got "
-            f"{what}; convert it (ffmpeg -vf scale=out_range=tv,format=yuv420p)"
+            f"{what}; convert it ({ADVICE['Y4M in limited range'].given()})"
         )
     return Y4M(
         line,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames.frame import Frame
 from domesim.light import transfer
@@ -48,8 +49,8 @@ def shown_over_black(frame: Frame) -> Frame:
     if not opacity(header.extra[alpha]).any() and frame.pixels.any():
         raise InputError(
             f"{frame.path}: wanted an alpha that lets something through, got 0 everywhere over a "
-            "picture (captures of games have that). Export it without alpha (ImageMagick: convert "
-            "IN -alpha off OUT)."
+            "picture (captures of games have that). Export it without alpha "
+            f"({ADVICE['no alpha'].given()})."
         )
     shown = over_black(frame.pixels, header.extra[alpha], frame.colour.transfer)
     return replace(frame, pixels=shown, header=noted)

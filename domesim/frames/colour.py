@@ -247,8 +247,7 @@ def unsupported_encoding(path: Path, got: str) -> InputError:
     wanted = ", ".join(TRANSFER_NAMES.values())
     return InputError(
         f"{path}: wanted code values that are linear, {wanted}, got {got}. "
-        "Convert it first (oiiotool IN --colorconvert FROM TO -o OUT), or say what it is "
-        "(--encoding)."
+        "Convert it first where it was made, or say what it is (--encoding)."
     )
 
 

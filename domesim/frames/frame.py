@@ -48,9 +48,11 @@ class Header:
 
     @property
     def alpha(self) -> int | None:
-        """Which of `extra` is alpha; None if none is."""
+        """Which of `extra` is alpha, of the same layer as R, G, B; None if none is."""
+        layer = self.channels[self.rgb[0]].rpartition(".")[0]
+        wanted = f"{layer}.A" if layer else "A"
         others = [name for k, name in enumerate(self.channels) if k not in self.rgb]
-        return next((k for k, name in enumerate(others) if name.upper() == "A"), None)
+        return next((k for k, name in enumerate(others) if name.upper() == wanted.upper()), None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,8 +87,7 @@ def refuse_mistaken_pair(frames: Sequence[Frame], *, allow_identical: bool) -> N
         ]
         raise InputError(
             f"{where}: wanted one encoding of left and right, got {' and '.join(encodings)}. "
-            "Convert one of them (oiiotool IN --colorconvert FROM TO -o OUT), or say what both "
-            "are (--encoding)."
+            "Convert one of them where it was made, or say what both are (--encoding)."
         )
     identical = np.array_equal(left.pixels, right.pixels)
     if identical and not allow_identical and not _is_plain(left.pixels):

@@ -14,6 +14,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError, reason
 from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag
@@ -86,6 +87,8 @@ def read_image(
         if video_of(path) is not None:
             return read_video_frame(path, colour=colour)
         with opened(path) as (reader, form):
+            if form.channels == "any":  # its picture may not be the first part
+                refuse_several_images(path, reader)
             layout = layout_of(path, reader, form, grey=grey, colour=colour)
             samples = read_channels(path, reader, layout)
             refuse_several_images(path, reader)
@@ -250,8 +253,8 @@ def _refuse_video(path: Path) -> None:
         raise camera_raw(path)
     if start[4:8] == b"ftyp" and start[8:12] in _STILLS:
         raise InputError(
-            f"{path}: wanted {LABELS}, got HEIF or AVIF. Convert it to EXR or "
-            "PNG (ImageMagick: convert IN OUT.png)."
+            f"{path}: wanted {LABELS}, got HEIF or AVIF. Save it as PNG, JPEG or TIFF with its "
+            "colours' profile where it was made."
         )
     container = container_of(start)
     if container is not None:
@@ -306,17 +309,24 @@ def layout_of(
     if view is not None:
         channels, places, named = tuple(view.channels.values()), tuple(view.channels), view.name
     rgb = find_grey(channels) if grey and form.channels == "any" else None
+    notes = list(form.notes)
+    if rgb is None and view is None and form.channels == "any":
+        rgb, layer = _find_layer(channels)
+        notes += [f"layer {layer}"] if layer else []
     if rgb is None:
         rgb = _find_rgb(path, spec.get_string_attribute(f"{form.name}:ColorSpace"), channels, named)
     kinds = tuple(kinds_of(spec)[place] for place in places)
     bits, floating = _depth(path, spec, {kinds[channel] for channel in rgb})
     meant, stated = _colours(path, spec, form, colour)
+    if [channels[k].upper() for k in rgb] == [*"XYZ"]:
+        stated = ColourTag("linear", "XYZ", "file: channels X, Y, Z")
+        meant = stated if colour is None else meant
     orientation = form.turned or known(spec.getattribute("Orientation"))
     legal = not floating and form.is_legal(spec, bits)
     straight = form.unassociated
     if straight is None:
         straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
-    notes = [*form.notes, *_pixel_notes(path, spec, form), *(["legal range"] if legal else [])]
+    notes += [*_pixel_notes(path, spec, form), *(["legal range"] if legal else [])]
     if orientation != UPRIGHT:
         notes.append(f"turned upright: its Orientation is {orientation}")
     header = Header(
@@ -367,7 +377,7 @@ def not_square(path: Path, aspect: float) -> InputError:
     return InputError(
         f"{path}: wanted square pixels, got ones of {aspect:.4g} : 1 (pixel aspect ratio). Resize "
         "the picture to square ones first, or correct what the file says if they are square "
-        "(oiiotool IN --attrib PixelAspectRatio 1 -o OUT)."
+        f"({ADVICE['square pixels'].given()})."
     )
 
 
@@ -436,6 +446,25 @@ def find_grey(channels: Sequence[str]) -> tuple[int, int, int] | None:
     return (upper.index("Y"),) * 3
 
 
+def _find_layer(channels: tuple[str, ...]) -> tuple[tuple[int, int, int] | None, str]:
+    """Which channels are R, G, B of the only layer, or of that which combines others; or X, Y, Z.
+
+    And the layer's name; None and "" where R, G, B stand alone, or it is open which layer is meant.
+    """
+    upper = [channel.upper() for channel in channels]
+    if not {"R", "G", "B"}.isdisjoint(upper):
+        return None, ""
+    if all(upper.count(axis) == 1 for axis in "XYZ"):
+        return (upper.index("X"), upper.index("Y"), upper.index("Z")), ""
+    layers = layers_of(channels)
+    combined = [layer for layer in layers if layer.rpartition(".")[2].lower() == "combined"]
+    chosen = layers if len(layers) == 1 else combined
+    if len(chosen) != 1:
+        return None, ""
+    red, green, blue = (upper.index(f"{chosen[0]}.{end}".upper()) for end in "RGB")
+    return (red, green, blue), chosen[0]
+
+
 def _find_rgb(path: Path, model: str, channels: tuple[str, ...], view: str) -> tuple[int, int, int]:
     """Which channels are R, G, B."""
     # OpenImageIO turns others into an RGB of its own making.
@@ -446,17 +475,29 @@ def _find_rgb(path: Path, model: str, channels: tuple[str, ...], view: str) -> t
         red, green, blue = (matches[0] for matches in indices)
         return red, green, blue
     grey = next((name for name in channels if name.upper() in ("Y", "L", "I")), None)
-    way = "R=Y,G=Y,B=Y".replace("Y", grey) if grey else "R=...,G=...,B=..."
+    layers = layers_of(channels)
+    way = ADVICE["grey"].given(grey=grey) if grey and len(channels) < 3 else ""
+    if layers:
+        way = f"choose one of layers {listed(layers)}: {ADVICE['layer'].given(layer=layers[0])}"
     names = listed(channels)
     if view:
         raise InputError(
             f"{path}: wanted one each of channels R, G, B, or Y alone, in view {view}, got "
-            f"{names or 'none'}. Name them so (oiiotool IN --chnames ... -o OUT)."
+            f"{names or 'none'}. Name them so where it was made."
         )
     raise InputError(
         f"{path}: wanted one each of channels R, G, B, got {names}. "
-        f"Convert it to RGB first (oiiotool IN --ch {way} -o OUT)."
+        f"Convert it to RGB first{f' ({way})' if way else ' where it was made'}."
     )
+
+
+def layers_of(channels: Sequence[str]) -> list[str]:
+    """Names of layers that have R, G and B: ``beauty`` of ``beauty.R``."""
+    ends = (
+        {name.rpartition(".")[0] for name in channels if name.upper().endswith(end)}
+        for end in (".R", ".G", ".B")
+    )
+    return sorted(set.intersection(*ends))
 
 
 def listed(names: Sequence[str]) -> str:
@@ -472,7 +513,7 @@ def _depth(path: Path, spec: Any, kinds: set[str]) -> tuple[int, bool]:
     if len(kinds) > 1 or kind not in INTEGER:
         raise InputError(
             f"{path}: wanted R, G, B of 8 to 16 bit integers or 16 or 32 bit floats, "
-            f"got {', '.join(sorted(kinds))}. Convert it (oiiotool IN -d float -o OUT)."
+            f"got {', '.join(sorted(kinds))}. Convert it ({ADVICE['whole numbers'].given()})."
         )
     stated = spec.get_int_attribute("oiio:BitsPerSample")
     return (stated if kind == "uint16" and stated in (10, 12) else INTEGER[kind]), False
@@ -515,7 +556,7 @@ def read_plane(path: Path, reader: Any, place: int, channel: str, kind: str) -> 
     if kind == "uint" and plane.max() >= 2**22:
         raise InputError(
             f"{path}: wanted integers below {2**22} in channel {channel}, got "
-            f"{plane.max()}. Remove the channel (oiiotool IN --ch R,G,B -o OUT)."
+            f"{plane.max()}. Remove the channel ({ADVICE['R, G, B alone'].given()})."
         )
     return plane
 
@@ -540,10 +581,23 @@ def refuse_several_images(path: Path, reader: Any) -> None:
     several = several or bool(reader.seek_subimage(1, 0))
     problem_of(reader)
     if several:
+        specs = [*_parts(reader)]
+        pictures = [k for k, each in enumerate(specs) if {"R", "G", "B"} <= {*each.channelnames}]
+        names = [each.get_string_attribute("oiio:subimagename") for each in specs]
         raise InputError(
-            f"{path}: wanted one image, got a file of several parts or pages. "
-            "Take one (oiiotool IN --subimage 0 -o OUT)."
+            f"{path}: wanted one image, got a file of several parts or pages"
+            f"{f' ({listed(names)})' if any(names) else ''}. Take one alone "
+            f"({ADVICE['one part'].given(number=pictures[0] if pictures else 0)})."
         )
+
+
+def _parts(reader: Any) -> Iterator[Any]:
+    """Headers of an EXR's parts."""
+    if reader.format_name() == "openexr":
+        for number in range(reader.spec().get_int_attribute("oiio:subimages", 1)):
+            if reader.seek_subimage(number, 0):
+                yield reader.spec()
+        problem_of(reader)
 
 
 # The frame.

@@ -20,6 +20,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.formats.base import Window
@@ -184,8 +185,7 @@ def _read_views(
     if missing:
         raise InputError(
             f"{path}: wanted channels of the views that multiView lists, got none of {missing[0]}. "
-            "Write both views, or remove that attribute (oiiotool IN --eraseattrib multiView -o "
-            "OUT)."
+            f"Write both views, or remove that attribute ({ADVICE['one view'].given()})."
         )
 
     def read(index: int) -> Frame:

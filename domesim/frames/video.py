@@ -34,6 +34,7 @@ from typing import Any, TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError, reason
 from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of_code_points
@@ -171,11 +172,11 @@ def container_of(start: bytes) -> str | None:
 
 def other_container(path: Path, container: str) -> InputError:
     """The error for a video in a container that is not read, or under a suffix that is not."""
-    codec = "-c copy" if container == "MPEG-TS" else "-c:v ffv1 -c:a copy"
+    way = ADVICE["another container" if container == "MPEG-TS" else "another codec"]
     rename = ", or rename it if its suffix is wrong" if container in _READ else ""
     return InputError(
         f"{path}: wanted a video in {', '.join(SUFFIXES)}, got one in {container} called "
-        f"'{path.suffix}'. Convert it (ffmpeg -i IN {codec} OUT.mkv){rename}."
+        f"'{path.suffix}'. Convert it ({way.given()}){rename}."
     )
 
 
@@ -301,8 +302,8 @@ def _picture_of(video: Path, container: Any) -> Stream:
     if abs(aspect - 1) > SQUARE and not _both_views(video, stream, Fraction(aspect)):
         raise InputError(
             f"{video}: wanted square pixels, got ones of {aspect.numerator} : {aspect.denominator} "
-            "(sample aspect ratio). Resize it to square ones first (ffmpeg -i IN -vf "
-            "scale=iw*sar:ih,setsar=1 -c:v ffv1 -c:a copy OUT.mkv)."
+            "(sample aspect ratio). Resize it to square ones first "
+            f"({ADVICE['square pixels of a film'].given()})."
         )
     context.options = {"err_detect": "crccheck+bitstream+buffer+explode"}
     return stream
@@ -322,12 +323,12 @@ def _both_views(video: Path, stream: Stream, aspect: Fraction) -> bool:
     view = context.width / context.height * (0.5 if beside else 2)
     if view > _WIDE if beside else view < 2 * _WIDE:
         return True
-    option, of_one = ("width", context.width // 2) if beside else ("height", context.height // 2)
+    side, pixels = ("width", context.width // 2) if beside else ("height", context.height // 2)
     raise InputError(
         f"{video}: wanted views of square pixels, got ones of {view:.3g} : 1 at {aspect} : 1. If "
-        f"they are whole, say the size of one (mkvpropedit IN --edit track:v1 --set "
-        f"display-{option}={of_one}). If they are squeezed, stretch them (ffmpeg -i IN -vf "
-        "scale=iw*sar:ih,setsar=1 -c:v ffv1 -c:a copy OUT.mkv)."
+        f"they are whole, say the size of one "
+        f"({ADVICE['size of one view'].given(side=side, pixels=pixels)}). If they are squeezed, "
+        f"stretch them ({ADVICE['square pixels of a film'].given()})."
     )
 
 
@@ -350,7 +351,7 @@ def _require_codec(video: Path, context: Any) -> None:
         kind = f"{name} of {context.pix_fmt}" if name != "none" else "another"
         raise InputError(
             f"{video}: wanted a DCP's picture in MXF (JPEG 2000 of X'Y'Z'), got {kind}. Convert it "
-            f"to a video in {', '.join(SUFFIXES[:-1])} (ffmpeg -i IN -c:v ffv1 -c:a copy OUT.mkv)."
+            f"to a video in {', '.join(SUFFIXES[:-1])} ({ADVICE['another codec'].given()})."
         )
 
 
@@ -630,7 +631,10 @@ def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None
             f"{decoded.format.name}. Convert it to ProRes 4444 or FFV1."
         )
     if decoded.interlaced_frame:
-        raise InputError(f"{path}: wanted whole frames, got interlaced ones. De-interlace.")
+        raise InputError(
+            f"{path}: wanted whole frames, got interlaced ones. De-interlace it "
+            f"({ADVICE['whole frames'].given()})."
+        )
     tags = _completed(decoder.tags, _tags(decoded))
     if decoded.color_range in (_LIMITED, _FULL) and name not in _SILENT:
         tags = replace(tags, range=int(decoded.color_range))

@@ -20,6 +20,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.depths import code_range
@@ -43,6 +44,7 @@ from domesim.frames.stereo_exr import (
     encoded_stereo_exr,
     read_stereo_exr,
 )
+from domesim.frames.video import video_of
 from domesim.frames.writing import encoded, target_of
 from domesim.host.writing import write_together
 
@@ -475,12 +477,12 @@ def _read_inner(path: Path, content: bytes, colour: ColourTag | None) -> Frame:
 def _halves(frame: Frame, packing: Packing, eyes: Eyes | None) -> tuple[Frame, ...]:
     axis = _AXES[packing]
     rows, cols = frame.pixels.shape[:2]
+    way = ADVICE["without the gap" if video_of(frame.path) is None else "a film without the gap"]
     if packing == "top-bottom" and (high := _FRAME_PACKED.get((cols, rows))) is not None:
         raise InputError(
             f"{frame.path}: wanted left above right, got frame-packed 3D ({cols} x {rows} px), "
-            f"whose lines {high + 1} to {rows - high} are neither's. Take them out (ffmpeg -i IN "
-            f"-filter_complex '[0]split[a][b];[a]crop=iw:{high}:0:0:exact=1[c];"
-            f"[b]crop=iw:{high}:0:{rows - high}:exact=1[d];[c][d]vstack' OUT)."
+            f"whose lines {high + 1} to {rows - high} are neither's. Take them out "
+            f"({way.given(cols=cols, high=high, low=rows - high)})."
         )
     if (rows, cols)[axis] % 2:
         raise InputError(

@@ -154,13 +154,17 @@ def _channels(
     place = {channel: _LUMINANCE if grey else k for k, channel in enumerate(header.rgb)}
     others = iter(range(3, 3 + len(header.extra)))
     sources = [place[k] if k in place else next(others) for k in range(len(header.channels))]
-    alpha = [channel.upper() == "A" for channel in header.channels]
+    extra = [k for k in range(len(header.channels)) if k not in header.rgb]
+    alpha = None if header.alpha is None else extra[header.alpha]
     chosen = [
         # What is free has no integers of 8 or 16 bits.
         (channel, header.kinds[k] if kept or (free and same and source >= 3) else kind, source)
         for k, (channel, source) in enumerate(zip(header.channels, sources, strict=True))
-        if source < 3 or free or (whole and (same or (alpha[k] and form.channels == "alpha")))
+        if source < 3 or free or (whole and (same or (k == alpha and form.channels == "alpha")))
     ]
+    if not free:  # layers have no names there
+        plain = ["RGB"[k] if 0 <= k < 3 else name.rpartition(".")[2] for name, _, k in chosen]
+        chosen = [(name, *each[1:]) for name, each in zip(plain, chosen, strict=True)]
     if grey and not free:
         rgb = [(channel, kind, source) for source, channel in enumerate("RGB")]
         chosen = rgb + [each for each in chosen if each[2] != _LUMINANCE]

@@ -42,6 +42,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames import Frame
 from domesim.frames.encodings import encoding_named
@@ -337,7 +338,8 @@ def require_depth(frame: Frame) -> None:
     if frame.bits < _LEAST_BITS:
         raise InputError(
             f"{frame.path}: a photograph must be raw and linear, of {_LEAST_BITS} bits or more, "
-            f"got {frame.bits}; develop it without a curve (dcraw -4 -T IN, or a linear EXR)"
+            f"got {frame.bits}; develop it without a curve ({ADVICE['develop'].given()}, or a "
+            "linear EXR)"
         )
 
 

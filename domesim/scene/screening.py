@@ -10,9 +10,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.frames.frame import Pixels
+from domesim.frames.video import video_of
 from domesim.light import Light, transfer
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.projector import require_primaries
@@ -59,7 +61,7 @@ def decoded(master: Master, scene: Scene) -> Light:
     if not brightest <= BRIGHTEST:
         raise InputError(
             f"{master.path}: wanted light up to {BRIGHTEST:g} (projector white is 1), got "
-            f"{brightest:g}. Render it again, or clamp it (oiiotool IN --clamp:max=100 -o OUT)."
+            f"{brightest:g}. Render it again, or clamp it ({ADVICE['clamp'].given()})."
         )
     return light
 
@@ -127,11 +129,13 @@ def _require_whole_views(master: Master, scene: Scene) -> None:
     if 0.6 < squeezed < 1.6:
         return
     size, axis = ((2, 1), "width") if squeezed < 1 else ((1, 2), "height")
+    way = ADVICE["stretch" if video_of(master.path) is None else "stretch a film"].given(
+        cols=cols * size[0] * (2 if master.packing == "side-by-side" else 1),
+        rows=rows * size[1] * (2 if master.packing == "top-bottom" else 1),
+    )
     raise InputError(
         f"{master.path}: wanted views as wide as {scene.name}'s screen ({width / height:.3g} : 1), "
-        f"got {cols} x {rows} px: views at half {axis}? Stretch the picture first (oiiotool IN "
-        f"--resize {cols * size[0] * (2 if master.packing == 'side-by-side' else 1)}x"
-        f"{rows * size[1] * (2 if master.packing == 'top-bottom' else 1)} -o OUT)."
+        f"got {cols} x {rows} px: views at half {axis}? Stretch the picture first ({way})."
     )
 
 

@@ -14,6 +14,7 @@ from typing import Any, BinaryIO, ClassVar, Literal, Self, TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames.colour import (
     ColourTag,
@@ -392,7 +393,7 @@ def camera_raw(path: Path) -> InputError:
     """The error for what a camera's sensor gave."""
     return InputError(
         f"{path}: wanted a picture, got a camera's raw file. Develop it first, in linear light for "
-        "measurements (dcraw -4 -T IN)."
+        f"measurements ({ADVICE['develop'].given()})."
     )
 
 

@@ -20,8 +20,8 @@ _TURNED, _DEVICE, _INDUSTRY = 768, 1408, 1664  # where fields begin
 _FIELDS = ((136, 160), (_TURNED, _TURNED + 2), (_DEVICE, _INDUSTRY), (_INDUSTRY, _HEADER))
 _DESCRIPTOR = 800
 _LUMA_AND_CHROMA = (b"\7", b"d", b"e", b"f", b"g")  # 7: chroma alone; 100 to 103
-_ROWS = (1, 2, 4, 3)
-_COLUMNS = range(4, 8)
+_EXIF = (1, 2, 4, 3, 5, 6, 8, 7)  # number of its orientation, by that of DPX
+_COLUMNS = range(4, 8)  # whose lines are columns
 _OF_INDUSTRY = (
     *("Format", "FramePosition", "SequenceLength", "HeldCount", "FrameRate", "ShutterAngle"),
     *("FrameId", "SlateInfo", "FilmEdgeCode", "Interlace", "FieldNumber", "Signal", "TimeCode"),
@@ -73,14 +73,15 @@ class DPX(Format):
                 "as R, G, B."
             )
         turned = int.from_bytes(header[_TURNED : _TURNED + 2], "big" if order == ">" else "little")
-        # OpenImageIO makes rows of lines that are columns.
-        if turned in _COLUMNS:
-            raise InputError(
-                f"{path}: wanted lines that are rows, got image orientation {turned}, lines of "
-                "which are columns. Turn it first (ImageMagick: convert IN -auto-orient OUT)."
-            )
-        shown = _ROWS[turned] if turned < len(_ROWS) else UPRIGHT
-        return replace(self, header=header, big_endian=order == ">", turned=shown)
+        shown = _EXIF[turned] if turned < len(_EXIF) else UPRIGHT
+        anew = None
+        if turned in _COLUMNS:  # OpenImageIO makes rows of them
+            file.seek(0)
+            content = bytearray(file.read())
+            content[_TURNED : _TURNED + 2] = bytes(2)
+            anew = bytes(content)
+        big = order == ">"
+        return replace(self, header=header, big_endian=big, turned=shown, stored_anew=anew)
 
     def _colour(self, path: Path, spec: Any) -> ColourTag:
         stated = spec.get_string_attribute("dpx:Transfer") or "Undefined"

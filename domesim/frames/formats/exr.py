@@ -19,6 +19,7 @@ from typing import Any, BinaryIO, Self, TypeAlias, final
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames.colour import (
     ColourTag,
@@ -81,7 +82,8 @@ class EXR(Format):
             # would break the promise that a file keeps what it holds.
             raise InputError(
                 f"{path}: wanted pixels within the display window {_window(display)}, got overscan "
-                f"{_window(data)}. Crop it first (oiiotool IN --crop {_window(display)} -o OUT)."
+                f"{_window(data)}. Crop it first "
+                f"({ADVICE['crop'].given(window=_window(display))})."
             )
         return data, display
 

@@ -22,6 +22,7 @@ from typing import Any, BinaryIO, NamedTuple, Self, final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.formats.base import Format, Target, camera_raw
@@ -81,7 +82,7 @@ class TIFF(Format):
             raise InputError(
                 f"{path}: wanted a TIFF of LZW, ZIP, ZSTD, LZMA, PackBits, JPEG or no compression, "
                 f"got {lacking[1] or f'compression {lacking[2]}'}. It is not damaged: save it with "
-                "LZW or ZIP (ImageMagick: convert IN -compress zip OUT)."
+                f"LZW or ZIP ({ADVICE['plain TIFF'].given()})."
             )
 
     def is_padded(self, path: Path, rgb: NDArray[Any], bits: int, colour: ColourTag) -> bool:

@@ -49,6 +49,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
+from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames import read_master
 from domesim.frames.encodings import encoding_named
@@ -362,6 +363,6 @@ def _light(path: Path) -> Floats:
     if said is not None and not said.assumed and said.transfer != "linear":
         raise InputError(
             f"{path}: wanted a linear photograph, got {said.named} ({said.source}). Develop it "
-            "without a curve (dcraw -4 -T IN, or a linear EXR)."
+            f"without a curve ({ADVICE['develop'].given()}, or a linear EXR)."
         )
     return np.asarray(frame.pixels, np.float64)

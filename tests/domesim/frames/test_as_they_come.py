@@ -500,3 +500,58 @@ def test_an_exr_of_subsampled_channels_is_not_called_damaged(
     OpenEXR.File(header, planes).write(str(path))
     assert got in refusal(path)
     assert "not damaged" in refusal(path)
+
+
+# EXR: layers, and light in X, Y, Z.
+
+LIGHT = (np.random.default_rng(7).random((16, 16, 3)) / 2).astype(np.float16)
+
+
+@pytest.mark.parametrize(
+    ("before", "channels"),
+    [
+        ("beauty", "beauty.R,beauty.G,beauty.B,beauty.A"),
+        ("ViewLayer.Combined", "ViewLayer.Combined.{},ViewLayer.DiffCol.{},Depth.Z"),
+        ("RenderLayer.Combined", "RenderLayer.Combined.{},RenderLayer.Mist.Z"),
+    ],
+)
+def test_the_only_layer_that_can_be_meant_is_taken(
+    tmp_path: Path, before: str, channels: str
+) -> None:
+    names: list[str] = []
+    for each in channels.split(","):
+        names += [each.format(end) for end in "RGB"] if "{}" in each else [each]
+    planes = np.random.default_rng(8).random((16, 16, len(names))).astype(np.float16)
+    planes[..., [names.index(f"{before}.{end}") for end in "RGB"]] = LIGHT
+    path = store(tmp_path / "x.exr", planes, ",".join(names))
+    read = read_frame(path)
+    assert f"layer {before}" in read.described()
+    np.testing.assert_array_equal(read.pixels, LIGHT.astype(np.float32))
+    write_frame(read.with_pixels(read.pixels / 2), tmp_path / "y.exr")
+    again = read_frame(tmp_path / "y.exr")
+    np.testing.assert_array_equal(again.pixels, LIGHT.astype(np.float32) / 2)
+    assert set(again.header.channels) == set(names)
+    for name, plane in zip(read.header.channels, range(99), strict=False):
+        assert name == again.header.channels[plane]
+    for old, new in zip(read.header.extra, again.header.extra, strict=True):
+        np.testing.assert_array_equal(old, new)
+    write_frame(read, tmp_path / "z.png")
+    flat = read_frame(tmp_path / "z.png")
+    assert flat.header.channels == (*"RGB", "A") if before == "beauty" else (*"RGB",)
+    np.testing.assert_allclose(flat.pixels, read.pixels, atol=1e-4)
+
+
+def test_light_in_x_y_z_is_read_as_such(tmp_path: Path) -> None:
+    """Of pure XYZ, Y is luminance; D65 of 0.5 is white of half the light."""
+    white = np.array([0.3127 / 0.3290, 1.0, (1 - 0.3127 - 0.3290) / 0.3290]) / 2
+    path = store(tmp_path / "x.exr", np.tile(white, (8, 8, 1)).astype(np.float32), "X,Y,Z")
+    read = read_frame(path)
+    assert read.colour.primaries == "XYZ"
+    shown = Projector("BT.709", 100.0).decode(
+        read.pixels[None], transfer.named("linear", white=100.0), "XYZ"
+    )
+    np.testing.assert_allclose(shown, 0.5, atol=1e-4)
+    write_frame(read, tmp_path / "y.exr")
+    again = read_frame(tmp_path / "y.exr")
+    assert set(again.header.channels) == {*"XYZ"}
+    np.testing.assert_array_equal(again.pixels, read.pixels)

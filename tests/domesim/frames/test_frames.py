@@ -336,9 +336,8 @@ def test_channels_of_several_types_survive(tmp_path: Path) -> None:
         ("grey.jpg", "Y"),
         ("grey.png", "Y,A"),
         ("stereo.exr", "Y,right.Y"),
-        ("layer.exr", "left.R,left.G,left.B"),
+        ("layers.exr", "left.R,left.G,left.B,x.R,x.G,x.B"),
         ("two.exr", "R,G,B,r"),
-        ("xyz.exr", "X,Y,Z"),
     ],
 )
 def test_without_one_each_of_r_g_b_a_file_is_refused(
@@ -348,7 +347,7 @@ def test_without_one_each_of_r_g_b_a_file_is_refused(
     path = store(tmp_path / name, texture(dtype, channels.count(",") + 1), channels)
     message = refusal(path)
     assert all(channel in message for channel in channels.split(","))
-    assert "oiiotool" in message
+    assert ("oiiotool" in message) == (name != "two.exr")
     assert ("R=Y,G=Y,B=Y" in message) == ("Y" in channels.split(","))
 
 

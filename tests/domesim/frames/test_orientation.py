@@ -12,6 +12,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 from image_files import store
+from plain_files import read_dpx, write_dpx
 
 from domesim.errors import InputError
 from domesim.frames import read_frame, read_master, write_frame, write_master
@@ -113,15 +114,23 @@ def test_another_format_gets_it_upright(tmp_path: Path, target: str) -> None:
         np.testing.assert_allclose(reader.read_image("float"), shown, atol=0.02)
 
 
-@pytest.mark.parametrize("field", [4, 5, 6, 7])
-def test_a_dpx_whose_lines_are_columns_is_refused(tmp_path: Path, field: int) -> None:
-    """OpenImageIO makes rows of them that they are not."""
-    path, _ = oriented(tmp_path / "in.dpx", 1)
+@pytest.mark.parametrize(("field", "orientation"), [(4, 5), (5, 6), (6, 8), (7, 7)])
+@pytest.mark.parametrize("order", "<>")
+def test_a_dpx_whose_lines_are_columns_is_turned(
+    tmp_path: Path, field: int, orientation: int, order: str
+) -> None:
+    """SMPTE ST 268-1, image orientation: the first pixels of lines are those of columns."""
+    codes = np.random.default_rng(5).integers(0, 1024, (9, 16, 3))
+    path = write_dpx(tmp_path / "in.dpx", codes, 10, order)
     content = bytearray(path.read_bytes())
-    struct.pack_into(">H" if content[:4] == b"SDPX" else "<H", content, 768, field)
+    struct.pack_into(order + "H", content, 768, field)
     path.write_bytes(content)
-    with pytest.raises(InputError, match=f"image orientation {field}"):
-        read_frame(path)
+    read = read_frame(path)
+    np.testing.assert_array_equal(np.rint(read.pixels * 1023), as_shown(codes, orientation))
+    write_frame(read, tmp_path / "out.dpx")
+    written = read_dpx(tmp_path / "out.dpx")
+    np.testing.assert_array_equal(written.codes, codes)
+    assert (tmp_path / "out.dpx").read_bytes()[768:770] == content[768:770]
 
 
 def test_the_other_channels_turn_along(tmp_path: Path) -> None:
