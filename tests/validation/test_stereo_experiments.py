@@ -83,11 +83,11 @@ def test_without_a_tracer_polarised_light_is_missing(monkeypatch):
 
 
 def test_the_line_by_hand_is_the_depolarised_share_over_the_rest():
-    """Design figures: s 0.0428 on a gain of 2.4, and 1000 : 1 twice."""
+    """Lipton's figures: s 0.021 on a gain of 2.4, and 300 : 1 twice."""
     theatre = load_stereo(polarised_crosstalk.SCENE).theatre
     assert theatre is not None
     assert polarised_crosstalk.by_hand(theatre, 0.0) == pytest.approx(
-        0.0214 / (2.4 - 0.0214) + 0.002, rel=0.01
+        0.0105 / (2.4 - 0.0105) + 2 / 300, rel=0.01
     )
 
 

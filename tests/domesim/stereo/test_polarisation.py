@@ -255,6 +255,33 @@ def test_a_published_silver_screen():
     assert screen_gain(SCREEN, 0.0, np.radians(26.0)) == pytest.approx(1.2, rel=0.03)
 
 
+def test_the_bundled_screen_has_a_published_extinction():
+    """200:1 with linear filters of 3000:1, circular ones of a tenth of that (Lipton 2010)."""
+    theatre = load_stereo("stereo_cinema_silver").theatre
+    assert theatre is not None
+
+    def middle(more: float) -> float:
+        found = replace(
+            theatre,
+            projectors=tuple(
+                replace(lamp, filter=replace(lamp.filter, leak=more * lamp.filter.leak))
+                for lamp in theatre.projectors
+            ),
+            eyewear=tuple(replace(glass, leak=more * glass.leak) for glass in theatre.eyewear),
+        )
+        return float(crosstalk_estimate(found, "sweet spot", 5, 9)[:, 2, 4].mean())
+
+    leaks = [lamp.filter.leak for lamp in theatre.projectors]
+    leaks += [glass.leak for glass in theatre.eyewear]
+    assert leaks == pytest.approx([1 / 300] * 4, rel=2e-3)
+    assert middle(0.1) == pytest.approx(1 / 200, rel=5e-3)
+    assert middle(1.0) == pytest.approx(0.011, rel=2e-3)
+    corners = crosstalk_estimate(theatre, "sweet spot", 9, 16).max()
+    assert (corners, crosstalk_estimate(theatre, "left", 9, 16).max()) == pytest.approx(
+        (0.0159, 0.0266), abs=2e-4
+    )
+
+
 def test_crosstalk_rises_off_axis():
     """At the same place on the screen, from seats further and further to the side."""
     bearing = np.radians([0, 10, 20, 30, 40])
