@@ -14,6 +14,7 @@ import pytest
 FOLDER = Path(__file__).parents[1] / "docs" / "examples"
 SAYS = {
     "compare_solvers": r"ADMM +\S+ +\d+ +\S+  \d\.\de-",
+    "own_method": r"^\| brightened \| \d",
     "own_observation": r"^Accelerated, as .* got LinearObservation\n(.|\n)*requested accuracy",
     "own_weighting": r"^Accelerated, as .* got LinearWeighting\n(.|\n)*requested accuracy",
     "two_albedos": r"^Computed directly: the master, lifted(.|\n)*^old half: 0\.0\d+ of white",

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from validation.experiment import Missing, Panel
 from validation.hearing import heard
 from validation.inputs import Input
 from validation.judges import luminance
+
+Way: TypeAlias = tuple[str, Eye] | Callable[[Light, Scene], Light]
+"""Method of `compensate.methods`, and what pictures are made for; or a method of one's own."""
 
 DEFAULT, NOTHING, SUBTRACTION = "default", "nothing", "subtraction"
 """Names of ways; the first is the product's default."""
@@ -133,7 +136,7 @@ class Case:
 
 def measure(
     case: Case,
-    way: tuple[str, Eye],
+    way: Way,
     judges: Iterable[panel.Judge],
     picture: str = "",
     store: Path | None = None,
@@ -142,9 +145,9 @@ def measure(
 
     `store`: folder of what judges said, if there is one.
     """
-    method, eye = way
-    posed = case.posed(eye)
-    master, shown = posed.wanted, posed.seen(solved(posed, method).light)
+    posed = case.plain if callable(way) else case.posed(way[1])
+    light = way(posed.desired, case.scene) if callable(way) else solved(posed, way[0]).light
+    master, shown = posed.wanted, posed.seen(light)
     judged = {}
     for judge in judges:
         try:
