@@ -237,8 +237,10 @@ class Stage:
     def pose_frame(self, frame: Master) -> tuple[Posed, float]:
         """Poses a master's file; the second value is the share of its screen out of range."""
         light = decoded(frame, self._scene)
-        desired, out_of_range = within_range(light, self._of_size(*light.shape[1:3]).screen)
-        return self.pose(desired), out_of_range
+        setting = self._of_size(*light.shape[1:3])
+        require_light(light, setting.observation.shape, who="compensate")
+        desired, out_of_range = within_range(light, setting.screen)
+        return Posed(setting, _on(setting.screen, desired, desired)), out_of_range
 
     def _of_size(self, rows: int, cols: int) -> Setting:
         with self._lock:
@@ -330,8 +332,18 @@ class Setting:
         """The largest light: 0 off the screen, for there nothing is projected."""
         if self.screen.all():
             return 1.0
-        upper = namespace(light).asarray(self.screen, dtype=light.dtype, device=light.device)
+        upper = self._upper
+        if not isinstance(light, np.ndarray) or light.dtype != upper.dtype:
+            upper = namespace(light).asarray(self.screen, dtype=light.dtype, device=light.device)
         return upper[None, :, :, None]
+
+    @cached_property
+    def _upper(self) -> NDArray[np.float32]:
+        """(row, col) 1 on the screen; a dome has it already."""
+        dome = self.single
+        if isinstance(dome, LowRankObservation):
+            return np.asarray(dome.screen_like(np.empty(0, np.float32)))
+        return self.screen.astype(np.float32)
 
     def subtracted(self, desired: Light) -> Light:
         """Subtracts exactly from a master, at the one seat or the mean one."""
@@ -393,7 +405,7 @@ def require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:
         )
 
 
-def _on(screen: NDArray[np.bool_], light: Light) -> Light:
+def _on(screen: NDArray[np.bool_], light: Light, out: Light | None = None) -> Light:
     """Light without what lies off the screen, which nobody sees: files keep it (`encoded`).
 
     Primary by primary: NumPy is slow along an axis of three.
@@ -404,9 +416,9 @@ def _on(screen: NDArray[np.bool_], light: Light) -> Light:
         off = ~screen[rows]
         return any(np.logical_and(light[view, rows, :, p], off).any() for p in primaries)
 
-    if screen.all() or not any(in_strips(lit, light.shape)):
+    if screen.all() or (out is None and not any(in_strips(lit, light.shape))):
         return light
-    kept = np.empty_like(light)
+    kept = np.empty_like(light) if out is None else out
 
     def keep(view: int, rows: slice) -> None:
         for p in primaries:

@@ -29,7 +29,9 @@ from domesim.light.strips import in_strips
 
 Angles: TypeAlias = NDArray[np.floating[Any]]
 
-_GAUSS_NODES, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(6)
+_GAUSS = [np.polynomial.legendre.leggauss(nodes) for nodes in (6, 2)]
+_SHORT = 1 / 256
+"""Pieces of half a picture's side for which Gauss's rule of two nodes is exact to rounding."""
 
 
 @final
@@ -274,7 +276,9 @@ class Dome:
         directions = self.directions(rows, cols, strip)
         return np.asarray(directions * self.distance(directions)[..., None] @ self.to_room.T)
 
-    def pixel_areas(self, rows: int, cols: int) -> NDArray[np.float64]:
+    def pixel_areas(
+        self, rows: int, cols: int, dtype: type[np.floating] = np.float64
+    ) -> NDArray[Any]:
         """(row, col): screen area that each domemaster pixel covers (a_i), m².
 
         Exact up to rounding, also for the pixels that the rim cuts: by Green's theorem the solid
@@ -301,7 +305,7 @@ class Dome:
         quadrant[-1, -1] += 2 * np.pi * (1 - np.cos(self.half_angle)) / (1 if size % 2 else 4)
         np.maximum(quadrant, 0.0, out=quadrant)
         quadrant[_nearest_distance(grid[: half + 1]) >= 1] = 0.0
-        solid_angle = np.empty((size, size))
+        solid_angle = np.empty((size, size), dtype)
         solid_angle[:half, :half], solid_angle[:half, -half:] = quadrant, quadrant[:, ::-1]
         solid_angle[-half:] = solid_angle[:half][::-1]
         if self.height_ratio == 1 and self.truncated_below is None:
@@ -334,7 +338,9 @@ class Dome:
         share[row, col] = np.sum(above * disc, axis=(1, 2)) / np.sum(disc, axis=(1, 2))
         return share
 
-    def screen_areas(self, rows: int, cols: int) -> NDArray[np.float64]:
+    def screen_areas(
+        self, rows: int, cols: int, dtype: type[np.floating] = np.float64
+    ) -> NDArray[Any]:
         """(row, col): `pixel_areas`, held by the pixels whose centre is on the screen.
 
         A pixel that the rim cuts and whose centre is off the screen gives its area to its neighbour
@@ -345,7 +351,7 @@ class Dome:
         InputError
             If the image is not square, or no pixel's centre is on the screen.
         """
-        areas, inside = self.pixel_areas(rows, cols), self.inside(rows, cols)
+        areas, inside = self.pixel_areas(rows, cols, dtype), self.inside(rows, cols)
         if not inside.any():
             raise InputError(f"no pixel of {cols} x {rows} is on the screen; use more of them")
         row, col = np.nonzero((areas > 0) & ~inside)
@@ -416,9 +422,7 @@ _LARGE = 1 << 23
 
 @lru_cache(maxsize=1)
 def _kept_areas(dome: Dome, rows: int, cols: int) -> NDArray[np.floating]:
-    areas: NDArray[np.floating] = dome.screen_areas(rows, cols)
-    if areas.size > _LARGE:
-        areas = areas.astype(np.float32)
+    areas = dome.screen_areas(rows, cols, np.float32 if rows * cols > _LARGE else np.float64)
     areas.flags.writeable = False
     return areas
 
@@ -471,7 +475,7 @@ def _edge_integrals(grid: NDArray[np.floating[Any]], half_angle: float) -> NDArr
         # atan2 of the cross and dot products of the piece's ends; 0 along a line through the centre
         turn = np.arctan2(-v * (end - start), start * end + v**2)
         integral = (np.cos(half_angle) - 1) * np.where(v == 0, 0.0, turn)
-        for node, weight in zip(_GAUSS_NODES, _GAUSS_WEIGHTS, strict=True):
+        for node, weight in zip(*_GAUSS[int(grid[1] - grid[0] < _SHORT)], strict=True):
             square = (middle + node * half) ** 2 + v**2
             # (1 - cos(H r)) / r² = 2 sin²(H r / 2) / r²; no node lies in the zenith
             sine = np.sin(half_angle / 2 * np.sqrt(square))
