@@ -14,7 +14,9 @@ around it, both of the pixels of the darker four fifths only (`FAINT`), where li
 
 What is seen of it is the slope of what is seen against the master, sum c c' / sum c^2: 1 is all, 0
 is none, below 0 it is reversed. It is measured from 0.25 to 1 degree (texture) and from 2 to 10
-degrees (the Milky Way).
+degrees (the Milky Way). Of texture only that counts which is above the eye's threshold t at
+L_coarse: c less t, and 0 below. So people match contrasts under a veil (the experiment `people`).
+They were asked at 2 and 4 cycles/degree, which says nothing of the Milky Way.
 
 *Stars* are points of the master: pixels `POINT` times as bright as all that lie two pixels away.
 Their light is that of 3 x 3 pixels, less what lies around. One figure is the median of seen light
@@ -37,13 +39,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compensate.ruler import BLACK, averaged
+from compensate.vision.castle import ACHROMATIC, castle
 from domesim.inspection.magnitudes import Faintest, faintest_star, sky_brightness
 from domesim.light import Light
 from domesim.light.blocks import block_sums
@@ -59,6 +62,8 @@ POINT = 3.0
 """Ratio of a star to the brightest pixel around it, at least."""
 STEP, SEEN_STEP = 1.25, 1.02
 """Ratio of the light of two stars that are told apart: in the master, and seen."""
+GRATING = 1.0
+"""Area of texture for castleCSF, deg²: that of the people's gratings (the experiment `people`)."""
 STARS = 1000
 """Most stars that are compared in pairs."""
 COLOURED = 20_000
@@ -84,7 +89,8 @@ class PlainFigures:
     black
         Luminance of the darker half over the untouched one's.
     contrast_fine, contrast_coarse
-        Share of the contrast that is seen, of 0.25 to 1 degree and of 2 to 10 degrees.
+        Share of the contrast that is seen: above threshold, of 0.25 to 1 degree, and of 2 to 10
+        degrees.
     stars, stars_in_order
         Light of stars over the master's, and share of pairs in order.
     hue_shift
@@ -269,7 +275,8 @@ class PlainRuler:
         for fine, coarse in (FINE, COARSE):
             block = int(np.ceil(fine * per_degree))
             times = round(coarse * per_degree / block)
-            band = _Contrast(self._master, faint, block, times) if times > 1 else None
+            seen = _texture if (fine, coarse) == FINE else None
+            band = _Contrast(self._master, faint, block, times, seen) if times > 1 else None
             bands.append(band if band and band.is_there else None)
         return bands
 
@@ -357,8 +364,16 @@ def _opponent(colours: Floats, luminance_weights: Floats) -> tuple[NDArray[Any],
 class _Contrast:
     """Contrast of blocks against blocks of `times` x `times` of them, where a master is faint."""
 
-    def __init__(self, master: Floats, faint: Mask, block: int, times: int) -> None:
-        self._faint, self._block, self._times = faint, block, times
+    def __init__(
+        self,
+        master: Floats,
+        faint: Mask,
+        block: int,
+        times: int,
+        seen: Callable[[Floats, Floats], Floats] | None,
+    ) -> None:
+        """`seen` tells how much of contrasts is seen, from them and the luminance around, cd/m²."""
+        self._faint, self._block, self._times, self._seen = faint, block, times, seen
         self._count = [block_sums(view.astype(np.float32), block) for view in faint]
         self._more = [np.maximum(block_sums(count, times), 1) for count in self._count]
         contrasts = self._of(master)
@@ -390,8 +405,26 @@ class _Contrast:
             rows, cols = sums.shape
             around = np.maximum(block_sums(sums, self._times) / more, np.float32(BLACK))
             around = around.repeat(self._times, 0).repeat(self._times, 1)[:rows, :cols]
-            contrasts.append(np.where(count > 0, sums / (np.maximum(count, 1) * around) - 1, 0))
+            contrast = np.where(count > 0, sums / (np.maximum(count, 1) * around) - 1, 0)
+            contrasts.append(contrast if self._seen is None else self._seen(contrast, around))
         return contrasts
+
+
+def _texture(contrast: Floats, around: Floats) -> Floats:
+    """How far Weber contrasts of texture lie above threshold; 0 below it."""
+    log, threshold = _thresholds()
+    t = np.interp(np.log10(around), log, threshold).astype(contrast.dtype)
+    return np.asarray(np.sign(contrast) * np.maximum(np.abs(contrast) - t, 0))
+
+
+@cache
+def _thresholds() -> tuple[Floats, Floats]:
+    """Log10 of luminances from `BLACK` up, cd/m², and the threshold contrast of texture there."""
+    luminance = np.geomspace(BLACK, 1e4, 400)
+    frequency = 1 / (
+        2 * np.sqrt(FINE[0] * FINE[1])
+    )  # periods of two blocks, and of two coarse ones
+    return np.log10(luminance), 1 / castle(frequency, luminance, ACHROMATIC, area=GRATING)
 
 
 def _points(plane: Floats, screen: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

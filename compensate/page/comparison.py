@@ -51,14 +51,14 @@ PLAIN = {
         "Contrast, 0.25 to 1°",
         "of the master",
         ".0%",
-        "Luminance against that around it, in the darker four fifths: what is seen of the "
-        "master's.",
+        "Luminance against that around it, in the darker four fifths, as far as it is above the "
+        "eye's threshold: what is seen of the master's.",
     ),
     "contrast_coarse": (
         "Contrast, 2 to 10°",
         "of the master",
         ".0%",
-        "The same of large and faint things, such as the Milky Way.",
+        "The same of large and faint things, such as the Milky Way, without a threshold.",
     ),
     "stars": (
         "Stars",

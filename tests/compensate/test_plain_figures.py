@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter
 from compensate import ruler
 from compensate.plain import POINT, PlainFigures, PlainRuler, of_colours
 from compensate.ruler import NO_DIFFERENCE, compared
+from compensate.vision.castle import ACHROMATIC, castle
 from domesim.inspection.magnitudes import faintest_star
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
@@ -71,8 +72,26 @@ def test_a_veil_takes_contrast_and_raises_black(veil: float) -> None:
     own = PlainRuler(light, DOME, DOME.screen(SIZE, SIZE))
     found = own.figures((light + veil).astype(np.float32), own.black(light))
     assert found.black == pytest.approx(1 + veil * white / own.black(light), rel=1e-5)
-    for contrast in (found.contrast_fine, found.contrast_coarse):
-        assert contrast == pytest.approx(level / (level + veil), rel=0.02)
+    assert found.contrast_coarse == pytest.approx(level / (level + veil), rel=0.02)
+
+
+@pytest.mark.parametrize("veil", [0.0, 0.001, 0.004, 0.02, 0.2])
+def test_texture_counts_as_far_as_it_is_above_threshold(veil: float) -> None:
+    """A checkerboard of half a degree, by castleCSF at 1 cycle/degree; under 0.2 it is not seen."""
+    level, contrast, white = 0.004, 0.4, DOME.projector.white
+    board = level * (1 + contrast * (-1.0) ** np.add.outer(np.arange(SIZE), np.arange(SIZE)))
+    board[:, : SIZE // 5] = 0.5
+    light = np.repeat(board[None, ..., None], 3, axis=-1).astype(np.float32)
+    own = PlainRuler(light, DOME, DOME.screen(SIZE, SIZE))
+    found = own.figures((light + np.float32(veil)).astype(np.float32), own.black(light))
+
+    def above(luminance: float, shown: float) -> float:
+        threshold = 1 / float(castle(1.0, white * luminance, ACHROMATIC, area=1.0))
+        return max(shown - threshold, 0.0)
+
+    expected = above(level + veil, contrast * level / (level + veil)) / above(level, contrast)
+    assert found.contrast_fine == pytest.approx(expected, rel=2e-3)
+    assert (expected == 0) == (veil == 0.2)
 
 
 def test_contrast_is_of_ratios_not_of_differences() -> None:

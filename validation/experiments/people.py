@@ -32,6 +32,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.plain import GRATING
 from compensate.ruler import PEOPLE
 from compensate.vision.castle import ACHROMATIC, RED_GREEN, YELLOW_VIOLET, castle
 from validation.data import FOLDER, data_folder
@@ -50,7 +51,7 @@ from validation.experiment import (
 VEILS, JUDGES = "veil_contrast_2025.csv", "ar_david_2024.csv"
 """Files in the folder ``people`` of the test data."""
 MECHANISMS = {"achromatic": ACHROMATIC, "red-green": RED_GREEN, "yellow-violet": YELLOW_VIOLET}
-AREA, AREAS = 1.0, (1.0, 4.0, 9.0, 25.0)
+AREA, AREAS = GRATING, (GRATING, 4.0, 9.0, 25.0)
 """Areas of the gratings, deg²: that of the expected figures, and those that are tried."""
 
 EXPECTED = {
