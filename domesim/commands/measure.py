@@ -21,11 +21,12 @@ from numpy.typing import ArrayLike, NDArray
 from domesim.commands.measure_patterns import patterns
 from domesim.commands.options import Json, Overwrite, Quiet, finish
 from domesim.errors import InputError
+from domesim.frames.colour import chromaticities_of
 from domesim.host.console import Console, about, complain
 from domesim.host.numbers import decimal
 from domesim.host.writing import prepare, write_whole
 from domesim.light.transfer import Gamma
-from domesim.observation.projector import NAMES, chromaticities
+from domesim.observation.projector import NAMES
 from domesim.observation.stereo import VIEWS
 from domesim.scene import DomeScene, StereoScene, load_dome
 from domesim.scene.loading import scene_content, scene_of_text
@@ -730,7 +731,7 @@ def _length(option: str, value: float) -> float:
 
 
 def _primaries(name: str) -> str:
-    if name == "XYZ" or chromaticities(name) is None:
+    if name == "XYZ" or chromaticities_of(name) is None:
         raise InputError(f"--primaries {name!r} are not known; use {NAMES}")
     return name
 

@@ -8,8 +8,12 @@ is usual for its format counts. Every tag says which of these it is from.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +35,8 @@ class ColourTag:
         "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084" or "dcdm"; or a
         space of OpenColorIO, whose light is in ACES AP0 (`domesim.light.ocio`).
     primaries
-        One of `CHROMATICITIES`, or eight numbers in words: x, y of red, green, blue and white.
+        One of `CHROMATICITIES`, or of colour-science's RGB colour spaces; or eight numbers in
+        words: x, y of red, green, blue and white.
     source
         For a person: "file: chromaticities", "assumed for JPEG", "--encoding dcdm", ...
     """
@@ -62,8 +67,7 @@ class ColourTag:
         transfer = TRANSFER_NAMES.get(self.transfer, self.transfer)
         if self.primaries == "BT.709":
             return transfer
-        known = self.primaries in CHROMATICITIES
-        return f"{transfer} {'' if known else 'of primaries '}{self.primaries}"
+        return f"{transfer} {self.primaries}"
 
 
 BT709_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -127,6 +131,7 @@ CHROMATICITIES = {
     "Adobe RGB": (0.640, 0.330, 0.210, 0.710, 0.150, 0.060, 0.3127, 0.3290),
 }
 
+_DARK = 1e-6  # y of a light that has no luminance
 _FAR = 2.0  # of x and y: no primaries of a camera's space lie there
 _FLAT = 1e-3  # twice the area of a triangle of x, y that is no gamut; BT.709's is 0.22
 
@@ -223,7 +228,9 @@ def primaries_of(chromaticities: Sequence[float]) -> str | None:
         if np.allclose(chromaticities, known, rtol=0, atol=1e-3):
             return name
     xy = np.array(chromaticities, np.float64).reshape(4, 2)
-    if not (np.isfinite(xy).all() and np.abs(xy).max() < _FAR and xy[3].min() > 0):
+    if np.array_equal(xy[:3].ravel(), CHROMATICITIES["XYZ"][:6]):  # whatever its white
+        return "XYZ"
+    if not (np.isfinite(xy).all() and np.abs(xy).max() < _FAR and np.abs(xy[:, 1]).min() > _DARK):
         return None
     shape = np.column_stack([xy[:3], np.ones(3)])
     if abs(np.linalg.det(shape)) < _FLAT or np.linalg.solve(shape.T, [*xy[3], 1]).min() <= 0:
@@ -231,15 +238,25 @@ def primaries_of(chromaticities: Sequence[float]) -> str | None:
     return " ".join(f"{value:.6g}" for value in xy.ravel())
 
 
+@cache
 def chromaticities_of(primaries: str) -> tuple[float, ...] | None:
-    """x, y of red, green, blue and white of a `ColourTag`'s primaries; None for another name."""
+    """x, y of red, green, blue and white of a `ColourTag`'s primaries.
+
+    Names that are not of `CHROMATICITIES` are looked up among the RGB colour spaces of
+    colour-science, which is imported for such alone: it takes two seconds. None if that has none,
+    or no light has such chromaticities (Y = 0).
+    """
     if primaries in CHROMATICITIES:
         return CHROMATICITIES[primaries]
-    try:
+    with suppress(ValueError):
         numbers = tuple(map(float, primaries.split()))
-    except ValueError:
+        return numbers if len(numbers) == 8 and primaries_of(numbers) else None
+    with warnings.catch_warnings(action="ignore"):  # of its parts that are not installed
+        spaces = import_module("colour").RGB_COLOURSPACES
+    if primaries not in spaces:
         return None
-    return numbers if len(numbers) == 8 and primaries_of(numbers) else None
+    x, y = np.concatenate([spaces[primaries].primaries, [spaces[primaries].whitepoint]]).T
+    return tuple(np.column_stack([x, y]).ravel().tolist()) if np.all(y != 0) else None
 
 
 def unsupported_encoding(path: Path, got: str) -> InputError:

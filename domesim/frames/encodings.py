@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from domesim.errors import InputError
-from domesim.frames.colour import TRANSFER_NAMES, ColourTag
+from domesim.frames.colour import TRANSFER_NAMES, ColourTag, chromaticities_of
 from domesim.light import ocio
 
 ENCODINGS = {
@@ -44,8 +44,9 @@ def encoding_named(name: str, option: str = "--encoding") -> ColourTag:
     ----------
     name
         One of `ENCODINGS`; or a transfer and primaries, ``st2084:p3-d65``, the transfer one of
-        srgb, linear, gamma2.2, gamma2.4, gamma2.6, bt1886, st2084 and dcdm; or ``ocio:SPACE``, of
-        OpenColorIO's configuration (`domesim.light.ocio`). In any case.
+        srgb, linear, gamma2.2, gamma2.4, gamma2.6, bt1886, st2084 and dcdm, the primaries also
+        those of any RGB colour space of colour-science, ``linear:ARRI Wide Gamut 3``; or
+        ``ocio:SPACE``, of OpenColorIO's configuration (`domesim.light.ocio`). In any case.
     option
         Name of the option, for messages.
 
@@ -69,8 +70,12 @@ def encoding_named(name: str, option: str = "--encoding") -> ColourTag:
     curve, _, gamut = asked.partition(":")
     if curve in ("linear", *TRANSFER_NAMES) and gamut in _PRIMARIES:
         return ColourTag(curve, _PRIMARIES[gamut], source)
+    named = name.partition(":")[2].strip()
+    if curve in ("linear", *TRANSFER_NAMES) and named and chromaticities_of(named) is not None:
+        return ColourTag(curve, named, source)
     raise InputError(
         f"{option} {name!r} is not known; use one of {', '.join(ENCODINGS)}, or name transfer "
-        f"and primaries, such as st2084:p3-d65 (primaries: {', '.join(_PRIMARIES)}), or a space of "
-        f"OpenColorIO's configuration in $OCIO, such as ocio:ACEScct"
+        f"and primaries, such as st2084:p3-d65 (primaries: {', '.join(_PRIMARIES)}, or an RGB "
+        "colour space of colour-science), or a space of OpenColorIO's configuration in $OCIO, such "
+        "as ocio:ACEScct"
     )

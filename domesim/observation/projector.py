@@ -10,10 +10,8 @@ the RGB colour spaces of colour-science, which is imported for such alone: it ta
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -200,24 +198,8 @@ def require_primaries(name: str) -> None:
     InputError
         If it is not.
     """
-    if chromaticities(name) is None:
+    if chromaticities_of(name) is None:
         raise InputError(f"primaries {name!r} are not known; use {NAMES}")
-
-
-@cache
-def chromaticities(name: str) -> tuple[float, ...] | None:
-    """x, y of red, green, blue and white of primaries, by `PRIMARIES` or colour-science's name.
-
-    None if the name is not known, or no light has such chromaticities (Y = 0).
-    """
-    if (known := chromaticities_of(name)) is not None:
-        return known
-    with warnings.catch_warnings(action="ignore"):  # of its parts that are not installed
-        spaces = import_module("colour").RGB_COLOURSPACES
-    if name not in spaces:
-        return None
-    x, y = np.concatenate([spaces[name].primaries, [spaces[name].whitepoint]]).T
-    return tuple(np.column_stack([x, y]).ravel().tolist()) if np.all(y != 0) else None
 
 
 def _convert(
@@ -277,7 +259,7 @@ def _to_xyz(space: str | Matrix) -> NDArray[np.float64]:
         return np.asarray(space, np.float64)
     if space == "XYZ":
         return np.eye(3)
-    x, y = np.reshape(chromaticities(space) or (), (4, 2)).T
+    x, y = np.reshape(chromaticities_of(space) or (), (4, 2)).T
     red, green, blue, white = (np.stack([x, y, 1 - x - y]) / y).T
     primaries = np.stack([red, green, blue], axis=1)
     return np.asarray(primaries * np.linalg.solve(primaries, white))

@@ -8,8 +8,9 @@ import numpy as np
 from pydantic import Field, StrictBool, model_validator
 
 from domesim.errors import InputError
+from domesim.frames.colour import chromaticities_of
 from domesim.observation.glare import Scatter
-from domesim.observation.projector import NAMES, chromaticities
+from domesim.observation.projector import NAMES
 from domesim.room.flat_room import FlatRoom
 from domesim.scene.fields import (
     AmbientSection,
@@ -142,7 +143,7 @@ class FlatProjectorSection(Section):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        if self.primaries == "XYZ" or chromaticities(self.primaries) is None:
+        if self.primaries == "XYZ" or chromaticities_of(self.primaries) is None:
             raise ValueError(f"primaries {self.primaries!r} are not known; use {NAMES}{self.also}")
         return self
 

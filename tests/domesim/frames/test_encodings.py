@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -204,3 +205,24 @@ def test_xyz_is_colorimetric() -> None:
     """White of P3-D65 is D65 in X'Y'Z', not adapted to another."""
     x, y, z = conversion("P3-D65", "XYZ") @ np.ones(3)
     assert (x / (x + y + z), y / (x + y + z)) == pytest.approx((0.3127, 0.3290), abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["ARRI Wide Gamut 3", "ProPhoto RGB", "Adobe RGB (1998)"])
+def test_any_rgb_space_of_colour_science_can_be_named(name: str) -> None:
+    """Its matrix is colour-science's own, white adapted by Bradford's."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import colour  # noqa: PLC0415
+    tag = encoding_named(f"linear:{name}")
+    assert (tag.transfer, tag.primaries) == ("linear", name)
+    light = np.array([0.5, 0.25, 0.125])
+    spaces = [colour.RGB_COLOURSPACES[each].copy() for each in (name, "ITU-R BT.709")]
+    for space in spaces:
+        space.use_derived_transformation_matrices(True)
+    expected = colour.matrix_RGB_to_RGB(*spaces, "Bradford") @ light
+    found = Projector("BT.709", 100.0).decode(
+        light[None, None, None], named("linear", white=100.0), tag.primaries
+    )
+    np.testing.assert_allclose(found[0, 0, 0], expected, atol=1e-6)
+    with pytest.raises(InputError, match="is not known"):
+        encoding_named("linear:Arri Wide Gamut 33")
