@@ -26,7 +26,7 @@ from cinema_mxf import cinema_mxf
 from icc_profiles import icc_profile
 from open_files import nothing_left_open
 from PIL import Image
-from videos import KINDS, write_numbered
+from videos import KINDS, Kind, write_numbered
 
 from domesim.errors import InputError
 from domesim.frames import read_master
@@ -39,6 +39,7 @@ from domesim.shows.sequences import find_moments
 ROWS, COLS = 40, 53
 PROFILE = (f"uint8[{icc_profile('a').size}]", icc_profile("a", "P3-D65"))
 JPS = b"\xff\xe3\0\x10_JPSJPS_\0\4\0\4\2\1"
+GAIN = b"\xff\xe2\0\x22urn:iso:std:iso:ts:21496:-1\0\0\0\0\0"
 MEMORY = 2 << 30
 BATCH = 500
 SOUND = {
@@ -70,9 +71,11 @@ SOUND = {
     "12.jp2": ("uint16", 3, {"oiio:BitsPerSample": 12}),
     "8.j2k": ("uint8", 3, {}),
     "x.bmp": ("uint8", 3, {}),
+    "32.bmp": ("uint8", 4, {}),
     "x.hdr": ("float", 3, {}),
     "x.iff": ("uint8", 3, {}),
     "x.jxl": ("uint8", 3, {}),
+    "alpha.jxl": ("uint8", 4, {}),
     "x.ppm": ("uint8", 3, {}),
     "x.rla": ("uint8", 3, {}),
     "x.sgi": ("uint8", 3, {}),
@@ -93,12 +96,20 @@ SOUND = {
     ),
     "said.dpx": ("uint16", 3, {"oiio:BitsPerSample": 10, "Orientation": 4, "dpx:FrameRate": 24.0}),
 }
-FILMS = {"prores.mov": "ProRes 4444", "ffv1.mkv": "FFV1", "h264.mp4": "H.264"}
+FILMS = {
+    "prores.mov": KINDS["ProRes 4444"],
+    "ffv1.mkv": KINDS["FFV1"],
+    "h264.mp4": KINDS["H.264"],
+    "vp9.webm": Kind(".webm", "libvpx-vp9", "yuv420p"),
+    "cfhd.mov": Kind(".mov", "cfhd", "gbrp12le", matrix=0, full=True),
+    "mjpeg.mov": Kind(".mov", "mjpeg", "yuvj420p", full=True),
+}
 CINEMA = {"flat.mxf": False, "two eyes.mxf": True}
 PACKED = {"zstd.tif": "zstd", "lzma.tif": "lzma"}
 EDITED = {
     "sTER.png": ("8.png", lambda png: png[:33] + chunk(b"sTER", b"\0") + png[33:]),
     "text.png": ("8.png", lambda png: png[:33] + chunk(b"iTXt", b"a\0\0\0\0\0\xc3\xa4") + png[33:]),
+    "gain.jpg": ("8.jpg", lambda jpg: jpg[:2] + GAIN + jpg[2:] + jpg),
     "jps.jpg": ("8.jpg", lambda jpg: jpg[:2] + JPS + jpg[2:]),
     "said.hdr": ("x.hdr", lambda hdr: hdr.replace(b"FORMAT", b"EXPOSURE=2\nPIXASPECT=1\nFORMAT")),
 }
@@ -147,7 +158,7 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     for name, (source, edit) in EDITED.items():
         contents[name] = edit(contents[source])
     for name, kind in FILMS.items():
-        contents[name] = write_numbered(folder / name, KINDS[kind], 2).read_bytes()
+        contents[name] = write_numbered(folder / name, kind, 2).read_bytes()
     grey = (smooth[..., :3] * 255).astype(np.uint8)
     for name, compression in PACKED.items():
         Image.fromarray(grey).save(folder / name, compression=compression)

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from domesim.frames.yuv import SITINGS
 
@@ -19,20 +19,21 @@ _HEAD = 1 << 20  # bytes in which Matroska's tracks are looked for
 _MATROSKA = b"\x1a\x45\xdf\xa3"
 _WAY = (0x18538067, 0x1654AE6B, 0xAE, 0xE0)  # Segment, Tracks, TrackEntry, Video
 _CROPS = (0x54CC, 0x54BB, 0x54DD, 0x54AA)  # left, top, right, bottom
-_BOXES = ("moov", "trak", "mdia", "minf", "stbl", "stsd")
-_ENTRY = 86  # bytes of a picture's sample entry before its boxes
+_CLAP = re.compile(rb"\0\0\0\x28clap(.{32})", re.DOTALL)  # a box of that size and kind
 
 Crop = tuple[int, int, int, int]
 """Pixels on the left, top, right and bottom that are not shown."""
 
 
-def cropping_of(video: Path) -> Crop:
+def cropping_of(video: Path, cols: int, rows: int) -> Crop:
     """Returns what a video's container cuts off.
 
     Parameters
     ----------
     video
         The file, of one picture.
+    cols, rows
+        What is stored, pixels.
     """
     with video.open("rb") as file:
         head = file.read(_HEAD)
@@ -40,7 +41,28 @@ def cropping_of(video: Path) -> Crop:
             found = dict(_elements(head, 0, len(head), _WAY))
             left, top, right, bottom = (found.get(each, 0) for each in _CROPS)
             return left, top, right, bottom
-        return next(_apertures(file, 0, file.seek(0, 2), _BOXES), (0, 0, 0, 0))
+        clean = _CLAP.search(_index_of(file))
+    values = struct.unpack(">8i", clean[1]) if clean is not None else (0,) * 8
+    if 0 in values[1::2]:
+        return 0, 0, 0, 0
+    # Its width and height, and the places of its middle from that of the picture, as fractions
+    wide, high, across, down = (Fraction(*pair) for pair in zip(*[iter(values)] * 2, strict=True))
+    left, top = round((cols - wide) / 2 + across), round((rows - high) / 2 + down)
+    edges = left, top, cols - round(wide) - left, rows - round(high) - top
+    return edges if min(edges) >= 0 and wide > 0 and high > 0 else (0, 0, 0, 0)
+
+
+def _index_of(file: BinaryIO) -> bytes:
+    """The box moov of an MP4; nothing if there is none."""
+    place, end = 0, file.seek(0, 2)
+    while place + 8 <= end:
+        file.seek(place)
+        size, kind, long = struct.unpack(">I4sQ", file.read(16).ljust(16, b"\0"))
+        size = long if size == 1 else size or end - place
+        if kind == b"moov":
+            return file.read(min(size, end - place))
+        place += max(size, 8)
+    return b""
 
 
 def _elements(data: bytes, place: int, end: int, way: tuple[int, ...]) -> Iterator[tuple[int, int]]:
@@ -60,38 +82,6 @@ def _elements(data: bytes, place: int, end: int, way: tuple[int, ...]) -> Iterat
         elif name == way[0]:
             yield from _elements(data, begin, stop, way[1:])
         place = stop
-
-
-def _apertures(file: Any, place: int, end: int, way: tuple[str, ...]) -> Iterator[Crop]:
-    """What clean apertures cut off, at the end of a `way` of boxes."""
-    while place + 8 <= end:
-        file.seek(place)
-        size, kind = struct.unpack(">I4s", file.read(8))
-        begin = place + 8
-        if size == 1:
-            (size,), begin = struct.unpack(">Q", file.read(8).ljust(8, b"\0")), begin + 8
-        stop = end if size == 0 else min(end, place + size)
-        if stop <= place + 7:
-            return
-        if way and kind == way[0].encode():
-            yield from _apertures(file, begin + (8 if kind == b"stsd" else 0), stop, way[1:])
-        elif not way:
-            file.seek(place)
-            entry = file.read(min(stop - place, 1 << 16))
-            for found in re.finditer(rb"\0\0\0\x28clap(.{32})", entry[_ENTRY:], re.DOTALL):
-                yield _aperture(entry, struct.unpack(">8i", found[1]))
-        place = stop
-
-
-def _aperture(entry: bytes, values: tuple[int, ...]) -> Crop:
-    """Width, height and places of the middle from that of the picture, each as a fraction."""
-    if 0 in values[1::2]:
-        return 0, 0, 0, 0
-    wide, high, across, down = (Fraction(*pair) for pair in zip(*[iter(values)] * 2, strict=True))
-    cols, rows = struct.unpack_from(">2H", entry, 32)
-    left, top = (cols - wide) / 2 + across, (rows - high) / 2 + down
-    edges = round(left), round(top), cols - round(left + wide), rows - round(top + high)
-    return edges if min(edges) >= 0 and wide > 0 and high > 0 else (0, 0, 0, 0)
 
 
 logging.getLogger("libav").addHandler(logging.NullHandler())

@@ -450,7 +450,7 @@ class _Decoder:
         context = self.stream.codec_context
         start = self.stream.start_time
         self._start = _looked_through(*_state(video))[2] if start is None else start
-        self.crop = cropping_of(video)
+        self.crop = cropping_of(video, context.width, context.height)
         self.siting = ""  # of colour differences, as soon as a frame tells
         metadata = [self._container.metadata, *(each.metadata for each in self._container.streams)]
         timecodes = (each.get("timecode") or each.get("TIMECODE") for each in metadata)

@@ -73,7 +73,8 @@ class JPEG(Format):
         elif START in content[len(first) :]:
             notes = ("the other pictures in its file are left out",)
         # OpenImageIO would apply a gain map, and give light beyond white.
-        anew = _without(first, (_INDEX, *_GAINS)) if len(first) < len(content) else None
+        alone = _without(first, (_INDEX, *_GAINS))
+        anew = None if alone == content else alone
         metadata, eyes = _metadata_of(content), _eyes_of(content)
         return replace(self, metadata=metadata, eyes=eyes, notes=notes, stored_anew=anew)
 
