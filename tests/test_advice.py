@@ -254,6 +254,7 @@ def test_a_film_of_square_pixels_keeps_its_codes(tmp_path: Path) -> None:
     assert read_frame(frame_paths(tmp_path / "wide.mkv")[0]).pixels.shape == (48, 256, 3)
 
 
+@pytest.mark.long
 def test_a_film_without_the_gap_of_frame_packing(tmp_path: Path) -> None:
     codes = np.random.default_rng(3).integers(0, 4096, (1470, 1280)).astype(np.uint16)
     path = write_video(tmp_path / "in.mkv", KINDS["FFV1"], [[codes] * 3] * 2)

@@ -190,7 +190,7 @@ def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
             vertices = vertices[:, [0, 2, 1]] * (1, -1, 1)
     except InputError:
         raise
-    except polygons.CrossedError as error:
+    except polygons.PolygonError as error:
         raise InputError(
             f"{path}: wanted the mesh of {name}, got {error}. Triangulate it where it was made "
             "(Blender: Triangulate Faces)."
@@ -212,7 +212,8 @@ def from_file(path: str | Path, name: str, albedo: Albedo) -> Solid:
     return Solid(name, vertices, faces, albedo)
 
 
-_FAR = 5.0  # of the theatre's radius: what is in it or around it reaches less far
+_FAR, _HALL = 5.0, 30.0
+"""How far a thing reaches at most: of the theatre's radius, or of a hall around it, m."""
 
 
 def require_near(solid: Solid, radius: float) -> None:
@@ -232,7 +233,7 @@ def require_near(solid: Solid, radius: float) -> None:
     """
     axis = int(np.abs(solid.vertices).max(axis=0).argmax())
     low, high = solid.vertices[:, axis].min(), solid.vertices[:, axis].max()
-    if max(-low, high) > _FAR * radius:
+    if max(-low, high) > max(_FAR * radius, _HALL):
         raise InputError(
             f"{solid.name} reaches from {low:.4g} to {high:.4g} m ({'xyz'[axis]}), far out of the "
             f"theatre (radius {radius:.4g} m): is it in millimetres? Export it in metres."

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 Polygons = Sequence[Sequence[int]]
 """Corners of each polygon, by the vertices' numbers."""
 
+_MOST = 4000  # corners of a polygon with notches: each side is compared with each
 _FLAT = 1e-12  # of a polygon's area: what a corner in a straight side comes to
 
 
-class CrossedError(ValueError):
-    """A polygon crosses itself."""
+class PolygonError(ValueError):
+    """A polygon crosses itself, or has too many corners."""
 
 
 def read_obj(text: str) -> tuple[NDArray[np.float64], Polygons]:
@@ -73,8 +74,8 @@ def triangles(vertices: NDArray[np.float64], polygons: Polygons) -> NDArray[np.i
 
     Raises
     ------
-    CrossedError
-        If one crosses itself.
+    PolygonError
+        If one crosses itself, or has too many corners.
     ValueError
         If one names a vertex that there is not.
     """
@@ -121,6 +122,8 @@ def _ears_of_all(
 
 def _ears(flat: NDArray[np.float64]) -> NDArray[np.int64]:
     """(triangle, 3) corners of a polygon (corner, xy), which goes around to the left."""
+    if len(flat) > _MOST:
+        raise PolygonError(f"a polygon of {len(flat)} corners")
     ends = np.roll(flat, -1, axis=0)
     sides = (ends - flat)[:, None]
     near = _FLAT * float(np.ptp(flat, axis=0).prod())
@@ -129,7 +132,7 @@ def _ears(flat: NDArray[np.float64]) -> NDArray[np.int64]:
     # (side, another): the ends of the other lie on both hands of it.
     across = (left_of[0] & right_of[1]) | (right_of[0] & left_of[1])
     if (across & across.T).any():
-        raise CrossedError("a polygon that crosses itself")
+        raise PolygonError("a polygon that crosses itself")
     left = [*range(len(flat))]
     cut: list[tuple[int, int, int]] = []
     while len(left) > 3:
@@ -148,7 +151,7 @@ def _ears(flat: NDArray[np.float64]) -> NDArray[np.int64]:
                 del left[place]
                 break
         else:
-            raise CrossedError("a polygon that crosses itself")
+            raise PolygonError("a polygon that crosses itself")
     return np.array([*cut, tuple(left)], np.int64)
 
 

@@ -154,7 +154,10 @@ def becoming(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films
             f"--format mxf is X'Y'Z'; leave --output-encoding out, got {writing.output.named}"
         )
     if shutil.which(WRAPPER) is None:
-        raise InputError(f"--format mxf: {WRAPPER} (asdcplib) is not installed; {_OTHERWISE}")
+        raise InputError(
+            f"--format mxf: {WRAPPER} is not installed (build asdcplib from its sources); "
+            f"{_OTHERWISE}"
+        )
     rate = timing_asked(show, writing.fps).rate
     if rate != _RATE:
         raise InputError(

@@ -354,7 +354,7 @@ def test_without_asdcplib_its_name_is_told(
     monkeypatch.setenv("PATH", str(tmp_path))
     order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
     run(*order, "--format", "mxf", "--out", out).is_refused(
-        "asdcp-wrap (asdcplib) is not installed", "DCP-o-matic"
+        "asdcp-wrap is not installed (build asdcplib from", "DCP-o-matic"
     )
 
 

@@ -103,6 +103,22 @@ def test_a_polygon_that_crosses_itself_is_refused(tmp_path: Path) -> None:
             from_file(path, "star", GREY)
 
 
+def test_many_corners_take_no_memory(tmp_path: Path) -> None:
+    """A saw of 5000 teeth; one of 300 is cut."""
+    for teeth in (300, 5000):
+        x = np.arange(2 * teeth + 1)
+        saw = np.column_stack([x, x % 2 + 1.0])
+        flat = np.concatenate([[(2 * teeth, 0), (0, 0)], saw])[::-1]
+        path = tmp_path / "saw.off"
+        path.write_bytes(text("off", in_space(flat, 0), [*range(len(flat))]))
+        if teeth == 300:
+            parts = sizes(from_file(path, "saw", GREY))
+            assert np.linalg.norm(parts, axis=-1).sum() == pytest.approx(area(flat))
+        else:
+            with pytest.raises(InputError, match="a polygon of 10003 corners"):
+                from_file(path, "saw", GREY)
+
+
 def test_quads_are_as_they_were(tmp_path: Path) -> None:
     mixed = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nf 1 2 3 4\nf 2 5 3\nf 2//1 5//1 3//1\n"
     (tmp_path / "x.obj").write_bytes(mixed)
@@ -145,7 +161,7 @@ def test_a_thing_in_millimetres_is_refused(unit: float, near: bool, radius: floa
     ):
         placed = box("it", low, high, GREY)
         thing = Solid("it", np.asarray(placed.vertices) * unit, placed.faces, GREY)
-        if near or np.abs(thing.vertices).max() < 5 * radius:
+        if near or np.abs(thing.vertices).max() < max(5 * radius, 30):
             require_near(thing, radius)
         else:
             with pytest.raises(InputError, match=r"it reaches from .* is it in millimetres\?"):
