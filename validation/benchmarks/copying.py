@@ -22,6 +22,7 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 
 from domesim.errors import InputError
 from domesim.host.cores import cores
+from domesim.host.writing import write_whole
 from testing.masters import night, write_exr
 from validation.benchmarks.commands import run_command
 
@@ -109,7 +110,7 @@ def write(folder: Path, found: Sequence[Compared]) -> Path:
     """Write them into a folder; the path of the file."""
     path = folder / NAME
     told: dict[str, Any] = {"cores": cores(), "shows": [each.figures() for each in found]}
-    path.write_text(json.dumps(told, indent=1))
+    write_whole(path, json.dumps(told, indent=1).encode())
     return path
 
 

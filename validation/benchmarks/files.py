@@ -25,6 +25,7 @@ import scipy.fft
 from compensate import compensate
 from domesim.frames import ColourTag, Frame, write_frame
 from domesim.host.cores import cores
+from domesim.host.writing import write_whole
 from domesim.light import Light
 from domesim.light.transfer import SRGB
 from domesim.scene import Scene, load_scene
@@ -127,7 +128,7 @@ def write(folder: Path, found: Sequence[FileCost]) -> Path:
     """Write them into a folder; the path of the file."""
     path = folder / NAME
     told = [{**asdict(each), "pairs": each.pairs} for each in found]
-    path.write_text(json.dumps({"cores": cores(), "costs": told}, indent=1))
+    write_whole(path, json.dumps({"cores": cores(), "costs": told}, indent=1).encode())
     return path
 
 
