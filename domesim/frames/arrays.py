@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from domesim.errors import InputError
-from domesim.host.files import size_of_plain
+from domesim.host.files import open_plain
 from domesim.host.writing import write_whole
 
 
@@ -49,10 +51,13 @@ def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> d
     """
     none = f"{path}: wanted a {kind} stored by 'domesim tabulate', this is none or damaged"
     try:
-        size_of_plain(path, _LARGEST)
         # Of a damaged file NumPy would leave its own handle open.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+        with open_plain(path, _LARGEST) as file:
+            _require_sizes(path, file)
+            with np.load(file, allow_pickle=False) as stored:
+                if not {"format", "sha256", *names} <= set(stored.files):
+                    raise InputError(none)
+                arrays = {name: stored[name] for name in stored.files}
         written, digest = str(arrays["format"]), str(arrays.pop("sha256"))
     except InputError:
         raise
@@ -63,14 +68,27 @@ def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> d
         raise InputError(none) from error
     if written != wanted:
         raise InputError(f"{path}: wanted format {wanted!r}, got {written!s:.40}")
-    if not set(names) <= set(arrays):
-        raise InputError(none)
     if digest != _digest(arrays):
         raise InputError(f"{path}: is damaged (its checksum does not fit); tabulate it again")
     return arrays
 
 
 _LARGEST = 256 << 30  # bytes of a transport that memory might hold
+_FEW = 1 << 27  # bytes that any machine has
+_PACKED = 16  # times that numbers of a transport are packed, at most; zeros are a thousand times
+
+
+def _require_sizes(path: Path, file: BinaryIO) -> None:
+    """Refuse a file whose directory says that it becomes much more than it is."""
+    with zipfile.ZipFile(file) as package:
+        size = sum(entry.file_size for entry in package.infolist())
+    packed = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    if size > max(_FEW, _PACKED * packed):
+        raise InputError(
+            f"{path}: wanted arrays of at most {max(_FEW, _PACKED * packed) >> 20} MiB in a file "
+            f"of {packed >> 20}, got {size >> 20}. It is damaged, or none of domesim's."
+        )
 
 
 def _digest(arrays: Mapping[str, Any]) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import io
+import os
 import stat
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -19,25 +22,43 @@ KEPT_OPEN = ExitStack()
 """What closes the files that stay open between uses; a command closes it when it ends."""
 
 
-def size_of_plain(path: Path, largest: int) -> int:
-    """A file's size, bytes.
+def open_plain(path: Path, largest: int | None = None) -> io.BufferedReader:
+    """Opens a file to be read, and nothing else: a pipe would wait for whoever writes into it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    largest
+        Bytes that it may have; None for any number.
 
     Raises
     ------
     InputError
         If it is a pipe or a device, or larger than `largest`.
     OSError
-        If there is none.
+        If there is none, or it cannot be read.
     """
-    status = path.stat()
-    if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+    _require_plain(path, path.stat(), largest)  # devices may do something when they are opened
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        _require_plain(path, os.fstat(handle), largest)
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        os.close(handle)
+        raise
+
+
+def _require_plain(path: Path, status: os.stat_result, largest: int | None) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path}: wanted a file, got a device or pipe. Save it as a file first.")
-    if status.st_size > largest:
+    if largest is not None and status.st_size > largest:
         raise InputError(
             f"{path}: wanted a file of at most {largest >> 20} MiB, got {status.st_size >> 20}. "
             f"It is probably another one: check the path."
         )
-    return status.st_size
 
 
 def read_plain(path: Path, largest: int = LARGEST) -> bytes:
@@ -46,12 +67,12 @@ def read_plain(path: Path, largest: int = LARGEST) -> bytes:
     Raises
     ------
     InputError
-        As for `size_of_plain`.
+        As for `open_plain`.
     OSError
         If it cannot be read.
     """
-    size_of_plain(path, largest)
-    return path.read_bytes()
+    with open_plain(path, largest) as file:
+        return file.read()
 
 
 def written_sums(sums: Mapping[str, str]) -> bytes:

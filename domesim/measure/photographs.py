@@ -47,6 +47,7 @@ from domesim.errors import InputError
 from domesim.frames import Frame
 from domesim.frames.encodings import encoding_named
 from domesim.frames.reading import read_image
+from domesim.host.texts import toml_in
 from domesim.light.ties import root_of
 from domesim.measure.edges import found_corners
 from domesim.readings.meter import EYES
@@ -227,7 +228,7 @@ def lists_photographs(path: Path) -> bool:
     if path.suffix.lower() != ".toml":
         return False
     try:
-        return "photographs" in tomllib.loads(text_of(path))
+        return "photographs" in toml_in(text_of(path))
     except tomllib.TOMLDecodeError:
         return False
 
@@ -242,7 +243,7 @@ def read_photographs(path: Path) -> Photographs:
         or has another size than the others.
     """
     try:
-        file = _File.model_validate(tomllib.loads(text_of(path)))
+        file = _File.model_validate(toml_in(text_of(path)))
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"] if not str(part).startswith("_"))

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.host.numbers import decimal
+from domesim.host.texts import toml_in
 from domesim.readings.noise import Noise, estimated_noise
 from domesim.readings.tables import Mistakes, Row, Table, read_table, text_of
 from domesim.readings.ti3 import ti3_table
@@ -253,7 +254,7 @@ def read_readings(
 def _named_tables(path: Path) -> list[dict[str, Any]]:
     """Returns the sections [[table]] of a TOML file; none of any other."""
     try:
-        sections = tomllib.loads(text_of(path)).get("table", [])
+        sections = toml_in(text_of(path)).get("table", [])
     except tomllib.TOMLDecodeError:
         return []
     wanted = {"projector": EYES, "filter": (*EYES, NO_FILTER)}

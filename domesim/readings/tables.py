@@ -22,7 +22,7 @@ from typing import Any, TypeAlias, final
 
 from domesim.errors import InputError
 from domesim.host.files import read_plain
-from domesim.host.texts import text_in
+from domesim.host.texts import text_in, toml_in
 
 
 @final
@@ -255,7 +255,7 @@ def _cells(line: str) -> list[str]:
 
 def _toml(text: str, mistakes: Mistakes) -> Table:
     try:
-        content = tomllib.loads(text)
+        content = toml_in(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{mistakes.source}: not valid TOML: {error}") from None
     sections = content.pop("reading", None)

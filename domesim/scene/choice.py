@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, final
 
 from domesim.errors import InputError
+from domesim.host.files import open_plain
 from domesim.scene import Scene, load_scene
 
 
@@ -83,6 +84,6 @@ class SceneChoice:
         """
         if self.transport is None:
             return scene.content
-        with self.transport.open("rb") as file:
+        with open_plain(self.transport) as file:
             transport = hashlib.file_digest(file, "sha256").hexdigest()
         return hashlib.sha256(f"{scene.content} {transport}".encode()).hexdigest()

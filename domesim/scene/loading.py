@@ -9,7 +9,6 @@ import copy
 import difflib
 import hashlib
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib import resources
@@ -20,7 +19,7 @@ from pydantic import ValidationError
 
 from domesim.errors import InputError
 from domesim.host.files import read_plain
-from domesim.host.texts import text_in
+from domesim.host.texts import text_in, toml_in
 from domesim.scene import dome, stereo
 from domesim.scene.base import Scene
 from domesim.scene.dome import DomeScene
@@ -80,7 +79,7 @@ def scene_content(name_or_path: str | Path) -> dict[str, Any]:
         If there is no such scene.
     """
     text, folder = _scene_text(name_or_path)
-    content = tomllib.loads(text)
+    content = toml_in(text)
     for mesh in content.get("meshes", []):
         mesh["file"] = str((folder / mesh["file"]).resolve())
     for unit in content.get("projector", {}).get("units", []):
@@ -120,7 +119,7 @@ def scene_of_text(text: str, where: str, folder: Path) -> Scene:
         With all mistakes, each with its path.
     """
     try:
-        content = tomllib.loads(text)
+        content = toml_in(text)
     except (ValueError, RecursionError) as error:  # a ValueError also for a number too long
         raise InputError(f"{where}: not valid TOML: {error}") from None
     return _named(content, where, folder, file=where)

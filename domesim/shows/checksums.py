@@ -15,7 +15,7 @@ from pathlib import Path
 
 from domesim.errors import InputError, reason
 from domesim.frames.video import file_of
-from domesim.host.files import ESCAPES, read_plain
+from domesim.host.files import ESCAPES, open_plain, read_plain
 
 _LINE = re.compile(r"(\\?)([0-9a-fA-F]{64}) [ *](.+)", re.DOTALL)
 
@@ -29,7 +29,7 @@ def sha256(path: Path) -> str:
         If it cannot be read.
     """
     try:
-        with path.open("rb") as file:
+        with open_plain(path) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise InputError(f"{path}: wanted to read it, got '{reason(error)}'") from error

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import secrets
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import final
@@ -66,6 +67,13 @@ class Claims:
         """Lets go of a frame that has ended."""
         with suppress(OSError):
             (self._folder / frame).unlink()
+
+    def tidy(self, frames: Iterable[str]) -> None:
+        """Removes claims of frames that are done, which commands that were killed left."""
+        with suppress(OSError):
+            for frame in set(os.listdir(self._folder)).intersection(frames):  # noqa: PTH208
+                if self.take(frame):
+                    self.give_back(frame)
 
     def _take_away(self, place: Path, holder: str) -> None:
         """Remove the claim of a command that is gone, unless another has done so and claimed it."""

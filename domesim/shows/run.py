@@ -224,6 +224,7 @@ def _each(
                 with console.progress("checking", len(recorded)) as start:
                     recorded = _changed(recorded, start, telling.end)
             _do(recorded, crew, shared, console, what)
+        shared.tidy(orders)
     except BaseException:
         if job is not None:
             telling.interrupted(job, running)
@@ -319,6 +320,11 @@ class _Shared:
         self._telling.end(order, outcome)
         if self._claims is not None:
             self._claims.give_back(order.output[0].name)
+
+    def tidy(self, orders: Sequence[Order]) -> None:
+        """Removes what killed commands left of frames that have ended."""
+        if self._claims is not None and self._telling.has_all(orders):
+            self._claims.tidy(order.output[0].name for order in orders)
 
     def left(self, console: Console) -> list[Order]:
         """Waits for frames that other commands do; returns those that they left."""

@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from domesim.host.files import read_plain
 from domesim.host.writing import write_whole
 
 SEAL = "checksum"
@@ -39,7 +40,7 @@ def read_sealed(path: Path) -> dict[str, Any]:
     ValueError
         If it is not as it was written.
     """
-    content = json.loads(path.read_bytes())
+    content = json.loads(read_plain(path))
     if not isinstance(content, dict) or content.pop(SEAL, None) != _checksum(content):
         raise ValueError(f"{path}: wanted a file as it was written, got another checksum")
     return content

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,12 +18,17 @@ from typing import Literal, final
 from pydantic import Field, ValidationError
 
 from domesim.errors import InputError, reason
+from domesim.host.files import read_plain
+from domesim.host.texts import text_in
 from validation.audience.design import Trial
 from validation.experiment import Record
 
 STUDY = "study.json"
 ANSWERS = "answers"
 """Names in the folder."""
+
+LARGEST = 1 << 20
+"""Bytes of a viewer's answers, or of a sheet."""
 
 
 @final
@@ -155,7 +161,7 @@ def read_study(folder: Path) -> Study:
     """
     path = folder / STUDY
     try:
-        return Study.model_validate_json(path.read_bytes())
+        return Study.model_validate_json(read_plain(path))
     except OSError as error:
         raise InputError(
             f"{path}: wanted the study of this folder, got '{reason(error)}'; make one with "
@@ -177,7 +183,7 @@ def read_answers(folder: Path, study: Study) -> list[Answers]:
     found = []
     for path in sorted(place.glob("*.json")):
         try:
-            one = Answers.model_validate_json(path.read_bytes())
+            one = Answers.model_validate_json(read_plain(path, LARGEST))
         except OSError as error:
             raise InputError(f"{path}: wanted to read it, got '{reason(error)}'") from error
         except ValidationError as error:
@@ -217,18 +223,21 @@ def _sheet(path: Path, study: Study) -> list[Answers]:
     if number is None or not 1 <= int(number[1]) <= len(study.viewers):
         raise InputError(f"{path}: wanted a name such as sitting-1.csv; rename it")
     chosen: dict[str, dict[int, int]] = {}
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        for line, row in enumerate(csv.DictReader(file), 2):
-            try:
-                trial, choice = int(row["trial"]), int(row["choice"])
-                if choice not in (1, 2):
-                    raise ValueError
-                chosen.setdefault(row["viewer"].strip(), {})[trial - 1] = choice
-            except (KeyError, ValueError, AttributeError):
-                raise InputError(
-                    f"{path}, line {line}: wanted viewer, trial and choice (1 or 2), got "
-                    f"{', '.join(map(str, row.values()))}"
-                ) from None
+    try:
+        rows = list(csv.DictReader(io.StringIO(text_in(read_plain(path, LARGEST)), newline="")))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: wanted a table of answers in UTF-8, got '{error}'") from error
+    for line, row in enumerate(rows, 2):
+        try:
+            trial, choice = int(row["trial"]), int(row["choice"])
+            if choice not in (1, 2):
+                raise ValueError
+            chosen.setdefault(row["viewer"].strip(), {})[trial - 1] = choice
+        except (KeyError, ValueError, AttributeError, TypeError):
+            raise InputError(
+                f"{path}, line {line}: wanted viewer, trial and choice (1 or 2), got "
+                f"{', '.join(map(str, row.values()))}"
+            ) from None
     found = []
     trials = len(study.viewers[int(number[1]) - 1])
     for name, answers in chosen.items():

@@ -18,12 +18,11 @@ from pydantic import ValidationError
 
 from domesim.errors import InputError, reason
 from domesim.frames import write_whole
-from validation.audience.files import ANSWERS, Answers, Study, require_of
+from domesim.host.files import read_plain
+from validation.audience.files import ANSWERS, LARGEST, Answers, Study, require_of
 
 NAMES = ("127.0.0.1", "localhost")
 """Names of this machine in the page's address."""
-_LARGEST = 1 << 20
-"""Bytes of a viewer's answers."""
 _PICTURE = re.compile(r"/pictures/[A-Za-z0-9_.-]+\.png")
 _LENGTH = re.compile(r"[0-9]{1,9}", re.ASCII)
 _VIEWER = re.compile(r"/answers/([0-9]{1,4})")
@@ -112,7 +111,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         match = _VIEWER.fullmatch(self.path)
         length = self.headers.get("Content-Length", "")
         size = int(length) if _LENGTH.fullmatch(length) else 0
-        if match is None or not 0 < size <= _LARGEST:
+        if match is None or not 0 < size <= LARGEST:
             self.close_connection = True  # what follows is not read
             self._say(HTTPStatus.BAD_REQUEST)
             return
@@ -132,15 +131,15 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         path = answers_path(self.folder, given.viewer)
         path.parent.mkdir(exist_ok=True)
         if path.is_file():
-            kept = Answers.model_validate_json(path.read_bytes())
+            kept = Answers.model_validate_json(read_plain(path, LARGEST))
             if given.answers[: len(kept.answers)] != kept.answers:
                 raise InputError("answers that would replace others")
         write_whole(path, given.model_dump_json(indent=1).encode())
 
     def _give(self, path: Path, kind: str) -> None:
         try:
-            content = path.read_bytes()
-        except OSError:
+            content = read_plain(path)
+        except (InputError, OSError):
             self._say(HTTPStatus.NOT_FOUND)
             return
         self.send_response(HTTPStatus.OK)

@@ -39,7 +39,6 @@ Files are sought beside the survey file.
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -55,7 +54,7 @@ from domesim.frames import read_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.reading import read_image
 from domesim.host.files import read_plain
-from domesim.host.texts import text_in
+from domesim.host.texts import text_in, toml_in
 from domesim.measure.dome.camera import Camera, domemaster_camera
 from domesim.measure.dome.colours import mixing, unmixed
 from domesim.measure.dome.fit import Known
@@ -281,7 +280,7 @@ def read_survey(path: Path) -> Task:
 
 def _parsed(path: Path) -> SurveyFile:
     try:
-        return SurveyFile.model_validate(tomllib.loads(text_in(read_plain(path))))
+        return SurveyFile.model_validate(toml_in(text_in(read_plain(path))))
     except UnicodeDecodeError:
         raise InputError(f"{path}: a survey is a TOML text file in UTF-8, this is not") from None
     except OSError as error:
