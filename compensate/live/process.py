@@ -292,7 +292,12 @@ class _Line:
         while not self.stop.is_set():
             if not self._drop and not self.room.acquire(timeout=_WAIT):
                 continue
-            frame = next(self._frames, None)
+            try:
+                frame = next(self._frames, None)
+            except InputError as error:  # told when those that came before have gone out
+                self.errors.append(error)
+                self.put(self.came, None)
+                return
             if self._drop and frame is not None:
                 with contextlib.suppress(Empty):
                     self.came.get_nowait()

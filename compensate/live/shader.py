@@ -29,6 +29,7 @@ from compensate.live.constants import (
 from domesim import __version__
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
+from domesim.host.console import printable
 from domesim.light.transfer import DCDM, SRGB, ST2084, Gamma, Linear
 from domesim.scene import Scene
 
@@ -262,5 +263,10 @@ def _rendered(name: str, about: dict[str, Any]) -> str:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    text = environment.get_template(name).render(k=SimpleNamespace(**about))
+    said = {
+        # A scene's name may have lines, which a player would take for its own
+        key: " ".join(printable(value).split()) if isinstance(value, str) else value
+        for key, value in about.items()
+    }
+    text = environment.get_template(name).render(k=SimpleNamespace(**said))
     return "\n".join(line.rstrip() for line in text.splitlines() if line.strip()) + "\n"

@@ -56,6 +56,28 @@ def test_frames_keep_their_order_and_their_number():
     assert report.figures(25.0)["latency_frames"] >= 0
 
 
+@pytest.mark.parametrize("drop", [False, True])
+def test_frames_before_a_cut_one_go_out(drop):
+    """What came whole was shown in time; only then the mistake is told."""
+    source, sink = pipe()
+
+    def cut():
+        for n in range(1 if drop else 5):
+            yield bytes([n]) * 10
+        raise InputError("ended within frame 5")
+
+    def slow(frame, number):
+        time.sleep(0.05)
+        return frame
+
+    with pytest.raises(InputError, match="within frame 5"):
+        stream(cut(), slow, sink, drop=drop)
+    os.close(sink)
+    data = read_exactly(source, 1000)
+    os.close(source)
+    assert data == b"".join(bytes([n]) * 10 for n in range(1 if drop else 5))
+
+
 def test_a_frame_waits_for_one_other_at_most():
     """A sender that is faster than the computer is kept waiting, so that frames are not late."""
     _, sink = pipe()

@@ -8,6 +8,7 @@ import shutil
 import socket
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -158,6 +159,17 @@ def test_the_file_says_what_it_is_for():
     digest = text.split("constants: ")[1][:16]
     assert digest in shader_of(scene, 96, 96, SRGB)
     assert digest not in shader_of(load_scene("dome_planetarium"), 96, 96, SRGB)
+
+
+@pytest.mark.parametrize("end", ["\n", "\n  ", "\r", "\x85", "\u2028", "\x0b"])
+def test_a_scenes_name_writes_no_lines_for_the_player(end):
+    scene = load_scene("dome_imax")
+    named = replace(scene, name=f"dome{end}//!HOOK MAIN{end}//!BIND HOOKED")
+    lines = shader_of(named, 96, 96, SRGB).splitlines()
+    assert len(lines) == len(shader_of(scene, 96, 96, SRGB).splitlines())
+    assert sum(line.startswith("//!HOOK") for line in lines) == sum(
+        line.startswith("//!HOOK") for line in shader_of(scene, 96, 96, SRGB).splitlines()
+    )
 
 
 @pytest.mark.parametrize("colour", ["bt709", "dcdm", "st2084", "gamma2.2", "linear"])
