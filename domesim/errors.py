@@ -11,7 +11,11 @@ class InputError(ValueError):
     """Something the user gave (a file, a field, an option) cannot be used."""
 
 
-class NoPlaceError(InputError):
+class HopelessError(InputError):
+    """What would go wrong with every other frame of a show, too."""
+
+
+class NoPlaceError(HopelessError):
     """A result cannot be put where it belongs; nor can the next: the disk is full, say."""
 
 

@@ -210,6 +210,13 @@ class Doing:
         bool,
         typer.Option("--mix", help="Sequences: keep frames that were done with other settings."),
     ] = False
+    prune: Annotated[
+        bool,
+        typer.Option(
+            "--prune",
+            help="Sequences: remove results of this job whose masters are not there any more.",
+        ),
+    ] = False
     frame_timeout: Annotated[
         float,
         typer.Option(
@@ -259,6 +266,7 @@ class Doing:
             self.mix,
             pages,
             self.frame_timeout,
+            self.prune,
         )
         if self.dry_run:
             estimated = estimate(show, self.out, recipe, console, writing, running)

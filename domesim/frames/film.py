@@ -148,7 +148,8 @@ def _encode(
     rows, cols = first.pixels.shape[:2]
     lacking = [] if first.header.alpha is None else ["without alpha"]
     with (
-        av.open(f"file:{temporary}", "w") as container,
+        # Without times, versions and numbers drawn by lot
+        av.open(f"file:{temporary}", "w", container_options={"fflags": "+bitexact"}) as container,
         Sound(sound, container, timing.rate) as heard,
     ):
         stream: Any = container.add_stream(film.codec, rate=timing.rate, options=dict(film.options))

@@ -240,6 +240,43 @@ class Job:
         for place in (self._place(output), self.fault(output)):
             place.unlink(missing_ok=True)
 
+    def left_over(self, outputs: Iterable[Sequence[Path]], masters: Iterable[Path]) -> list[str]:
+        """Returns the names of records of frames whose masters are not there any more.
+
+        Parameters
+        ----------
+        outputs
+            Results of the frames that the show has.
+        masters
+            Folders of its masters.
+        """
+        known = {output[0].name for output in outputs}
+        places, left = set(masters), []
+        for place in sorted(self.folder.glob("[!.]*.*.json")):
+            name = place.name.removesuffix(".json")
+            if name in known:
+                continue
+            with suppress(OSError, ValueError, TypeError):
+                sources = Record(**read_sealed(place)).sources
+                if not any((place / each).exists() for place in places for each in sources):
+                    left.append(name)
+        return left
+
+    def remove(self, name: str) -> list[Path]:
+        """Removes a left-over record and its results; returns those that were changed, and stay."""
+        place = self.folder / f"{name}.json"
+        results = Record(**read_sealed(place)).results
+        files = {self.folder / each: digest for each, digest in results.items()}
+        stay = []
+        for path, digest in files.items():
+            with suppress(InputError):  # it is not there
+                if sha256(path) == digest:
+                    path.unlink()
+                else:
+                    stay.append(path)
+        place.unlink()
+        return stay
+
     def settings_file(self, digest: str) -> Path:
         """Where the settings of that SHA-256 are."""
         return self.folder / "settings" / f"{digest}.json"
@@ -359,12 +396,23 @@ def _settle(job: Job, text: str, clients: Clients, *, change: bool) -> str:
     if not known.exists():
         write_whole(known, text.encode())
     if clients.enter_alone():
+        change = change or _is_unused(job, text)
         if change and place.exists() and _text(place) != text:
             write_whole(place, text.encode())
         _create(place, known)
     clients.share()
     _create(place, known)  # who was alone may have been killed
     return _text(place)
+
+
+def _is_unused(job: Job, text: str) -> bool:
+    """Whether a program of another version has left its settings, and no frame."""
+    try:
+        there, now = (json.loads(each) for each in (_text(job.folder / _SETTINGS), text))
+        alike = {**there, "domesim": ""} == {**now, "domesim": ""}
+    except (OSError, ValueError, TypeError):
+        return False
+    return alike and not any(job.folder.glob("[!.]*.*.json"))
 
 
 def _create(place: Path, known: Path) -> None:

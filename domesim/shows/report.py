@@ -99,6 +99,17 @@ class Report:
         self._outcomes: dict[str, Finished | Failed] = {}
         self._began, self._written = time.time(), 0.0
         self._new = 0
+        self._left_out: set[str] = set()
+        self._films: dict[str, str] = {}
+
+    def leave_out(self, names: Iterable[str]) -> None:
+        """Leaves out results by the names of their records: the show has no such frames now."""
+        self._left_out.update(names)
+
+    def add_films(self, sums: Mapping[Path, str]) -> None:
+        """Adds the SHA-256 of videos that were made of the frames."""
+        folder = self._job.folder
+        self._films = {os.path.relpath(path, folder): digest for path, digest in sums.items()}
 
     def add(self, order: Order, outcome: Finished | Failed) -> None:
         """Adds a frame that has ended."""
@@ -161,7 +172,7 @@ class Report:
         sums: dict[str, dict[str, str]] = {}
         for place in () if self._mark else self._job.folder.glob("[!.]*.json"):
             name = place.name.removesuffix(".json")
-            if name == "settings" or name in self._outcomes:
+            if name == "settings" or name in self._outcomes or name in self._left_out:
                 continue
             with suppress(OSError, ValueError, LookupError, TypeError):
                 kept = read_sealed(place)
@@ -171,7 +182,7 @@ class Report:
                 rows[name], sums[name] = outcome.figures, outcome.results
         names = sorted(rows, key=_natural)
         together = {file: digest for name in names for file, digest in sums[name].items()}
-        return {name: rows[name] for name in names}, together
+        return {name: rows[name] for name in names}, together | self._films
 
     def _write(self, state: str, rows: Mapping[str, dict[str, Any]] | None = None) -> None:
         if rows is None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -53,6 +55,8 @@ FRAME_TIMEOUT = 3600.0
 _PAGES, _FRAMES_A_PAGE = 3, 40
 """Pages that are written, at most, if nobody says how many; a page takes as long as 4 frames."""
 
+_DIGITS = re.compile(r"[0-9]+")
+_ALIKE = 3  # messages of one cause that are printed
 _LOOK = 0.5  # s: how often to look for frames that others do
 _SPARE = 0.8  # of the memory that is free: what workers may need together
 
@@ -80,6 +84,8 @@ class Running:
         None for a few, which take less than a tenth of the time (`pages_of`).
     frame_timeout
         Seconds after which a worker that is not done with a frame ends; 0 for never.
+    prune
+        Remove results whose masters are gone.
     """
 
     workers: int | None = None
@@ -89,6 +95,7 @@ class Running:
     mixed: bool = False
     pages: int | None = None
     frame_timeout: float = FRAME_TIMEOUT
+    prune: bool = False
 
 
 @final
@@ -235,15 +242,13 @@ def _each(
         complain(line)
     if report is None or job is None:
         return done
+    if not part:
+        _tell_left_over(orders, job, report, running, console)
     done.add_report(report)
     if films is None and (ending := dcp_hint(orders, done.frames)):
         console.say(ending)
     if films is not None and not done.failed:
-        if part:
-            console.say("A video is made of a whole sequence: leave --frames out for it")
-        else:
-            films.make(orders, job, console)
-            done.films = films.paths
+        _make_films(films, orders, job, report, done, console)
     if recipe.compares and done.report is not None:
         done.failed += _compare(report.worst(pages_of(running, len(orders))), recipe, console)
         done.add_report(report)
@@ -276,6 +281,43 @@ def _job(
         if any(video_of(path) for path in show.moments[0]):
             job.sources(show.moments[0])  # once, not by each worker
         yield job
+
+
+def _make_films(
+    films: Films | Cinema,
+    orders: Sequence[Order],
+    job: Job,
+    report: Report,
+    done: Done,
+    console: Console,
+) -> None:
+    """Makes the videos of a whole sequence, and lists them with its results."""
+    if orders[0].show.part:
+        console.say("A video is made of a whole sequence: leave --frames out for it")
+        return
+    films.make(orders, job, console)
+    done.films = films.paths
+    report.add_films({path: sha256(path) for path in films.paths})
+    done.add_report(report)
+
+
+def _tell_left_over(
+    orders: Sequence[Order], job: Job, report: Report, running: Running, console: Console
+) -> None:
+    """Tells of results whose masters are gone, and removes them if that is asked for."""
+    masters = {path.parent for order in orders for path in order.moment}
+    left = job.left_over((order.output for order in orders), masters)
+    report.leave_out(left)
+    if not left:
+        return
+    named = left[0] if len(left) == 1 else f"{left[0]} to {left[-1]}"
+    what = f"{len(left)} results whose masters are gone ({named})"
+    if not running.prune:
+        console.say(f"{what} stay in the folder; --prune removes them")
+        return
+    changed = [path for name in left for path in job.remove(name)]
+    stay = f"; {len(changed)} of their files were changed and stay" if changed else ""
+    console.say(f"{what} were removed{stay}")
 
 
 def _by_record(orders: list[Order], job: Job | None) -> tuple[list[Order], list[Order]]:
@@ -566,6 +608,7 @@ class _Telling:
         self._recorded = set(recorded)
         self._ended: dict[Order, Finished | Failed] = {}
         self._described, self._hopeless = "", 0
+        self._causes: Counter[str] = Counter()
         self._lock = threading.Lock()
 
     def end(self, order: Order, outcome: Finished | Failed) -> None:
@@ -575,8 +618,10 @@ class _Telling:
             if self._report is not None:
                 self._report.add(order, outcome)
         if isinstance(outcome, Failed):
-            # What would fail all frames is printed once
-            if not (outcome.hopeless and self._hopeless):
+            # What would fail all frames is printed once, and what fails many alike a few times
+            cause = _DIGITS.sub("#", outcome.reason)
+            self._causes[cause] += 1
+            if self._causes[cause] <= (1 if outcome.hopeless else _ALIKE):
                 complain(outcome.reason)
             self._hopeless += outcome.hopeless
             return
@@ -610,6 +655,9 @@ class _Telling:
             done.kept += outcome.kept
             for step in STEPS:
                 done.seconds[step] += outcome.seconds.get(step, 0.0) if not outcome.kept else 0.0
+        for cause, count in self._causes.items():
+            if count > _ALIKE and not self._hopeless:
+                complain(f"{count - _ALIKE} more like it: {cause}")
         lines = []
         if left:
             lines = [f"{left} of {len(self._orders)} frames were not begun after that"]

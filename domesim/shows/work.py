@@ -26,7 +26,7 @@ from typing import Any, Generic, Protocol, TypeAlias, TypeVar, final
 import psutil
 from numpy.typing import NDArray
 
-from domesim.errors import InputError, NoPlaceError, reason
+from domesim.errors import HopelessError, InputError, reason
 from domesim.frames import ColourTag, Master, read_master, write_master
 from domesim.frames.messages import joined
 from domesim.frames.reading import size_of, unsaid
@@ -539,7 +539,7 @@ def _require_program(job: Job, recipe: Recipe) -> None:
     """Refuses a worker that has another version of the program."""
     ours = program_of(recipe)
     if ours != job.program:
-        raise InputError(
+        raise HopelessError(
             f"wanted domesim {job.program}, as the command has, got {ours} on "
             f"{socket.gethostname()}; install the same there"
         )
@@ -553,7 +553,7 @@ def _caught(order: Order) -> Iterator[list[Failed]]:
         with about(order.moment[0]):
             yield failed
     except InputError as error:
-        failed.append(Failed(str(error), hopeless=isinstance(error, NoPlaceError)))
+        failed.append(Failed(str(error), hopeless=isinstance(error, HopelessError)))
     except OSError as error:
         where = error.filename or order.moment[0]
         failed.append(Failed(f"{order.moment[0]}: got '{reason(error)}' at {where}"))

@@ -913,3 +913,71 @@ def test_a_render_farm_does_each_frame_once(tmp_path: Path) -> None:
     assert len(records(tmp_path)) == 3
     assert frames_told(tmp_path, "-1-2") == ["0001", "0002"]
     assert frames_told(tmp_path, "-3") == ["0003"]
+
+
+# Masters that go, and messages.
+
+
+def test_results_whose_masters_are_gone_are_told_and_removed_on_request(
+    tmp_path: Path, recipe: Harmful
+) -> None:
+    make_show(tmp_path / "in", 6)
+    copied(tmp_path, recipe, 0)
+    for number in (4, 5, 6):
+        (tmp_path / "in" / f"in.{number:04d}.exr").unlink()
+    edited = tmp_path / "out/in.0005.exr"
+    edited.write_bytes(b"by hand")
+
+    def sums() -> str:
+        return (tmp_path / "out/job/SHA256SUMS").read_text()
+
+    assert copied(tmp_path, recipe, 0).kept == 3
+    assert "in.0003" in sums()
+    assert "in.0004" not in sums()
+    assert (tmp_path / "out/in.0004.exr").exists()
+    assert copied(tmp_path, recipe, 0, prune=True).kept == 3
+    left = sorted(path.name for path in (tmp_path / "out").glob("[!.]*.exr"))
+    assert left == ["in.0001.exr", "in.0002.exr", "in.0003.exr", "in.0005.exr"]
+    assert edited.read_bytes() == b"by hand"
+    records = [path.name for path in (tmp_path / "out/job").glob("in.*.json")]
+    assert sorted(records) == [f"in.{number:04d}.exr.json" for number in (1, 2, 3)]
+
+
+def test_frames_of_a_part_are_not_left_over(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 3)
+    copied(tmp_path, recipe, 0)
+    show = find_show(str(tmp_path / "in" / "in.1-2####.exr"))
+    do_show(show, tmp_path, recipe, prune=True)
+    assert is_whole(tmp_path, 3)
+
+
+def test_one_cause_is_told_a_few_times_and_counted(
+    tmp_path: Path, recipe: Harmful, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_show(tmp_path / "in", 40)
+    show = show_of(tmp_path / "in")
+    for path in (tmp_path / "in").iterdir():
+        path.unlink()
+    done = do_show(show, tmp_path, recipe)
+    assert len(done.failed) == 40
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 4, said
+    assert "37 more like it" in said[-1]
+
+
+def test_workers_of_another_version_are_told_once_and_leave_no_settings(
+    tmp_path: Path,
+    recipe: Harmful,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    make_show(tmp_path / "in", 12)
+    with monkeypatch.context() as patch:
+        patch.setattr("domesim.shows.run.program_of", lambda recipe: "0.0.1+another")
+        done = copied(tmp_path, recipe, 0)
+    assert not done.frames
+    said = capsys.readouterr().err.splitlines()
+    assert sum("install the same there" in line for line in said) == 1
+    assert len(said) <= 2
+    # With the right version there, the same command goes on
+    assert len(copied(tmp_path, recipe, 0).frames) == 12

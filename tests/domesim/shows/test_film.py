@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,20 @@ def test_ffv1_comes_back_bit_by_bit(tmp_path: Path, bits: int) -> None:
     assert [frame.bits for frame in frames] == [bits] * 3
     for frame, right in zip(frames, codes, strict=True):
         assert np.array_equal(np.rint(frame.pixels * (2**bits - 1)), right)
+
+
+@pytest.mark.parametrize("suffix", [".mkv", ".mov"])
+def test_the_same_frames_give_the_same_bytes(tmp_path: Path, suffix: str) -> None:
+    """No time, version or number drawn by lot is in them."""
+    bits = 16 if suffix == ".mov" else 8
+    contents = []
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        path = tmp_path / name / f"film{suffix}"
+        written(path, pictures(), bits)
+        contents.append(path.read_bytes())
+        time.sleep(1.1)
+    assert contents[0] == contents[1]
 
 
 def test_prores_comes_back_nearly(tmp_path: Path) -> None:
