@@ -105,6 +105,7 @@ def faults(show: Show) -> list[Fault]:
         Fault("SIGTERM to a command without workers", _send(signal.SIGTERM), alone),
         Fault("kill -9 of the command", lambda run, out: run.kill()),
         Fault("kill -9 of a command without workers", lambda run, out: run.kill(), alone),
+        Fault("kill -9 of one of two commands in its folder", _kill_one_of_two(show)),
         Fault("kill -9 of a worker", lambda run, out: _workers(run)[0].kill()),
         Fault(
             "SIGSTOP of a worker",
@@ -122,6 +123,7 @@ def faults(show: Show) -> list[Fault]:
             "other masters of its names, and another scene, into its folder: refused",
             _intrude(show),
         ),
+        Fault("somebody's files of its results' names: refused", _theirs(show)),
         Fault("14 file handles", _wait, limit=_at_most(resource.RLIMIT_NOFILE, 14)),
         Fault("1 GB of address space", _wait, limit=_at_most(resource.RLIMIT_AS, 1000 << 20)),
         Fault(
@@ -253,6 +255,36 @@ def _intrude(show: Show) -> Callable[[subprocess.Popen[str], Path], None]:
             arguments = tuple(each.replace(old, new) for each in show.arguments)
             if (code := _ended(replace(show, arguments=arguments).start(out))) != 2:
                 raise RuntimeError(f"{arguments} into a folder of others: exit {code}")
+
+    return do
+
+
+def _kill_one_of_two(show: Show) -> Callable[[subprocess.Popen[str], Path], None]:
+    """Returns a function that starts another command, and kills the first; the other does all."""
+
+    def do(run: subprocess.Popen[str], out: Path) -> None:
+        other = show.start(out, "--workers", "2")
+        _until(lambda: len(list((out / "job/clients").glob("*.json"))) == 2)
+        run.kill()
+        if (code := _ended(other)) != 0:
+            raise RuntimeError(f"a command whose neighbour was killed: exit {code}")
+
+    return do
+
+
+def _theirs(show: Show) -> Callable[[subprocess.Popen[str], Path], None]:
+    """Returns a function that tries a folder of somebody's files, which stay."""
+
+    def do(run: subprocess.Popen[str], out: Path) -> None:
+        _ended(run)
+        theirs = out.with_name(f"{out.name}.theirs")
+        theirs.mkdir()
+        for path in out.glob("[!.]*.exr"):
+            _write(theirs / path.name, np.random.default_rng(4))
+        before = _results(theirs)
+        code = _ended(show.start(theirs))
+        if code != 2 or _results(theirs) != before or (theirs / "job").exists():
+            raise RuntimeError(f"a folder of somebody's files: exit {code}")
 
     return do
 
