@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-import mitsuba
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "docs" / "examples"
@@ -31,10 +30,7 @@ def _unseen(monkeypatch):
         plt.gcf().canvas.draw()
 
     monkeypatch.setattr(plt, "show", draw)
-    before = mitsuba.variant()
     yield
-    if before is not None:
-        mitsuba.set_variant(before)
     assert plt.get_fignums()
     plt.close("all")
 

@@ -18,13 +18,13 @@ import sys
 from typing import Any
 
 import matplotlib.pyplot as plt
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from compensate import compensate
 from domesim import load_scene
 from domesim.observation.lowrank import LowRank, LowRankObservation
+from domesim.pathtrace.llvm import load_mitsuba
 
 size = int(sys.argv[1]) if len(sys.argv) > 1 else 256
 scene = load_scene(
@@ -68,7 +68,7 @@ print(result.status.value)
 # %%
 # The light that the window adds to both halves, by Mitsuba. Its light is emitted from the screen,
 # so that a ray from the middle to another place meets reflected light only.
-mi.set_variant("scalar_rgb")
+mi = load_mitsuba()  # with the LLVM that the project brings
 v, u = (np.mgrid[:360, :360] + 0.5) / 360  # angle from the zenith, and around it
 window = (u > 0.4) & (u < 0.6) & (v > 0.2) & (v < 0.4)
 albedo = np.where((u > 0.25) & (u < 0.75), 0.3, 0.6)

@@ -86,6 +86,7 @@ def _chosen() -> tuple[str, str]:
     if libraries and os.environ[VARIABLE] == str(libraries[-1]):
         for library in libraries:
             ctypes.CDLL(str(library))
+    early = "drjit" in sys.modules
     drjit = import_module("drjit")
     optix = os.environ.get("DRJIT_LIBOPTIX_PATH", OPTIX)
     if drjit.has_backend(drjit.JitBackend.CUDA) and (sys.platform != "linux" or _loads(optix)):
@@ -93,9 +94,14 @@ def _chosen() -> tuple[str, str]:
     major, minor, _ = drjit.detail.llvm_version()  # -1 where there is none
     if major < OLDEST:
         available = f"LLVM {major}" if major > 0 else "neither"
+        way_out = f"pip install {WHEEL} (Linux, x86-64), or name another libLLVM in {VARIABLE}"
+        if libraries and early:
+            way_out = (
+                "call domesim.pathtrace.llvm.load_mitsuba() before you import mitsuba or drjit"
+            )
         raise InputError(
             f"Path tracing needs an NVIDIA GPU or LLVM {OLDEST} or later, got {available}: "
-            f"pip install {WHEEL} (Linux, x86-64), or name another libLLVM in {VARIABLE}"
+            f"{way_out}"
         )
     return "llvm_ad_rgb", f"LLVM {major}.{minor}"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -93,6 +94,17 @@ def test_the_wheel_is_used(before: str) -> None:
     line, library = found.stdout.splitlines()
     assert line.startswith("Path tracing with LLVM ")
     assert Path(library).name.startswith("libLLVM")
+
+
+@pytest.mark.skipif(not wheel(), reason="the wheel of LLVM is not installed")
+def test_who_imported_drjit_too_early_is_told_so() -> None:
+    """Dr.Jit has taken the system's LLVM then, whichever that is."""
+    code = "import drjit\nfrom domesim.pathtrace.llvm import told\nprint(told())"
+    environment = {**os.environ, VARIABLE: "", "CUDA_VISIBLE_DEVICES": ""}
+    command = [sys.executable, "-c", code]
+    found = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    said = found.stdout.strip()
+    assert said.startswith("Path tracing with LLVM") or said.endswith("import mitsuba or drjit")
 
 
 def test_the_users_choice_goes_before_the_wheel(tmp_path: Path) -> None:
