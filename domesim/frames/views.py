@@ -351,7 +351,8 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
     if master.packing != "mpo" and any(path.suffix.lower() == ".mpo" for path in files):
         raise InputError(
             f"{files[0]}: wanted left and right of an MPO for .mpo, got "
-            f"{_DESCRIPTIONS.get(master.packing, 'one picture')}{master.of_several}. Choose .jpg."
+            f"{_DESCRIPTIONS.get(master.packing, 'one picture')}{master.of_several}. Choose .jpg "
+            "(--format jpg)."
         )
     if master.packing == "mpo" and not isinstance(SUFFIXES.get(files[0].suffix.lower()), jpeg.JPEG):
         raise InputError(

@@ -67,8 +67,8 @@ class JPEG(Format):
             notes = ("its gain map is left out",)
         elif (count := len(_pictures_of(content))) > 1:
             notes = (
-                f"one of {count} pictures in its file, which are not marked as a stereo pair "
-                "(--packing mpo takes two as one)",
+                f"one of {count} pictures in its file, which are not marked as a stereo pair: "
+                "--packing mpo takes two as one",
             )
         elif START in content[len(first) :]:
             notes = ("the other pictures in its file are left out",)
