@@ -325,6 +325,34 @@ def triage(posed: Posed, settings: Prediction | None = None) -> Triage:
     return Triage(untouched, subtracted, verdict)
 
 
+def reduction(viewing: Viewing, settings: Prediction, rows: int, cols: int) -> int:
+    """Computes by how much a master may be reduced before a prediction, which is no finer.
+
+    Parameters
+    ----------
+    viewing
+        How its scene is seen.
+    settings
+        As for `predict`.
+    rows, cols
+        Size of a view, pixels.
+
+    Returns
+    -------
+    step
+        Side of the blocks of pixels that are averaged; both sides of the view are multiples of it.
+        1 where a seat sees places in different sizes.
+    """
+    if viewing.seat is not None:
+        return 1
+    by_contrast = settings.combination is Combination.LOCAL_CONTRAST
+    finest = FINEST_CONTRAST if by_contrast else FINEST
+    step = _step(viewing.pixels_per_degree(rows, cols), finest)
+    while rows % step or cols % step:
+        step //= 2
+    return step
+
+
 def regions(mask: Mask, margin: int = 0) -> list[tuple[slice, slice]]:
     """Finds rectangles that hold all that is true in a mask, with a margin around it.
 

@@ -172,7 +172,9 @@ def _bench_files(out: Path, console: Console, *, quick: bool) -> None:
         found.append(cost)
         console.say(file_costs.line(cost))
     path = file_costs.write(out, found)
-    console.figures({"files": [{**asdict(each), "pairs": each.pairs} for each in found]})
+    console.figures(
+        {"files": [{**asdict(each), "pairs": each.pairs, "copies": each.copies} for each in found]}
+    )
     console.say(f"Written: {path.resolve()}")
 
 

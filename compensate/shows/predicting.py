@@ -22,10 +22,11 @@ from compensate.prediction import (
     Triage,
     Verdict,
     probability,
+    reduction,
     regions,
     triage,
 )
-from domesim.frames import ColourTag
+from domesim.frames import ColourTag, Master
 from domesim.frames.formats.exr import state_compression
 from domesim.frames.formats.png import colour_chunks, with_colour_chunks
 from domesim.frames.writing import bare_specification, encode
@@ -34,6 +35,7 @@ from domesim.inspection.magnitudes import SOURCES, Faintest
 from domesim.light.blocks import light_means
 from domesim.observation.stereo import VIEWS
 from domesim.scene.choice import SceneChoice
+from domesim.scene.screening import averaged_on_screen
 from domesim.shows.run import Done
 from domesim.shows.small import thinned
 from domesim.shows.work import Column, Files, Judged, Note, Recipe, Work, Write, Writing
@@ -89,21 +91,26 @@ class Predicting(Recipe):
         theatre = self.scene.load()
         stage = Stage(theatre)
 
-        def solve(posed: Posed) -> tuple[Posed, Triage]:
-            return posed, triage(posed, self.prediction)
+        def solve(prepared: tuple[Posed, int]) -> tuple[Posed, int, Triage]:
+            return *prepared, triage(prepared[0], self.prediction)
 
-        def end(solved: tuple[Posed, Triage], write: Write) -> tuple[dict[str, Any], str]:
-            posed, frame_triage = solved
+        def end(solved: tuple[Posed, int, Triage], write: Write) -> tuple[dict[str, Any], str]:
+            posed, step, frame_triage = solved
             places = _places_of(write.output, theatre.views)
             brightened = _write(places, posed, frame_triage)
-            figures = _figures(posed, frame_triage)
+            figures = _figures(posed, frame_triage, step)
             pictures = [path for place in places for path in place.pictures]
             write.beside(pictures)
             _write_small(write, posed, frame_triage)
             told = {"pictures": [str(path) for path in pictures], "brightened": brightened}
             return {**figures, **told}, _line(figures)
 
-        return Work(lambda source: stage.pose_frame(source)[0], solve, end, stage.ready)
+        def prepare(source: Master) -> tuple[Posed, int]:
+            size = source.frames[0].pixels.shape[:2]
+            step = reduction(theatre.viewing, self.prediction, *size)
+            return stage.pose(averaged_on_screen(source, theatre, step)), step
+
+        return Work(prepare, solve, end)
 
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
@@ -150,7 +157,9 @@ class Predicting(Recipe):
 
     def memory(self, rows: int, cols: int) -> int:
         """See `Recipe`."""
-        return 500_000_000 + 115 * 4 * rows * cols
+        viewing = self.scene.load().viewing
+        step = reduction(viewing, self.prediction, rows, cols)
+        return 500_000_000 + (115 // step**2 + 10) * 4 * rows * cols
 
 
 # Where it goes.
@@ -277,8 +286,8 @@ def _rounded(samples: Planes) -> Planes:
 # What is said.
 
 
-def _figures(posed: Posed, triage: Triage) -> dict[str, Any]:
-    """Figures of a frame: see `Predicted` and `Triage`."""
+def _figures(posed: Posed, triage: Triage, step: int) -> dict[str, Any]:
+    """Figures of a frame: see `Predicted` and `Triage`; regions in pixels of the master."""
     density = posed.scene.viewing.pixels_per_degree(*posed.screen.shape)
     boxes = regions(triage.subtracted.mask, round(MARGIN * density))
     return {
@@ -288,7 +297,9 @@ def _figures(posed: Posed, triage: Triage) -> dict[str, Any]:
         "visible_subtracted": triage.subtracted.share,
         "visible_subtracted_by_view": list(triage.subtracted.shares),
         "verdict": triage.verdict.name.lower(),
-        "regions": [[rows.start, rows.stop, cols.start, cols.stop] for rows, cols in boxes],
+        "regions": [
+            [step * edge for side in box for edge in (side.start, side.stop)] for box in boxes
+        ],
         **_sky(posed),
     }
 

@@ -16,6 +16,7 @@ from domesim.frames import Master
 from domesim.frames.frame import Pixels
 from domesim.frames.video import video_of
 from domesim.light import Light, transfer
+from domesim.light.blocks import block_sums, by_blocks
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.projector import require_primaries
 from domesim.scene import Scene, StereoScene
@@ -52,18 +53,45 @@ def decoded(master: Master, scene: Scene) -> Light:
     planes = np.empty((len(master.frames), primaries, rows, cols), np.float32)
     light = np.moveaxis(planes, 1, -1)
 
-    def decode(view: int, rows: slice) -> float:
+    def decode(view: int, rows: slice) -> None:
         for p, plane in enumerate(light_of(view, rows)):
             planes[view, p, rows] = plane
-        return float(planes[view, :, rows].max())
 
-    brightest = np.max(in_strips(decode, light.shape))
-    if not brightest <= BRIGHTEST:
-        raise InputError(
-            f"{master.path}: wanted light up to {BRIGHTEST:g} (projector white is 1), got "
-            f"{brightest:g}. Render it again, or clamp it ({ADVICE['clamp'].given()})."
-        )
+    in_strips(decode, light.shape)
     return light
+
+
+def averaged_on_screen(master: Master, scene: Scene, step: int) -> Light:
+    """Averages the light of a master over blocks of pixels, without the light of all pixels.
+
+    Parameters
+    ----------
+    master, scene
+        As for `decoded`.
+    step
+        Pixels along a block's side.
+
+    Returns
+    -------
+    light
+        (view, row, col, primary) of blocks, clipped to 0..1; 0 where a block has no pixel on the
+        screen.
+
+    Raises
+    ------
+    InputError
+        As for `decoded`.
+    """
+    light_of, (rows, cols, primaries) = decoder(master, scene), master.frames[0].pixels.shape
+    screen = scene.screen(rows, cols)
+
+    def sums(view: int, some: slice) -> NDArray[np.floating]:
+        planes = [np.clip(plane, 0, 1) * screen[some] for plane in light_of(view, some)]
+        return np.stack([block_sums(plane, step) for plane in planes])
+
+    count = block_sums(screen.astype(np.float32), step)
+    total = by_blocks(sums, (len(master.frames), rows, cols, primaries), step, count)
+    return np.moveaxis(total / np.maximum(count, 1), 1, -1)
 
 
 def decoder(master: Master, scene: Scene) -> Callable[[int, slice], Sequence[NDArray[np.floating]]]:
@@ -82,7 +110,7 @@ def decoder(master: Master, scene: Scene) -> Callable[[int, slice], Sequence[NDA
     Raises
     ------
     InputError
-        As for `decoded`, but for what is too bright.
+        As for `decoded`; what is too bright is found as it is asked for.
     """
     _require_views(master, scene)
     _require_whole_views(master, scene)
@@ -94,6 +122,12 @@ def decoder(master: Master, scene: Scene) -> Callable[[int, slice], Sequence[NDA
         # NumPy keeps such settings for each thread.
         with np.errstate(over="ignore", invalid="ignore"):
             light = scene.projector.decode(codes, curve, master.colour.primaries)
+        brightest = float(light.max())
+        if not brightest <= BRIGHTEST:
+            raise InputError(
+                f"{master.path}: wanted light up to {BRIGHTEST:g} (projector white is 1), got "
+                f"{brightest:g}. Render it again, or clamp it ({ADVICE['clamp'].given()})."
+            )
         return [light[..., p] for p in range(light.shape[-1])]
 
     return light_of

@@ -124,19 +124,34 @@ def _masters(folder: Path, side: int, count: int) -> list[Path]:
 
 
 def _compared(masters: Sequence[Path], workers: int, folder: Path) -> Compared:
-    before = _copies(masters, workers, folder)
+    before = copied(masters, workers, folder)
     job = run_command(
         "compensate", str(folder / "night.####.exr"), "--scene", SCENE, "--out",
         str(folder / "out"), "--frames", f"1-{len(masters)}", "--workers", str(workers), "--anew",
         "--mix", "--pages", "0", "--json",
     )  # fmt: skip
-    after = _copies(masters, workers, folder)
+    after = copied(masters, workers, folder)
     seconds, cpu_s = ((early + late) / 2 for early, late in zip(before, after, strict=True))
     return Compared(workers, len(masters), job.seconds, job.cpu_s, seconds, cpu_s)
 
 
-def _copies(masters: Sequence[Path], at_once: int, folder: Path) -> tuple[float, float]:
-    """Seconds and core-seconds of copying all."""
+def copied(masters: Sequence[Path], at_once: int, folder: Path) -> tuple[float, float]:
+    """Copies masters.
+
+    Parameters
+    ----------
+    masters
+        Files.
+    at_once
+        How many copies are made at once.
+    folder
+        Where to.
+
+    Returns
+    -------
+    seconds, cpu_s
+        Time and core-seconds of all.
+    """
 
     def copy(master: Path) -> None:
         _copy(master, folder / f"copy-{master.name}")

@@ -1,4 +1,7 @@
-"""Whole commands from file to file, in multiples of one FFT pair of a plane of their size.
+"""Whole commands from file to file, in multiples of a copy, and of one FFT pair of a plane.
+
+A copy of the same files by `oiiotool` (`validation.benchmarks.copying`) is the least that reading
+and writing takes: its core-seconds are taken before, between and after runs.
 
 A pair is a forward and an inverse `scipy.fft` of one float32 plane on all cores, timed before and
 after each command, for a machine's speed changes by a half within a minute: what one transform of
@@ -32,6 +35,7 @@ from domesim.scene import Scene, load_scene
 from testing.content.street import night_street
 from testing.masters import night, write_exr
 from validation.benchmarks.commands import Job, run_command
+from validation.benchmarks.copying import copied
 from validation.data import from_data, present
 
 NAME = "files.json"
@@ -45,7 +49,7 @@ PHOTOGRAPHS = ("trunks", "fog", "motorcycle")
 RUNS = 5
 SHORT, LONG = 4, 24
 """Frames of two sequences: what the longer one takes more is of further frames."""
-HEADER = f"{'work':<34}{'seconds':>9}{'pairs':>7}{'core-s':>8}{'GiB':>6}{'unit, s':>9}"
+HEADER = f"{'work':<34}{'seconds':>9}{'pairs':>7}{'core-s':>8}{'copies':>8}{'GiB':>6}{'unit, s':>9}"
 
 
 @final
@@ -62,6 +66,8 @@ class FileCost:
         without the start, and the memory of all. A call from Python has no memory of its own.
     unit
         Seconds of one FFT pair, median.
+    copy_cpu_s
+        Core-seconds of a copy of the same files, median; None of calls from Python.
     busy
         Share of all cores that was busy; None of single frames.
     """
@@ -71,7 +77,13 @@ class FileCost:
     cpu_s: float
     gib: float | None
     unit: float
+    copy_cpu_s: float | None = None
     busy: float | None = None
+
+    @property
+    def copies(self) -> float | None:
+        """Copies of the same files that take as many core-seconds."""
+        return None if self.copy_cpu_s is None else self.cpu_s / self.copy_cpu_s
 
     @property
     def pairs(self) -> float:
@@ -82,7 +94,8 @@ class FileCost:
 def line(cost: FileCost) -> str:
     """What was measured, under `HEADER`."""
     gib = "" if cost.gib is None else f"{cost.gib:.1f}"
-    figures = f"{cost.seconds:>9.2f}{cost.pairs:>7.0f}{cost.cpu_s:>8.2f}{gib:>6}"
+    copies = "" if cost.copies is None else f"{cost.copies:.2f}"
+    figures = f"{cost.seconds:>9.2f}{cost.pairs:>7.0f}{cost.cpu_s:>8.2f}{copies:>8}{gib:>6}"
     busy = "" if cost.busy is None else f"  {cost.busy:.0%} of {cores()} cores busy"
     return f"{cost.work:<34}{figures}{cost.unit:>9.4f}{busy}"
 
@@ -127,7 +140,7 @@ def fft_pair(rows: int, cols: int) -> float:
 def write(folder: Path, found: Sequence[FileCost]) -> Path:
     """Write them into a folder; the path of the file."""
     path = folder / NAME
-    told = [{**asdict(each), "pairs": each.pairs} for each in found]
+    told = [{**asdict(each), "pairs": each.pairs, "copies": each.copies} for each in found]
     write_whole(path, json.dumps({"cores": cores(), "costs": told}, indent=1).encode())
     return path
 
@@ -160,20 +173,23 @@ def _called(name: str, light: Light, scene: Scene, runs: int) -> FileCost:
         compensate(light, scene)
         return time.perf_counter() - began, time.process_time() - busy
 
-    took, unit = _beside_units([called] * runs, (rows, cols))
+    took, unit, _ = _beside([called] * runs, (rows, cols), (), Path())
     seconds, cpu_s = (median(each) for each in zip(*took, strict=True))
     return FileCost(f"{name} {cols} x {rows}, Python", seconds, cpu_s, None, unit)
 
 
-def _beside_units(
-    works: Sequence[Callable[[], T]], shape: tuple[int, int]
-) -> tuple[list[T], float]:
-    """What some works give, and the median of FFT pairs before, between and after them."""
-    found, units = [], [fft_pair(*shape)]
-    for work in works:
-        found.append(work())
+def _beside(
+    works: Sequence[Callable[[], T]], shape: tuple[int, int], files: Sequence[Path], folder: Path
+) -> tuple[list[T], float, float]:
+    """What works give; medians of FFT pairs' seconds, and of copies' core-seconds, around them."""
+    found: list[T] = []
+    units, copies = [], []
+    for work in (None, *works):
+        if work is not None:
+            found.append(work())
         units.append(fft_pair(*shape))
-    return found, median(units)
+        copies.append(copied(files, 1, folder)[1])
+    return found, median(units), median(copies)
 
 
 def _command(files: list[Path], folder: Path, *options: str) -> Job:
@@ -188,23 +204,25 @@ def _command(files: list[Path], folder: Path, *options: str) -> Job:
 def _alone(
     work: str, files: list[Path], folder: Path, shape: tuple[int, int], runs: int
 ) -> FileCost:
-    jobs, unit = _beside_units([partial(_command, files, folder)] * runs, shape)
+    jobs, unit, copy = _beside([partial(_command, files, folder)] * runs, shape, files, folder)
     seconds, cpu_s, gib = (
         median(getattr(job, name) for job in jobs) for name in ("seconds", "cpu_s", "gib")
     )
-    return FileCost(work, seconds, cpu_s, gib, unit)
+    return FileCost(work, seconds, cpu_s, gib, unit, copy)
 
 
 def _further(work: str, files: list[Path], folder: Path, shape: tuple[int, int]) -> FileCost:
     patterns = [path.with_name(path.name.replace("0001", "####")) for path in files]
-    (short, long), unit = _beside_units(
+    (short, long), unit, copy = _beside(
         [
             partial(_command, patterns, folder, "--frames", f"1-{count}", "--pages", "0")
             for count in (SHORT, LONG)
         ],
         shape,
+        files,
+        folder,
     )
     more = LONG - SHORT
     seconds, cpu_s = (long.seconds - short.seconds) / more, (long.cpu_s - short.cpu_s) / more
     busy = cpu_s / (seconds * cores())
-    return FileCost(f"{work}, a further one", seconds, cpu_s, long.gib, unit, busy)
+    return FileCost(f"{work}, a further one", seconds, cpu_s, long.gib, unit, copy, busy)
