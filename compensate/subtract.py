@@ -133,7 +133,20 @@ class Floor:
         self._s, _ = _settled(self._strips)
 
     def planes(self, view: int, rows: slice) -> list[Floats]:
-        """(row, col) of each primary, in some rows."""
+        """Computes some rows of the floor.
+
+        Parameters
+        ----------
+        view
+            0: a dome of one view has one.
+        rows
+            Which.
+
+        Returns
+        -------
+        planes
+            (row, col) of each primary.
+        """
         return self._strips.floor(rows, self._s)
 
     def subtracted(self) -> Light:

@@ -189,7 +189,20 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light | Planes, brighte
 
 
 def planes_of(light: Light, view: int, rows: slice) -> list[Array]:
-    """(row, col) of each primary of (view, row, col, primary) light."""
+    """Looks at some rows of light primary by primary.
+
+    Parameters
+    ----------
+    light
+        (view, row, col, primary).
+    view, rows
+        Which.
+
+    Returns
+    -------
+    planes
+        (row, col) of each primary, not copied.
+    """
     return [light[view, rows, :, p] for p in range(light.shape[-1])]
 
 
