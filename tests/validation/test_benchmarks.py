@@ -271,8 +271,11 @@ def test_a_further_frame_is_what_a_longer_sequence_takes_more(tmp_path, monkeypa
     monkeypatch.setattr(files, "cores", lambda: 2)
     units = iter((0.03, 0.05, 0.2))  # the machine becomes slower
     monkeypatch.setattr(files, "fft_pair", lambda rows, cols: next(units))
+    copies = iter((0.25, 0.5, 1.0))
+    monkeypatch.setattr(files, "copied", lambda files, at_once, folder: (0.0, next(copies)))
     further = files._further("dome", [tmp_path / "dome.0001.exr"], tmp_path, (512, 512))
     assert further.seconds == pytest.approx(0.5)
     assert further.cpu_s == pytest.approx(0.75)
     assert further.busy == pytest.approx(0.75)
     assert further.pairs == pytest.approx(10)
+    assert further.copies == pytest.approx(1.5)
