@@ -132,7 +132,7 @@ def do_show(
         show,
         folder / "out",
         recipe,
-        Console(quiet=True),
+        Console(quiet="loud" not in sys.argv),
         what="copying",
         writing=writing,
         running=Running(**{"workers": 0, **running}),

@@ -40,6 +40,7 @@ _SETTLING = 1.0  # s: until the client has seen that what went wrong is its sche
 _GLANCE = 0.02  # s: how often to look meanwhile
 _SILENCE = 15.0  # s: that a worker says nothing, not even that it is there, if it stands still
 _GOES_ON = "What is done is kept: the same command goes on with the rest"
+_ANSWER = 2.0  # s: until a scheduler that works has said how many workers it has
 _RESTART = 10.0  # s: for a worker to end
 
 
@@ -305,6 +306,7 @@ class _Hall:
     def __init__(self, client: Client, crew: Crew, tell: Callable[[str], None]) -> None:
         self._client, self._crew, self._tell, self._told = client, crew, tell, False
         self._looked, self._places = -_LOOK, 0
+        self._answered, self._silent = time.monotonic(), False
         self._heard: dict[str, tuple[float, float]] = {}
 
     def places(self) -> int:
@@ -317,6 +319,11 @@ class _Hall:
             before = self._places
             with contextlib.suppress(OSError, TimeoutError):
                 self._places = self._counted()
+                self._answered = time.monotonic()
+            silence = time.monotonic() - self._answered
+            if silence > _SILENCE and not self._silent:
+                self._tell(f"{self._crew.scheduler} has not answered for {silence:.0f} s; waiting")
+            self._silent = silence > _SILENCE
             if not self._places and (before or not self._told):
                 self._told = True
                 needed = " and ".join(f"{name}={least:g}" for name, least in self._crew.resources)
@@ -329,7 +336,9 @@ class _Hall:
         """The scheduler's workers that have what frames need."""
         needed = self._crew.resources
         if not needed:
-            return len(self._client.nthreads())
+            # Bounded, so that Ctrl-C is heard meanwhile
+            ask = self._client.scheduler.ncores
+            return len(self._client.sync(ask, workers=None, callback_timeout=_ANSWER))
         known = self._client.scheduler_info(n_workers=-1)["workers"].values()
         there = [worker.get("resources", {}) for worker in known]
         return sum(all(each.get(name, 0) >= least for name, least in needed) for each in there)

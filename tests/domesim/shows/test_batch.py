@@ -981,3 +981,27 @@ def test_workers_of_another_version_are_told_once_and_leave_no_settings(
     assert len(said) <= 2
     # With the right version there, the same command goes on
     assert len(copied(tmp_path, recipe, 0).frames) == 12
+
+
+def test_a_scheduler_that_stands_still_is_told_and_ctrl_c_is_heard(tmp_path: Path) -> None:
+    make_show(tmp_path / "in", 40)
+    harmful_in(tmp_path)
+    with scheduler(1) as (address, head):
+        command = [sys.executable, str(TESTS / "batches.py"), str(tmp_path), "0", "0.5"]
+        told = tmp_path / "told"
+        command += [address, "loud"]
+        with told.open("w") as file:
+            run = subprocess.Popen(command, stdout=file, stderr=file)
+        try:
+            until(lambda: len(list((tmp_path / "out/job").glob("in.*.json"))) > 1)
+            head.send_signal(signal.SIGSTOP)
+            until(lambda: "has not answered for" in told.read_text())
+            run.send_signal(signal.SIGINT)
+            until(lambda: "Ctrl-C again leaves them" in told.read_text())
+            run.send_signal(signal.SIGINT)
+            assert run.wait(PATIENCE) == 130
+        finally:
+            head.send_signal(signal.SIGCONT)
+            run.kill()
+            run.wait()
+    assert "Traceback" not in told.read_text()
