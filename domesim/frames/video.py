@@ -290,6 +290,9 @@ def _picture_of(video: Path, container: Any) -> Stream:
     av = pyav(video)
     covers = av.stream.Disposition.attached_pic
     streams = [each for each in container.streams.video if not each.disposition & covers]
+    if not streams:
+        got = "sound alone" if container.streams.audio else "a file that has none"
+        raise InputError(f"{video}: wanted pictures, got {got}. Name the film.")
     if len(streams) != 1:
         raise InputError(f"{video}: wanted one picture, got {len(streams)}. Export one alone.")
     stream = streams[0]

@@ -551,3 +551,18 @@ def test_a_video_is_hashed_once(
     film.touch()
     copied(film, tmp_path, 0)
     assert hashed.count(film) == 1
+
+
+def test_a_film_of_sound_only_is_told(tmp_path: Path) -> None:
+    av = pytest.importorskip("av")
+    path = tmp_path / "sound.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("aac", rate=48000)
+        heard = av.AudioFrame(format="fltp", layout="stereo", samples=1024)
+        heard.sample_rate = 48000
+        for plane in heard.planes:
+            plane.update(bytes(plane.buffer_size))
+        container.mux(stream.encode(heard))
+        container.mux(stream.encode(None))
+    with pytest.raises(InputError, match=r"sound\.mp4: wanted pictures, got sound alone"):
+        frame_paths(path)
