@@ -264,10 +264,10 @@ class Compensating(Recipe):
         )
 
     def memory(self, rows: int, cols: int) -> int:
-        """See `Recipe`: a quarter more than measured (31 and 50 planes without a solver)."""
+        """See `Recipe`: a quarter more than measured (28 and 50 planes without a solver)."""
         theatre = self.scene.load()
         simple = self._aims(theatre) or self.method in ("none", "subtractive")
-        of_one, of_two = (40, 65) if simple and not theatre.several_seats else (75, 160)
+        of_one, of_two = (35, 65) if simple and not theatre.several_seats else (75, 160)
         planes = of_one if theatre.views == 1 else of_two
         return 500_000_000 + planes * 4 * rows * cols
 
