@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,6 +36,8 @@ app.command()(new)
 app.command()(show)
 app.command("import")(import_projectors)
 app.command("export")(export_projectors)
+for _entry in entry_points(group="domesim.commands.scene"):  # of the packages above
+    app.command(_entry.name)(_entry.load())
 
 
 @app.command()
