@@ -28,6 +28,7 @@ as strong as the picture.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
@@ -58,6 +59,7 @@ float64's rounding."""
 
 _EVERY = 8  # a first estimate of s is made of every eighth row and column
 _SETTLED = 1e-7  # of s
+_FAR = 1e-3  # of s: Newton's steps that lead from nearer than that are not doubted
 _NEAR = 1e-5
 """Distance of light from a bound, of white, that is near."""
 _TINY = 1e-30  # so that nothing is divided by 0
@@ -319,15 +321,23 @@ def _settled(strips: _Strips) -> tuple[Floats, int]:
     """s, and Newton's steps: of every eighth row and column first, and then of all.
 
     A step is exact but for light that comes to a bound on the way, or leaves it. Where few pixels
-    are as near to one as the step is short, no further look at all of them is needed.
+    are as near to one as the step is short, no further look at all of them is needed. Where
+    reflected light is stronger than the picture, a step may lead further from the root, or to and
+    fro: it is halved then.
     """
     s, near = np.zeros(strips.k.core.shape[:2]), 1.0
     if not s.size:
         return s, 0
     some = strips.every(_EVERY)
     for each in (some, strips):
+        change, least = np.zeros_like(s), math.inf
         for steps in range(1, strips.max_rounds + 1):  # noqa: B007 - the last one is told
-            change = each.newton(s)
+            step, off = each.newton(s)
+            if off >= least and off > _FAR * np.abs(s).max():
+                change = change / 2
+                s -= change
+                continue
+            change, least = step, off
             s += change
             moved = float((np.abs(each.excited(change)) @ each.reach).max())
             if np.abs(change).max() <= _SETTLED * max(np.abs(s).max(), _SETTLED):
@@ -434,14 +444,16 @@ class _Strips:
 
         return light, max(self.each(write))
 
-    def newton(self, s: Floats) -> Floats:
-        """Newton's step of s."""
+    def newton(self, s: Floats) -> tuple[Floats, float]:
+        """Newton's step of s, and how far from the root s is."""
         sums, slopes = (
             sum(part) for part in zip(*self.each(lambda rows: self._sums(rows, s)), strict=True)
         )
         if len(s) == 1:
             slopes = scipy.linalg.block_diag(*slopes)[None]
-        return newton_step(self.k.core, sums.reshape(s.shape), slopes, s)
+        sums = sums.reshape(s.shape)
+        off = np.abs((self.k.core @ sums[..., None])[..., 0] - s).max()
+        return newton_step(self.k.core, sums, slopes, s), float(off)
 
     def _sums(self, rows: slice, s: Floats) -> tuple[Floats, Floats]:
         """(plane, rank) V'x of some rows, and (plane, rank, rank) how it falls as s rises."""

@@ -1,5 +1,7 @@
 """What a few sums tell of a dome is what its whole pictures show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,16 @@ def test_newtons_last_look_is_saved_where_it_would_change_nothing(
     sure, more = subtracted(observation, wanted)
     assert steps < more
     assert np.abs(quick - sure).max() < 1e-7
+
+
+@pytest.mark.parametrize("rank", [1, 3])
+@pytest.mark.parametrize("strength", [0.5, 4.0, 50.0])
+def test_reflection_stronger_than_the_picture_is_subtracted_exactly(rank, strength):
+    """Of lit pixels beside black: Newton's steps alone would go from all to nothing and back."""
+    plain = dome(rank, 1.0).factors
+    core = strength * plain.core / plain.core.sum(axis=(1, 2), keepdims=True)
+    observation = LowRankObservation(replace(plain, core=core), SCREEN)
+    wanted = ((np.indices((ROWS, COLS)).sum(0) % 2) * SCREEN)[None, ..., None] * np.ones(3)
+    light, _ = subtracted(observation, wanted, (0.0, 1.0))
+    around = observation.observe(light) - observation.direct(light)
+    np.testing.assert_allclose(light, np.clip(wanted - around, 0, 1), atol=1e-6)
