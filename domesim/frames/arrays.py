@@ -55,10 +55,14 @@ def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> d
         with open_plain(path, _LARGEST) as file:
             _require_sizes(path, file)
             with np.load(file, allow_pickle=False) as stored:
-                if not {"format", "sha256", *names} <= set(stored.files):
+                if "format" not in stored.files:
+                    raise InputError(none)
+                if (written := str(stored["format"])) != wanted:
+                    raise InputError(f"{path}: wanted format {wanted!r}, got {written:.40}")
+                if not {"sha256", *names} <= set(stored.files):
                     raise InputError(none)
                 arrays = {name: stored[name] for name in stored.files}
-        written, digest = str(arrays["format"]), str(arrays.pop("sha256"))
+        digest = str(arrays.pop("sha256"))
     except InputError:
         raise
     except OSError as error:
@@ -66,8 +70,6 @@ def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> d
         raise InputError(f"{path}: wanted a stored {kind}, got '{reason}'") from error
     except Exception as error:  # whatever NumPy, zipfile and zlib run into
         raise InputError(none) from error
-    if written != wanted:
-        raise InputError(f"{path}: wanted format {wanted!r}, got {written!s:.40}")
     if digest != _digest(arrays):
         raise InputError(f"{path}: is damaged (its checksum does not fit); tabulate it again")
     return arrays
