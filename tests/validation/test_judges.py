@@ -121,12 +121,12 @@ def test_the_noise_of_residuals_is_no_error():
 
 
 THEATRE = "dome_imax"
-TINY = wrong_model.Effort(size=64, walks=3, repeats=3, error=1e-2, most=1e5)
+TINY = wrong_model.Effort(size=128, walks=3, repeats=3, error=1e-2, most=1e5)
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    """The experiment's finding and outcome, of pixels of 3°."""
+    """The experiment's finding and outcome, of pixels of 1.5°."""
     store, outcomes, measure = tmp_path_factory.mktemp("steps"), [], wrong_model.measure
 
     def noted(*args, **settings):
