@@ -54,6 +54,7 @@ SLOW = {
     "render": ("dome_hemisphere", "--master", "in.png", *PATH_TRACED, "--out", "to/a.exr"),
     "tabulate": ("dome_hemisphere", "--walks", "1", "--no-check", "--out", "to/a.npz"),
     "measure dome": ("survey.toml", "--residual", "to/a.png", "--out", "to/theatre.toml"),
+    "scene advise": ("dome_hemisphere", "in.png", "--out", "to/advice.svg"),
     "validate": ("--quick", "--only", "closed_form", "--out", "to"),
 }
 

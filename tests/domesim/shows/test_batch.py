@@ -991,7 +991,13 @@ def test_a_scheduler_that_stands_still_is_told_and_ctrl_c_is_heard(tmp_path: Pat
         told = tmp_path / "told"
         command += [address, "loud"]
         with told.open("w") as file:
-            run = subprocess.Popen(command, stdout=file, stderr=file)
+            run = subprocess.Popen(
+                command,
+                stdout=file,
+                stderr=file,
+                # A shell's background job is deaf to it
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+            )
         try:
             until(lambda: len(list((tmp_path / "out/job").glob("in.*.json"))) > 1)
             head.send_signal(signal.SIGSTOP)
