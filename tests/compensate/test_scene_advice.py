@@ -111,6 +111,7 @@ def test_a_room_of_floor_and_wall_is_known() -> None:
     assert known.approximation is None
 
 
+@pytest.mark.long
 def test_furniture_is_known_to_a_traced_room_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(advice, "TRACED_ERROR", 0.05)
     box = {"name": "console", "low_m": [-1.0, -1.0, -2.0], "high_m": [1.0, 1.0, -1.0]}

@@ -110,7 +110,8 @@ def test_twenty_shows_that_are_killed_have_the_bytes_of_one_that_is_not(tmp_path
         assert results(folder) == results(whole)
 
 
-def test_two_commands_halve_the_time(tmp_path: Path) -> None:
+@pytest.mark.long
+def test_two_commands_share_the_frames(tmp_path: Path) -> None:
     """By frames that take longer than all else, and sleep: the machine's cores do not matter."""
     make_show(tmp_path / "in", FRAMES)
     harmful_in(tmp_path)
