@@ -24,7 +24,7 @@ def test_the_walk_says_what_the_page_says(tmp_path, monkeypatch, run):
     colour = ColourTag("linear", "BT.709", "a test")
     write_frame(Frame(light, Path("frame.exr"), colour, 16, floating=True), Path("frame.exr"))
     blocks = re.findall(r"^```\n\$ domesim (.*?)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
-    assert len(blocks) == 5
+    assert len(blocks) == 6
     for command, said in blocks:
         code, out, err = run(*shlex.split(command))
         assert code == 0

@@ -318,8 +318,7 @@ def mark_own(folder: Path) -> None:
     OSError
         If it cannot be marked, or is.
     """
-    with os.fdopen(_new(folder / LIST), "wb") as file:
-        file.write(_OWN)
+    _begin(folder / LIST, _OWN)
 
 
 def require_own(folder: Path) -> None:
@@ -332,8 +331,13 @@ def require_own(folder: Path) -> None:
     OSError
         If it cannot be looked at.
     """
-    empty = folder.is_dir() and not folder.is_symlink() and not any(folder.iterdir())
-    if not (is_own(folder) or empty or _state(folder) is None):
+    # Looked at first: another process may mark it meanwhile
+    empty = (
+        folder.is_dir()
+        and not folder.is_symlink()
+        and all(_TEMPORARY.search(each.name) for each in folder.iterdir())
+    )
+    if not (empty or is_own(folder) or _state(folder) is None):
         raise InputError(
             f"{folder}: wanted a folder of domesim's own, got one that it did not make. Rename it, "
             "or choose another --out"
@@ -376,6 +380,31 @@ def remove_own(folder: Path) -> None:
 def _new(path: Path) -> int:
     """Descriptor of a file that nobody had."""
     return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+
+
+def _begin(place: Path, content: bytes) -> None:
+    """Make a file that others may look for at once: nobody sees it without its content.
+
+    Raises
+    ------
+    FileExistsError
+        If there is one.
+    OSError
+        If it cannot be made.
+    """
+    temporary = temporary_of(place)
+    try:
+        with os.fdopen(_new(temporary), "wb") as file:
+            file.write(content)
+        try:
+            os.link(temporary, place)
+        except OSError as error:
+            if error.errno not in _NO_LINKS:
+                raise
+            os.close(_new(place))
+            temporary.replace(place)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _state(path: Path) -> _State | None:
@@ -421,9 +450,9 @@ def _sha256(file: BinaryIO) -> str:
 def _note(path: Path, digest: str) -> None:
     """Add a line to the list of a file's folder: in one step, for others may add theirs."""
     place, line = path.parent / LIST, written_sums({path.name: digest})
-    with suppress(FileExistsError), os.fdopen(_new(place), "wb") as file:
-        file.write(_HEAD + line)
-        return
+    if _state(place) is None:
+        with suppress(FileExistsError):
+            _begin(place, _HEAD)
     handle = os.open(place, os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK)
     with os.fdopen(handle, "rb+", buffering=0) as file:
         if not file.read(len(_HEAD)) == _HEAD:

@@ -6,6 +6,7 @@ import ast
 import os
 import secrets
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from domesim.host.writing import (
     LIST,
     is_own,
     make_own,
+    note_written,
     prepare,
     remove_own,
     require_own,
@@ -127,6 +129,21 @@ def test_an_encoder_that_fails_leaves_nothing(tmp_path: Path) -> None:
         unfinished.write_bytes(b"half")
         raise ValueError
     assert left(tmp_path) == []
+
+
+def test_lists_and_marks_are_whole_when_they_are_first_seen(tmp_path: Path) -> None:
+    """Threads that list their files at once, and make the same folder, see no list without head."""
+    for number in range(200):
+        folder = tmp_path / str(number)
+
+        def note(name: str, folder: Path = folder) -> None:
+            make_own(folder / "own")
+            note_written({folder / name: "0" * 64})
+
+        with ThreadPoolExecutor(4) as pool:
+            list(pool.map(note, "abcd"))
+        assert len((folder / LIST).read_text().splitlines()) == 5
+        assert not list(folder.glob("*.tmp-*"))
 
 
 @pytest.mark.parametrize("content", ["", "something else\n", "folder", "pipe"])

@@ -59,6 +59,14 @@ def test_a_thousand_frames_take_no_memory_handles_or_files(tmp_path: Path) -> No
             for number in range(1, FRAMES + 1)
             for end in ("", ".json", ".png")
         ),
-        *("settings.json", "report.html", "frames.csv", "frames.parquet", "lock", "SHA256SUMS"),
+        *(
+            "settings.json",
+            "report.html",
+            "frames.csv",
+            "frames.parquet",
+            "lock",
+            "SHA256SUMS",
+            ".domesim",
+        ),
     }
     assert [name for name in left if len(name) != 64 + len(".json")] == []
