@@ -28,7 +28,7 @@ does. Authors differ by so much: both are shown, as a span.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -165,7 +165,7 @@ def _grid() -> Floats:
     return np.geomspace(_DARKEST, _BRIGHTEST, decades * _PER_DECADE + 1)
 
 
-@cache
+@lru_cache(maxsize=8)  # areas of stars' images differ from frame to frame
 def _tables(area: float, scotopic: float = LAMP) -> tuple[Floats, Floats]:
     """Magnitudes on the grid by Crumey (F = 1) and Schaefer: running minima."""
     B = _grid()
