@@ -11,8 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, Literal, final
+from typing import Literal, final
 
 import numpy as np
 
@@ -30,8 +29,7 @@ from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Light, as_sent, on_host, require_light
 from domesim.observation.base import AdjointObservation, Observation
-from domesim.scene import Scene
-from domesim.scene.loading import as_scene
+from domesim.scene.loading import AnyScene, as_scene
 from domesim.scene.screening import encoded
 
 WEIGHTINGS: Mapping[str, Callable[[], Eye]] = {"aim": Aim, "paper": PerceptualWeighting}
@@ -51,7 +49,7 @@ class Outcome:
 
 def compensate(
     desired: Light,
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: AnyScene,
     *,
     method: str = "perceptual",
     solver: Solver | None = None,

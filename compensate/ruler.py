@@ -112,8 +112,7 @@ class Ruler:
     """
 
     def __init__(self, wanted: Light, scene: Scene, screen: NDArray[np.bool_]) -> None:
-        require_light(wanted, who="Ruler")
-        require_light(wanted, (*wanted.shape[:3], 3), who="Ruler")
+        require_light(wanted, who="Ruler", primaries=3)
         require_finite(wanted, who="Ruler")
         if not (screen.any() and wanted.size) or any(np.less(screen.shape, wanted.shape[1:3])):
             raise InputError(

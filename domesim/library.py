@@ -5,9 +5,9 @@ load_master -> Light -> compensate.compensate -> Light -> observe -> Light -> sa
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,11 +17,8 @@ from domesim.frames.encodings import encoding_named
 from domesim.frames.views import made_for
 from domesim.light import Light, on_host, require_finite, require_light
 from domesim.scene import Scene
-from domesim.scene.loading import as_scene
+from domesim.scene.loading import AnyScene, as_scene
 from domesim.scene.screening import decoded, encoded
-
-AnyScene: TypeAlias = Scene | str | Path | Mapping[str, Any]
-"""A scene, its name, the path of its file, or what that holds."""
 
 Files: TypeAlias = str | Path | Sequence[str | Path]
 """One file; or two, left and right."""
@@ -112,8 +109,7 @@ def save(light: Light, path: Files, scene: AnyScene, like: Master | None = None)
     InputError
         If the light has another size than `like`, or there are not as many files as views.
     """
-    require_light(light, who="save")
-    require_light(light, (*light.shape[:3], 3), who="save")
+    require_light(light, who="save", primaries=3)
     require_finite(light, who="save")
     light, scene = on_host(light), as_scene(scene)
     paths = _listed(path)

@@ -14,11 +14,9 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TypeAlias, final
 
-import numpy as np
-
 from domesim.light import Light
 from domesim.scene import Scene
-from validation import inputs, laws, panel
+from validation import inputs, panel
 from validation.experiment import Column, Table, Work
 from validation.experiments.quality import verdict
 from validation.experiments.quality.measuring import DEFAULT, NOTHING, SUBTRACTION, WAYS, Case, Cell
@@ -116,19 +114,8 @@ def _table(kind: str, cells: verdict.Cells, judges: Sequence[panel.Judge]) -> Ta
         (
             way,
             len(cells),
-            sum(
-                each[way].laws.get(law.name, -np.inf) > law.bound
-                for each in cells.values()
-                for law in laws.LAWS
-            ),
-            *(
-                float(
-                    np.mean(
-                        [min(each[way].judged[judge.name], verdict.BEST) for each in cells.values()]
-                    )
-                )
-                for judge in judges
-            ),
+            sum(len(verdict.laws_broken(each[way])) for each in cells.values()),
+            *(verdict.mean_of(cells, judge, way) for judge in judges),
             ranks[way],
         )
         for way in ways

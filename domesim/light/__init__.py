@@ -61,7 +61,13 @@ def as_sent(array: NDArray[Any], sent: Array) -> Array:
     return namespace(sent).asarray(array, dtype=sent.dtype, device=sent.device)
 
 
-def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: str) -> None:
+def require_light(
+    light: Light,
+    shape: tuple[int, ...] | None = None,
+    *,
+    who: str,
+    primaries: int | None = None,
+) -> None:
     """Refuse what is not Light.
 
     Parameters
@@ -72,6 +78,8 @@ def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: st
         The sizes that it must have; any if None.
     who
         Name of the caller, for the message.
+    primaries
+        How many it must have; any if None.
 
     Raises
     ------
@@ -83,6 +91,8 @@ def require_light(light: Light, shape: tuple[int, ...] | None = None, *, who: st
         raise InputError(f"{who} takes (view, row, col, primary) = {shape}, got {sizes}")
     if len(sizes) != len(AXES):
         raise InputError(f"{who} takes axes (view, row, col, primary), got shape {sizes}")
+    if primaries not in (None, sizes[-1]):
+        raise InputError(f"{who} takes light of {primaries} primaries, got {sizes[-1]}")
     xp = namespace(light)
     if light.dtype not in (xp.float32, xp.float64):
         raise InputError(f"{who} takes float32 or float64 light, got {light.dtype}")

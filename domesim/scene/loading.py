@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 
@@ -57,7 +57,11 @@ def load_scene(name_or_path: str | Path | Mapping[str, Any]) -> Scene:
     return scene_of_text(text, str(name_or_path), folder)
 
 
-def as_scene(scene: Scene | str | Path | Mapping[str, Any]) -> Scene:
+AnyScene: TypeAlias = Scene | str | Path | Mapping[str, Any]
+"""A scene, its name, the path of its file, or what that holds."""
+
+
+def as_scene(scene: AnyScene) -> Scene:
     """Return a scene; load it if it is named.
 
     Raises

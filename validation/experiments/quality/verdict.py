@@ -62,7 +62,7 @@ def gain(cells: Cells, way: str) -> Estimate:
 
 def better(cells: Cells, judge: panel.Judge, other: str) -> float:
     """How much better the default is than another way by a judge, mean over cases."""
-    ours, theirs = (_mean_of(cells, judge, way) for way in (DEFAULT, other))
+    ours, theirs = (mean_of(cells, judge, way) for way in (DEFAULT, other))
     return (ours - theirs) * (1 if judge.higher_is_better else -1)
 
 
@@ -89,7 +89,7 @@ def last(cells: Cells, judges: Iterable[panel.Judge]) -> dict[str, list[str]]:
         for judge in judges:
             sign = -1 if judge.higher_is_better else 1
             ours, *others = (
-                sign * _mean_of(some, judge, way)
+                sign * mean_of(some, judge, way)
                 for way in (DEFAULT, *(way for way in _common(some) if way != DEFAULT))
             )
             if ours > max(others):
@@ -122,7 +122,7 @@ def _of_laws(cells: Cells) -> Iterator[Check]:
             worst = max(found, key=lambda place: found[place])
             what = f"law of {law.name}: the default, worst of {len(found)} cases ({words(worst)})"
             yield at_most(what, found[worst], law.bound)
-    broken = sum(len(_broken(ways[way])) for ways in cells.values() for way in _PLAIN)
+    broken = sum(len(laws_broken(ways[way])) for ways in cells.values() for way in _PLAIN)
     yield equal("laws that nothing or subtraction breaks, in all cases", broken, 0)
 
 
@@ -240,7 +240,7 @@ def figures(cells: Cells, wanted: Mapping[str, Input]) -> dict[str, float | None
         found[f"quality.{kind}.judges"] = float(len(heard))
         for way in (*_PLAIN, DEFAULT):
             found |= {
-                f"quality.{kind}.{judge.name}.{way}": _mean_of(part, judge, way) for judge in heard
+                f"quality.{kind}.{judge.name}.{way}": mean_of(part, judge, way) for judge in heard
             }
         for name, rank in ranks(part, heard, (*_PLAIN, DEFAULT)).items():
             found[f"quality.{kind}.rank.{name}"] = rank
@@ -277,7 +277,7 @@ def _by_judge(kind: str, cells: Cells) -> Table:
             (
                 judge.name,
                 judge.of_structure,
-                *(_mean_of(cells, judge, name) for name in names),
+                *(mean_of(cells, judge, name) for name in names),
                 *ranks(cells, [judge]).values(),
             )
             for judge in panel.PANEL
@@ -342,7 +342,7 @@ def _by_place(cells: Cells) -> Table:
             *place,
             "choosing" if place[0] in CHOOSING else "reporting",
             *(ways[name].judged.get(JUDGE) for name in WAYS),
-            ", ".join(_broken(ways[DEFAULT])),
+            ", ".join(laws_broken(ways[DEFAULT])),
         )
         for place, ways in cells.items()
     ]
@@ -366,7 +366,7 @@ def _by_place(cells: Cells) -> Table:
 _PLAIN = (NOTHING, SUBTRACTION)
 
 
-def _broken(cell: Cell) -> list[str]:
+def laws_broken(cell: Cell) -> list[str]:
     """Laws that a way breaks at a place."""
     return [law.name for law in laws.LAWS if cell.laws.get(law.name, -np.inf) > law.bound]
 
@@ -375,7 +375,7 @@ def _badness(cell: Cell, judge: panel.Judge) -> float:
     return cell.judged[judge.name] * (-1 if judge.higher_is_better else 1)
 
 
-def _mean_of(cells: Cells, judge: panel.Judge, way: str) -> float:
+def mean_of(cells: Cells, judge: panel.Judge, way: str) -> float:
     """Mean of a judge's figures of a way."""
     return float(np.mean([min(ways[way].judged[judge.name], BEST) for ways in cells.values()]))
 
