@@ -26,7 +26,7 @@ def test_the_walk_says_what_the_page_says(tmp_path, monkeypatch, run):
     blocks = re.findall(r"^```\n\$ domesim (.*?)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
     assert len(blocks) == 6
     for command, said in blocks:
-        if command.startswith("scene advise"):  # minutes: tests/compensate/test_scene_advice.py
+        if command.startswith("scene advise"):  # minutes: tests/compensate/test_design.py
             continue
         code, out, err = run(*shlex.split(command))
         assert code == 0

@@ -13,7 +13,7 @@ from domesim.commands.options import Json, Overwrite, Quiet
 from domesim.errors import InputError
 
 if TYPE_CHECKING:
-    from compensate.advice import Advice, Outcome
+    from compensate.design import Advice, Outcome
 
 MOST = 4
 """Frames of a sequence that are taken: evenly spread."""
@@ -66,8 +66,8 @@ def advise(
     json: Json = False,
 ) -> None:
     """Tell which paint, holes, light or crosstalk would show a film better, and at what price."""
-    from compensate.advice import advise as advised  # noqa: PLC0415 - other commands load this
-    from compensate.advice import figures, knobs, theatre  # noqa: PLC0415
+    from compensate.design import advise as advised  # noqa: PLC0415 - other commands load this
+    from compensate.design import figures, knobs, theatre  # noqa: PLC0415
     from domesim.host.console import Console  # noqa: PLC0415
     from domesim.host.writing import prepare, write_whole  # noqa: PLC0415
     from domesim.scene.loading import load_scene, scene_content  # noqa: PLC0415

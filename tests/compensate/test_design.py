@@ -1,4 +1,4 @@
-"""Advice: knobs change what they say and nothing else, and what is advised has the quality."""
+"""Design: knobs change what they say and nothing else, and what is advised has the quality."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 from command_line import Run
 from stored_masters import store
 
-from compensate import advice
-from compensate.advice import CLOSE, Knob, advise, knobs, outcome, theatre
+from compensate import design
+from compensate.design import CLOSE, Knob, advise, knobs, outcome, theatre
 from compensate.plain import PlainRuler
 from compensate.pose import Stage
 from compensate.solve import solved
@@ -113,7 +113,7 @@ def test_a_room_of_floor_and_wall_is_known() -> None:
 
 @pytest.mark.long
 def test_furniture_is_known_to_a_traced_room_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(advice, "TRACED_ERROR", 0.05)
+    monkeypatch.setattr(design, "TRACED_ERROR", 0.05)
     box = {"name": "console", "low_m": [-1.0, -1.0, -2.0], "high_m": [1.0, 1.0, -1.0]}
     room = {**DOME, "floor": {"height_m": -2.0, "albedo": 0.3}, "boxes": [{**box, "albedo": 0.5}]}
     closed, traced = (theatre(room, trace=trace) for trace in (False, True))

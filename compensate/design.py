@@ -1,4 +1,4 @@
-"""What a theatre should be like for a show: its paint, its holes, its light, its crosstalk.
+"""Design mode: what a theatre should be like for a show; its paint, holes, light, crosstalk.
 
 A *knob* is one figure of a scene's file. It is turned through its range, all else left alone, and
 the show is compensated (the default method) in each theatre that this makes. Projectors send the
