@@ -13,6 +13,7 @@ import pytest
 FOLDER = Path(__file__).parents[1] / "docs" / "examples"
 SAYS = {
     "compare_solvers": r"ADMM +\S+ +\d+ +\S+  \d\.\de-",
+    "ellipsoid": r"^Computed directly: the master, lifted(.|\n)*^above: 0\.0\d+ of white",
     "own_method": r"^\| brightened \| \d",
     "own_observation": r"^Accelerated, as .* got LinearObservation\n(.|\n)*requested accuracy",
     "own_weighting": r"^Accelerated, as .* got LinearWeighting\n(.|\n)*requested accuracy",
@@ -42,11 +43,12 @@ def test_an_example(path, monkeypatch, capsys):
     assert re.search(SAYS[path.stem], capsys.readouterr().out, re.MULTILINE)
 
 
-def test_mitsuba_finds_what_two_albedos_add(monkeypatch, capsys):
+@pytest.mark.parametrize(("name", "places"), [("two_albedos", 2), ("ellipsoid", 3)])
+def test_mitsuba_finds_the_light_that_is_added(name, places, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["", "192"])
-    runpy.run_path(str(FOLDER / "two_albedos.py"))
-    said = re.findall(r"half: (\S+) of white, traced (\S+)", capsys.readouterr().out)
-    assert len(said) == 2
+    runpy.run_path(str(FOLDER / f"{name}.py"))
+    said = re.findall(r": (\S+) of white, traced (\S+)", capsys.readouterr().out)
+    assert len(said) == places
     for found, traced in said:
         assert float(found) == pytest.approx(float(traced), rel=0.02)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -120,6 +121,20 @@ def test_scenes_in_memory():
     del content["screen"]["albedo"]
     with pytest.raises(InputError, match=r"scene 'dome_hemisphere'.*albedo"):
         load_scene(content)
+
+
+def test_scenes_are_values():
+    """They are compared, kept as keys and sent to other processes; a change makes another."""
+    for name in ("dome_planetarium", "stereo_room", "cinema_2d", "dome_stereo_polarised"):
+        scene = load_scene(name)
+        same = pickle.loads(pickle.dumps(load_scene(scene_content(name))))
+        assert same == scene
+        assert {scene: 1}[same] == 1
+        assert load_scene(name, projector={"white_cd_m2": 17.0}) != scene
+    sweep = [load_scene("dome_hemisphere", screen={"albedo": rho}) for rho in (0.2, 0.4)]
+    assert [each.albedo[1] for each in sweep] == [0.2, 0.4]
+    with pytest.raises(InputError, match=r"screen\.albedo"):
+        load_scene("dome_hemisphere", screen={"albedo": None})
 
 
 def test_light_comes_back_in_its_own_library():

@@ -234,7 +234,7 @@ def _dome_tables(
             "of white, by the closed form of the bare screen"),
         Row("reflected_share", "the same, as observed here",
             100 * light.reflected / light.direct, "%",
-            "of white" if scene.transport is None else "of white, by the stored transport"),
+            "of white" if scene.known is None else "of white, by the room's transport"),
     ]  # fmt: skip
     tables = [("Light", rows), ("The room", room), ("Averages", pictures)]
     tables.append(("Sky and stars", _stars(light.black, means["picture_pollution_cd_m2"])))
@@ -294,9 +294,10 @@ def _left_out(scene: DomeScene) -> dict[str, Any]:
             "reasons": [] if approximation is None else [approximation],
             "way": None,
         }
+    by_hand = scene.known is None
     return {
-        "by": "the closed form of the bare screen",
-        "reasons": list(scene.theatre.departures()),
+        "by": "the closed form of the bare screen" if by_hand else "radiosity of the bare room",
+        "reasons": list(scene.left_out),
         "way": f"domesim tabulate {scene.argument} --out room.npz",
         "then": f"domesim scene show {scene.argument} --transport room.npz --out room.html",
     }

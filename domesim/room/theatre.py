@@ -15,6 +15,7 @@ from typing import Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.host.values import ByValue
 from domesim.room.dome import Dome
 
 Point = tuple[float, float, float]
@@ -233,8 +234,8 @@ class Viewpoint:
 
 
 @final
-@dataclass(frozen=True)
-class Theatre:
+@dataclass(frozen=True, eq=False)
+class Theatre(ByValue):
     """A dome theatre: its screen, and whatever else light meets.
 
     Parameters
@@ -324,7 +325,7 @@ class Theatre:
     @property
     def enclosure(self) -> Theatre:
         """The theatre with nothing but a Lambertian screen, floor and wall."""
-        return replace(self, lobe=None, cavity=None, solids=(), lamps=())
+        return replace(self, lobe=None, cavity=None, solids=(), lamps=(), viewpoints={})
 
     @property
     def beyond_enclosure(self) -> tuple[str, ...]:

@@ -10,14 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.host.values import ByValue
 from domesim.observation.base import Observation
 from domesim.observation.projector import Projector
 from domesim.observation.uncertain import Uncertain
 from domesim.room.viewing import Viewing
 
 
-class Scene(ABC):
+class Scene(ByValue, ABC):
     """What is projected, where it falls, and who looks.
+
+    Scenes of the same content are equal, and may be keys.
 
     Attributes
     ----------

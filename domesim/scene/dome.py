@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import final
 
@@ -20,6 +21,7 @@ from domesim.observation.dome_pair import ReflectedViews, dome_pair
 from domesim.observation.followed import Followed
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.projector import Projector
+from domesim.observation.radiosity import quick_radiosity
 from domesim.observation.spherical import ClosedFormDome, bare_gain
 from domesim.observation.transport import PHOTOGRAPHS, TabulatedDome, Transport, load_transport
 from domesim.observation.uncertain import SIGMAS, UncertainDome
@@ -54,7 +56,7 @@ from domesim.scene.mistakes import Mistakes
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DomeScene(Scene):
     """A dome theatre: what its projector, screen and audience are.
 
@@ -148,11 +150,22 @@ class DomeScene(Scene):
             return self.solvable(rows, cols)
         return self.one_view(rows, cols)
 
+    @cached_property
+    def known(self) -> Transport | None:
+        """The stored transport; radiosity's, of a dome that is no sphere; else None.
+
+        The closed form of an ellipsoid is several times as far off as of a sphere with a floor.
+        """
+        turned = self.stereo is not None and self.stereo.kept not in (0, 1)
+        if self.transport is not None or self.dome.height_ratio == 1 or turned:
+            return self.transport
+        return quick_radiosity(self.theatre)
+
     def one_view(self, rows: int, cols: int) -> LowRankObservation | TabulatedDome:
         """What the audience sees of one view.
 
-        It is the stored transport's if there is one, else the closed form of the bare screen,
-        which is an approximation if `approximation` says so.
+        It is that of `known` if there is one, else the closed form of the bare screen, which is an
+        approximation if `approximation` says so.
 
         Parameters
         ----------
@@ -174,11 +187,9 @@ class DomeScene(Scene):
             gains = lens_gains(self.theatre, rows, cols)
         gain = None if gains is None else gains.sum(0)
         black = self.ambient / self.projector.white
-        if self.transport is not None:
+        if self.known is not None:
             seen = None if gains is None else seen_gain(self.theatre, gains)
-            return self.transport.observation(
-                rows, cols, lens_gain=gain, seen_gain=seen, ambient=black
-            )
+            return self.known.observation(rows, cols, lens_gain=gain, seen_gain=seen, ambient=black)
         return ClosedFormDome(
             self.dome, rows, cols, albedo=self.albedo, lens_gain=gain, ambient=black
         )
@@ -266,7 +277,9 @@ class DomeScene(Scene):
         if self.transport is not None and self.transport.provenance.get("method") == PHOTOGRAPHS:
             by = "measured from photographs of patterns"
         stored = f"the whole theatre's light transport as {by}"
-        model = closed if self.transport is None else stored
+        if self.transport is None:
+            stored = "radiosity of screen, floor and wall, all bounces; computed, not measured"
+        model = closed if self.known is None else stored
         facts = {
             "Theatre": f"{self.name}, radius {self.dome.radius:g} m, half-angle "
             f"{np.degrees(self.dome.half_angle):g}°, screen albedo "
@@ -276,7 +289,7 @@ class DomeScene(Scene):
             "Model": model,
         }
         if self.approximation is not None:
-            facts["Left out"] = "; ".join(self._left_out)
+            facts["Left out"] = "; ".join(self.left_out)
         if self.stereo is not None:
             white = self.stereo.leaks.sum(axis=2) @ self.projector.luminance_weights
             facts["3D"] = (
@@ -310,23 +323,31 @@ class DomeScene(Scene):
     @property
     def approximation(self) -> str | None:
         """See `Scene`."""
-        if not self._left_out:
+        if not self.left_out:
             return None
         if self.transport is not None:
             return (
-                f"approximate: {'; '.join(self._left_out)}. 'domesim render' shows it; a stored "
+                f"approximate: {'; '.join(self.left_out)}. 'domesim render' shows it; a stored "
                 f"transport, which is smooth, leaves it out"
+            )
+        way_out = f"domesim tabulate {self.argument} --out FILE.npz, then --transport FILE.npz"
+        if self.known is not None:
+            return (
+                f"approximate: radiosity knows screen, floor and wall only. For the whole theatre: "
+                f"{way_out}"
             )
         return (
             f"approximate: the closed form knows the bare screen only. For the whole theatre: "
-            f"domesim tabulate {self.argument} --out FILE.npz, then --transport FILE.npz"
+            f"{way_out}"
         )
 
     @property
-    def _left_out(self) -> tuple[str, ...]:
+    def left_out(self) -> tuple[str, ...]:
         """What of this theatre `observation` does not know."""
-        if self.transport is None:
+        if self.known is None:
             return self.theatre.departures()
+        if self.transport is None:
+            return self.theatre.beyond_enclosure
         shadowed = self.transport.provenance.get("shadowed", 0.0)
         left_out = {
             f"{shadowed:.1%} of the screen lies in shadows of what is before a projector": (

@@ -144,7 +144,7 @@ def way_of(file: OnItsWay, *, polarised: bool = False) -> LightsWay | None:
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CinemaScene(Scene):
     """A 2-D cinema: its projector, its screen and room, its audience.
 

@@ -31,22 +31,35 @@ from domesim.scene.stereo import StereoScene
 from domesim.scene.stereo_file import StereoFile
 
 
-def load_scene(name_or_path: str | Path | Mapping[str, Any]) -> Scene:
+def load_scene(name_or_path: str | Path | Mapping[str, Any], **changes: Any) -> Scene:
     """The scene of a TOML file, one of the project's own by its name, or one in memory.
+
+    Scenes of the same content are equal, can be pickled, and can be keys of a dictionary.
 
     Parameters
     ----------
     name_or_path
         Path of a .toml file; a name; or what such a file holds, such as `scene_content` returns:
         sections by name. Paths in that are from the current folder.
+    changes
+        Keys to be replaced, by their section: ``load_scene("dome_hemisphere", screen={"albedo":
+        0.4})``. None takes a key or a section out.
+
+    Returns
+    -------
+    scene
+        As it is described.
 
     Raises
     ------
     InputError
         If there is no such scene, or with all mistakes of its file, each with its path.
     """
+    if changes and not isinstance(name_or_path, Mapping):
+        load_scene(name_or_path)  # tells its own mistakes
+        name_or_path = scene_content(name_or_path)
     if isinstance(name_or_path, Mapping):
-        content = copy.deepcopy(dict(name_or_path))
+        content = _merged(name_or_path, changes)
         return _named(content, f"scene {content.get('name', 'in memory')!r}", Path(), file="")
     if not isinstance(name_or_path, str | Path):
         raise InputError(
@@ -55,6 +68,19 @@ def load_scene(name_or_path: str | Path | Mapping[str, Any]) -> Scene:
         )
     text, folder = _scene_text(name_or_path)
     return scene_of_text(text, str(name_or_path), folder)
+
+
+def _merged(content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A copy of what a file holds, with changes; None takes out."""
+    merged = copy.deepcopy(dict(content))
+    for key, value in changes.items():
+        if value is None:
+            merged.pop(key, None)
+        elif isinstance(value, Mapping) and isinstance(merged.get(key, {}), Mapping):
+            merged[key] = _merged(merged.get(key, {}), value)
+        else:
+            merged[key] = copy.deepcopy(value)
+    return merged
 
 
 AnyScene: TypeAlias = Scene | str | Path | Mapping[str, Any]

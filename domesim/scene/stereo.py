@@ -82,7 +82,7 @@ class Seat:
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StereoScene(Scene):
     """A stereo system: what its projectors, screen, filters and audience are.
 
