@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from image_files import store
 from rigs import LEFT, RIGHT, TO_LEFT, TO_RIGHT
+from sensors import store_raw
 
 SIZE = (45, 77)
 EYES = ("left", "right")
@@ -75,6 +76,9 @@ def store_all(folder, studio, *, seed=0, primaries=False, kind="exr", extra="", 
 
 
 def save(path, samples):
+    if path.suffix == ".dng":
+        store_raw(path, samples)
+        return
     store(path, samples, oiio__ColorSpace="lin_rec709")
 
 

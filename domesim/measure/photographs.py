@@ -42,14 +42,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from domesim.advice import ADVICE
 from domesim.errors import InputError
-from domesim.frames import Frame
 from domesim.frames.encodings import encoding_named
-from domesim.frames.reading import read_image
 from domesim.host.texts import toml_in
 from domesim.light.ties import root_of
 from domesim.measure.edges import found_corners
+from domesim.measure.raws import MOST_CLIPPED, clipped, read_photograph
 from domesim.readings.meter import EYES
 from domesim.readings.tables import text_of
 
@@ -57,8 +55,6 @@ Floats = NDArray[np.float64]
 Samples = NDArray[np.float32]
 """(row, col, camera channel) linear."""
 
-MOST_SATURATED = 1e-3
-"""Share of the screen's pixels: some are stuck in any camera."""
 READ_OFF, CROPPED = 0.5, 12**-0.5
 """Standard error of each coordinate of a corner if none is stated, pixels: as a person reads it off
 the picture; and of a photograph that was cropped to the screen, which is done at whole pixels."""
@@ -328,25 +324,6 @@ def _channels(path: Path, eye: str, projector: str, section: Files | _Colours) -
     return listed
 
 
-def require_depth(frame: Frame) -> None:
-    """Refuse a photograph whose codes are too few for light that differs a hundredfold.
-
-    Raises
-    ------
-    InputError
-        If it has less than 10 bits: then it has a curve, too, whatever is said of it.
-    """
-    if frame.bits < _LEAST_BITS:
-        raise InputError(
-            f"{frame.path}: a photograph must be raw and linear, of {_LEAST_BITS} bits or more, "
-            f"got {frame.bits}; develop it without a curve ({ADVICE['develop'].given()}, or a "
-            "linear EXR)"
-        )
-
-
-_LEAST_BITS = 10
-
-
 class _Reader:
     """Reads photographs of one size, and remembers which samples were full."""
 
@@ -368,7 +345,7 @@ class _Reader:
         brightest = max(value for _, value, _ in self._full)
         for path, value, full in self._full:
             share = float(np.mean(full[on]))
-            if value >= _NEARLY * brightest and share > MOST_SATURATED:
+            if value >= _NEARLY * brightest and share > MOST_CLIPPED:
                 raise InputError(
                     f"{path}: {share:.1%} of the screen's pixels are saturated; expose all "
                     f"photographs shorter, or say what value is full (saturation)"
@@ -381,14 +358,13 @@ class _Reader:
         return digest.hexdigest()
 
     def _one(self, path: Path) -> Samples:
-        frame = read_image(path, repair=False, signed=True, colour=self._colour)
+        frame = read_photograph(path, self._colour)
         if frame.colour.transfer != "linear":
             raise InputError(
                 f"{path}: wanted a linear photograph, got {frame.colour.named} "
                 f'({frame.colour.source}); if it is linear, say encoding = "linear" in '
                 f"[photographs], else develop it so"
             )
-        require_depth(frame)
         size = frame.pixels.shape[:2]
         if self.size is None or self._first is None:
             self.size, self._first = (size[0], size[1]), path
@@ -398,17 +374,8 @@ class _Reader:
                 f"got {size[1]} x {size[0]}; the camera must not move between photographs"
             )
         self._read.append(path)
-        self._full.append((path, *self._saturated(frame)))
+        self._full.append((path, *clipped(frame, self._saturation)))
         return frame.pixels
-
-    def _saturated(self, frame: Frame) -> tuple[float, NDArray[np.bool_]]:
-        """The value that counts as full, and (row, col) which pixels have it."""
-        limit = 1.0 if self._saturation is None else self._saturation
-        if self._saturation is None and frame.floating:
-            # Only samples that are clipped share one value.
-            limit = float(frame.pixels.max())
-            return limit, np.asarray((frame.pixels == limit).any(axis=-1))
-        return limit, np.asarray((frame.pixels >= _NEARLY * limit).any(axis=-1))
 
 
 def _corners(path: Path, section: _Photographs, size: tuple[int, int]) -> Corners:

@@ -389,9 +389,13 @@ def _interoperability(path: Path) -> str:
     return str(index or "").strip("\0 ")
 
 
-def camera_raw(path: Path) -> InputError:
+class CameraRawError(InputError):
+    """A file is what a camera's sensor gave, no picture."""
+
+
+def camera_raw(path: Path) -> CameraRawError:
     """The error for what a camera's sensor gave."""
-    return InputError(
+    return CameraRawError(
         f"{path}: wanted a picture, got a camera's raw file. Develop it first, in linear light for "
         f"measurements ({ADVICE['develop'].given()})."
     )

@@ -9,6 +9,7 @@
     look_at_m = [0.0, 1.5, 1.0]
     field_deg = 220.0                # across the circle, or the width of a perspective
     k1 = 0.0                         # radial distortion of a perspective
+    circle_px = [1512, 1004, 980]    # col, row, radius of a fisheye's circle in its photographs
     registration = "dots.exr"        # a photograph that tells all of that more exactly
     patterns = "patterns"            # the folder of its pattern
 
@@ -39,7 +40,7 @@ Files are sought beside the survey file.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, final
@@ -52,7 +53,6 @@ from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames import read_master
 from domesim.frames.encodings import encoding_named
-from domesim.frames.reading import read_image
 from domesim.host.files import read_plain
 from domesim.host.texts import text_in, toml_in
 from domesim.measure.dome.camera import Camera, domemaster_camera
@@ -63,7 +63,7 @@ from domesim.measure.dome.photographs import Photographs
 from domesim.measure.dome.registration import Registered, registered
 from domesim.measure.dome.spots import Reading
 from domesim.measure.patterns.listing import read_patterns
-from domesim.measure.photographs import require_depth
+from domesim.measure.raws import MOST_CLIPPED, clipped, read_photograph
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.fields import Number, Place, Section, three
 from domesim.scene.loading import scene_content
@@ -86,6 +86,7 @@ class CameraSection(Section):
     look_at_m: Place | None = None
     field_deg: Annotated[Number, Field(gt=0, le=360)] | None = None
     k1: Annotated[Number, Field(ge=-1, le=1)] = 0.0
+    circle_px: tuple[Positive, Positive, Positive] | None = None
     registration: str | None = None
     patterns: str = "patterns"
 
@@ -99,6 +100,8 @@ class CameraSection(Section):
             raise ValueError("a domemaster has no position_m, look_at_m, field_deg or registration")
         if self.mapping != "perspective" and self.k1 != 0:
             raise ValueError("k1 is of a perspective")
+        if self.mapping != "fisheye" and self.circle_px is not None:
+            raise ValueError("circle_px is of a fisheye")
         return self
 
 
@@ -294,18 +297,21 @@ def _parsed(path: Path) -> SurveyFile:
 def _photographs(
     file: SurveyFile, folder: Path, scene: DomeScene, found: Registered | None
 ) -> Photographs:
-    shots = [_light(folder / shot.file) for shot in file.photographs]
+    assert file.camera is not None
+    camera = file.camera
+    shots = [_light(folder / shot.file, camera) for shot in file.photographs]
     if len({shot.shape for shot in shots}) > 1:
         raise InputError("photographs must be of one size")
-    assert file.camera is not None
     light = np.stack(shots)
     if file.colours is not None:
-        black, *primaries = (_light(folder / s.file) / s.exposure for s in file.colours.shots)
+        black, *primaries = (
+            _light(folder / s.file, camera) / s.exposure for s in file.colours.shots
+        )
         if any(one.shape != shots[0].shape for one in (black, *primaries)):
             raise InputError("colours: photographs must be of the same size as the others")
         light = unmixed(light, mixing(black, primaries))
     return Photographs(
-        _camera(file.camera, scene) if found is None else found.camera,
+        _camera(camera, scene) if found is None else found.camera,
         light,
         np.array([file.pattern_names.index(shot.pattern) for shot in file.photographs]),
         np.array([shot.exposure for shot in file.photographs]),
@@ -339,7 +345,9 @@ def _registered(section: CameraSection, folder: Path, scene: DomeScene) -> Regis
     names = "azimuth_deg", "angle_deg", "radius_deg"
     markers = np.array([[dot[name] for name in names] for dot in dots[0].parameters["markers"]])
     try:
-        return registered(dome, markers, _light(path), _camera(section, scene))
+        return registered(
+            dome, markers, _light(path, section, measured=False), _camera(section, scene)
+        )
     except InputError as error:
         raise InputError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
 
@@ -354,14 +362,36 @@ def _patterns(paths: list[Path], scene: DomeScene) -> Floats:
     return np.stack(lights)
 
 
-def _light(path: Path) -> Floats:
-    """(row, col, primary) raw linear values of a photograph."""
-    frame = read_image(path, repair=False, signed=True, colour=encoding_named("linear"))
-    require_depth(frame)
+def _light(path: Path, camera: CameraSection, *, measured: bool = True) -> Floats:
+    """(row, col, primary) raw linear values of a photograph; of places only, it may be clipped."""
+    frame = read_photograph(path, encoding_named("linear"))
     said = frame.header.colour
     if said is not None and not said.assumed and said.transfer != "linear":
         raise InputError(
-            f"{path}: wanted a linear photograph, got {said.named} ({said.source}). Develop it "
-            f"without a curve ({ADVICE['develop'].given()}, or a linear EXR)."
+            f"{path}: wanted a linear photograph, got {said.named} ({said.source}). Use the "
+            f"camera's raw file, or develop it without a curve ({ADVICE['develop'].given()}, or a "
+            f"linear EXR)."
         )
-    return np.asarray(frame.pixels, np.float64)
+    part = _circle(path, frame.pixels.shape, camera)
+    share = float(np.mean(clipped(frame)[1][part]))
+    if measured and share > MOST_CLIPPED:
+        raise InputError(
+            f"{path}: {share:.1%} of the pixels are saturated; expose it shorter, and write the "
+            "exposure down"
+        )
+    return np.asarray(frame.pixels[part], np.float64)
+
+
+def _circle(path: Path, size: Sequence[int], camera: CameraSection) -> tuple[slice, slice]:
+    """Rows and columns of the square about a fisheye's circle; all if none is stated."""
+    if camera.circle_px is None:
+        return slice(None), slice(None)
+    col, row, radius = camera.circle_px
+    side = round(2 * radius)
+    top, left = round(row - side / 2), round(col - side / 2)
+    if min(top, left) < 0 or top + side > size[0] or left + side > size[1]:
+        raise InputError(
+            f"{path}: camera.circle_px must lie in the photograph, {size[1]} x {size[0]} pixels "
+            f"(of a raw file, half as many as its sensor's), got {list(camera.circle_px)}"
+        )
+    return slice(top, top + side), slice(left, left + side)

@@ -315,13 +315,14 @@ def spoil_below_black(folder, text):
 
 
 def spoil_srgb(folder, text):
-    codes = np.full((*SIZE, 3), 100, np.uint8)
-    store(folder / "photo.png", codes)
-    return text.replace("left-black.exr", "photo.png")
+    return spoil_depth(folder, text, np.uint16)
 
 
-def spoil_depth(folder, text):
-    spoiled = spoil_srgb(folder, text)
+def spoil_depth(folder, text, kind=np.uint8):
+    store(folder / "photo.png", np.full((*SIZE, 3), 100, kind))
+    spoiled = text.replace("left-black.exr", "photo.png")
+    if kind == np.uint16:
+        return spoiled
     return spoiled.replace("[photographs]", '[photographs]\nencoding = "linear"')
 
 

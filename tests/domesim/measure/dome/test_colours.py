@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from image_files import store
 from made_up_domes import CAMERA, GAIN, THEATRE, described, patterns, seen, truth
+from sensors import store_raw
 
 from domesim.errors import InputError
 from domesim.measure.dome.colours import mixing, unmixed
 from domesim.measure.dome.file import read_survey
 from domesim.measure.dome.responses import responses_of
 from domesim.measure.dome.without_geometry import found_in
+from domesim.measure.raws import read_photograph
 
 MIX = np.array([[0.9, 0.25, 0.03], [0.15, 0.8, 0.2], [0.02, 0.1, 0.7]])
 """(channel, primary) of a camera without a matrix of its own."""
@@ -95,4 +97,31 @@ def test_mistakes_of_colours(folder, change, message):
     assert change[0] in text
     (folder / "wrong.toml").write_text(text.replace(*change, 1))
     with pytest.raises(InputError, match=message.replace(".", r"\.")):
+        read_survey(folder / "wrong.toml")
+
+
+def test_raw_files_tell_what_linear_ones_tell(folder):
+    """The fisheye's circle is somewhere on a sensor that is no square."""
+    text = (folder / "survey.toml").read_text().replace(".exr", ".dng")
+    lights = {path: read_photograph(path).pixels for path in folder.glob("*.exr")}
+    scale = 0.9 / max(light.max() for light in lights.values())
+    for path, light in lights.items():
+        sensor = np.pad(scale * light, ((5, 3), (20, 8), (0, 0)))
+        store_raw(path.with_suffix(".dng"), sensor, bits=16)
+    there = text.replace("[camera]\n", "[camera]\ncircle_px = [44, 29, 24]\n")
+    (folder / "raw.toml").write_text(there)
+    raw, linear = (read_survey(folder / f"{name}.toml").photographs for name in ("raw", "survey"))
+    assert np.abs(raw.light / scale - linear.light).max() < 3e-5 / scale
+    (folder / "raw.toml").write_text(there.replace("44, 29", "44, 19"))
+    with pytest.raises(InputError, match=r"circle_px must lie in the photograph, 76 x 56"):
+        read_survey(folder / "raw.toml")
+
+
+def test_a_clipped_photograph_is_refused(folder):
+    light = np.full((48, 48, 3), 0.3)
+    light[:8] = 2.0
+    store(folder / "clipped.exr", np.minimum(light, 1).astype(np.float32))
+    text = (folder / "survey.toml").read_text().replace('"1.exr"', '"clipped.exr"')
+    (folder / "wrong.toml").write_text(text)
+    with pytest.raises(InputError, match=r"clipped.exr: 16.7% of the pixels are saturated"):
         read_survey(folder / "wrong.toml")
