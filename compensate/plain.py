@@ -45,10 +45,10 @@ from typing import Any, TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.ruler import BLACK, averaged
+from compensate.ruler import BLACK, averaged, require_pictures
 from compensate.vision.castle import ACHROMATIC, castle
 from domesim.inspection.magnitudes import Faintest, faintest_star, sky_brightness
-from domesim.light import Light
+from domesim.light import Light, on_host
 from domesim.light.blocks import block_sums
 from domesim.scene import DomeScene, Scene
 
@@ -144,13 +144,19 @@ class PlainRuler:
         (row, col) pixels that count.
     small
         `wanted` as it is `averaged`, if that is known.
+
+    Raises
+    ------
+    InputError
+        If `wanted` is no light, or the screen is not of its size or empty.
     """
 
     def __init__(
         self, wanted: Light, scene: Scene, screen: Mask, small: Light | None = None
     ) -> None:
-        self._wanted, self._scene, self._screen = wanted, scene, screen
-        self._small = averaged(wanted, screen) if small is None else small
+        require_pictures("PlainRuler", screen, wanted)
+        self._wanted, self._scene, self._screen = on_host(wanted), scene, screen
+        self._small = averaged(self._wanted, screen) if small is None else small
 
     def black(self, seen: Light) -> float:
         """Returns the mean luminance of the darker half as it is seen, cd/m².
@@ -160,7 +166,12 @@ class PlainRuler:
         seen
             (view, row, col, primary), or `averaged`.
         """
-        return self._black(self._luminance(averaged(seen, self._screen)))
+        return self._black(self._luminance(averaged(self._given(seen), self._screen)))
+
+    def _given(self, seen: Light) -> Light:
+        """What is seen, as a NumPy array."""
+        require_pictures("PlainRuler", self._screen, seen)
+        return on_host(seen)
 
     def figures(self, seen: Light, untouched: float, around: Around | None = None) -> PlainFigures:
         """Computes all figures.
@@ -179,6 +190,7 @@ class PlainRuler:
         figures
             See `PlainFigures`.
         """
+        seen = self._given(seen)
         small = averaged(seen, self._screen)
         light = self._luminance(small)
         colours = of_colours(self._sampled(self._small), self._sampled(small), self._weights)

@@ -34,7 +34,16 @@ from numpy.typing import NDArray
 from compensate.vision.differences import Reference, quality_lost
 from compensate.vision.resolution import shares
 from domesim.errors import InputError
-from domesim.light import Light, require_finite, require_light
+from domesim.light import (
+    Array,
+    Light,
+    as_sent,
+    namespace,
+    on_host,
+    require_finite,
+    require_light,
+    require_mask,
+)
 from domesim.light.blocks import light_sums
 from domesim.observation.projector import conversion
 from domesim.scene import Scene
@@ -112,14 +121,8 @@ class Ruler:
     """
 
     def __init__(self, wanted: Light, scene: Scene, screen: NDArray[np.bool_]) -> None:
-        require_light(wanted, who="Ruler", primaries=3)
-        require_finite(wanted, who="Ruler")
-        if not (screen.any() and wanted.size) or any(np.less(screen.shape, wanted.shape[1:3])):
-            raise InputError(
-                f"Ruler takes a screen of the picture's {wanted.shape[1:3]} pixels, of which some "
-                f"count, got {np.count_nonzero(screen)} of {screen.shape}"
-            )
-        self.wanted = wanted
+        require_pictures("Ruler", screen, wanted)
+        self.wanted = on_host(wanted)
         self._scene, self._screen = scene, screen
 
     def lost(self, seen: Light) -> float:
@@ -130,16 +133,38 @@ class Ruler:
         seen
             (view, row, col, primary), or `averaged`.
         """
+        if not isinstance(seen, np.ndarray):
+            return float(on_host(self.loss(seen)))
         xyz = self._shown(seen)
         squares = sum(reference.pooled(xyz, share) ** 2 for reference, share in self._references)
         return float(np.mean(quality_lost(np.sqrt(squares))))
+
+    def loss(self, seen: Light) -> Array:
+        """Computes `lost` by the library of the light, which may differentiate it.
+
+        Parameters
+        ----------
+        seen
+            (view, row, col, primary), or `averaged`; of PyTorch, to train a network by it.
+
+        Returns
+        -------
+        lost
+            () JOD, of the same library, precision and device.
+        """
+        xp, xyz = namespace(seen), self._shown(seen)
+        squares = sum(
+            reference.pooled_anywhere(xyz, share) ** 2 for reference, share in self._references
+        )
+        # A root has no slope at 0
+        return xp.mean(quality_lost(xp.sqrt(xp.clip(squares, 1e-30, None))))
 
     def lost_map(self, seen: Light) -> NDArray[np.floating[Any]]:
         """Maps what is lost if all of the picture looks like a place, (view, row, col), JOD.
 
         It has the pixels of what is compared: see the module's docstring.
         """
-        xyz = self._shown(seen)
+        xyz = self._shown(on_host(seen))
         maps = [
             reference.difference(xyz) * (1 if share is None else share)
             for reference, share in self._references
@@ -161,19 +186,54 @@ class Ruler:
             for factor, share in shares(viewing.seat.scale(*size), on_screen)
         ]
 
-    def _shown(self, light: Light) -> NDArray[np.float32]:
-        """XYZ of what a display would show, (view, row, col, 3), cd/m²."""
-        projector = self._scene.projector
-        small = projector.to_display(averaged(light, self._screen).astype(np.float32))
-        shown = np.maximum(small * np.float32(projector.white), np.float32(BLACK))
-        to_xyz = conversion("BT.709", "XYZ").T.astype(np.float32)
-        return np.asarray(self._repeated(shown @ to_xyz), np.float32)
+    def _shown(self, light: Light) -> Light:
+        """XYZ of what a display would show, (view, row, col, 3), cd/m²; of NumPy's, float32."""
+        require_pictures("Ruler", self._screen, light)
+        projector, small, xp = (
+            self._scene.projector,
+            averaged(light, self._screen),
+            namespace(light),
+        )
+        if xp is np:
+            small = small.astype(np.float32, copy=False)
+        to_display = projector.to_display(np.eye(3)[None, None])[0, 0]
+        shown = xp.clip(small @ as_sent(projector.white * to_display, small), BLACK, None)
+        return self._repeated(shown @ as_sent(conversion("BT.709", "XYZ").T, small))
 
     def _repeated(self, light: Light) -> Light:
         """Averaged light in pixels that are not coarser than `COARSEST`."""
         per_degree = self._scene.viewing.pixels_per_degree(*light.shape[1:3])
-        times = max(1, int(np.ceil(COARSEST / per_degree)))
-        return light if times == 1 else light.repeat(times, 1).repeat(times, 2)
+        times, xp = max(1, int(np.ceil(COARSEST / per_degree))), namespace(light)
+        return light if times == 1 else xp.repeat(xp.repeat(light, times, axis=1), times, axis=2)
+
+
+def require_pictures(who: str, screen: NDArray[np.bool_], *pictures: Light) -> None:
+    """Refuse what is no light of three primaries on a screen.
+
+    Parameters
+    ----------
+    who
+        Name of the caller, for the message.
+    screen
+        (row, col) pixels that count.
+    pictures
+        (view, row, col, primary) light of the screen's size, or `averaged`.
+
+    Raises
+    ------
+    InputError
+        If one is no light or has a value that is not finite, or the screen is none or empty.
+    """
+    require_mask(screen, who=who)
+    for light in pictures:
+        require_light(light, who=who, primaries=3)
+        require_finite(light, who=who)
+        small = tuple(side // block_of(screen) for side in screen.shape)
+        if tuple(light.shape[1:3]) not in (screen.shape, small) or 0 in light.shape:
+            raise InputError(
+                f"{who} takes a picture of the screen's {screen.shape} pixels, got one of "
+                f"{tuple(light.shape)}"
+            )
 
 
 def averaged(light: Light, screen: NDArray[np.bool_]) -> Light:
@@ -198,8 +258,10 @@ def averaged(light: Light, screen: NDArray[np.bool_]) -> Light:
     if block > 1 and light.shape[1:3] == small:
         return light
     rows, cols = (slice(side * block) for side in small)
-    sums = light_sums(light[:, rows, cols], block, screen[rows, cols])
-    return np.ascontiguousarray(sums) / block**2
+    xp = namespace(light)
+    on = xp.asarray(screen[rows, cols], device=light.device)
+    sums = light_sums(light[:, rows, cols, :], block, on)
+    return (np.ascontiguousarray(sums) if xp is np else sums) / block**2
 
 
 def block_of(screen: NDArray[np.bool_]) -> int:

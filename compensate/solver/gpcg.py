@@ -23,15 +23,14 @@ clipped, since its gradient lacks the pollution's part; it is here to be compare
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, final
 
-import numpy as np
-
 from compensate.problem import Problem
 from compensate.solver.result import Result, Status
-from domesim.light import Light, dot
+from domesim.light import Light, dot, namespace
 
 
 @final
@@ -123,7 +122,7 @@ class GPCG:
             moved = self._search(q, x, cost, gradient, -gradient, step)
             if moved is None:
                 break
-            settled = np.array_equal(_free(q, x), _free(q, moved[0]))
+            settled = bool(namespace(x).all(_free(q, x) == _free(q, moved[0])))
             gained = cost - moved[1]
             x, cost, gradient = moved
             if settled or gained <= self.gradient_progress * best:
@@ -133,9 +132,9 @@ class GPCG:
 
     def _conjugate_gradients(self, q: Problem, x: Light, gradient: Light) -> Light:
         """A step d on the free variables that reduces q(x + d)."""
-        free = _free(q, x)
-        d = np.zeros_like(x)
-        r = np.where(free, -gradient, 0)
+        xp, free = namespace(x), _free(q, x)
+        d, none = xp.zeros_like(x), xp.zeros_like(x)
+        r = xp.where(free, -gradient, none)
         p, squared, best = r, dot(r, r), 0.0
         for _ in range(self.max_cg_steps):
             if squared == 0:
@@ -143,21 +142,21 @@ class GPCG:
             curvature, product = q.curvature(p)
             step = squared / curvature
             d = d + step * p
-            r = r - step * np.where(free, product, 0)
+            r = r - step * xp.where(free, product, none)
             gained = 0.5 * step * squared
             if gained <= self.cg_progress * best:
                 break
             best = max(best, gained)
             previous, squared = squared, dot(r, r)
             p = r + (squared / previous) * p
-        return d.astype(x.dtype)
+        return d
 
     def _search(
         self, q: Problem, x: Light, cost: float, gradient: Light, direction: Light, step: float
     ) -> tuple[Light, float, Light] | None:
         """First of P[x + step direction], step halved each time, that decreases q sufficiently."""
         for _ in range(20):
-            new = q.project(x + np.asarray(step, x.dtype) * direction)
+            new = q.project(x + float(step) * direction)
             new_cost, new_gradient = q.quadratic(new)
             if new_cost <= cost + self.decrease * dot(gradient, new - x):
                 return new, new_cost, new_gradient
@@ -169,7 +168,8 @@ def _projected_gradient(q: Problem, x: Light, gradient: Light) -> Light:
     """The gradient without what the bounds hold back (Moré & Toraldo, eq. 2.3)."""
     at_lower, at_upper = x <= q.lower, x >= q.upper
     held = (at_lower & (gradient > 0)) | (at_upper & (gradient < 0)) | (at_lower & at_upper)
-    return np.where(held, 0, gradient)
+    xp = namespace(x)
+    return xp.where(held, xp.zeros_like(gradient), gradient)
 
 
 def _free(q: Problem, x: Light) -> Any:
@@ -179,7 +179,7 @@ def _free(q: Problem, x: Light) -> Any:
 def _binding(q: Problem, x: Light, gradient: Light) -> bool:
     """Whether every active bound also binds: B(x) = A(x)."""
     inward = ((x <= q.lower) & (gradient < 0)) | ((x >= q.upper) & (gradient > 0))
-    return not bool(np.any(inward & (q.lower < q.upper)))
+    return not bool(namespace(x).any(inward & (q.lower < q.upper)))
 
 
 def _small_step(cost: float, slope: float) -> bool:
@@ -188,4 +188,4 @@ def _small_step(cost: float, slope: float) -> bool:
 
 
 def _norm(light: Light) -> float:
-    return float(np.sqrt(dot(light, light)))
+    return math.sqrt(dot(light, light))

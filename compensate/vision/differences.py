@@ -49,13 +49,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar, final
+from functools import lru_cache
+from typing import Any, TypeAlias, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compensate.vision.castle import COLORVIDEOVDP, DETAIL, DKL_FROM_XYZ, castle
 from domesim.errors import InputError
+from domesim.light import Array, as_sent, namespace, on_host
 from domesim.light.strips import in_strips
 
 Floats = NDArray[np.floating[Any]]
@@ -139,10 +141,11 @@ def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -
     return Reference(wanted, pixels_per_degree).difference(seen)
 
 
-def quality_lost(differences: Floats) -> Floats:
+def quality_lost(differences: Array) -> Array:
     """Returns the quality v that is lost by differences Q, any shape, JOD."""
-    toe = JOD * TOE ** (EXPONENT - 1)
-    return np.where(differences > TOE, JOD * differences**EXPONENT, toe * differences)
+    xp, toe = namespace(differences), JOD * TOE ** (EXPONENT - 1)
+    beyond = JOD * xp.clip(differences, TOE, None) ** EXPONENT  # its slope at 0 has no end
+    return xp.where(differences > TOE, beyond, toe * differences)
 
 
 def in_thresholds(lost: Floats) -> Planes:
@@ -178,7 +181,7 @@ def bands(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Band]:
     return Reference(wanted, pixels_per_degree).bands(seen)
 
 
-def pooled(squares: Sequence[Floats], base: Floats | None = None) -> Floats:
+def pooled(squares: Sequence[Array], base: Array | None = None) -> Array:
     """Pools differences over bands and mechanisms to Q.
 
     Parameters
@@ -192,11 +195,12 @@ def pooled(squares: Sequence[Floats], base: Floats | None = None) -> Floats:
     -------
     (...): without the last axis.
     """
+    xp = namespace(*squares)
     roots = [_root(each, 2) for each in squares]
     if base is not None:
-        roots.append(_BASE * _root(base, 2))
-    of_mechanisms = _root(np.sum(np.stack(roots) ** 4, axis=0), 4)
-    return np.asarray(STILL * _root(np.sum(of_mechanisms**4, axis=-1), 4))
+        roots.append(as_sent(_BASE, base) * _root(base, 2))
+    of_mechanisms = _root(xp.sum(xp.stack(roots) ** 4, axis=0), 4)
+    return STILL * _root(xp.sum(of_mechanisms**4, axis=-1), 4)
 
 
 @final
@@ -264,7 +268,52 @@ class Reference:
         base = _base_band(self._levels[-1], levels[-1]) ** 2
         if shares[-1] is not None:
             base *= shares[-1]
-        return pooled(squares, base.mean((-2, -1), dtype=np.float64))
+        found: Floats = pooled(squares, base.mean((-2, -1), dtype=np.float64))
+        return found
+
+    def pooled_anywhere(self, seen: Array, share: Planes | None = None) -> Array:
+        """`pooled` by an array library that differentiates: no strips, nothing in place.
+
+        Parameters
+        ----------
+        seen
+            (view, row, col, 3) XYZ of any library, cd/m².
+        share
+            As for `pooled`.
+
+        Returns
+        -------
+        differences
+            (view,) Q, of the same library, precision and device.
+
+        Raises
+        ------
+        InputError
+            If the shapes do not fit.
+        """
+        self._require_alike(seen)
+        xp, shares = namespace(seen), [None] * len(self._levels)
+        if share is not None:
+            shares = [as_sent(each, seen) for each in _pyramid(share, len(self._levels))]
+        level = xp.permute_dims(seen @ as_sent(DKL_FROM_XYZ.T, seen), (0, 3, 1, 2))
+        weights = as_sent(_ACROSS, seen)
+        squares = []
+        for number, (sensitive, own) in enumerate(
+            zip(self._sensitive, self._contrasts, strict=True)
+        ):
+            size, wanted = level.shape[-2:], as_sent(own, seen)
+            coarse = _along_both(_halving, size, level)
+            around = _along_both(_doubling, size, coarse)
+            light = xp.clip(around[:, :1, ...], DARKEST, None)
+            contrast = as_sent(sensitive, seen) * (level - around) / light
+            both = _along_both(_smoothing, size, xp.minimum(xp.abs(wanted), xp.abs(contrast)))
+            masks = xp.stack([(_MASKING * both[:, k, ...]) ** q for k, q in enumerate(_Q)], axis=-1)
+            masked = xp.abs(contrast - wanted) ** _P / xp.moveaxis(1 + masks @ weights, -1, 1)
+            square = (_MOST * masked / (_MOST + masked)) ** 2
+            squares.append(_mean(square, shares[number]))
+            level = coarse
+        base = _base_band(as_sent(self._levels[-1], seen), level) ** 2
+        return pooled(squares, _mean(base, shares[-1]))
 
     def bands(self, seen: Floats) -> list[Band]:
         """Compares it with another picture of its shape, band by band; raises what `bands` does."""
@@ -278,12 +327,15 @@ class Reference:
         return bands
 
     def _levels_of(self, seen: Floats) -> list[Planes]:
-        if np.shape(seen) != self._shape:
+        self._require_alike(seen)
+        return _levels(seen, self._per_degree)
+
+    def _require_alike(self, seen: Array) -> None:
+        if tuple(seen.shape) != self._shape:
             raise InputError(
                 f"visible differences are of two pictures of one shape, got {self._shape} and "
-                f"{np.shape(seen)}"
+                f"{tuple(seen.shape)}"
             )
-        return _levels(seen, self._per_degree)
 
     def _look(self, number: int) -> None:
         """Find S / g_b and T of a band."""
@@ -453,9 +505,9 @@ def _gain(number: int) -> float:
     return 0.5 if number else 1.0
 
 
-def _root(values: Floats, power: int) -> Floats:
+def _root(values: Array, power: int) -> Array:
     """Root of values of at least 0, as the authors take it."""
-    return np.asarray((values + _ROOTED) ** (1 / power) - _ROOTED ** (1 / power))
+    return (values + _ROOTED) ** (1 / power) - _ROOTED ** (1 / power)
 
 
 def _levels(picture: Floats, pixels_per_degree: float) -> list[Planes]:
@@ -563,17 +615,48 @@ def _weighted(padded: Planes, axis: int, spread: int) -> Planes:
     return result
 
 
-def _base_band(wanted: Planes, seen: Planes) -> Planes:
+def _base_band(wanted: Array, seen: Array) -> Array:
     """D_k of the base band, (view, mechanism, row, col), of both pictures' coarsest levels."""
+    xp = namespace(wanted)
     means = [
-        np.maximum(each[:, :1], np.float32(DARKEST)).mean((-2, -1), keepdims=True)
+        xp.mean(xp.clip(each[:, :1, ...], DARKEST, None), axis=(-2, -1), keepdims=True)
         for each in (wanted, seen)
     ]
-    difference = np.abs(seen / means[1] - wanted / means[0])
-    found = _sensitivities(BASE_FREQUENCY, means[0][:, 0])
-    for k, sensitivity in enumerate(found):
-        difference[:, k] *= np.float32(_CALIBRATION) * sensitivity
-    return np.asarray(difference)
+    found = np.stack(list(_sensitivities(BASE_FREQUENCY, on_host(means[0][:, 0, ...]))), axis=1)
+    sensitivity = as_sent(np.float32(_CALIBRATION) * found, seen)
+    return xp.abs(seen / means[1] - wanted / means[0]) * sensitivity
+
+
+def _mean(squares: Array, share: Array | None) -> Array:
+    """Mean over rows and columns of (view, mechanism, row, col), (view, mechanism)."""
+    return namespace(squares).mean(squares if share is None else squares * share, axis=(-2, -1))
+
+
+Along: TypeAlias = Callable[[int, bool], Floats]
+"""Size of an axis, and whether G sees anything -> the matrix that works along it."""
+
+
+def _along_both(along: Along, size: tuple[int, int], planes: Array) -> Array:
+    """What matrices make of (..., row, col); `size` is that of the finer planes."""
+    wide = _spread(*size) > 0
+    rows, cols = (as_sent(along(side, wide), planes) for side in size)
+    return rows @ planes @ namespace(planes).permute_dims(cols, (1, 0))
+
+
+@lru_cache(maxsize=64)
+def _halving(size: int, wide: bool) -> Floats:
+    return _halved(np.eye(size, dtype=np.float32), 0)
+
+
+@lru_cache(maxsize=64)
+def _doubling(size: int, wide: bool) -> Floats:
+    half = np.eye(-(-size // 2), dtype=np.float32)
+    return _doubled(np.concatenate([half[:1], half, half[-1:]]), -2)[:size]
+
+
+@lru_cache(maxsize=64)
+def _smoothing(size: int, wide: bool) -> Floats:
+    return _smoothed(np.eye(size, dtype=np.float32), -2, _SPREAD if wide else 0)
 
 
 def _of_all(differences: Planes) -> Planes:

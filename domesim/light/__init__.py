@@ -8,7 +8,6 @@ projector primary (R, G, B).
 
 from __future__ import annotations
 
-import math
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -39,7 +38,7 @@ def namespace(*arrays: Array) -> Any:
 def on_host(array: Array) -> NDArray[Any]:
     """Returns `array` as a NumPy array, fetched from its device."""
     if is_torch_array(array):
-        array = to_device(array, "cpu")
+        array = to_device(array.detach(), "cpu")
     return np.asarray(array)
 
 
@@ -90,7 +89,8 @@ def require_light(
     if shape is not None and sizes != shape:
         raise InputError(f"{who} takes (view, row, col, primary) = {shape}, got {sizes}")
     if len(sizes) != len(AXES):
-        raise InputError(f"{who} takes axes (view, row, col, primary), got shape {sizes}")
+        got = f"shape {sizes}" if hasattr(light, "shape") else f"a {type(light).__name__}"
+        raise InputError(f"{who} takes axes (view, row, col, primary), got {got}")
     if primaries not in (None, sizes[-1]):
         raise InputError(f"{who} takes light of {primaries} primaries, got {sizes[-1]}")
     xp = namespace(light)
@@ -114,12 +114,34 @@ def require_finite(light: Light, *, who: str) -> None:
         If a value is NaN or infinite.
     """
     xp = namespace(light)
-    if not math.isfinite(float(xp.sum(light, dtype=xp.float64))):
+    if not bool(xp.isfinite(xp.sum(light, dtype=xp.float64))):
         count = int(xp.sum(xp.astype(~xp.isfinite(light), xp.int64)))
         raise InputError(
             f"{who} takes finite light, got {count} values that are NaN or infinite. "
             f"Replace them first."
         )
+
+
+def require_mask(mask: NDArray[np.bool_], *, who: str) -> None:
+    """Refuse what is no mask of pixels that count, or one of no pixels.
+
+    Parameters
+    ----------
+    mask
+        (row, col) bool.
+    who
+        Name of the caller, for the message.
+
+    Raises
+    ------
+    InputError
+        If it is no NumPy array of bool with two axes, or none of it is true.
+    """
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.ndim != 2:
+        got = f"{mask.dtype} {mask.shape}" if isinstance(mask, np.ndarray) else type(mask).__name__
+        raise InputError(f"{who} takes a screen of (row, col) bool, got {got}")
+    if not mask.any():
+        raise InputError(f"{who} takes a screen of which some pixels count, got none")
 
 
 def kind(array: Array) -> tuple[str, str, str]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from domesim.errors import InputError
-from domesim.light import Light, dot, namespace
+from domesim.light import Light, as_sent, dot, namespace, on_host
 from domesim.observation.base import AdjointObservation
 
 _ROUNDING = 1e-4  # a map may compute in float32
@@ -74,7 +74,10 @@ class LinearObservation(AdjointObservation):
         """
 
         def product(by: ArrayLike, light: Light) -> Light:
-            return np.reshape(by @ np.ravel(light), shape).astype(light.dtype)
+            if not isinstance(by, np.ndarray):  # sparse ones are SciPy's, for NumPy's arrays
+                return as_sent(np.reshape(by @ np.ravel(on_host(light)), shape), light)
+            xp = namespace(light)
+            return xp.reshape(as_sent(by, light) @ xp.reshape(light, (-1,)), shape)
 
         rows = matrix if hasattr(matrix, "T") else np.asarray(matrix)
         return cls(
