@@ -7,7 +7,9 @@ Columns of the file (CSV, or TOML sections [[reading]]; see ``tables``), but for
     filter      left, right, none       the eyewear's filter before the meter
     channel     R, G, B, W, K           full-screen colour; K is black
     level       0..1                    code value; if absent, 1, and 0 for K
-    X, Y, Z     cd/m²                   Y is luminance
+    X, Y, Z     cd/m²                   Y is luminance; or x, y and one of
+    Y, Lv       cd/m²                   luminance, beside x and y
+    fL                                  the same in foot-lamberts
     note                                anything
 
 Rows of the same projector, filter, channel and level are repeats. A table without projector and
@@ -21,7 +23,7 @@ from __future__ import annotations
 
 import tomllib
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, final
@@ -48,6 +50,8 @@ NO_FILTER = "none"
 BRIGHTEST = 1e6
 """cd/m²: what is brighter is in another unit."""
 NOT_LIGHT = "the unit is cd/m², and no light is negative; measure again"
+FOOT_LAMBERT = 1 / (np.pi * 0.3048**2)
+"""cd/m²: by the foot of 0.3048 m."""
 CONFLICT = 0.2
 """Repeats that differ by more than this share of the brighter are no repeats."""
 CONFLICT_FLOOR = 0.05
@@ -237,9 +241,10 @@ def read_readings(
         if named:
             return _of_tables(path, named, black, noise)
     table = read_table(path, {".ti3": ti3_table})
-    known = ("projector", "filter", "channel", "level", "X", "Y", "Z", "note")
     paired = ("projector", "filter") if table.columns & {"projector", "filter"} else ()
-    table.require(known, (*paired, "channel", "X", "Y", "Z"))
+    light = _light_columns(table)
+    known = ("projector", "filter", "channel", "level", *light, "note")
+    table.require(known, (*paired, "channel", *light))
     readings = [reading for row in table.rows if (reading := _reading(table, row))]
     if not table.rows:
         table.mistakes.add(0, "wanted rows of readings, got none")
@@ -326,16 +331,51 @@ def _reading(table: Table, row: Row) -> Reading | None:
         )
     if channel == "K" and level:
         table.mistakes.add(row.line, f"level of K must be 0, got {level:g}; is it another channel?")
-    x, y, z = (
-        table.number(row, column, above=0, below=BRIGHTEST, remedy=NOT_LIGHT) for column in "XYZ"
-    )
-    if projector is None or through is None or channel is None or level is None:
-        return None
-    if x is None or y is None or z is None:
+    xyz = _xyz(table, row)
+    if projector is None or through is None or channel is None or level is None or xyz is None:
         return None
     if level == 0:
         channel = "K"
-    return Reading(projector, through, channel, level, (x, y, z), row.line)
+    return Reading(projector, through, channel, level, xyz, row.line)
+
+
+def _light_columns(table: Table) -> tuple[str, str, str]:
+    """Columns of a reading's light: X, Y, Z, or luminance, x, y."""
+    if not {"x", "y"} <= table.columns:
+        return "X", "Y", "Z"
+    return next((name for name in ("Lv", "fL") if name in table.columns), "Y"), "x", "y"
+
+
+def _xyz(table: Table, row: Row) -> tuple[float, float, float] | None:
+    """A reading's X, Y, Z, cd/m²; None and a mistake if it has none."""
+    first, second, third = _light_columns(table)
+    if first == "X":
+        return _three([_light(table, row, column) for column in (first, second, third)])
+    luminance = _light(table, row, first)
+    x, y = (
+        table.number(row, column, above=0, below=1, remedy="it is a chromaticity of CIE 1931")
+        for column in (second, third)
+    )
+    if luminance is None or x is None or y is None:
+        return None
+    if not (y > 0 and x + y <= 1):
+        table.mistakes.add(
+            row.line,
+            f"x and y must be a chromaticity, got {x:g} and {y:g}; without any, as of a black that "
+            "is too dark for it, write those of white",
+        )
+        return None
+    luminance *= FOOT_LAMBERT if first == "fL" else 1.0
+    return luminance * x / y, luminance, luminance * (1 - x - y) / y
+
+
+def _light(table: Table, row: Row, column: str) -> float | None:
+    return table.number(row, column, above=0, below=BRIGHTEST, remedy=NOT_LIGHT)
+
+
+def _three(values: Sequence[float | None]) -> tuple[float, float, float] | None:
+    x, y, z = values
+    return None if x is None or y is None or z is None else (x, y, z)
 
 
 def _groups(rows: list[Reading]) -> list[list[Reading]]:

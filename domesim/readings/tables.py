@@ -88,13 +88,6 @@ class Table:
     def require(self, known: Iterable[str], wanted: Iterable[str]) -> None:
         """Notes unknown columns, and `wanted` ones that are missing."""
         known = tuple(known)
-        if {"X", "Y", "Z"} <= set(known) and {"x", "y"} <= self.columns:
-            self.mistakes.add(
-                self.header,
-                "x and y are chromaticities, which are not X and Z: write X, Y, Z in cd/m², "
-                "Y the luminance, X = x Y / y and Z = (1 - x - y) Y / y",
-            )
-            return
         for name in sorted(self.columns - set(known)):
             near = difflib.get_close_matches(name, known, 1) or [
                 column for column in known if column.lower() == name.lower()

@@ -513,6 +513,23 @@ def test_a_grey_ramp_stands_in_for_the_primaries(read):
 GOOD = Rig(ramps=False).csv().splitlines()
 
 
+def with_chromaticities(lines, name, unit):
+    rows = [line.split(",") for line in lines[1:]]
+    for row in rows:
+        x, y, z = map(float, row[-3:])
+        light = (y / unit, x / (x + y + z), y / (x + y + z))
+        row[-3:] = [f"{value:.12g}" for value in light]
+    return "\n".join([lines[0].replace("X,Y,Z", f"{name},x,y"), *map(",".join, rows)])
+
+
+@pytest.mark.parametrize(("name", "unit"), [("Y", 1), ("Lv", 1), ("fL", 3.4262591)])
+def test_luminance_and_chromaticity_are_light(read, name, unit):
+    """A foot-lambert is 3.426259 cd/m² (NIST SP 811, B.8)."""
+    found = read(with_chromaticities(GOOD, name, unit)).rows
+    wanted = read("\n".join(GOOD)).rows
+    assert np.allclose([row.xyz for row in found], [row.xyz for row in wanted], rtol=1e-7)
+
+
 def decimal_commas(lines):
     """As Excel writes them where a comma is the decimal point."""
     cells = [[f'"{cell.replace(".", ",")}"' for cell in line.split(",")] for line in lines[1:]]
@@ -536,14 +553,9 @@ def test_a_line_that_tells_excel_the_separator_is_no_row(read):
         (lambda t: [t[0].replace(",Z", ",Y"), *t[1:]], ["'Y' is there 2 times", "Z is missing"]),
         (lambda t: [x.replace(",", ";") for x in t], ["line 1: cells must be separated by commas"]),
         (decimal_commas, ["numbers have a decimal point, got '"]),
-        (
-            lambda t: [t[0].replace("X,Y,Z", "Lv,x,y"), *t[1:]],
-            ["line 1: x and y are chromaticities, which are not X and Z", "X = x Y / y"],
-        ),
-        (
-            lambda t: [t[0].replace("X,Y,Z", "Y,x,y"), *t[1:]],
-            ["line 1: x and y are chromaticities, which are not X and Z"],
-        ),
+        (lambda t: [t[0].replace("X,Y,Z", "Lv,x,y"), *t[1:]], ["x must be 0 to 1, got"]),
+        (lambda t: [t[0].replace("X,Y,Z", "X,x,y"), *t[1:]], ["column 'X' is not known", "Y is m"]),
+        (lambda t: [t[0].replace("X,Y,Z", "Lv,x,y"), "left,left,K,0,.1,.3,0"], ["those of white"]),
         (lambda t: [t[0], t[1].replace(".", ","), *t[2:]], ["line 2: must have 7 cells", "comma"]),
         (lambda t: [*t, "left,left,Q,1,1,1,1"], ["channel must be R, G, B, W or K, got 'Q'"]),
         (lambda t: [*t, "up,left,R,1,1,1,1"], ["projector must be left or right, got 'up'"]),
