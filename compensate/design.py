@@ -30,6 +30,7 @@ from compensate.solve import solved
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.scene import DomeScene, Scene
+from domesim.scene.dome_file import StarProjectorSection
 from domesim.scene.loading import load_scene
 from domesim.scene.measured_dome import whole_transport
 
@@ -85,7 +86,8 @@ class Outcome:
     black
         Luminance of the darker half, cd/m².
     star
-        Magnitude of the faintest star by Crumey's typical observer; None without a sky.
+        Magnitude of the faintest star by Crumey's typical observer: of the video, or of a star
+        projector beside it. None without a sky.
     white
         Luminance of white, cd/m².
     """
@@ -271,7 +273,7 @@ def outcome(
         light = solved(posed, "perceptual").light
         ruler = PlainRuler(posed.wanted[: scene.views], scene, posed.screen)
         black = ruler.black(posed.seen(light)[: scene.views])
-        star = ruler.faintest(black)
+        star = ruler.projected(black) or ruler.faintest(black)
         found.append((Appraisal(posed).loss(light), black, star.crumey if star else np.nan))
     lost, black, crumey = np.mean(found, axis=0).tolist()
     return Outcome(value, lost, black, None if np.isnan(crumey) else crumey, scene.projector.white)
@@ -363,6 +365,9 @@ def _screen_light(content: Content, more: float) -> None:
     """All light on the screen, but for what its room sends back, `more` times as bright."""
     _scaled(content["projector"], ("white_cd_m2", "black_cd_m2"), more)
     _scaled(content.get("ambient", {}), ("luminance_cd_m2",), more)
+    if "star_projector" in (sky := content.get("sky", {})):
+        stars = StarProjectorSection(**sky["star_projector"])
+        sky["star_projector"]["zero_point_lux"] = stars.zero_point_lux * more
 
 
 def _brighten(content: Content, more: float) -> None:

@@ -38,6 +38,28 @@ _INVISIBLE_LIGHT = 1e-5  # of white: far below a 16 bit code of any transfer fun
 
 @final
 @dataclass(frozen=True)
+class Dark:
+    """The darker half of a picture (`compensate.plain`): of the master, untouched, and as seen.
+
+    Parameters
+    ----------
+    master, untouched, seen
+        Its luminance, cd/m².
+    star_master, star_untouched, star_seen
+        Magnitude of the faintest star by Crumey's typical observer; None without a sky, and where
+        plain figures are left out.
+    """
+
+    master: float
+    untouched: float
+    seen: float
+    star_master: float | None
+    star_untouched: float | None
+    star_seen: float | None
+
+
+@final
+@dataclass(frozen=True)
 class Figures:
     """What compensation did to a frame, and how good it is.
 
@@ -59,9 +81,11 @@ class Figures:
         `loss_before` may be left out (`Solution.outcome`). Below `ruler.NO_DIFFERENCE` there is no
         difference.
     black, contrast_fine, contrast_coarse, stars, stars_in_order, hue_shift, sky, faintest_star,
-    faintest_star_schaefer
+    faintest_star_schaefer, projected_star, projected_star_schaefer
         `compensate.plain.PlainFigures` as compensated, at the first seat. They are left out where
         `loss_before` is.
+    dark
+        Luminance of the darker half at the first seat, and the faintest star: see `Dark`.
     ghost_edges
         Ghost edge energy of a stereo pair (`compensate.ghosts`) at the first seat, 1 for the
         untouched master; None without ghosts.
@@ -103,6 +127,9 @@ class Figures:
     sky: float | None
     faintest_star: float | None
     faintest_star_schaefer: float | None
+    projected_star: float | None
+    projected_star_schaefer: float | None
+    dark: Dark
     ghost_edges: float | None
     loss_by_seat: dict[str, float]
     file_clipped: float
@@ -210,8 +237,8 @@ class Appraisal:
     def _untouched(self) -> tuple[float, NDArray[np.floating], float, float]:
         """`pollution`, a pair's ghosts, `loss_before` and the black that is seen, cd/m².
 
-        Ghosts are (view, row, col) luminance that is seen too much, cd/m². The last two are NaN
-        where subtraction is exact: they may never be asked for.
+        Ghosts are (view, row, col) luminance that is seen too much, cd/m². `loss_before` is NaN
+        where subtraction is exact: it may never be asked for.
         """
         posed, projector = self.posed, self._scene.projector
         if self._desired is not None:
@@ -227,11 +254,8 @@ class Appraisal:
             ghosts = residual[: self._scene.views if self.of_ghosts else 0]
             ghost = projector.luminance(ghosts)
             pollution = mean_luminance(residual, self._scene, posed.setting.areas)
-        lost, black = math.nan, math.nan
-        if not posed.exact:
-            lost = _mean(self._losses(small))
-            black = self._plain.black(self._of_first_seat(small))
-        return pollution, ghost, lost, black
+        lost = math.nan if posed.exact else _mean(self._losses(small))
+        return pollution, ghost, lost, self._plain.black(self._of_first_seat(small))
 
     @property
     def _overview(self) -> Overview:
@@ -275,6 +299,28 @@ class Appraisal:
         """
         return _mean(self._losses(self._overview.of(light).small))
 
+    def dark(self, look: Look) -> Dark:
+        """Tells of the darker half.
+
+        Parameters
+        ----------
+        look
+            What the figures say of the light that is projected. Without plain figures the master
+            is seen, and stars are left out: they are looked for in all pixels.
+        """
+        ruler, plain = self._plain, look.plain
+        master, untouched = ruler.black(self._of_first_seat(self._wanted)), self._black_before
+        seen = master if plain.black is None else plain.black * untouched
+        dark = Dark(master, untouched, seen, None, None, plain.faintest_star)
+        if plain.faintest_star is None:
+            return dark
+        own, polluted = ruler.faintest(master), ruler.faintest(untouched)
+        return replace(
+            dark,
+            star_master=own and own.crumey,
+            star_untouched=polluted and polluted.crumey,
+        )
+
     def look(self, light: Light, *, plain: bool = True) -> Look:
         """Computes what changes from method to method.
 
@@ -310,10 +356,7 @@ class Appraisal:
     @cached_property
     def _black_before(self) -> float:
         """Black of the untouched master, cd/m²."""
-        if not self.posed.exact:
-            return self._untouched[3]
-        seen = self._desired or self._overview.of(self.posed.desired)
-        return self._plain.black(self._of_first_seat(seen.small))
+        return self._untouched[3]
 
     @cached_property
     def _plain(self) -> PlainRuler:

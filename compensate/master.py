@@ -230,6 +230,7 @@ class Solution:
             loss_subtractive=appraisal.loss_subtractive,
             loss_after=look.loss,
             **vars(look.plain),
+            dark=appraisal.dark(look),
             ghost_edges=appraisal.ghost_edges(result.light),
             loss_by_seat=look.by_seat,
             file_clipped=file_clipped,

@@ -29,7 +29,8 @@ and the luminance Y. Pixels count by the master's luminance times saturation.
 The *sky* of a dome is the darker half. Its surface brightness, and the *faintest star* that is seen
 in it, are magnitudes (`domesim.inspection.magnitudes`). A star's image is as large as the master's
 are, and at least a pixel. The faintest star is one of the master: where a method gives stars half
-as much light again, it has so much less in the master.
+as much light again, it has so much less in the master. A star projector's stars keep their light
+whatever the video shows.
 
 All but stars is measured in pictures of at most `ruler.FINEST` pixels a side: larger ones are
 averaged first. A figure is None where the master has nothing that it could be measured on.
@@ -47,7 +48,7 @@ from numpy.typing import NDArray
 
 from compensate.ruler import BLACK, averaged, require_pictures
 from compensate.vision.castle import ACHROMATIC, castle
-from domesim.inspection.magnitudes import Faintest, faintest_star, sky_brightness
+from domesim.inspection.magnitudes import Faintest, projected_star, sky_brightness, video_star
 from domesim.light import Light, on_host
 from domesim.light.blocks import block_sums
 from domesim.scene import DomeScene, Scene
@@ -100,6 +101,8 @@ class PlainFigures:
     faintest_star, faintest_star_schaefer
         Magnitude of the faintest star of the master that is seen, by Crumey for a typical observer,
         and by Schaefer.
+    projected_star, projected_star_schaefer
+        The same of a star projector beside the video; None without one.
     """
 
     black: float | None = None
@@ -111,6 +114,8 @@ class PlainFigures:
     sky: float | None = None
     faintest_star: float | None = None
     faintest_star_schaefer: float | None = None
+    projected_star: float | None = None
+    projected_star_schaefer: float | None = None
 
 
 @final
@@ -231,14 +236,21 @@ class PlainRuler:
         more = 1.0 if stars is None else stars
         if not (isinstance(self._scene, DomeScene) and more > 0):
             return None
-        return faintest_star(black, self._image).fainter(2.5 * float(np.log10(more)))
+        brighter = 2.5 * float(np.log10(more))
+        return video_star(self._scene, black, self._image).fainter(brighter)
+
+    def projected(self, black: float) -> Faintest | None:
+        """Computes the faintest star of a star projector beside the video; None without one."""
+        return projected_star(self._scene, black) if isinstance(self._scene, DomeScene) else None
 
     def _sky(self, black: float, stars: float | None) -> tuple[float | None, ...]:
         """Surface brightness and faintest stars of a dome's sky."""
         brightness, faintest = sky_brightness(black), self.faintest(black, stars)
         shown = isinstance(self._scene, DomeScene) and np.isfinite(brightness)
         schaefer, crumey = faintest or (None, None)
-        return brightness if shown else None, crumey, schaefer
+        schaefer_projected, crumey_projected = self.projected(black) or (None, None)
+        sky = brightness if shown else None
+        return sky, crumey, schaefer, crumey_projected, schaefer_projected
 
     @cached_property
     def _image(self) -> float:

@@ -223,6 +223,16 @@ class Comparison:
                 f"{SOURCES}.",
             )
 
+        if found := [p for f in figures.values() if (p := projected_of(f))]:
+            names_of = dict(zip(figures, found, strict=True))
+            yield Figure(
+                "Star projector's faintest star",
+                "magnitude",
+                {name: each.told for name, each in names_of.items()},
+                "Of the star projector beside the video, over the darker half of that: its stars "
+                "keep their light.",
+            )
+
     def stars(self) -> str | None:
         """Says what happens to the faintest star, in a line; None without a sky."""
         master = faintest_of(self.appraisal.of_master)
@@ -286,6 +296,13 @@ def faintest_of(figures: PlainFigures | Figures) -> Faintest | None:
     if figures.faintest_star is None or figures.faintest_star_schaefer is None:
         return None
     return Faintest(figures.faintest_star_schaefer, figures.faintest_star)
+
+
+def projected_of(figures: PlainFigures | Figures) -> Faintest | None:
+    """The faintest star of a star projector, by both authors."""
+    if figures.projected_star is None or figures.projected_star_schaefer is None:
+        return None
+    return Faintest(figures.projected_star_schaefer, figures.projected_star)
 
 
 def shown_methods(scene: Scene) -> Mapping[str, tuple[str, str]]:

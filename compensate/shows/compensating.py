@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE, agreeing, compared
+from compensate.shows.over_time import timeline
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.result import Status
 from compensate.steps import COARSE, are_fine, visible_steps
@@ -30,6 +31,7 @@ from domesim.scene import Scene, StereoScene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import decoded, decoder
 from domesim.shows.small import thinned
+from domesim.shows.timeline import Timeline
 from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
 
 PAPER, CONTRAST = "paper", "contrast"
@@ -247,6 +249,13 @@ class Compensating(Recipe):
             needs = int(verdict.startswith("worse"))
         return Judged(verdict, lost, needs)
 
+    def over_time(
+        self, frames: Sequence[Mapping[str, Any]], seconds: Sequence[float]
+    ) -> Timeline | None:
+        """See `Recipe`: black, and stars."""
+        names = {"untouched": "untouched", "seen": "as shown"}
+        return timeline([frame.get("dark") for frame in frames], seconds, names)
+
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
         return (
@@ -351,6 +360,10 @@ def _plain(f: Figures) -> list[str]:
             "{:.1f} an arcsec²": f.sky,
             "faintest star {:.1f} (Crumey 2014, F = 2)": f.faintest_star,
             "{:.1f} (Schaefer 1990)": f.faintest_star_schaefer,
+        },
+        "star projector": {
+            "faintest star {:.1f} (Crumey 2014, F = 2)": f.projected_star,
+            "{:.1f} (Schaefer 1990)": f.projected_star_schaefer,
         },
     }
     told = {

@@ -26,6 +26,7 @@ from compensate.prediction import (
     regions,
     triage,
 )
+from compensate.shows.over_time import timeline
 from domesim.frames import ColourTag, Master
 from domesim.frames.formats.exr import state_compression
 from domesim.frames.formats.png import colour_chunks, with_colour_chunks
@@ -38,6 +39,7 @@ from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import averaged_on_screen
 from domesim.shows.run import Done
 from domesim.shows.small import thinned
+from domesim.shows.timeline import Timeline
 from domesim.shows.work import Column, Files, Judged, Note, Recipe, Work, Write, Writing
 
 MAPS = ".maps.exr"
@@ -147,6 +149,14 @@ class Predicting(Recipe):
             f"after subtraction on {_percent(figures['visible_subtracted'])}"
         )
         return Judged(verdict.value, reason, list(Verdict).index(verdict))
+
+    def over_time(
+        self, frames: Sequence[Mapping[str, Any]], seconds: Sequence[float]
+    ) -> Timeline | None:
+        """See `Recipe`: black, and stars, of what is seen untouched."""
+        return timeline(
+            [frame.get("dark") for frame in frames], seconds, {"untouched": "untouched"}
+        )
 
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
@@ -305,14 +315,16 @@ def _figures(posed: Posed, triage: Triage, step: int) -> dict[str, Any]:
 
 
 def _sky(posed: Posed) -> dict[str, Any]:
-    """Faintest star of a dome's master, and as it is seen untouched: see `PlainRuler.faintest`."""
-    ruler = PlainRuler(posed.wanted[: posed.scene.views], posed.scene, posed.screen)
-    untouched = posed.setting.overview.of(posed.desired).small[: posed.scene.views]
-    stars = {
-        "faintest_star_master": ruler.faintest(ruler.black(posed.wanted[: posed.scene.views])),
-        "faintest_star_untouched": ruler.faintest(ruler.black(untouched)),
-    }
-    return {name: each._asdict() for name, each in stars.items() if each is not None}
+    """Black of the master, and as it is seen untouched; and a dome's faintest stars there."""
+    views = slice(posed.scene.views)
+    ruler = PlainRuler(posed.wanted[views], posed.scene, posed.screen)
+    small = posed.setting.overview.of(posed.desired).small[views]
+    blacks = {"master": ruler.black(posed.wanted[views]), "untouched": ruler.black(small)}
+    stars = {name: ruler.faintest(black) for name, black in blacks.items()}
+    dark = blacks | {f"star_{name}": each and each.crumey for name, each in stars.items()}
+    told = {f"faintest_star_{name}": each for name, each in stars.items()}
+    told |= {f"projected_star_{name}": ruler.projected(black) for name, black in blacks.items()}
+    return {"dark": dark, **{name: each._asdict() for name, each in told.items() if each}}
 
 
 def _line(figures: dict[str, Any]) -> str:
@@ -323,10 +335,13 @@ def _line(figures: dict[str, Any]) -> str:
     )
     if "faintest_star_master" not in figures:
         return line
-    master, seen = (
-        Faintest(**figures[f"faintest_star_{name}"]) for name in ("master", "untouched")
-    )
-    return f"{line}. The faintest star falls from {master.told} to {seen.told} mag ({SOURCES})"
+    falls = [
+        " to ".join(Faintest(**figures[f"{key}_{name}"]).told for name in ("master", "untouched"))
+        for key in ("faintest_star", "projected_star")
+        if f"{key}_master" in figures
+    ]
+    projected = "".join(f", the star projector's from {fall}" for fall in falls[1:])
+    return f"{line}. The faintest star falls from {falls[0]} mag{projected} ({SOURCES})"
 
 
 def _percent(share: float) -> str:

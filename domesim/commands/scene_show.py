@@ -21,7 +21,12 @@ from domesim.host.writing import prepare, write_whole
 from domesim.inspection import lightmaps
 from domesim.inspection.contrast import contrast
 from domesim.inspection.coverage import coverage, require_covered
-from domesim.inspection.magnitudes import SOURCES, faintest_star, sky_brightness
+from domesim.inspection.magnitudes import (
+    SOURCES,
+    projected_star,
+    sky_brightness,
+    video_star,
+)
 from domesim.inspection.photometry import Photometry, ghost, photometry
 from domesim.inspection.plans import (
     dome_plan,
@@ -237,13 +242,13 @@ def _dome_tables(
             "of white" if scene.known is None else "of white, by the room's transport"),
     ]  # fmt: skip
     tables = [("Light", rows), ("The room", room), ("Averages", pictures)]
-    tables.append(("Sky and stars", _stars(light.black, means["picture_pollution_cd_m2"])))
+    tables.append(("Sky and stars", _stars(scene, light.black, means["picture_pollution_cd_m2"])))
     return tables, {row.key: row.value for _, rows in tables for row in rows}
 
 
-def _stars(black: float, polluted: float) -> list[Row]:
+def _stars(scene: DomeScene, black: float, polluted: float) -> list[Row]:
     """How dark a sky of black can be, alone and under the night scene, in magnitudes."""
-    alone, under = (faintest_star(luminance, 0.0) for luminance in (black, polluted))
+    alone, under = (video_star(scene, luminance, 0.0) for luminance in (black, polluted))
     rows = []
     for key, place, luminance, faintest in (
         ("black_sky", "Black frame", black, alone),
@@ -259,6 +264,23 @@ def _stars(black: float, polluted: float) -> list[Row]:
     factor = 10 ** (0.4 * (alone.crumey - under.crumey))
     rows.append(Row("stars_brighter", "Stars must be brighter by", factor, "times",
                     "than over a black frame, to be seen in the night scene"))  # fmt: skip
+    return rows + _projected(scene, black, polluted)
+
+
+def _projected(scene: DomeScene, black: float, polluted: float) -> list[Row]:
+    """What the video takes from a star projector beside it."""
+    stray = max(0.0, scene.ambient - scene.projector.black)
+    off, *beside = (projected_star(scene, light) for light in (stray, black, polluted))
+    if off is None:
+        return []
+    rows = [Row("star_projector", "Star projector, video off", off.crumey, "mag", "")]
+    for key, what, seen in zip(
+        ("black", "night"), ("beside a black frame", "beside the night scene"), beside, strict=True
+    ):
+        assert seen is not None  # as it is with the video off
+        taken = off.crumey - seen.crumey
+        why = f"{seen.told} by {SOURCES}; the video takes {taken:.1f}"
+        rows.append(Row(f"star_projector_{key}", what, seen.crumey, "mag", why))
     return rows
 
 

@@ -22,6 +22,10 @@ Other light counts as the lamp's of equal mesopic luminance [2]: the sky's, and 
 0.9 magnitudes below Crumey's for F = 1 at 0.003 to 0.2 cd/m². For a spot it loses what Crumey's
 does. Authors differ by so much: both are shown, as a span.
 
+A show may have brighter stars than the sky. Its scene says which light is which magnitude
+(``[sky]``), and by that the faintest star is told. A *star projector* beside the video keeps its
+own light: all that the video takes from it is the darkness of the sky.
+
 [1] A. Crumey, "Human contrast threshold and astronomical visibility", MNRAS 442, 2600 (2014).
 [2] CIE 191:2010, MES2. [3] B. E. Schaefer, "Telescopic limiting magnitudes", PASP 102, 212 (1990).
 """
@@ -35,6 +39,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.scene import DomeScene
 
 Floats = NDArray[np.floating[Any]]
 
@@ -46,6 +51,7 @@ SOURCES = f"Schaefer 1990, and Crumey 2014 with F = {TYPICAL:g}"
 """Whose thresholds the ends of `Faintest` are."""
 
 _ZERO = 2.54e-6  # lux of magnitude 0
+_ARCMINUTE = float(np.radians(1 / 60))
 _DARKEST, _BRIGHTEST = 1e-5, 1e5  # cd/m²
 _PER_DECADE = 1000
 _R = (5.949e-8, -2.389e-7, 2.459e-7, 4.120e-4, -4.225e-4)
@@ -93,6 +99,46 @@ def faintest_star(luminance: float, area: float) -> Faintest:
     """
     crumey = limiting_magnitude(luminance, field_factor=TYPICAL, area=area, scotopic=D65)
     return Faintest(float(schaefer(luminance, area=area)), float(crumey))
+
+
+def video_star(scene: DomeScene, luminance: float, area: float) -> Faintest:
+    """Returns the faintest star of a dome's video, in the magnitudes of its show.
+
+    Parameters
+    ----------
+    scene
+        The dome: its ``[sky] zero_point``.
+    luminance, area
+        As for `faintest_star`.
+    """
+    faintest, zero = faintest_star(luminance, area), scene.sky.zero_point
+    if zero is None:
+        return faintest
+    lux = scene.projector.white * _ARCMINUTE**2
+    return faintest.fainter(zero + 2.5 * float(np.log10(lux / _ZERO)))
+
+
+def projected_star(scene: DomeScene, luminance: float) -> Faintest | None:
+    """Returns the faintest star of a dome's star projector, in its magnitudes.
+
+    Parameters
+    ----------
+    scene
+        The dome.
+    luminance
+        Of the sky behind it, which is the video's black, cd/m².
+
+    Returns
+    -------
+    faintest
+        None without a star projector.
+    """
+    stars = scene.sky.star_projector
+    if stars is None:
+        return None
+    disc = np.pi / 4 * (stars.image_arcmin * _ARCMINUTE) ** 2
+    brighter = 2.5 * float(np.log10(stars.zero_point_lux / _ZERO))
+    return faintest_star(luminance, float(disc)).fainter(brighter)
 
 
 def limiting_magnitude(

@@ -48,6 +48,7 @@ from domesim.scene.dome_file import (
     LampSection,
     MeasuredSection,
     ProjectorSection,
+    SkySection,
     UnitSection,
 )
 from domesim.scene.fields import three
@@ -82,6 +83,8 @@ class DomeScene(Scene):
         What of it was measured, and how sure that is; None if nothing was.
     stereo
         How it keeps the eyes apart, if it shows 3D.
+    sky
+        Which light is which magnitude.
     file
         What commands call it: its file's path, or the name of a bundled one; "" if it was made
         otherwise.
@@ -102,6 +105,7 @@ class DomeScene(Scene):
     transport: Transport | None = None
     measured: MeasuredSection | None = None
     stereo: DomeStereoSection | None = None
+    sky: SkySection = field(default_factory=SkySection)
     file: str = field(default="", compare=False)
     content: str = field(default="", compare=False)
     chosen: tuple[str, ...] = field(default=(), init=False)
@@ -446,6 +450,7 @@ def built(file: DomeFile, folder: Path) -> DomeScene:
         digest=_with_files(file, theatre),
         measured=file.measured,
         stereo=file.stereo,
+        sky=file.sky,
     )
 
 

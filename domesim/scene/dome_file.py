@@ -312,6 +312,27 @@ class DomeStereoSection(Section):
         return leaks_to_both(*(self.share if leak is None else leak for leak in views))
 
 
+class StarProjectorSection(Section):
+    """A star projector beside the video (a hybrid dome): its stars keep their own light.
+
+    `zero_point_lux` is what its star of magnitude 0 brings to the eye.
+    """
+
+    image_arcmin: Annotated[Number, Field(gt=0, le=60)] = 1.0
+    zero_point_lux: Annotated[Number, Field(gt=0, le=1)] = 2.54e-6
+
+
+class SkySection(Section):
+    """Which light is which magnitude.
+
+    `zero_point` is the magnitude of the video's star that has the light of projector white over one
+    square arcminute. Without it stars are as bright as the sky's.
+    """
+
+    zero_point: Annotated[Number, Field(ge=-10, le=20)] | None = None
+    star_projector: StarProjectorSection | None = None
+
+
 Three = tuple[Number, Number, Number]
 
 
@@ -382,6 +403,7 @@ class DomeFile(Section):
     lamps: tuple[LampSection, ...] = ()
     viewpoints: dict[str, ViewpointSection] = Field(default_factory=dict)
     viewing: ViewingSection
+    sky: SkySection = SkySection()
     sources: dict[str, str] = Field(default_factory=dict)
     measured: MeasuredSection | None = None
     stereo: DomeStereoSection | None = None
@@ -440,7 +462,7 @@ class DomeFile(Section):
     def digest(self) -> str:
         """SHA-256 of all that light transport depends on."""
         parts = {"name", "description", "sources", "viewing", "viewpoints", "ambient", "measured"}
-        parts |= {"stereo"}  # what one view's light does is stored
+        parts |= {"stereo", "sky"}  # what one view's light does is stored
         content = self.model_dump(mode="json", exclude=parts, warnings=False)
         content["projector"].pop("black_cd_m2")
         for unit in content["projector"]["units"]:

@@ -19,7 +19,15 @@ from domesim.scene.flat_file import CinemaFile
 from domesim.scene.loading import scene_names
 from domesim.scene.stereo_file import StereoFile
 
-_UNITS = {"_cd_m2": "cd/m²", "_deg": "degrees", "_m": "m", "_nm": "nm", "lumens": "lm"}
+_UNITS = {
+    "_cd_m2": "cd/m²",
+    "_deg": "degrees",
+    "_m": "m",
+    "_nm": "nm",
+    "_lux": "lux",
+    "_arcmin": "arcminutes",
+    "lumens": "lm",
+}
 _EXAMPLES: dict[str, Any] = {
     "dome.height_ratio": 0.9,
     "dome.truncated_below_m": -0.5,
@@ -40,6 +48,9 @@ _EXAMPLES: dict[str, Any] = {
     "ambient.luminance_cd_m2": 0.002,
     "screen.lobe.share": 0.25,
     "screen.lobe.roughness": 0.3,
+    "sky.zero_point": 1.6,
+    "sky.star_projector.image_arcmin": 1.5,
+    "sky.star_projector.zero_point_lux": 4e-6,
     "measured.date": "2026-05-04",
     "measured.survey": "survey.toml",
     "measured.unit": "cd/m²",

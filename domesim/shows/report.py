@@ -34,6 +34,7 @@ from domesim.light.ties import ascending
 from domesim.shows.job import Job, versions
 from domesim.shows.sealed import read_sealed
 from domesim.shows.small import small_of
+from domesim.shows.timeline import drawn, named
 from domesim.shows.work import Column, Failed, Finished, Judged, Order
 
 EVERY = 3.0
@@ -79,6 +80,8 @@ class Report:
         As of `Show`.
     checked_last
         Those orders that were done before, if they are as they were.
+    rate
+        Frames a second.
     """
 
     def __init__(
@@ -89,6 +92,7 @@ class Report:
         part: str = "",
         *,
         checked_last: Sequence[Order] = (),
+        rate: float = 24.0,
     ) -> None:
         self._mark = f"-{part[:_LONGEST]}" if part else ""
         self.page = job.folder / f"report{self._mark}.html"
@@ -98,7 +102,9 @@ class Report:
         self._columns = self._recipe.columns()
         self._outcomes: dict[str, Finished | Failed] = {}
         self._began, self._written = time.time(), 0.0
-        self._new = 0
+        self._new, self._rate = 0, rate
+        self.warnings: list[str] = []
+        """What the last page warns of, one a line."""
         self._left_out: set[str] = set()
         self._films: dict[str, str] = {}
 
@@ -209,6 +215,8 @@ class Report:
             unlike=unlike(rows.values()),
             columns=self._columns,
             curves=_curves(self._columns, rows),
+            timeline=self._over_time(rows) if state != "running" else None,
+            warnings=self.warnings,
             ends=[*rows][:1] + [*rows][-1:],
             verdicts=self._verdicts(rows.values()),
             small=self._recipe.small,
@@ -222,6 +230,20 @@ class Report:
         )
         self._written = time.time()
         write_whole(self.page, page.encode("utf-8", "replace"))
+
+    def _over_time(self, rows: Mapping[str, dict[str, Any]]) -> dict[str, str] | None:
+        """Draws the show over its time; None where there is nothing to draw."""
+        names, self.warnings = list(rows), []
+        numbers = [re.findall(r"\d+", Path(name).stem) for name in names]
+        if not all(numbers):
+            return None
+        seconds = [int(each[-1]) / self._rate for each in numbers]
+        frames = [rows[name] for name in names]
+        with suppress(LookupError, TypeError, AttributeError):  # of another version
+            if timeline := self._recipe.over_time(frames, seconds):
+                self.warnings = [named(alarm, names) for alarm in timeline.alarms]
+                return {"svg": drawn(timeline, seconds), "note": timeline.note}
+        return None
 
     def _others(self, rows: Iterable[Mapping[str, Any]]) -> list[tuple[int, str]]:
         """Counts frames that other settings than the job's made, each with its settings' file."""

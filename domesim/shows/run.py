@@ -22,6 +22,7 @@ import psutil
 from domesim.errors import InputError
 from domesim.frames.messages import joined
 from domesim.frames.reading import size_of
+from domesim.frames.timing import timing_of
 from domesim.frames.video import video_of
 from domesim.host.console import Console, complain, sized
 from domesim.host.cores import cores
@@ -31,7 +32,7 @@ from domesim.shows.alone import alone
 from domesim.shows.checksums import sha256
 from domesim.shows.cinema import Cinema, becoming, dcp_hint
 from domesim.shows.crew import Crew
-from domesim.shows.film import Films, record_of
+from domesim.shows.film import USUAL_RATE, Films, record_of
 from domesim.shows.job import Job, Record, open_job, require_own_results
 from domesim.shows.report import Report, page_name, unlike
 from domesim.shows.sequences import refuse_inputs
@@ -217,7 +218,11 @@ def _each(
     """Do all frames of a job, and what is made of them together."""
     recipe, part = orders[0].recipe, orders[0].show.part
     fresh, recorded = _by_record(orders, job)
-    report = None if job is None else Report(job, orders, what, part, checked_last=recorded)
+    report = (
+        None
+        if job is None
+        else Report(job, orders, what, part, checked_last=recorded, rate=_rate(orders, films))
+    )
     telling = _Telling(console, orders, recorded, report)
     began = time.perf_counter()
     try:
@@ -238,13 +243,13 @@ def _each(
         raise
     done = telling.done()
     done.seconds["total"] = time.perf_counter() - began
-    for line in unlike(done.frames):
-        complain(line)
     if report is None or job is None:
         return done
     if not part:
         _tell_left_over(orders, job, report, running, console)
     done.add_report(report)
+    for line in (*unlike(done.frames), *report.warnings):
+        complain(line)
     if films is None and (ending := dcp_hint(orders, done.frames)):
         console.say(ending)
     if films is not None and not done.failed:
@@ -258,6 +263,15 @@ def _each(
     ending = "" if done.report is None else f" Report: {done.report}"
     console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}.{ending}")
     return done
+
+
+def _rate(orders: Sequence[Order], films: Films | Cinema | None) -> float:
+    """Frames a second: of the video that is made, as the first master says, or the usual."""
+    if isinstance(films, Films):
+        return float(films.timing.rate)
+    with suppress(InputError):  # whoever does it will say so
+        return float(timing_of(orders[0].moment[0], USUAL_RATE).rate)
+    return float(USUAL_RATE)
 
 
 @contextmanager

@@ -36,6 +36,7 @@ from domesim.host.numbers import decimal
 from domesim.shows.job import Job, Record, versions
 from domesim.shows.show import Show
 from domesim.shows.small import small_of, write_small
+from domesim.shows.timeline import Timeline
 
 Files: TypeAlias = tuple[Path, ...]
 """Files of one moment: one, or left and right."""
@@ -180,6 +181,20 @@ class Recipe(ABC):
 
     def judged(self, figures: Mapping[str, Any]) -> Judged | None:
         """Returns the verdict on a frame with these figures; None for none."""
+        return None
+
+    def over_time(
+        self, frames: Sequence[Mapping[str, Any]], seconds: Sequence[float]
+    ) -> Timeline | None:
+        """Returns what a report draws of a show over its time; None for nothing.
+
+        Parameters
+        ----------
+        frames
+            Their figures, in order.
+        seconds
+            Time of each.
+        """
         return None
 
     def options(self, writing: Writing) -> dict[str, str]:

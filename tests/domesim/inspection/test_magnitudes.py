@@ -15,9 +15,13 @@ from domesim.inspection.magnitudes import (
     Faintest,
     faintest_star,
     limiting_magnitude,
+    projected_star,
     schaefer,
     sky_brightness,
+    video_star,
 )
+from domesim.scene import DomeScene, load_scene
+from domesim.scene.loading import scene_content
 
 SKIES = [1e-5, 1e-4, 1e-3, 0.01, 0.0216, 0.1, 0.2, 1.0]
 luminances = st.floats(-6, 2).map(lambda log: 10.0**log)
@@ -102,6 +106,42 @@ def test_both_thresholds_are_a_span() -> None:
     assert Faintest(4.13, 4.96).told == "4.1 to 5.0"
     assert Faintest(5.02, 4.13).fainter(0.2).told == "4.3 to 5.2"
     assert Faintest(4.13, 4.12).told == "4.1"
+
+
+def dome(**sky: object) -> DomeScene:
+    scene = load_scene({**scene_content("dome_planetarium"), "sky": sky})
+    assert isinstance(scene, DomeScene)
+    return scene
+
+
+def test_a_show_says_which_light_is_which_magnitude() -> None:
+    """White over a square arcminute brings 7 x 8.46e-8 lux to the eye: magnitude 1.58."""
+    own = faintest_star(0.02, 1e-6)
+    assert video_star(dome(), 0.02, 1e-6) == own
+    natural = -2.5 * np.log10(7 * np.radians(1 / 60) ** 2 / 2.54e-6)
+    assert natural == pytest.approx(1.58, abs=0.01)
+    assert video_star(dome(zero_point=natural), 0.02, 1e-6) == pytest.approx(own)
+    found = video_star(dome(zero_point=natural - 2), 0.02, 1e-6)
+    assert found == pytest.approx([each - 2 for each in own])
+
+
+def test_a_star_projector_keeps_its_light() -> None:
+    assert projected_star(dome(zero_point=1.0), 0.02) is None
+    own = projected_star(dome(star_projector={}), 0.02)
+    assert own == faintest_star(0.02, np.pi / 4 * np.radians(1 / 60) ** 2)
+    brighter = projected_star(dome(star_projector={"zero_point_lux": 2.54e-5}), 0.02)
+    assert own is not None
+    assert brighter == pytest.approx([each + 2.5 for each in own])
+    wide = projected_star(dome(star_projector={"image_arcmin": 10.0}), 0.02)
+    assert wide is not None
+    assert wide.crumey < own.crumey - 0.3
+    dark = projected_star(dome(star_projector={}), 0.001)
+    assert dark is not None
+    assert dark.crumey > own.crumey
+
+
+def test_light_transport_does_not_depend_on_the_sky() -> None:
+    assert dome(zero_point=1.0, star_projector={}).digest == dome().digest
 
 
 @pytest.mark.parametrize("wrong", [-1.0, np.nan, np.inf])
