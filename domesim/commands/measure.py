@@ -470,7 +470,7 @@ def dome(
                 raise InputError(f"{option} is of albedos; leave it out, or --without-geometry")
         _dome_without_geometry(survey, out, console, overwrite=overwrite)
         return
-    task = read_survey(survey)
+    task = read_survey(survey, plain=True)
     targets = [out] if residual is None else [out, residual]
     prepare(*targets, inputs=[survey, task.scene.file], overwrite=overwrite)
     with about(survey):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Annotated
@@ -85,7 +86,8 @@ def patterns(
     suffix, codes, colour = _codes(file_format, bits, encoding)
     if scene is not None and stereo:
         raise InputError(f"--scene {scene} is for --dome: a 3D screen's patterns need none")
-    shape = Dome(1.0, np.pi / 2) if scene is None else load_dome(scene).dome
+    room = None if scene is None else load_dome(scene)
+    shape = Dome(1.0, np.pi / 2) if room is None else room.dome
     made = dome_patterns(shape, codes, levels) if dome else stereo_patterns(codes, levels)
     folders = (out,) if dome else tuple(out / eye for eye in EYES)
     files = {
@@ -130,6 +132,11 @@ def patterns(
         f"{' float' if codes.floating else ''}, {colour.transfer}\n  -> {out}",
         f"Print this first: {out / PAGE}",
     )
+    if room is not None and (more := replace(room.theatre, lamps=()).beyond_enclosure):
+        console.say(
+            f"{room.name} has {', '.join(more)}: measure it with domesim measure dome "
+            "--without-geometry, or describe the room without them"
+        )
     names = {"list": str(written), "page": str(out / PAGE), "tables": [*tables(facts)]}
     finish(console, {"output": str(out), **names, "patterns": len(made), "files": count}, [])
 

@@ -75,6 +75,12 @@ def new(
         str | None,
         typer.Option(metavar="ROWSxCOLS", help="Domes: such as 9x16.", show_default=False),
     ] = None,
+    plain: Annotated[
+        bool,
+        typer.Option(
+            "--plain", help="Domes: no seats, as domesim measure dome wants a theatre described."
+        ),
+    ] = False,
     albedo: Annotated[
         float | None,
         typer.Option(help="Domes: share of light that the paint sends back.", show_default=False),
@@ -134,7 +140,7 @@ def new(
         "radius": radius, "tilt": tilt, "half_angle": half_angle, "projectors": projectors,
         "layout": layout, "seats": seats, "albedo": albedo, "gain": gain,
         "perforation": perforation, "white": white, "lumens": lumens, "width": width,
-        "height": height, "distance": distance, "system": system,
+        "height": height, "distance": distance, "system": system, "plain": plain or None,
     }  # fmt: skip
     chosen = {key: value for key, value in options.items() if value is not None}
     file = _file(name)
@@ -202,6 +208,8 @@ def _wish(kind: str, options: dict[str, Any]) -> Wish:
     if kind == "stereo":
         return StereoWish(**{"system": "silver", **options})
     taken = dict(options)
+    if {"seats", "plain"} <= set(taken):
+        raise InputError("--seats contradicts --plain, a room without: give one of the two")
     if "seats" in taken:
         taken["seats"] = _seats(taken["seats"])
     if "layout" in taken and taken["layout"] not in LAYOUTS:

@@ -66,6 +66,8 @@ class DomeWish:
         Albedo, gain and open share of the screen; a data sheet's gain is along its normal.
     white, lumens
         How bright, cd/m² of direct light or lm on the screen.
+    plain
+        Whether the room is to be empty, as a survey's is described.
 
     Raises
     ------
@@ -84,6 +86,7 @@ class DomeWish:
     perforation: float | None = None
     white: float | None = None
     lumens: float | None = None
+    plain: bool = False
 
     def __post_init__(self) -> None:
         _within("radius", self.radius, 1, 100, "m")
@@ -374,6 +377,8 @@ def _room(wish: DomeWish) -> Iterator[Part]:
         ("From the floor up to the lowest point of the screen, unless top_m says otherwise.",),
         (Figure("albedo", 0.08, "share of light sent back", dark),),
     )
+    if wish.plain:
+        return
     rows, across = wish.seats or (
         int(np.clip(1.2 * radius / _ROW, 1, 60)),
         int(np.clip(1.25 * radius / _SEAT, 2, 100)),

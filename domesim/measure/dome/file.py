@@ -53,11 +53,13 @@ from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames import read_master
 from domesim.frames.encodings import encoding_named
+from domesim.host.console import about
 from domesim.host.files import read_plain
 from domesim.host.texts import text_in, toml_in
 from domesim.measure.dome.camera import Camera, domemaster_camera
 from domesim.measure.dome.colours import mixing, unmixed
 from domesim.measure.dome.fit import Known
+from domesim.measure.dome.model import require_plain
 from domesim.measure.dome.nuisances import Errors
 from domesim.measure.dome.photographs import Photographs
 from domesim.measure.dome.registration import Registered, registered
@@ -235,8 +237,16 @@ class Task:
     digests: Mapping[str, str]
 
 
-def read_survey(path: Path) -> Task:
+def read_survey(path: Path, *, plain: bool = False) -> Task:
     """Read a survey file and what it names.
+
+    Parameters
+    ----------
+    path
+        The survey file.
+    plain
+        Whether to refuse, before photographs are read, a theatre that is more than `require_plain`
+        allows.
 
     Raises
     ------
@@ -249,6 +259,9 @@ def read_survey(path: Path) -> Task:
     named = where if where.suffix == ".toml" else file.theatre
     scene, content = load_dome(named), scene_content(named)
     scene = replace(scene, theatre=replace(scene.theatre, lamps=()))
+    if plain:
+        with about(path):
+            require_plain(scene.theatre)
     names = file.pattern_names
     patterns = _patterns([folder / name for name in names], scene)
     files = [file.theatre, *names, *(shot.file for shot in file.photographs)]

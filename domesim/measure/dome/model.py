@@ -71,6 +71,22 @@ def nominal_albedos(theatre: Theatre) -> Floats:
     return np.array([theatre.screen_albedo, *others])
 
 
+def require_plain(theatre: Theatre) -> None:
+    """Refuse a theatre that radiosity of few surfaces does not know.
+
+    Raises
+    ------
+    InputError
+        If there is more in it than Lambertian screen, floor and wall.
+    """
+    if theatre.beyond_enclosure:
+        raise InputError(
+            f"wanted a theatre of Lambertian screen, floor and wall, got "
+            f"{', '.join(theatre.beyond_enclosure)}; use 'domesim measure dome "
+            f"--without-geometry', or describe it without them"
+        )
+
+
 @final
 class Interreflection:
     """A theatre's shape, in which light of patterns is reflected by any albedos.
@@ -92,11 +108,7 @@ class Interreflection:
     """
 
     def __init__(self, theatre: Theatre, patterns: Floats, resolution: int = RESOLUTION) -> None:
-        if theatre.beyond_enclosure:
-            raise InputError(
-                f"wanted a theatre of Lambertian screen, floor and wall, got "
-                f"{', '.join(theatre.beyond_enclosure)}"
-            )
+        require_plain(theatre)
         self.resolution = resolution
         self._room = Enclosure(theatre, resolution)
         self._room.require_lit("use 'domesim measure dome --without-geometry'")

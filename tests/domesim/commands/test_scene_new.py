@@ -157,3 +157,15 @@ def test_it_asks_on_a_terminal(tmp_path):
     assert len(scene.theatre.seats) == 20
     assert scene.sources["dome.tilt_deg"] == "given"
     assert scene.sources["screen.albedo"].startswith("chosen")
+
+
+def test_a_plain_room_is_what_surveys_take(run, tmp_path):
+    """A closed form of few surfaces knows all that is in it."""
+    asked = ("scene", "new", tmp_path / "a.toml", "--radius", "7.5", "--projectors", "5", "--plain")
+    assert run(*asked)[0] == 0
+    scene = load_scene(str(tmp_path / "a.toml"))
+    assert scene.theatre.beyond_enclosure == ()
+    assert scene.theatre.floor
+    code, _, complaint = run(*asked[:2], tmp_path / "b.toml", *asked[3:], "--seats", "2x3")
+    assert code == 2
+    assert "--seats contradicts --plain" in complaint

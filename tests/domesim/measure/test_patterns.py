@@ -301,3 +301,12 @@ def test_damaged_lists(tmp_path, text):
     (tmp_path / "patterns.json").write_text(text)
     with pytest.raises(InputError, match=r"patterns\.json"):
         read_patterns(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("scene", "told"), [("dome_planetarium", True), ("dome_hemisphere", False)]
+)
+def test_a_room_that_needs_more_is_told_before_photographs(run, tmp_path, scene, told):
+    size = ("--size", "64", "--levels", "4", "--scene", scene)
+    _, out, _ = run("measure", "patterns", "--dome", *size, "--out", tmp_path)
+    assert ("--without-geometry" in out) == told

@@ -264,3 +264,12 @@ def test_mistakes_of_a_survey_file(folder, run, change, message):
     assert code == 2
     assert message in complaint
     assert not (folder / "none.toml").exists()
+
+
+def test_a_theatre_that_is_too_much_is_told_before_photographs_are_looked_for(folder, run):
+    text = (SURVEY + shots(NAMES[:2])).replace('"plan.toml"', '"dome_planetarium"')
+    (folder / "seats.toml").write_text(text.replace(".exr", "-not-taken-yet.exr"))
+    code, _, complaint = run(folder / "seats.toml", "--out", folder / "none.toml")
+    assert code == 2
+    assert "got solids (seats, risers, audience" in complaint
+    assert "--without-geometry" in complaint
