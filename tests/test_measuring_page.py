@@ -28,7 +28,8 @@ def commands():
     """What is typed, and what is said."""
     for block in re.findall(r"^```\n(\$ .*?)^```", PAGE, re.MULTILINE | re.DOTALL):
         command, _, said = block.partition("\n")
-        yield pytest.param(command[2:], said, id=" ".join(command.split()[2:5]))
+        slow = [pytest.mark.long] if command.endswith("measured.toml") else []
+        yield pytest.param(command[2:], said, id=" ".join(command.split()[2:5]), marks=slow)
 
 
 @pytest.fixture(scope="module")

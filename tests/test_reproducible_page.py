@@ -31,6 +31,7 @@ def clone(tmp_path, monkeypatch):
     write_frame(replace(night, pixels=night.pixels[::8, ::8].copy()), NIGHT)
 
 
+@pytest.mark.long
 def test_quick_commands_show_what_the_page_says(clone):
     assert len(QUICK) == 2
     for text in QUICK:

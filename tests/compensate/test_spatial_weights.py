@@ -55,7 +55,7 @@ def test_each_eye_has_its_own_map() -> None:
     np.testing.assert_array_equal(weighted[1], weighting.apply(residual)[1])
 
 
-@pytest.mark.parametrize("method", ["perceptual", "paper"])
+@pytest.mark.parametrize("method", ["perceptual", pytest.param("paper", marks=pytest.mark.long)])
 def test_the_command_line_reaches_it(run, tmp_path: Path, method: str) -> None:
     for eye, light in zip("lr", pair(), strict=True):
         store(tmp_path / f"{eye}.exr", light)

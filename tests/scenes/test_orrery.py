@@ -170,11 +170,6 @@ def test_same_seed_same_picture(studio: Studio, picture: Picture) -> None:
     np.testing.assert_array_equal(studio.frame(0.0)[""], picture)
 
 
-def test_another_seed_another_picture(picture: Picture) -> None:
-    other = Settings(size=SIZE, samples=4, orrery=Orrery(seed=8))
-    assert np.abs(Studio(other, {"": DomeView()}).frame(0.0)[""] - picture).mean() > 1e-3
-
-
 def test_black_outside_the_circle_and_in_range_inside(picture: Picture) -> None:
     circle = Dome(radius=1.0, half_angle=np.pi / 2).inside(SIZE, SIZE)
     assert picture.shape == (SIZE, SIZE, 3)

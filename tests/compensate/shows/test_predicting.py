@@ -56,7 +56,9 @@ def test_pictures_of_maps_are_no_longer_than_they_are_looked_at(tmp_path: Path) 
     assert (spec.width, spec.height) == (2 * 704 + 4, 14)
 
 
-@pytest.mark.parametrize("dim", [1.0, 0.3, 0.003])
+@pytest.mark.parametrize(
+    "dim", [0.003, *(pytest.param(dim, marks=pytest.mark.long) for dim in (1.0, 0.3))]
+)
 def test_a_reduced_pair_has_the_verdict_of_the_whole_one(dim: float) -> None:
     light = (dim * night_street(960)[:, :540]).astype(np.float32)
     step = reduction(PAIR.viewing, Prediction(), *light.shape[1:3])

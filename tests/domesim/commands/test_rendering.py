@@ -629,6 +629,7 @@ def in_a_process(*arguments: object, **options: Any) -> subprocess.Popen[str]:
     )
 
 
+@pytest.mark.long
 def test_a_real_ctrl_c(folder: Path) -> None:
     out = folder / "interrupted" / "real.exr"
     process = in_a_process(

@@ -311,8 +311,8 @@ def filmed(run: Run, path: Path, out: Path, suffix: str, *more: object) -> Any:
     ("name", "kind", "codec", "suffix"),
     [
         ("in.mov", KINDS["ProRes 4444"], "pcm_s16le", "mov"),
-        ("in.mov", KINDS["ProRes 4444"], "pcm_s16le", "mkv"),
-        ("in.mp4", KINDS["H.264"], "aac", "mov"),
+        pytest.param("in.mov", KINDS["ProRes 4444"], "pcm_s16le", "mkv", marks=pytest.mark.long),
+        pytest.param("in.mp4", KINDS["H.264"], "aac", "mov", marks=pytest.mark.long),
         ("in.mkv", KINDS["FFV1"], "flac", "mkv"),
     ],
 )

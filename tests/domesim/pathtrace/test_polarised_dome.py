@@ -15,7 +15,7 @@ from domesim.room.dome import Dome
 LENS, EYE = (0.3, -0.2, 1.2), (-0.5, 0.4, 1.0)
 
 
-@pytest.mark.parametrize("kept", [-0.7, 0.5])
+@pytest.mark.parametrize("kept", [-0.7, pytest.param(0.5, marks=pytest.mark.long)])
 def test_each_reflection_keeps_its_share_of_circular_polarisation(kept):
     dome, albedo = Dome(3.0, np.radians(80)), 0.6
     random = np.random.default_rng(4)

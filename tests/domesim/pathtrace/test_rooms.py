@@ -166,7 +166,7 @@ def test_a_box_in_the_beam_is_lit_as_an_independent_tracer_found() -> None:
     ("name", "explicit"),
     [
         ("box in the beam", False),
-        ("floor in the beam", True),
+        pytest.param("floor in the beam", True, marks=pytest.mark.long),
         *(
             pytest.param(name, False, marks=pytest.mark.long)
             for name in sorted(BEFORE.keys() - {"box in the beam"})

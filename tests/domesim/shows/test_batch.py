@@ -537,7 +537,7 @@ def test_a_frame_without_end_is_given_up_and_named(
     assert not (tmp_path / "out/in.0002.exr").exists()
 
 
-@pytest.mark.parametrize("where", ["here", "elsewhere"])
+@pytest.mark.parametrize("where", ["here", pytest.param("elsewhere", marks=pytest.mark.long)])
 def test_a_worker_that_stands_still_is_given_up(
     tmp_path: Path, recipe: Harmful, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
@@ -636,7 +636,14 @@ def records(folder: Path) -> dict[str, int]:
 
 
 @pytest.mark.usefixtures("hangup")
-@pytest.mark.parametrize("end", ["SIGKILL", "SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize(
+    "end",
+    [
+        "SIGKILL",
+        "SIGINT",
+        *(pytest.param(end, marks=pytest.mark.long) for end in ("SIGTERM", "SIGHUP")),
+    ],
+)
 def test_a_run_that_was_ended_goes_on(end: str, tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 6)
     process = program(tmp_path, 2, 0.5)
